@@ -1,0 +1,1 @@
+"""locsnn_compile."""
