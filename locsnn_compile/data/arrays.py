@@ -1,0 +1,184 @@
+"""Recordings in one array file: ``.npy``, ``.npz`` or ``.pt``; values 0 or 1, labels beside them."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import tempfile
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from locsnn_compile.data.npy import load_npy, to_step_major
+from locsnn_compile.data.recordings import MAX_ELEMENTS, Recordings
+from locsnn_compile.data.torch_file import load_plain, read_bytes
+from locsnn_compile.errors import InputError
+
+_LABEL = re.compile(r"_label_(\d{1,6})(?=\.|_|$)")
+#: Entries of ``.npz`` and ``.pt`` files that are not the recordings.
+_BESIDE = ("labels", "step_seconds")
+
+
+def read_arrays(path: Path, *, step_seconds: float | None) -> Recordings:
+    """Return the recordings of a ``.npy``, ``.npz`` or ``.pt`` file.
+
+    Shapes as in :func:`locsnn_compile.data.npy.to_step_major`. In ``.npz`` and ``.pt`` the recordings are the
+    entry ``spikes``, or the only one beside ``labels`` and ``step_seconds``; a ``.pt`` may also be the array
+    itself. Labels of a ``.npy`` come from ``<stem>_labels.npy`` beside it, or of one recording from
+    ``_label_<k>`` in its name. An explicit ``step_seconds`` wins over the file's. Raises ``InputError`` for
+    anything else.
+    """
+    where = f"file {path.name!r}"
+    data = read_bytes(path, where)
+    entries: Mapping[str, NDArray[Any]]
+    if path.suffix == ".npy":
+        entries = {"spikes": load_npy(data, where)}
+    elif path.suffix == ".npz":
+        entries = _npz_entries(data, where)
+    else:
+        entries = _torch_entries(data, where)
+    spikes = to_step_major(_find_spikes(entries, where), where)
+    labels = entries.get("labels")
+    if labels is None:
+        labels = _labels_beside(path, len(spikes))
+    seconds = step_seconds
+    if seconds is None and "step_seconds" in entries:
+        stored = entries["step_seconds"]
+        if stored.size != 1 or stored.dtype.kind not in "iuf":
+            raise InputError(where, "its entry 'step_seconds' is not one number", fix="Give the width of a bin.")
+        seconds = float(stored.reshape(()))
+    return Recordings(spikes, labels, seconds, path.name)
+
+
+def write_recordings(path: Path | str, recordings: Recordings) -> None:
+    """Write ``recordings`` as ``.npz``, whole or not at all; equal recordings give equal bytes everywhere.
+
+    Entries: ``spikes`` uint8 (samples, channels, steps), ``labels`` int64 (samples,) where there are any, and
+    ``step_seconds`` where it is known. Raises ``InputError`` where the file cannot be written.
+    """
+    path = Path(path)
+    entries: dict[str, NDArray[Any]] = {"spikes": np.ascontiguousarray(recordings.spikes.transpose(0, 2, 1))}
+    if recordings.labels is not None:
+        entries["labels"] = recordings.labels
+    if recordings.step_seconds is not None:
+        entries["step_seconds"] = np.array(recordings.step_seconds, dtype=np.float64)
+    packed = io.BytesIO()
+    # Stored, with a fixed time: compressed bytes differ between builds of zlib.
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_STORED) as archive:
+        for name, array in entries.items():
+            member = io.BytesIO()
+            np.lib.format.write_array(member, array, version=(1, 0), allow_pickle=False)
+            archive.writestr(zipfile.ZipInfo(f"{name}.npy", (1980, 1, 1, 0, 0, 0)), member.getvalue())
+    temporary = ""
+    try:
+        descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".tmp")
+        with os.fdopen(descriptor, "wb") as stream:
+            stream.write(packed.getvalue())
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, path)
+    except OSError as error:
+        raise InputError(
+            f"file {path.name!r}",
+            "it cannot be written",
+            measured=error.strerror or "",
+            fix="Give a file in a folder that exists and can be written.",
+        ) from None
+    finally:
+        if temporary:
+            Path(temporary).unlink(missing_ok=True)
+
+
+def label_in_name(name: str) -> int | None:
+    """Return k of ``..._label_<k>...`` in a file name, None where there is none."""
+    match = _LABEL.search(name)
+    return int(match[1]) if match else None
+
+
+def _npz_entries(data: bytes, where: str) -> dict[str, NDArray[Any]]:
+    fix = "Write it again with numpy.savez."
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            members = archive.infolist()
+            unpacked = sum(member.file_size for member in members)
+            if unpacked > 8 * MAX_ELEMENTS or len(members) > 100:
+                raise InputError(
+                    where,
+                    "it is too large",
+                    measured=f"{unpacked} bytes in {len(members)} entries",
+                    fix="Give fewer recordings.",
+                )
+            return {
+                member.filename.removesuffix(".npy"): load_npy(archive.read(member), f"{where}, {member.filename!r}")
+                for member in members
+            }
+    except InputError:
+        raise
+    # zipfile raises more kinds on hostile bytes than it documents.
+    except Exception:
+        raise InputError(where, "it is damaged, truncated or not a .npz file", fix=fix) from None
+
+
+def _torch_entries(data: bytes, where: str) -> dict[str, NDArray[Any]]:
+    import torch
+
+    value = load_plain(data, where, fix="Write it again with torch.save.")
+    found = value if isinstance(value, dict) else {"spikes": value}
+    if "format" in found and "weights" in found:
+        raise InputError(
+            where, "it is a trained network, not recordings", fix="Give it as the model, and recordings as events."
+        )
+    entries: dict[str, NDArray[Any]] = {}
+    for name, entry in found.items():
+        if isinstance(entry, torch.Tensor) and entry.layout == torch.strided and not entry.is_quantized:
+            try:
+                entries[str(name)] = entry.detach().resolve_conj().numpy()
+            except (TypeError, RuntimeError):
+                raise InputError(
+                    where, f"its entry {str(name)!r} is no array", measured=str(entry.dtype), fix="Give uint8."
+                ) from None
+        elif name in _BESIDE and isinstance(entry, int | float | list):
+            entries[str(name)] = _plain_array(entry, where, str(name))
+        elif entry is not None:
+            raise InputError(
+                where,
+                f"its entry {str(name)[:40]!r} is no array",
+                measured=type(entry).__name__,
+                fix="Give the recordings as one tensor.",
+            )
+    return entries
+
+
+def _plain_array(entry: object, where: str, name: str) -> NDArray[Any]:
+    try:
+        array: NDArray[Any] = np.asarray(entry, dtype=np.float64)
+        return array
+    except (TypeError, ValueError):
+        raise InputError(where, f"its entry {name!r} holds no numbers", fix="Give plain numbers.") from None
+
+
+def _find_spikes(entries: Mapping[str, NDArray[Any]], where: str) -> NDArray[Any]:
+    if "spikes" in entries:
+        return entries["spikes"]
+    others = [name for name in entries if name not in _BESIDE]
+    if len(others) != 1:
+        raise InputError(
+            where,
+            "it is not clear which entry holds the recordings" if others else "no recordings inside",
+            measured=f"entries: {', '.join(sorted(entries)) or 'none'}"[:200],
+            fix="Name the entry 'spikes'.",
+        )
+    return entries[others[0]]
+
+
+def _labels_beside(path: Path, samples: int) -> NDArray[Any] | None:
+    beside = path.with_name(f"{path.stem}_labels.npy")
+    if path.suffix == ".npy" and beside.exists():
+        where = f"file {beside.name!r}"
+        return load_npy(read_bytes(beside, where), where)
+    label = label_in_name(path.name)
+    return np.full(1, label, dtype=np.int64) if label is not None and samples == 1 else None

@@ -1,0 +1,98 @@
+"""Touch recordings as every part of the project takes them: binned spikes, labels, and the width of a bin."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from locsnn_compile.errors import InputError
+
+#: Largest set of recordings accepted, in array elements: four times the largest published tactile set.
+MAX_ELEMENTS = 200_000_000
+#: Largest class number accepted.
+MAX_LABEL = 100_000
+
+
+@dataclass(frozen=True, eq=False)
+class Recordings:
+    """``spikes`` (samples, steps, channels) uint8, 0 or 1; ``labels`` (samples,) int64, class numbers from 0,
+    or None.
+
+    ``step_seconds`` is the width of a time bin, None where the file does not say it; ``source`` is the name
+    of the file, without directories. Both arrays are read-only. Raises ``InputError`` for anything else.
+    """
+
+    spikes: NDArray[np.uint8]
+    labels: NDArray[np.int64] | None
+    step_seconds: float | None
+    source: str
+
+    def __post_init__(self) -> None:
+        where = f"recordings {self.source!r}"
+        object.__setattr__(self, "spikes", _clean_spikes(where, np.asarray(self.spikes)))
+        if self.labels is not None:
+            object.__setattr__(self, "labels", _clean_labels(where, np.asarray(self.labels), len(self.spikes)))
+        seconds = self.step_seconds
+        if seconds is not None and not (np.isfinite(seconds) and seconds > 0):
+            raise InputError(
+                where,
+                "step_seconds must be above 0",
+                measured=f"got {seconds!r}",
+                fix="Give the width of a bin.",
+            )
+
+    def __len__(self) -> int:
+        return len(self.spikes)
+
+    def subset(self, indices: NDArray[np.int64] | list[int]) -> Recordings:
+        """Return the recordings of ``indices``, in that order."""
+        rows = np.asarray(indices, dtype=np.int64)
+        labels = None if self.labels is None else self.labels[rows]
+        return Recordings(self.spikes[rows], labels, self.step_seconds, self.source)
+
+
+def _clean_spikes(where: str, spikes: NDArray[np.generic]) -> NDArray[np.uint8]:
+    fix = "Give a binned array (samples, channels, steps) of zeros and ones."
+    if spikes.ndim != 3 or 0 in spikes.shape:
+        raise InputError(where, "no recordings inside", measured=f"shape {spikes.shape}", fix=fix)
+    if spikes.size > MAX_ELEMENTS:
+        raise InputError(
+            where,
+            "they are too large",
+            measured=f"{spikes.size} values against {MAX_ELEMENTS}",
+            fix="Give fewer.",
+        )
+    if spikes.dtype.kind not in "biuf":
+        raise InputError(where, "its values are no numbers", measured=f"dtype {spikes.dtype}", fix=fix)
+    wrong = ~((spikes == 0) | (spikes == 1))
+    if wrong.any():
+        sample, step, channel = (int(i[0]) for i in np.nonzero(wrong))
+        raise InputError(
+            where,
+            "its values are not all 0 or 1",
+            measured=f"{spikes[sample, step, channel]} at sample {sample}, channel {channel}, step {step}",
+            fix=fix,
+        )
+    clean = np.array(spikes, dtype=np.uint8, order="C")
+    clean.setflags(write=False)
+    return clean
+
+
+def _clean_labels(where: str, labels: NDArray[np.generic], samples: int) -> NDArray[np.int64]:
+    fix = "Give one class number from 0 a recording."
+    if labels.shape != (samples,):
+        raise InputError(
+            where,
+            "labels and recordings differ in number",
+            measured=f"{labels.shape} against ({samples},)",
+            fix=fix,
+        )
+    values = labels.astype(np.float64) if labels.dtype.kind in "iuf" else np.full(samples, np.nan)
+    # Written so that NaN is refused too.
+    if not ((values == np.floor(values)) & (values >= 0) & (values <= MAX_LABEL)).all():
+        raise InputError(where, "its labels are no class numbers", measured=f"dtype {labels.dtype}", fix=fix)
+    clean = labels.astype(np.int64)
+    clean.setflags(write=False)
+    return clean

@@ -1,0 +1,78 @@
+"""Read a ``.pt`` file without running anything of it: tensors and plain values only."""
+
+from __future__ import annotations
+
+import io
+import pickle
+import warnings
+import zipfile
+from pathlib import Path
+
+from locsnn_compile.errors import InputError
+
+#: Largest file accepted, in bytes, packed and unpacked.
+MAX_FILE_BYTES = 1_000_000_000
+
+
+def read_bytes(path: Path, where: str) -> bytes:
+    """Return the bytes of a file; ``InputError`` where it is missing, unreadable, a folder or too large."""
+    try:
+        size = path.stat().st_size
+        if size > MAX_FILE_BYTES:
+            raise InputError(
+                where,
+                "it is too large",
+                measured=f"{size} bytes against {MAX_FILE_BYTES}",
+                fix="Give a smaller file.",
+            )
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(where, "it cannot be read", measured=error.strerror or "", fix="Check the path.") from None
+
+
+def load_plain(data: bytes, where: str, *, fix: str) -> object:
+    """Return what the bytes of a torch file hold; ``InputError`` where that is code or the file is damaged.
+
+    Torch reads with ``weights_only=True``: a pickle that would call a function is refused, never followed.
+    ``fix`` is the way out to name for a damaged file.
+    """
+    import torch
+
+    _check_unpacked_size(data, where, fix)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            value: object = torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
+            return value
+    except pickle.UnpicklingError as error:
+        if "GLOBAL" in str(error) or "Unsupported" in str(error):
+            raise InputError(
+                where,
+                "it holds objects that would run code when read, so it was not read",
+                fix="Save tensors and plain values only.",
+            ) from None
+        raise _damaged(where, fix) from None
+    # Torch meets damaged bytes with many kinds of exception; each means the same to the user.
+    except Exception:
+        raise _damaged(where, fix) from None
+
+
+def _check_unpacked_size(data: bytes, where: str, fix: str) -> None:
+    # Torch stores its members unpacked; a file that unpacks to far more than it holds is none of torch's.
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            unpacked = sum(member.file_size for member in archive.infolist())
+    # zipfile raises more kinds on hostile bytes than it documents.
+    except Exception:
+        raise _damaged(where, fix) from None
+    if unpacked > 2 * len(data):
+        raise InputError(
+            where,
+            "it unpacks to far more than its size",
+            measured=f"{unpacked} bytes from {len(data)}",
+            fix=fix,
+        )
+
+
+def _damaged(where: str, fix: str) -> InputError:
+    return InputError(where, "it is damaged, truncated or not a torch file", fix=fix)

@@ -1,0 +1,278 @@
+"""Read a ``locsnn-checkpoint``: every entry is checked, and nothing of the file is ever run.
+
+Torch reads the file with ``weights_only=True``, so a pickle that would call code is refused. Sizes are
+checked before they are used; every fault is one ``InputError`` that names the entry.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import pickle
+import warnings
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.models.checkpoint import FORMAT, VERSION, Checkpoint, Plain, check_finite
+from locsnn_compile.models.description import InputLayout, NetworkDescription, NeuronParameters
+
+#: Largest checkpoint file accepted, in bytes, packed and unpacked: a hundred times that of the largest
+#: network here.
+MAX_FILE_BYTES = 1_000_000_000
+
+_WRITE_AGAIN = "Write it again with 'locsnn train'."
+_KEYS: dict[str, tuple[type, ...]] = {
+    "format": (str,),
+    "version": (int,),
+    "name": (str,),
+    "architecture": (str,),
+    "neuron": (dict,),
+    "input": (dict,),
+    "location_order": (dict, type(None)),
+    "hidden": (int,),
+    "classes": (int,),
+    "weights": (dict,),
+    "recordings": (dict, type(None)),
+    "training": (dict,),
+}
+_INPUT_KEYS: dict[str, tuple[type, ...]] = {
+    "fingertips": (int,),
+    "steps": (int,),
+    "step_seconds": (float, int),
+    "taxels": (int,),
+    "polarities": (int,),
+}
+_NEURON_KEYS: dict[str, tuple[type, ...]] = {
+    name: (float, int) for name in ("theta", "tau_sr", "tau_ref", "scale_ref", "tau_rho", "scale_rho")
+}
+_TYPE_WORDS = {
+    str: "text",
+    int: "a whole number",
+    float: "a number",
+    dict: "a dict",
+    list: "a list",
+    type(None): "None",
+}
+
+
+def read_checkpoint(path: Path | str) -> Checkpoint:
+    """Return the checkpoint at ``path``; ``InputError`` for anything that is not one, whatever is wrong with
+    it.
+    """
+    path = Path(path)
+    where = f"checkpoint {path.name!r}"
+    data = _read_bytes(path, where)
+    return parse_checkpoint(load_plain(data, where), where, path.name, hashlib.sha256(data).hexdigest())
+
+
+def load_plain(data: bytes, where: str) -> object:
+    """Return what a torch file holds, tensors and plain values only; ``InputError`` where it holds more or is
+    damaged.
+    """
+    import torch
+
+    _check_unpacked_size(data, where)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            value: object = torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
+            return value
+    except pickle.UnpicklingError as error:
+        if "weights_only" in str(error) and ("GLOBAL" in str(error) or "Unsupported" in str(error)):
+            raise InputError(
+                where,
+                "it holds objects that would run code when read, and was not read",
+                fix="Save plain tensors and values only.",
+            ) from None
+        raise _damaged(where) from None
+    # Torch meets a damaged file with many kinds of exception; none of them may pass, and none says more.
+    except Exception:
+        raise _damaged(where) from None
+
+
+def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Checkpoint:
+    """Return the checkpoint that the plain dict ``values`` describes, every entry checked."""
+    if not isinstance(values, dict) or values.get("format") != FORMAT:
+        raise InputError(where, "it is not a checkpoint of this project", measured=_seen(values), fix=_WRITE_AGAIN)
+    version = values.get("version")
+    if isinstance(version, int) and not isinstance(version, bool) and version > VERSION:
+        raise InputError(
+            where,
+            "it was written by a newer version",
+            measured=f"version {version} against {VERSION}",
+            fix="Update locsnn-compile.",
+        )
+    _check_keys(where, "", values, _KEYS)
+    if version != VERSION:
+        raise InputError(
+            where,
+            "its version does not exist",
+            measured=f"version {version} against {VERSION}",
+            fix=_WRITE_AGAIN,
+        )
+    _check_keys(where, "neuron.", values["neuron"], _NEURON_KEYS)
+    _check_keys(where, "input.", values["input"], _INPUT_KEYS)
+    order_name, taxels = _location_order(where, values["location_order"])
+    try:
+        description = NetworkDescription(
+            architecture=values["architecture"],
+            input=InputLayout(**values["input"]),
+            classes=values["classes"],
+            hidden=values["hidden"],
+            neuron=NeuronParameters(**values["neuron"]),
+            location_order=order_name,
+            location_taxels=taxels,
+            name=_name(where, values["name"]),
+        )
+    except InputError as error:
+        raise InputError(f"{where}, {error.where}", error.what, measured=error.measured, fix=error.fix) from None
+    return Checkpoint(
+        description=description,
+        weights=_weights(where, values["weights"], description),
+        recordings=_recordings(where, values["recordings"], description, source),
+        training=_training(where, values["training"]),
+        sha256=sha256,
+    )
+
+
+def _read_bytes(path: Path, where: str) -> bytes:
+    try:
+        size = path.stat().st_size
+        if size > MAX_FILE_BYTES:
+            raise InputError(
+                where,
+                "it is too large",
+                measured=f"{size} bytes against {MAX_FILE_BYTES}",
+                fix="Give a checkpoint.",
+            )
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(where, "it cannot be read", measured=error.strerror or "", fix="Check the path.") from None
+
+
+def _check_unpacked_size(data: bytes, where: str) -> None:
+    # A torch file is a zip of stored members; one that unpacks to far more than it holds is no such file.
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            unpacked = sum(member.file_size for member in archive.infolist())
+    # zipfile raises more kinds on hostile bytes than it documents.
+    except Exception:
+        raise _damaged(where) from None
+    if unpacked > max(MAX_FILE_BYTES // 100, 4 * len(data)):
+        raise InputError(
+            where,
+            "it unpacks to far more than its size",
+            measured=f"{unpacked} bytes from {len(data)}",
+            fix=_WRITE_AGAIN,
+        )
+
+
+def _damaged(where: str) -> InputError:
+    return InputError(where, "it is damaged, truncated or no checkpoint", fix=_WRITE_AGAIN)
+
+
+def _seen(values: object) -> str:
+    if not isinstance(values, dict):
+        return f"a {type(values).__name__}"
+    return f"format {values['format']!r}"[:80] if "format" in values else "a dict without a format"
+
+
+def _check_keys(where: str, prefix: str, values: Mapping[Any, Any], known: Mapping[str, tuple[type, ...]]) -> None:
+    for key in values:
+        if key not in known:
+            raise InputError(where, f"entry '{prefix}{key}' is not known", fix=did_you_mean(str(key), known))
+    for key, kinds in known.items():
+        if key not in values:
+            raise InputError(where, f"entry '{prefix}{key}' is missing", fix=_WRITE_AGAIN)
+        value = values[key]
+        if not isinstance(value, kinds) or isinstance(value, bool):
+            raise InputError(
+                where,
+                f"entry '{prefix}{key}' must be {_TYPE_WORDS[kinds[0]]}",
+                measured=f"got {type(value).__name__}",
+                fix=_WRITE_AGAIN,
+            )
+
+
+def _name(where: str, name: str) -> str:
+    if not 0 < len(name) <= 200 or not name.isprintable() or "/" in name or "\\" in name:
+        raise InputError(where, "entry 'name' is no plain name", measured=f"got {name[:80]!r}", fix=_WRITE_AGAIN)
+    return name
+
+
+def _location_order(where: str, entry: dict[Any, Any] | None) -> tuple[str | None, tuple[int, ...] | None]:
+    if entry is None:
+        return None, None
+    _check_keys(where, "location_order.", entry, {"name": (str,), "taxels": (list, tuple)})
+    return entry["name"], tuple(entry["taxels"])
+
+
+def _weights(where: str, entry: dict[Any, Any], description: NetworkDescription) -> dict[str, NDArray[np.float32]]:
+    import torch
+
+    shapes = description.weight_shapes
+    _check_keys(where, "weights.", entry, dict.fromkeys(shapes, (torch.Tensor,)))
+    weights: dict[str, NDArray[np.float32]] = {}
+    for name, shape in shapes.items():
+        place, tensor = f"{where}, population {name!r}", entry[name]
+        if tuple(tensor.shape) != shape:
+            raise InputError(
+                place,
+                "its weights have another shape",
+                measured=f"got {tuple(tensor.shape)} against {shape} (out, in)",
+                fix=_WRITE_AGAIN,
+            )
+        if tensor.dtype != torch.float32 or tensor.layout != torch.strided:
+            raise InputError(
+                place, "its weights are not dense float32", measured=f"got {tensor.dtype}", fix=_WRITE_AGAIN
+            )
+        array = np.array(tensor.detach().numpy(), dtype=np.float32, order="C")
+        check_finite(place, array)
+        array.setflags(write=False)
+        weights[name] = array
+    return weights
+
+
+def _recordings(
+    where: str, entry: dict[Any, Any] | None, description: NetworkDescription, source: str
+) -> Recordings | None:
+    import torch
+
+    if entry is None:
+        return None
+    _check_keys(where, "recordings.", entry, {"spikes": (torch.Tensor,), "labels": (torch.Tensor, type(None))})
+    spikes, labels, layout = entry["spikes"], entry["labels"], description.input
+    if spikes.ndim != 3 or tuple(spikes.shape[1:]) != (layout.steps, layout.channels):
+        raise InputError(
+            f"{where}, recordings",
+            "their shape is not that of the input",
+            measured=f"got {tuple(spikes.shape)} against (samples, {layout.steps}, {layout.channels})",
+            fix=_WRITE_AGAIN,
+        )
+    if spikes.dtype != torch.uint8 or (labels is not None and labels.dtype != torch.int64):
+        raise InputError(
+            f"{where}, recordings",
+            "spikes must be uint8 and labels int64",
+            measured=str(spikes.dtype),
+            fix=_WRITE_AGAIN,
+        )
+    return Recordings(spikes.numpy(), None if labels is None else labels.numpy(), float(layout.step_seconds), source)
+
+
+def _training(where: str, entry: dict[Any, Any]) -> dict[str, Plain]:
+    for key, value in entry.items():
+        if not isinstance(key, str) or not isinstance(value, str | int | float | bool | None):
+            raise InputError(
+                where,
+                f"entry 'training.{key}' is no plain value",
+                measured=f"got {type(value).__name__}",
+                fix=_WRITE_AGAIN,
+            )
+    return dict(entry)

@@ -1,0 +1,156 @@
+"""Everything that decides a training run, in one frozen value that a YAML file can hold."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.models.description import BRANCHES
+
+LOSSES = ("cross-entropy", "spike-count")
+OPTIMIZERS = ("adamw", "rmsprop")
+SCHEDULES = ("cosine", "constant")
+
+_CHOICES: dict[str, tuple[str, ...]] = {
+    "model": tuple(BRANCHES),
+    "loss": LOSSES,
+    "optimizer": OPTIMIZERS,
+    "schedule": SCHEDULES,
+}
+#: field -> (smallest, largest) accepted; whole numbers for fields annotated int.
+_RANGES: dict[str, tuple[float, float]] = {
+    "hidden": (1, 4096),
+    "epochs": (1, 100_000),
+    "batch_size": (1, 100_000),
+    "seed": (0, 2**32 - 1),
+    "smoothing_epochs": (1, 1_000),
+    "step_seconds": (1e-6, 1e3),
+    "learning_rate": (1e-9, 1e3),
+    "weight_decay": (0.0, 1e3),
+    "location_weight": (0.0, 1e3),
+    "target_right": (0.0, 1e6),
+    "target_wrong": (0.0, 1e6),
+    "count_scale": (1e-6, 1e3),
+    "label_smoothing": (0.0, 0.999),
+    "event_dropout": (0.0, 1.0),
+    "validation_fraction": (0.0, 0.9),
+    "theta": (1e-6, 1e6),
+    "tau_sr": (1e-3, 1e5),
+    "tau_ref": (1e-3, 1e5),
+    "scale_ref": (0.0, 1e6),
+    "tau_rho": (1e-6, 1e6),
+    "scale_rho": (1e-6, 1e6),
+}
+
+
+@dataclass(frozen=True)
+class TrainingConfig:
+    """A training run, but for its data.
+
+    - ``location_weight`` is lambda of the weighted loss. ``loss`` spike-count uses ``target_right`` and
+      ``target_wrong`` (spikes a recording), cross-entropy uses ``count_scale`` and ``label_smoothing``.
+    - ``event_dropout``: every recording of a batch loses each event with a probability drawn from 0 to this.
+    - ``validation_fraction`` of the train part, class by class, chooses the epoch; 0 takes the last epoch.
+      Accuracies are averaged over ``smoothing_epochs`` before the best is chosen, for a few dozen validation
+      recordings make a single epoch's figure noisy.
+    - ``refit``: once the epoch is chosen, train afresh on the whole train part for as many epochs.
+    - time constants in steps; ``step_seconds`` is the width of a time bin, where the data do not say it.
+    """
+
+    model: str = "hybrid"
+    order: str = "loop"
+    hidden: int = 32
+    loss: str = "cross-entropy"
+    location_weight: float = 1.0
+    target_right: float = 60.0
+    target_wrong: float = 3.0
+    count_scale: float = 0.1
+    label_smoothing: float = 0.05
+    optimizer: str = "adamw"
+    schedule: str = "cosine"
+    learning_rate: float = 0.003
+    weight_decay: float = 0.1
+    epochs: int = 250
+    batch_size: int = 16
+    event_dropout: float = 0.5
+    validation_fraction: float = 0.125
+    smoothing_epochs: int = 10
+    refit: bool = True
+    seed: int = 0
+    step_seconds: float = 0.02
+    theta: float = 10.0
+    tau_sr: float = 10.0
+    tau_ref: float = 1.0
+    scale_ref: float = 2.0
+    tau_rho: float = 1.0
+    scale_rho: float = 1.0
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            _check(item.name, str(item.type), getattr(self, item.name))
+
+
+def config_from_mapping(values: Mapping[str, Any], where: str = "training configuration") -> TrainingConfig:
+    """Return the configuration of ``values``; ``InputError`` for an unknown key or a value of the wrong kind."""
+    known = {item.name: str(item.type) for item in fields(TrainingConfig)}
+    clean: dict[str, Any] = {}
+    for key, value in values.items():
+        if key not in known:
+            raise InputError(where, f"key {key!r} is not known", fix=did_you_mean(str(key), known))
+        is_int = isinstance(value, int) and not isinstance(value, bool)
+        clean[key] = float(value) if is_int and known[key] == "float" else value
+    return TrainingConfig(**clean)
+
+
+def read_config(path: Path | str) -> dict[str, Any]:
+    """Return the mapping of a YAML file, its keys checked; options given elsewhere may be laid over it.
+
+    Raises ``InputError`` for a missing file, what is not a YAML mapping, and keys or values that do not fit.
+    """
+    path = Path(path)
+    where = f"config {path.name!r}"
+    try:
+        if path.stat().st_size > 1_000_000:
+            raise InputError(where, "it is too large for a configuration", fix="Give the YAML file of a training run.")
+        values = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(where, "it cannot be read", measured=error.strerror or "", fix="Check the path.") from None
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError):
+        raise InputError(where, "it is not a YAML file", fix="Write one 'key: value' a line.") from None
+    if not isinstance(values, dict):
+        raise InputError(
+            where, "it holds no mapping", measured=type(values).__name__, fix="Write one 'key: value' a line."
+        )
+    config_from_mapping(values, where)
+    return values
+
+
+def _check(name: str, kind: str, value: object) -> None:
+    where = f"training option {name!r}"
+    wanted: dict[str, tuple[type, ...]] = {
+        "int": (int,),
+        "float": (float, int),
+        "str": (str,),
+        "bool": (bool,),
+    }
+    if not isinstance(value, wanted[kind]) or (isinstance(value, bool) and kind != "bool"):
+        words = {"int": "a whole number", "float": "a number", "str": "text", "bool": "true or false"}
+        raise InputError(where, f"it must be {words[kind]}", measured=f"got {value!r}", fix="Correct the value.")
+    if name in _CHOICES and value not in _CHOICES[name]:
+        raise InputError(where, f"{value!r} is not known", fix=did_you_mean(str(value), _CHOICES[name]))
+    if name in _RANGES:
+        low, high = _RANGES[name]
+        assert isinstance(value, int | float)
+        if not (math.isfinite(value) and low <= value <= high):
+            raise InputError(
+                where,
+                "it is out of range",
+                measured=f"got {value!r} against {low:g}..{high:g}",
+                fix="Correct the value.",
+            )

@@ -1,0 +1,89 @@
+"""From a trained network to a checkpoint: the test part measured once, and what the file says of its
+training.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.errors import InputError
+from locsnn_compile.models.checkpoint import Plain, save_checkpoint
+from locsnn_compile.training.config import TrainingConfig
+from locsnn_compile.training.train import TrainingResult, evaluate
+
+
+def measure(result: TrainingResult, config: TrainingConfig, recordings: Recordings) -> float:
+    """Return the accuracy, 0..1, on labelled ``recordings``, in float64: what the compiler compares against.
+
+    The network is left in float64. Raises ``InputError`` for recordings that do not fit the network.
+    """
+    if recordings.labels is None:
+        raise InputError(
+            f"recordings {recordings.source!r}",
+            "they have no labels to measure with",
+            fix="Give labelled recordings.",
+        )
+    return evaluate(result.network.double(), config, recordings.spikes, recordings.labels)[1]
+
+
+def training_entry(
+    result: TrainingResult,
+    config: TrainingConfig,
+    recordings: Recordings,
+    test: Recordings | None,
+    test_accuracy: float | None,
+) -> dict[str, Plain]:
+    """Return the checkpoint's ``training`` entry: data, figures, then the whole configuration."""
+    figures: dict[str, Plain] = {
+        "dataset": recordings.source,
+        "train_recordings": len(recordings),
+        "chosen_epoch": result.chosen_epoch,
+        "validation_accuracy": result.validation_accuracy,
+        "test_recordings": None if test is None else len(test),
+        "test_accuracy": test_accuracy,
+    }
+    return figures | asdict(config)
+
+
+def spread_rows(available: int, wanted: int) -> NDArray[np.int64]:
+    """Return min(wanted, available) row numbers, evenly spread, so that files sorted by class give many
+    classes.
+    """
+    count = min(wanted, available)
+    return np.arange(count, dtype=np.int64) * available // max(count, 1)
+
+
+def export_checkpoint(
+    path: Path,
+    result: TrainingResult,
+    config: TrainingConfig,
+    recordings: Recordings,
+    test: Recordings | None,
+    *,
+    carried: int = 8,
+) -> float | None:
+    """Measure ``test`` once, write the checkpoint to ``path``, and return the test accuracy, None without a
+    test part.
+
+    ``carried`` recordings of the test part (of the train part where there is none) go into the file, for
+    checks.
+    """
+    weights = result.network.weights()
+    test_accuracy = None if test is None else measure(result, config, test)
+    kept: Recordings | None = None
+    if carried > 0:
+        pool = recordings if test is None else test
+        kept = pool.subset(spread_rows(len(pool), carried))
+    save_checkpoint(
+        path,
+        result.network.description,
+        weights,
+        recordings=kept,
+        training=training_entry(result, config, recordings, test, test_accuracy),
+    )
+    return test_accuracy

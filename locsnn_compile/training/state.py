@@ -1,0 +1,117 @@
+"""The state of an unfinished training run, so that a killed run goes on to the same bits."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+import tempfile
+import zipfile
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.errors import InputError
+from locsnn_compile.training.config import TrainingConfig
+
+_FORMAT, _VERSION = "locsnn-training-state", 1
+
+
+@dataclass(frozen=True)
+class EpochRecord:
+    """One epoch: mean training loss, and the validation figures, None where there are none."""
+
+    phase: str
+    epoch: int
+    learning_rate: float
+    loss: float
+    validation_loss: float | None
+    validation_accuracy: float | None
+
+
+@dataclass
+class TrainingState:
+    """What a run needs to go on: its phase (``select`` or ``refit``), epochs done there, and what was best."""
+
+    phase: str = "select"
+    epoch: int = 0
+    weights: dict[str, Tensor] = field(default_factory=dict)
+    optimizer: dict[str, Any] = field(default_factory=dict)
+    history: list[EpochRecord] = field(default_factory=list)
+    chosen_epoch: int = 0
+    chosen_weights: dict[str, Tensor] = field(default_factory=dict)
+
+
+def run_key(config: TrainingConfig, recordings: Recordings) -> str:
+    """Return the sha256 over the configuration and the recordings: a state belongs to one such key."""
+    digest = hashlib.sha256(repr(sorted(asdict(config).items())).encode())
+    digest.update(repr(recordings.spikes.shape).encode())
+    digest.update(np.ascontiguousarray(recordings.spikes).tobytes())
+    if recordings.labels is not None:
+        digest.update(recordings.labels.tobytes())
+    return digest.hexdigest()
+
+
+def save_state(path: Path, state: TrainingState, key: str) -> None:
+    """Write ``state`` whole or not at all."""
+    values = {
+        "format": _FORMAT,
+        "version": _VERSION,
+        "key": key,
+        "phase": state.phase,
+        "epoch": state.epoch,
+        "weights": state.weights,
+        "optimizer": state.optimizer,
+        "history": [asdict(record) for record in state.history],
+        "chosen_epoch": state.chosen_epoch,
+        "chosen_weights": state.chosen_weights,
+    }
+    descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(descriptor, "wb") as stream:
+            torch.save(values, stream)
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def load_state(path: Path, key: str) -> TrainingState | None:
+    """Return the state at ``path`` or None where there is none.
+
+    Raises ``InputError`` for a file that is no such state and for the state of another run.
+    """
+    if not path.exists():
+        return None
+    where, fix = f"training state {path.name!r}", "Delete it, or train without --resume."
+    try:
+        values = torch.load(path, map_location="cpu", weights_only=True)
+        if values["format"] != _FORMAT or values["version"] != _VERSION:
+            raise InputError(where, "it was written by another version", fix=fix)
+        if values["key"] != key:
+            raise InputError(where, "it belongs to a run with other options or other data", fix=fix)
+        return TrainingState(
+            phase=values["phase"],
+            epoch=values["epoch"],
+            weights=values["weights"],
+            optimizer=values["optimizer"],
+            history=[EpochRecord(**record) for record in values["history"]],
+            chosen_epoch=values["chosen_epoch"],
+            chosen_weights=values["chosen_weights"],
+        )
+    except (
+        OSError,
+        EOFError,
+        RuntimeError,
+        pickle.UnpicklingError,
+        zipfile.BadZipFile,
+        KeyError,
+        TypeError,
+        ValueError,
+    ):
+        raise InputError(where, "it is damaged", fix=fix) from None

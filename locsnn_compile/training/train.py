@@ -1,0 +1,287 @@
+"""The training loop: choose the epoch on a validation part of the train part, then train on all of it.
+
+The test part never enters here. Equal configuration, data, torch and machine give equal bits, also across a
+resume.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.sensor import POLARITIES, TAXELS, parse_location_order
+from locsnn_compile.errors import InputError
+from locsnn_compile.models.description import BRANCHES, InputLayout, NetworkDescription, NeuronParameters
+from locsnn_compile.models.networks import TouchNetwork, build_network
+from locsnn_compile.training.batches import batches, epoch_generator, stratified_split
+from locsnn_compile.training.config import TrainingConfig
+from locsnn_compile.training.losses import count_cross_entropy, spike_count_loss, weighted_counts
+from locsnn_compile.training.state import EpochRecord, TrainingState, load_state, run_key, save_state
+
+#: Called after every epoch with (epochs done in all phases, epochs in all as far as known, the epoch's
+#: record).
+Progress = Callable[[int, int, EpochRecord], None]
+_PHASES = {"select": 1, "refit": 2}
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingResult:
+    """A trained network; ``validation_accuracy`` is that of the chosen epoch, None where nothing was held
+    out.
+    """
+
+    network: TouchNetwork
+    chosen_epoch: int
+    validation_accuracy: float | None
+    history: tuple[EpochRecord, ...]
+
+
+def describe(recordings: Recordings, config: TrainingConfig, classes: int, name: str = "model") -> NetworkDescription:
+    """Return the network that ``config`` asks for on data of this shape; ``InputError`` where it does not
+    fit.
+    """
+    channels = recordings.spikes.shape[2]
+    per_fingertip = TAXELS * POLARITIES
+    if channels % per_fingertip:
+        raise InputError(
+            f"recordings {recordings.source!r}",
+            "their channels are not those of whole fingertips",
+            measured=f"{channels} channels against multiples of {per_fingertip}",
+            fix="Give recordings of one or two NeuTouch fingertips.",
+        )
+    order: str | None = None
+    taxels: tuple[int, ...] | None = None
+    if "location" in BRANCHES[config.model]:
+        order, taxels = parse_location_order(config.order)
+    return NetworkDescription(
+        architecture=config.model,
+        input=InputLayout(
+            fingertips=channels // per_fingertip,
+            steps=recordings.spikes.shape[1],
+            step_seconds=recordings.step_seconds or config.step_seconds,
+        ),
+        classes=classes,
+        hidden=config.hidden,
+        neuron=NeuronParameters(
+            config.theta, config.tau_sr, config.tau_ref, config.scale_ref, config.tau_rho, config.scale_rho
+        ),
+        location_order=order,
+        location_taxels=taxels,
+        name=name,
+    )
+
+
+def train(
+    recordings: Recordings,
+    config: TrainingConfig,
+    *,
+    name: str = "model",
+    state_path: Path | None = None,
+    log_path: Path | None = None,
+    save_every: int = 10,
+    progress: Progress | None = None,
+) -> TrainingResult:
+    """Train on the train part ``recordings`` and return the network, in float32.
+
+    With ``state_path`` the state is written every ``save_every`` epochs and an existing one is taken up; it
+    is removed by nobody here. ``log_path`` gets a CSV line an epoch. Raises ``InputError`` for data without
+    labels.
+    """
+    labels = recordings.labels
+    if labels is None:
+        raise InputError(
+            f"recordings {recordings.source!r}",
+            "they have no labels to train on",
+            fix="Give labelled recordings.",
+        )
+    description = describe(recordings, config, int(labels.max()) + 1, name)
+    key = run_key(config, recordings)
+    state = (load_state(state_path, key) if state_path is not None else None) or TrainingState()
+
+    def saved() -> None:
+        if state_path is not None:
+            save_state(state_path, state, key)
+        if log_path is not None:
+            _write_log(log_path, state.history)
+
+    with _one_thread():
+        training, held = stratified_split(labels, config.validation_fraction, config.seed)
+        everything = np.arange(len(labels))
+        if state.phase == "select":
+            _run_phase(
+                state,
+                config,
+                description,
+                recordings,
+                training,
+                held,
+                config.epochs,
+                saved,
+                save_every,
+                progress,
+            )
+            if config.refit and len(held):
+                state.phase, state.epoch, state.weights, state.optimizer = "refit", 0, {}, {}
+            saved()
+        weights = state.chosen_weights
+        if state.phase == "refit":
+            _run_phase(
+                state,
+                config,
+                description,
+                recordings,
+                everything,
+                held[:0],
+                state.chosen_epoch,
+                saved,
+                save_every,
+                progress,
+            )
+            saved()
+            weights = state.weights
+        network = build_network(description, seed=config.seed)
+        network.load_state_dict(weights)
+    chosen = [row for row in state.history if row.phase == "select" and row.epoch == state.chosen_epoch]
+    return TrainingResult(network, state.chosen_epoch, chosen[0].validation_accuracy, tuple(state.history))
+
+
+def _run_phase(
+    state: TrainingState,
+    config: TrainingConfig,
+    description: NetworkDescription,
+    recordings: Recordings,
+    rows: NDArray[np.int64],
+    held: NDArray[np.int64],
+    epochs: int,
+    saved: Callable[[], None],
+    save_every: int,
+    progress: Progress | None,
+) -> None:
+    assert recordings.labels is not None
+    spikes, labels = recordings.spikes[rows], recordings.labels[rows]
+    network = build_network(description, seed=config.seed)
+    optimizer = _optimizer(network, config)
+    if state.weights:
+        network.load_state_dict(state.weights)
+        optimizer.load_state_dict(state.optimizer)
+    for epoch in range(state.epoch + 1, epochs + 1):
+        rate = learning_rate(config, epoch)
+        for group in optimizer.param_groups:
+            group["lr"] = rate
+        total = 0.0
+        rng = epoch_generator(config.seed, _PHASES[state.phase], epoch)
+        feed = batches(spikes, labels, batch_size=config.batch_size, event_dropout=config.event_dropout, rng=rng)
+        for x, y in feed:
+            loss = batch_loss(network, config, torch.from_numpy(x), torch.from_numpy(y))
+            optimizer.zero_grad()
+            loss.backward()  # type: ignore[no-untyped-call]
+            optimizer.step()
+            total += float(loss.detach()) * len(y)
+        record = EpochRecord(state.phase, epoch, rate, total / len(rows), None, None)
+        if len(held):
+            loss_held, accuracy = evaluate(network, config, recordings.spikes[held], recordings.labels[held])
+            record = EpochRecord(state.phase, epoch, rate, total / len(rows), loss_held, accuracy)
+        state.history.append(record)
+        state.epoch = epoch
+        state.weights = {name: value.detach().clone() for name, value in network.state_dict().items()}
+        state.optimizer = optimizer.state_dict()
+        if state.phase == "select" and choose_epoch(state.history, config.smoothing_epochs, len(held)) == epoch:
+            state.chosen_epoch, state.chosen_weights = epoch, state.weights
+        if progress is not None:
+            others = config.epochs if state.phase == "refit" else 0
+            expected = others + epochs + (epochs if state.phase == "select" and config.refit and len(held) else 0)
+            progress(others + epoch, expected, record)
+        if epoch % save_every == 0:
+            saved()
+
+
+def learning_rate(config: TrainingConfig, epoch: int) -> float:
+    """Return the rate of epoch 1..epochs: constant, or the half cosine lr * (1 + cos(pi (epoch - 1) /
+    epochs)) / 2.
+    """
+    if config.schedule == "constant":
+        return config.learning_rate
+    return config.learning_rate * 0.5 * (1.0 + math.cos(math.pi * (epoch - 1) / config.epochs))
+
+
+def choose_epoch(history: list[EpochRecord], smoothing_epochs: int, held: int) -> int:
+    """Return the epoch that validation on ``held`` recordings chooses; the last one where there is no validation.
+
+    Accuracies are averaged over ``smoothing_epochs`` epochs up to each; chosen is the latest epoch whose average is
+    within one recording (1 / held) of the best: a smaller difference is chance, and a later epoch has the more
+    settled weights of the lower learning rate.
+    """
+    rows = [row for row in history if row.phase == "select"]
+    accuracy = np.array([row.validation_accuracy for row in rows if row.validation_accuracy is not None])
+    if not len(accuracy):
+        return rows[-1].epoch
+    sums = np.concatenate([[0.0], np.cumsum(accuracy)])
+    ends = np.arange(1, len(accuracy) + 1)
+    starts = np.maximum(ends - smoothing_epochs, 0)
+    averages = (sums[ends] - sums[starts]) / (ends - starts)
+    # The slack keeps equal averages equal, whatever the order their sums were rounded in.
+    near = averages >= averages.max() - 1 / held - 1e-9
+    return rows[int(np.flatnonzero(near)[-1])].epoch
+
+
+def batch_loss(network: TouchNetwork, config: TrainingConfig, x: Tensor, labels: Tensor) -> Tensor:
+    """Return the scalar loss that ``config`` names for x (batch, steps, channels), labels (batch,)."""
+    counts = weighted_counts(network.branch_counts(x), config.location_weight)
+    if config.loss == "spike-count":
+        return spike_count_loss(counts, labels, target_right=config.target_right, target_wrong=config.target_wrong)
+    return count_cross_entropy(counts, labels, count_scale=config.count_scale, label_smoothing=config.label_smoothing)
+
+
+def evaluate(
+    network: TouchNetwork, config: TrainingConfig, spikes: NDArray[np.uint8], labels: NDArray[np.int64]
+) -> tuple[float, float]:
+    """Return (mean loss, accuracy) on spikes (samples, steps, channels), in the network's own float type."""
+    kind = next(network.parameters()).dtype
+    loss, right = 0.0, 0
+    with torch.no_grad():
+        for start in range(0, len(labels), 32):
+            x = torch.from_numpy(np.array(spikes[start : start + 32])).to(kind)
+            y = torch.from_numpy(labels[start : start + 32].copy())
+            loss += float(batch_loss(network, config, x, y)) * len(y)
+            right += int((network.counts(x).argmax(dim=1) == y).sum())
+    return loss / len(labels), right / len(labels)
+
+
+def _optimizer(network: TouchNetwork, config: TrainingConfig) -> torch.optim.Optimizer:
+    kind = torch.optim.AdamW if config.optimizer == "adamw" else torch.optim.RMSprop
+    return kind(network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay, foreach=True)
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    # The layers are small: one thread is fastest, and a fixed number keeps sums in a fixed order.
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+def _write_log(path: Path, history: list[EpochRecord]) -> None:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["phase", "epoch", "learning_rate", "loss", "validation_loss", "validation_accuracy"])
+    for row in history:
+        figures = (row.learning_rate, row.loss, row.validation_loss, row.validation_accuracy)
+        writer.writerow([row.phase, row.epoch, *("" if value is None else f"{value:.6g}" for value in figures)])
+    temporary = path.with_name(f".{path.name}.tmp")
+    temporary.write_text(text.getvalue(), encoding="utf-8")
+    os.replace(temporary, path)
