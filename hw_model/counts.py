@@ -1,0 +1,108 @@
+"""What a simulation counts: integers only, so that energy and latency have nothing to do but multiply."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, fields
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Integer totals of one recording, or of several added up.
+
+    Read a count as ``counts.spikes`` or ``counts["spikes"]``; ``dict(counts)`` has them all.
+    """
+
+    input_events: int = 0
+    """Events played to the phases as they come."""
+    transpose_events: int = 0
+    """Events that went through the transpose buffer to a location phase."""
+    events_dropped: int = 0
+    """Events in rows after the last simulated step: never played."""
+    synaptic_ops: int = 0
+    """Weights added: one for every synapse of every delivered spike, those of the last step included."""
+    synaptic_ops_after_end: int = 0
+    """Of these, the ones whose charge was due after the last step."""
+    neuron_updates: int = 0
+    """Compartments times steps of their phase, dendrites included."""
+    neuron_updates_active: int = 0
+    """Of these, the ones with any charge, current, voltage, bias or joined voltage to work on."""
+    spikes: int = 0
+    """Spikes of compartments; input events are not in it."""
+    axon_packets: int = 0
+    """Spike packets sent by compartments: one for each spike and destination core."""
+    packets_within_tile: int = 0
+    """Of these, the ones whose destination is in the sender's tile."""
+    input_packets: int = 0
+    """Packets that carry input events to cores; they come from outside and have no hops here."""
+    hops_x: int = 0
+    """Mesh hops east or west, of packets sent by compartments."""
+    hops_y: int = 0
+    """Mesh hops north or south."""
+    charge_wraps: int = 0
+    """Compartment updates in which q left its 21 bits plus sign."""
+    current_wraps: int = 0
+    """Compartment updates in which u, or u + bias, left 23 bits plus sign (each counted)."""
+    voltage_clips: int = 0
+    """Compartment updates in which v was clipped to [vmin, vmax]."""
+    skipped_steps: int = 0
+    """Steps that an engine did not run because they could not change anything."""
+
+    @property
+    def neuron_updates_inactive(self) -> int:
+        """Updates of compartments at rest."""
+        return self.neuron_updates - self.neuron_updates_active
+
+    @property
+    def hops(self) -> int:
+        """All mesh hops."""
+        return self.hops_x + self.hops_y
+
+    @property
+    def wraps(self) -> int:
+        """All wraps, of charge and of current."""
+        return self.charge_wraps + self.current_wraps
+
+    @property
+    def clips(self) -> int:
+        """All clips."""
+        return self.voltage_clips
+
+    def keys(self) -> Iterator[str]:
+        """Return the names of all counts, derived ones last."""
+        yield from (field.name for field in fields(self))
+        yield from DERIVED
+
+    def __getitem__(self, name: str) -> int:
+        if name not in COUNT_NAMES:
+            raise KeyError(name)
+        value: int = getattr(self, name)
+        return value
+
+    def __add__(self, other: Counts) -> Counts:
+        return Counts(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
+
+
+DERIVED = ("neuron_updates_inactive", "hops", "wraps", "clips")
+COUNT_NAMES = frozenset(Counts().keys())
+
+
+def total(counts: Iterable[Counts]) -> Counts:
+    """Add counts up."""
+    added = Counts()
+    for item in counts:
+        added = added + item
+    return added
+
+
+BY_CORE = (
+    "synaptic_ops",
+    "neuron_updates",
+    "neuron_updates_active",
+    "spikes",
+    "axon_packets",
+    "packets_within_tile",
+    "hops_x",
+    "hops_y",
+)
+"""Counts kept for every step and core. Synapses count at the receiving core, packets and hops at the sending one."""

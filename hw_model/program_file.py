@@ -1,0 +1,242 @@
+"""A program on disk: ``program.yaml``, readable, and ``program.npz``, its arrays, held together by a checksum.
+
+Nothing in either file is executed when it is read; a damaged, swapped or newer file is refused by name.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+import zipfile
+from collections.abc import Mapping
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from hw_model.chip import parse_chip
+from hw_model.errors import InputError
+from hw_model.fan_in import SynapseFormat
+from hw_model.fixed_point import IntArray
+from hw_model.graph import Input, Phase, Readout
+from hw_model.placement import Slice
+from hw_model.program import ChipProgram, CompartmentProfile, Core, check_program
+from hw_model.routing import AxonTables, InputRoute
+
+FORMAT = "locsnn-program"
+VERSION = 1
+MAX_FILE_BYTES = 2 << 30
+CORE_ARRAYS = ("profile", "threshold", "bias_mantissa", "bias_exponent", "parent")
+AXON_ARRAYS = ("list_start", "target", "mantissa", "delay", "format_index", "out_compartment", "out_core", "out_axon")
+ROUTE_ARRAYS = ("line", "core", "axon")
+
+
+def program_files(program: ChipProgram) -> dict[str, bytes]:
+    """Return the two files as bytes, by name; the same program gives the same bytes."""
+    arrays = _pack(_arrays(program))
+    document = {"format": FORMAT, "version": VERSION, "arrays_sha256": hashlib.sha256(arrays).hexdigest()}
+    document.update(_document(program))
+    text = yaml.dump(document, sort_keys=False, allow_unicode=True, width=120, Dumper=_Dumper)
+    return {"program.npz": arrays, "program.yaml": text.encode()}
+
+
+def save_program(program: ChipProgram, folder: str | Path) -> None:
+    """Write both files, each under a temporary name first; the YAML file, which names the other's checksum, last."""
+    target = Path(folder)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+        for name, content in program_files(program).items():
+            partial = target / f".{name}.partial"
+            partial.write_bytes(content)
+            os.replace(partial, target / name)
+    except OSError as error:
+        raise InputError(
+            f"folder {target.name!r}", f"cannot be written: {error.strerror}", fix="Choose a folder you may write to."
+        ) from error
+
+
+def load_program(folder: str | Path) -> ChipProgram:
+    """Read a program; anything missing, damaged, swapped or newer is an ``InputError``."""
+    yaml_bytes, npz_bytes = (_read(Path(folder) / name) for name in ("program.yaml", "program.npz"))
+    try:
+        document = yaml.safe_load(yaml_bytes)
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
+        raise InputError("program.yaml", "the file is not YAML: it is damaged", fix="Compile again.") from error
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
+        raise InputError("program.yaml", "this is not a program", fix="Give the folder that the compiler wrote.")
+    if document.get("version") != VERSION:
+        raise InputError(
+            "program.yaml",
+            "the program has another format version",
+            measured=f"{document.get('version')!r} against {VERSION}",
+            fix="Compile it again, or use the release that wrote it.",
+        )
+    if hashlib.sha256(npz_bytes).hexdigest() != document.get("arrays_sha256"):
+        raise InputError(
+            "program.npz", "the checksum differs: it is damaged, or of another program", fix="Compile again."
+        )
+    try:
+        program = _program(document, _unpack(npz_bytes))
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError, zipfile.BadZipFile, EOFError) as error:
+        raise InputError("program.yaml", "its entries do not make a program", fix="Compile again.") from error
+    check_program(program)
+    return program
+
+
+class _Dumper(yaml.SafeDumper):
+    """Writes the chip's own YAML text as a block."""
+
+
+def _text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style="|" if "\n" in text else None)
+
+
+_Dumper.add_representer(str, _text)
+
+
+def _document(program: ChipProgram) -> dict[str, Any]:
+    readout = program.readout
+    return {
+        "name": program.name,
+        "target": program.chip.name,
+        "provenance": dict(program.provenance),
+        "synapses_pruned": program.synapses_pruned,
+        "phases": [asdict(phase) for phase in program.phases],
+        "inputs": [
+            {
+                "name": i.name,
+                "size": i.size,
+                "phase": i.phase,
+                "stream": i.stream,
+                "transposed": i.positions is not None,
+            }
+            for i in program.inputs
+        ],
+        "readout": None if readout is None else dict(zip(readout.populations, readout.weights, strict=True)),
+        "cores": [
+            {
+                "number": core.number,
+                "phase": core.phase,
+                "compartments": core.compartments,
+                "input_axons": core.axons.input_axons,
+                "output_axons": core.axons.output_axons,
+                "synapses": len(core.axons.target),
+                "synapse_words": core.axons.synapse_words,
+                "vmin": core.vmin,
+                "vmax": core.vmax,
+                "slices": [asdict(piece) for piece in core.slices],
+                "compartment_profiles": [asdict(profile) for profile in core.profiles],
+                "threshold_mantissas": list(core.thresholds),
+                "synapse_formats": [asdict(form) for form in core.axons.formats],
+            }
+            for core in program.cores
+        ],
+        "chip": program.chip.document,
+    }
+
+
+def _arrays(program: ChipProgram) -> dict[str, IntArray]:
+    arrays: dict[str, IntArray] = {}
+    for index, item in enumerate(program.inputs):
+        if item.positions is not None:
+            arrays[f"input{index}/positions"] = item.positions
+    for index, route in enumerate(program.input_routes):
+        arrays.update({f"input{index}/{name}": getattr(route, name) for name in ROUTE_ARRAYS})
+    for core in program.cores:
+        arrays.update({f"core{core.number}/{name}": getattr(core, name) for name in CORE_ARRAYS})
+        arrays.update({f"core{core.number}/{name}": getattr(core.axons, name) for name in AXON_ARRAYS})
+    return arrays
+
+
+def _pack(arrays: Mapping[str, IntArray]) -> bytes:
+    """Return an ``.npz`` whose bytes depend on the arrays alone: no time stamps."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        for name, array in arrays.items():
+            content = io.BytesIO()
+            np.lib.format.write_array(content, np.ascontiguousarray(array, dtype="<i8"), allow_pickle=False)
+            entry = zipfile.ZipInfo(f"{name}.npy", date_time=(1980, 1, 1, 0, 0, 0))
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            archive.writestr(entry, content.getvalue())
+    return buffer.getvalue()
+
+
+def _unpack(content: bytes) -> dict[str, IntArray]:
+    arrays: dict[str, IntArray] = {}
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        if sum(entry.file_size for entry in archive.infolist()) > MAX_FILE_BYTES:
+            raise InputError("program.npz", "its arrays are absurdly large", fix="Compile again.")
+        for entry in archive.infolist():
+            with archive.open(entry) as member:
+                array = np.lib.format.read_array(member, allow_pickle=False)
+            if array.dtype != np.int64 or array.ndim != 1:
+                raise ValueError(entry.filename)
+            array.setflags(write=False)
+            arrays[entry.filename.removesuffix(".npy")] = array
+    return arrays
+
+
+def _read(path: Path) -> bytes:
+    try:
+        if path.stat().st_size > MAX_FILE_BYTES:
+            raise InputError(path.name, "the file is absurdly large", fix="Compile again.")
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(
+            path.name, f"cannot be read: {error.strerror}", fix="Give the folder that the compiler wrote."
+        ) from error
+
+
+def _program(document: dict[str, Any], arrays: dict[str, IntArray]) -> ChipProgram:
+    inputs = tuple(
+        Input(
+            item["name"],
+            int(item["size"]),
+            item["phase"],
+            item["stream"],
+            arrays[f"input{index}/positions"] if item["transposed"] else None,
+        )
+        for index, item in enumerate(document["inputs"])
+    )
+    routes = tuple(
+        InputRoute(item.name, **{name: arrays[f"input{index}/{name}"] for name in ROUTE_ARRAYS})
+        for index, item in enumerate(inputs)
+    )
+    readout = document["readout"]
+    return ChipProgram(
+        name=str(document["name"]),
+        chip=parse_chip(document["chip"], where="program.yaml: chip"),
+        phases=tuple(Phase(**phase) for phase in document["phases"]),
+        inputs=inputs,
+        input_routes=routes,
+        cores=tuple(_core(core, arrays) for core in document["cores"]),
+        readout=None if readout is None else Readout(tuple(readout), tuple(map(float, readout.values()))),
+        synapses_pruned=int(document["synapses_pruned"]),
+        provenance={str(key): str(value) for key, value in document["provenance"].items()},
+    )
+
+
+def _core(core: dict[str, Any], arrays: dict[str, IntArray]) -> Core:
+    prefix = f"core{int(core['number'])}/"
+    formats = tuple(SynapseFormat(**form) for form in core["synapse_formats"])
+    return Core(
+        number=int(core["number"]),
+        phase=core["phase"],
+        slices=tuple(Slice(**piece) for piece in core["slices"]),
+        profiles=tuple(CompartmentProfile(**profile) for profile in core["compartment_profiles"]),
+        thresholds=tuple(map(int, core["threshold_mantissas"])),
+        vmin=int(core["vmin"]),
+        vmax=int(core["vmax"]),
+        **{name: arrays[prefix + name] for name in CORE_ARRAYS},
+        axons=AxonTables(
+            formats=formats,
+            synapse_words=int(core["synapse_words"]),
+            **{name: arrays[prefix + name] for name in AXON_ARRAYS},
+        ),
+    )
+
+
+assert {f.name for f in fields(AxonTables)} == {*AXON_ARRAYS, "formats", "synapse_words"}

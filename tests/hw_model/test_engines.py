@@ -1,0 +1,143 @@
+"""The two engines against each other and against an independent oracle: equal integers, on random programs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import oracle
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import hw_model as hw
+from hw_model.simulate import ENGINES
+from hw_model.weights import weight_grid
+
+CHIP = hw.chip("loihi-sim")
+SMALL = replace(CHIP, limits=replace(CHIP.limits, compartments_per_core=5))
+"""Cores of five compartments: the same programs spread over many cores."""
+
+
+def random_program(seed: int, chip: hw.Chip = CHIP):
+    """A random program of two populations, a joined dendrite, recurrence, delays and all weight formats."""
+    r = np.random.default_rng(seed)
+    big = bool(r.integers(2))
+    builder = hw.ProgramBuilder(chip)
+    nodes = {"x": builder.add_input("x", 4)}
+    groups, links = [], []
+    limits = {"vmin": int(r.choice([1 - 2**23, 1 - 2**15, 0])), "vmax": int(r.choice([2**23 - 1, 2**19 - 1]))}
+    sizes = {"h": 6, "h/dendrite": 6, "y": 3}
+    for name, size in sizes.items():
+        given_parameters = {
+            "decay_u": r.choice([0, 1, 390, 1024, 4095, 4096], size),
+            "decay_v": r.choice([0, 1, 128, 2589, 4095, 4096], size),
+            "threshold": r.choice([0, 1, 300, 5000, 131071 if big else 800], size),
+            "bias": r.choice([0, 0, -7, 4095, 8190 * 64 if big else 3], size),
+            "refractory": r.choice([1, 1, 2, 5, 63], size),
+        }
+        parent = "h" if name == "h/dendrite" else None
+        nodes[name] = builder.add_compartments(
+            name, size, **given_parameters, **limits, joined_to=nodes[parent] if parent else None
+        )
+        as_ints = {key: [int(v) for v in values] for key, values in given_parameters.items()}
+        groups.append({"name": name, "size": size, "joined_to": parent, **as_ints, **limits})
+    for source, target in (
+        ("x", "h"),
+        ("x", "h/dendrite"),
+        ("h", "y"),
+        ("h", "h"),
+        ("y", "h/dendrite"),
+        ("x", "y"),
+        ("h", "y"),
+    ):
+        bits = int(r.choice([1, 2, 3, 4, 5, 6, 8]))
+        mode = str(r.choice(["mixed", "excitatory", "inhibitory"]))
+        grid = weight_grid(bits, mode)
+        shape = (nodes[target].size, nodes[source].size)
+        weights = grid.round(r.uniform(-300, 300, shape))
+        weights[r.random(shape) < 0.3] = 0
+        exponent = int(r.integers(-8, 8)) if big else int(r.integers(-3, 2))
+        delay = r.integers(0, r.choice([1, 3, 63]), shape)
+        builder.connect(
+            nodes[source], nodes[target], weights, exponent=exponent, delay=delay, weight_bits=bits, sign_mode=mode
+        )
+        links.append({"source": source, "target": target, "weights": weights, "delay": delay, "exponent": exponent})
+    steps = 40
+    spikes = (r.random((steps, 4)) < r.choice([0.05, 0.3, 1.0])).astype(np.uint8)
+    # The oracle walks groups in order, so a dendrite must come before the soma that it is joined to.
+    groups.sort(key=lambda g: g["joined_to"] is None)
+    return builder.build(), groups, links, spikes
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("chip", [CHIP, SMALL], ids=["one core", "many cores"])
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_engine_equals_the_oracle(engine, chip, seed):
+    program, groups, links, spikes = random_program(seed, chip)
+    found = hw.simulate(program, spikes, engine=engine, probe=("spikes", "u", "v"))
+    wanted = oracle.run(groups, links, {"x": spikes}, len(spikes))
+    for group in groups:
+        name = group["name"]
+        assert np.array_equal(found.u[name], wanted["u"][name]), name
+        assert np.array_equal(found.v[name], wanted["v"][name]), name
+        if group["joined_to"] is None:
+            assert np.array_equal(found.spikes[name], wanted["spikes"][name]), name
+    for event, total in wanted["totals"].items():
+        assert found.counts[event] == total, event
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_engines_agree_on_every_probe_and_count(seed):
+    program, _, _, spikes = random_program(seed, SMALL)
+    probe = ("spikes", "u", "v", "potential")
+    fast, slow = (hw.simulate(program, spikes, engine=engine, probe=probe) for engine in ENGINES)
+    for name in program.populations:
+        for kind in ("u", "v", "potential"):
+            assert np.array_equal(getattr(fast, kind)[name], getattr(slow, kind)[name]), (kind, name)
+    assert fast.counts == slow.counts
+    assert fast.events == slow.events
+    for phase in ("time",):
+        for a, b in zip(fast.activity[phase], slow.activity[phase], strict=True):
+            assert all(np.array_equal(a.by_core[name], b.by_core[name]) for name in a.by_core)
+
+
+@settings(max_examples=20, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_results_do_not_depend_on_placement(seed):
+    one, _, _, spikes = random_program(seed, CHIP)
+    many, *_ = random_program(seed, SMALL)
+    assert len(many.cores) > len(one.cores) or len(one.cores) > 1
+    here, there = hw.simulate(one, spikes), hw.simulate(many, spikes)
+    for name, array in here.spikes.items():
+        assert np.array_equal(array, there.spikes[name])
+    for count in ("synaptic_ops", "neuron_updates", "neuron_updates_active", "spikes", "synaptic_ops_after_end"):
+        assert here.counts[count] == there.counts[count], count
+
+
+def test_synaptic_ops_are_spikes_times_fan_out():
+    program, _, links, spikes = random_program(5)
+    result = hw.simulate(program, spikes)
+    sent = {"x": spikes, **result.spikes}
+    ops = sum(int((sent[k["source"]].sum(axis=0) * (k["weights"] != 0).sum(axis=0)).sum()) for k in links)
+    steps = len(spikes)
+    late = 0
+    for k in links:
+        rows, targets, sources = np.nonzero(np.repeat((k["weights"] != 0)[None], steps, axis=0))
+        arrives = rows + 1 + k["delay"][targets, sources]
+        late += int((sent[k["source"]][rows, sources].astype(bool) & (arrives >= steps)).sum())
+    assert result.counts.synaptic_ops == ops
+    assert result.counts.synaptic_ops_after_end == late
+
+
+def test_a_batch_equals_its_recordings_one_by_one():
+    program, _, _, spikes = random_program(3)
+    batch = np.stack([spikes, np.roll(spikes, 3, axis=0), np.zeros_like(spikes)])
+    together = hw.simulate(program, batch, probe=("spikes", "v"))
+    for i, recording in enumerate(batch):
+        alone = hw.simulate(program, recording, probe=("spikes", "v"))
+        assert np.array_equal(together.spikes["h"][i], alone.spikes["h"])
+        assert np.array_equal(together.v["h/dendrite"][i], alone.v["h/dendrite"])
+        assert together.per_recording[i] == alone.counts
