@@ -7,10 +7,6 @@ checked before they are used; every fault is one ``InputError`` that names the e
 from __future__ import annotations
 
 import hashlib
-import io
-import pickle
-import warnings
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -19,13 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.torch_file import load_plain, read_bytes
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.models.checkpoint import FORMAT, VERSION, Checkpoint, Plain, check_finite
 from locsnn_compile.models.description import InputLayout, NetworkDescription, NeuronParameters
-
-#: Largest checkpoint file accepted, in bytes, packed and unpacked: a hundred times that of the largest
-#: network here.
-MAX_FILE_BYTES = 1_000_000_000
 
 _WRITE_AGAIN = "Write it again with 'locsnn train'."
 _KEYS: dict[str, tuple[type, ...]] = {
@@ -68,33 +61,10 @@ def read_checkpoint(path: Path | str) -> Checkpoint:
     """
     path = Path(path)
     where = f"checkpoint {path.name!r}"
-    data = _read_bytes(path, where)
-    return parse_checkpoint(load_plain(data, where), where, path.name, hashlib.sha256(data).hexdigest())
-
-
-def load_plain(data: bytes, where: str) -> object:
-    """Return what a torch file holds, tensors and plain values only; ``InputError`` where it holds more or is
-    damaged.
-    """
-    import torch
-
-    _check_unpacked_size(data, where)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            value: object = torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
-            return value
-    except pickle.UnpicklingError as error:
-        if "weights_only" in str(error) and ("GLOBAL" in str(error) or "Unsupported" in str(error)):
-            raise InputError(
-                where,
-                "it holds objects that would run code when read, and was not read",
-                fix="Save plain tensors and values only.",
-            ) from None
-        raise _damaged(where) from None
-    # Torch meets a damaged file with many kinds of exception; none of them may pass, and none says more.
-    except Exception:
-        raise _damaged(where) from None
+    data = read_bytes(path, where)
+    return parse_checkpoint(
+        load_plain(data, where, fix=_WRITE_AGAIN), where, path.name, hashlib.sha256(data).hexdigest()
+    )
 
 
 def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Checkpoint:
@@ -140,42 +110,6 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
         training=_training(where, values["training"]),
         sha256=sha256,
     )
-
-
-def _read_bytes(path: Path, where: str) -> bytes:
-    try:
-        size = path.stat().st_size
-        if size > MAX_FILE_BYTES:
-            raise InputError(
-                where,
-                "it is too large",
-                measured=f"{size} bytes against {MAX_FILE_BYTES}",
-                fix="Give a checkpoint.",
-            )
-        return path.read_bytes()
-    except OSError as error:
-        raise InputError(where, "it cannot be read", measured=error.strerror or "", fix="Check the path.") from None
-
-
-def _check_unpacked_size(data: bytes, where: str) -> None:
-    # A torch file is a zip of stored members; one that unpacks to far more than it holds is no such file.
-    try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            unpacked = sum(member.file_size for member in archive.infolist())
-    # zipfile raises more kinds on hostile bytes than it documents.
-    except Exception:
-        raise _damaged(where) from None
-    if unpacked > max(MAX_FILE_BYTES // 100, 4 * len(data)):
-        raise InputError(
-            where,
-            "it unpacks to far more than its size",
-            measured=f"{unpacked} bytes from {len(data)}",
-            fix=_WRITE_AGAIN,
-        )
-
-
-def _damaged(where: str) -> InputError:
-    return InputError(where, "it is damaged, truncated or no checkpoint", fix=_WRITE_AGAIN)
 
 
 def _seen(values: object) -> str:

@@ -19,6 +19,9 @@ from locsnn_compile.errors import InputError
 from locsnn_compile.models.description import NetworkDescription
 from locsnn_compile.models.srm import LSRM, TSRM, SRMLayer, transpose_recording
 
+#: Longest step axis of a torch network: a matrix of this size squared takes 128 MB in double precision.
+MAX_MATRIX_STEPS = 4_000
+
 
 class TouchNetwork(nn.Module):
     """A network by its description; layers are named as the populations and start from ``seed``."""
@@ -28,6 +31,14 @@ class TouchNetwork(nn.Module):
         self.description = description
         generator = torch.Generator().manual_seed(seed)
         layout = description.input
+        longest = max(layout.steps, layout.channels)
+        if longest > MAX_MATRIX_STEPS:
+            raise InputError(
+                f"network {description.name!r}",
+                "it has too many steps for torch layers, whose kernel is a matrix of steps by steps",
+                measured=f"{longest} against {MAX_MATRIX_STEPS}",
+                fix="Bin the recordings wider.",
+            )
         walk = np.zeros(0, dtype=np.int64)
         if description.location_taxels is not None:
             walk = channel_walk(

@@ -57,8 +57,8 @@ class TrainingConfig:
       ``target_wrong`` (spikes a recording), cross-entropy uses ``count_scale`` and ``label_smoothing``.
     - ``event_dropout``: every recording of a batch loses each event with a probability drawn from 0 to this.
     - ``validation_fraction`` of the train part, class by class, chooses the epoch; 0 takes the last epoch.
-      Accuracies are averaged over ``smoothing_epochs`` before the best is chosen, for a few dozen validation
-      recordings make a single epoch's figure noisy.
+      Accuracies are averaged over ``smoothing_epochs`` first, for a few dozen validation recordings make a single
+      epoch's figure noisy; see :func:`locsnn_compile.training.train.choose_epoch`.
     - ``refit``: once the epoch is chosen, train afresh on the whole train part for as many epochs.
     - time constants in steps; ``step_seconds`` is the width of a time bin, where the data do not say it.
     """

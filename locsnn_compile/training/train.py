@@ -88,6 +88,7 @@ def train(
     config: TrainingConfig,
     *,
     name: str = "model",
+    classes: int | None = None,
     state_path: Path | None = None,
     log_path: Path | None = None,
     save_every: int = 10,
@@ -95,9 +96,9 @@ def train(
 ) -> TrainingResult:
     """Train on the train part ``recordings`` and return the network, in float32.
 
-    With ``state_path`` the state is written every ``save_every`` epochs and an existing one is taken up; it
-    is removed by nobody here. ``log_path`` gets a CSV line an epoch. Raises ``InputError`` for data without
-    labels.
+    ``classes`` is the number of classes where it is more than the labels show. With ``state_path`` the state is
+    written every ``save_every`` epochs and an existing one is taken up; removing it is the caller's. ``log_path``
+    gets a CSV line an epoch. Raises ``InputError`` for data without labels.
     """
     labels = recordings.labels
     if labels is None:
@@ -106,7 +107,7 @@ def train(
             "they have no labels to train on",
             fix="Give labelled recordings.",
         )
-    description = describe(recordings, config, int(labels.max()) + 1, name)
+    description = describe(recordings, config, classes or int(labels.max()) + 1, name)
     key = run_key(config, recordings)
     state = (load_state(state_path, key) if state_path is not None else None) or TrainingState()
 

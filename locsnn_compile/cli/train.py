@@ -1,0 +1,155 @@
+"""``locsnn train``: train a touch network on recordings and write its checkpoint."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from locsnn_compile.errors import InputError
+
+if TYPE_CHECKING:
+    from locsnn_compile.data.recordings import Recordings
+    from locsnn_compile.training.config import TrainingConfig
+    from locsnn_compile.training.state import EpochRecord
+    from locsnn_compile.training.train import Progress, TrainingResult
+
+_EXAMPLE = """\
+example:
+  locsnn train --data examples/recordings/touches.npz --epochs 5 -o touches.pt
+
+The epoch is chosen on a validation part of the train part; the test part, where the data have one, is measured
+once at the end. Beside OUT.pt a log OUT.csv is written, and while it runs OUT.pt.state, for --resume.
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the ``train`` command; its ``run`` default is :func:`run`."""
+    parser = subparsers.add_parser(
+        "train",
+        help="train a touch network and write a checkpoint",
+        description="Train a touch network on recordings and write a checkpoint to compile.",
+        epilog=_EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add("--data", required=True, metavar="FILE", help="recordings: .zip or folder, .npy, .npz, .pt, .tact")
+    add("--model", metavar="NAME", help="hybrid (default), tactile-snn or location-tactile-snn")
+    add("--order", metavar="ORDER", help="loop (default), arch, whorl, or taxel numbers separated by commas")
+    add("--config", metavar="FILE.yaml", help="training options, laid under those given here")
+    add("--epochs", type=int, metavar="N", help="epochs of the schedule (default 250)")
+    add("--seed", type=int, metavar="N", help="seed of weights, split, order and dropout (default 0)")
+    add("--hidden", type=int, metavar="N", help="hidden neurons of a branch (default 32)")
+    add("--loss", metavar="NAME", help="cross-entropy (default) or spike-count")
+    add("--lambda", dest="location_weight", type=float, metavar="X", help="weight of location spikes in the loss")
+    add("--learning-rate", type=float, metavar="X", help="largest learning rate (default 0.003)")
+    add("--event-dropout", type=float, metavar="X", help="largest share of events to drop (default 0.5)")
+    add("--validation-fraction", type=float, metavar="X", help="share held out to choose the epoch (default 0.125)")
+    add(
+        "--refit",
+        action=argparse.BooleanOptionalAction,
+        default=None,
+        help="train again on the whole train part once the epoch is chosen (default: yes)",
+    )
+    add("--recordings", type=int, default=8, metavar="N", help="recordings to keep in the checkpoint (default 8)")
+    add("--resume", action="store_true", help="go on from OUT.pt.state where a run was stopped")
+    add("--quiet", action="store_true", help="print nothing")
+    add("-o", "--output", default="model.pt", metavar="OUT.pt", help="checkpoint to write (default model.pt)")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Train as ``args`` ask; return the exit code. Raises ``InputError`` for what cannot be used."""
+    output = Path(args.output)
+    if args.recordings < 0:
+        raise InputError(
+            "--recordings", "it must be 0 or more", measured=f"got {args.recordings}", fix="0 keeps weights only."
+        )
+    if output.suffix != ".pt" or output.is_dir() or not output.parent.is_dir():
+        raise InputError(f"output {output.name!r}", "it is no .pt file in a folder that exists", fix="Correct -o.")
+    config = _config(args)
+    recordings, test = _read(args.data)
+
+    from locsnn_compile.training.export import export_checkpoint
+    from locsnn_compile.training.train import train
+
+    state_path = output.with_name(f"{output.name}.state")
+    if not args.resume:
+        state_path.unlink(missing_ok=True)
+    with _progress(show=not args.quiet and sys.stderr.isatty()) as progress:
+        try:
+            result = train(
+                recordings,
+                config,
+                name=output.stem,
+                classes=_classes(recordings, test),
+                state_path=state_path,
+                log_path=output.with_suffix(".csv"),
+                progress=progress,
+            )
+        except KeyboardInterrupt:
+            print("Stopped. Go on with the same command and --resume.", file=sys.stderr)
+            return 130
+    accuracy = export_checkpoint(output, result, config, recordings, test, carried=args.recordings)
+    state_path.unlink(missing_ok=True)
+    if not args.quiet:
+        print(_summary(output, result, accuracy, test))
+    return 0
+
+
+def _config(args: argparse.Namespace) -> TrainingConfig:
+    from locsnn_compile.training.config import config_from_mapping, read_config
+
+    values: dict[str, Any] = read_config(args.config) if args.config is not None else {}
+    options = (
+        *("model", "order", "epochs", "seed", "hidden", "loss", "location_weight", "learning_rate"),
+        *("event_dropout", "validation_fraction", "refit"),
+    )
+    given = {name: getattr(args, name) for name in options if getattr(args, name) is not None}
+    return config_from_mapping(values | given)
+
+
+def _read(data: str) -> tuple[Recordings, Recordings | None]:
+    from locsnn_compile.data.read import read_recordings, recording_parts
+
+    parts = recording_parts(data)
+    if "train" not in parts:
+        return read_recordings(data), None
+    return read_recordings(data, split="train"), read_recordings(data, split="test") if "test" in parts else None
+
+
+def _classes(recordings: Recordings, test: Recordings | None) -> int | None:
+    labels = [part.labels for part in (recordings, test) if part is not None and part.labels is not None]
+    return max((int(vector.max()) + 1 for vector in labels), default=None)
+
+
+def _summary(output: Path, result: TrainingResult, accuracy: float | None, test: Recordings | None) -> str:
+    lines = [f"epoch {result.chosen_epoch} chosen"]
+    if result.validation_accuracy is not None:
+        lines[0] += f" by validation accuracy {result.validation_accuracy:.3f}"
+    if accuracy is not None and test is not None:
+        lines.append(f"test accuracy {accuracy:.3f} on {len(test)} recordings")
+    lines.append(f"wrote {output}")
+    return "\n".join(lines)
+
+
+@contextmanager
+def _progress(*, show: bool) -> Iterator[Progress | None]:
+    if not show:
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress as Bar
+
+    with Bar(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("training", total=None)
+
+        def after_epoch(done: int, expected: int, record: EpochRecord) -> None:
+            held = "" if record.validation_accuracy is None else f", validation {record.validation_accuracy:.3f}"
+            text = f"{record.phase} epoch {record.epoch}, loss {record.loss:.3f}{held}"
+            bar.update(task, completed=done, total=expected, description=text)
+
+        yield after_epoch
