@@ -38,7 +38,7 @@ def load_plain(data: bytes, where: str, *, fix: str) -> object:
     """
     import torch
 
-    _check_unpacked_size(data, where, fix)
+    _check_archive(data, where, fix)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -57,14 +57,15 @@ def load_plain(data: bytes, where: str, *, fix: str) -> object:
         raise _damaged(where, fix) from None
 
 
-def _check_unpacked_size(data: bytes, where: str, fix: str) -> None:
-    # Torch stores its members unpacked; a file that unpacks to far more than it holds is none of torch's.
+def _check_archive(data: bytes, where: str, fix: str) -> None:
+    """Refuse what is no whole zip archive of torch's kind, before torch takes its sizes on trust."""
     try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            unpacked = sum(member.file_size for member in archive.infolist())
+        archive = zipfile.ZipFile(io.BytesIO(data))
+        unpacked = sum(member.file_size for member in archive.infolist())
     # zipfile raises more kinds on hostile bytes than it documents.
     except Exception:
         raise _damaged(where, fix) from None
+    # Torch stores its members unpacked; a file that unpacks to far more than it holds is none of torch's.
     if unpacked > 2 * len(data):
         raise InputError(
             where,
@@ -72,6 +73,13 @@ def _check_unpacked_size(data: bytes, where: str, fix: str) -> None:
             measured=f"{unpacked} bytes from {len(data)}",
             fix=fix,
         )
+    # Torch does not look at the checksums it writes; a flipped bit would be a silently different weight.
+    try:
+        bad = archive.testzip()
+    except Exception:
+        bad = "unreadable"
+    if bad is not None:
+        raise _damaged(where, fix)
 
 
 def _damaged(where: str, fix: str) -> InputError:

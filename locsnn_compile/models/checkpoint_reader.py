@@ -89,6 +89,7 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
         )
     _check_keys(where, "neuron.", values["neuron"], _NEURON_KEYS)
     _check_keys(where, "input.", values["input"], _INPUT_KEYS)
+    name = _name(where, values["name"])
     order_name, taxels = _location_order(where, values["location_order"])
     try:
         description = NetworkDescription(
@@ -99,7 +100,7 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
             neuron=NeuronParameters(**values["neuron"]),
             location_order=order_name,
             location_taxels=taxels,
-            name=_name(where, values["name"]),
+            name=name,
         )
     except InputError as error:
         raise InputError(f"{where}, {error.where}", error.what, measured=error.measured, fix=error.fix) from None
@@ -194,7 +195,7 @@ def _recordings(
         raise InputError(
             f"{where}, recordings",
             "spikes must be uint8 and labels int64",
-            measured=str(spikes.dtype),
+            measured=f"got {spikes.dtype} and {None if labels is None else labels.dtype}",
             fix=_WRITE_AGAIN,
         )
     return Recordings(spikes.numpy(), None if labels is None else labels.numpy(), float(layout.step_seconds), source)

@@ -1,0 +1,203 @@
+"""The three networks: their populations, their shapes, and the branches of the hybrid."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from locsnn_compile.data.sensor import LOCATION_ORDERS, channel_walk
+from locsnn_compile.errors import InputError
+from locsnn_compile.models.description import InputLayout, NetworkDescription, NeuronParameters
+from locsnn_compile.models.networks import NETWORKS, TouchNetwork, build_network
+from locsnn_compile.models.srm import TSRM
+
+LAYOUT = InputLayout(fingertips=1, steps=30, step_seconds=0.02)
+
+
+def description(architecture: str, layout: InputLayout = LAYOUT, order: str = "whorl") -> NetworkDescription:
+    located = architecture != "tactile-snn"
+    return NetworkDescription(
+        architecture,
+        layout,
+        classes=5,
+        hidden=7,
+        location_order=order if located else None,
+        location_taxels=LOCATION_ORDERS[order] if located else None,
+    )
+
+
+def recording(layout: InputLayout = LAYOUT, samples: int = 3) -> torch.Tensor:
+    generator = torch.Generator().manual_seed(11)
+    return (torch.rand(samples, layout.steps, layout.channels, generator=generator) < 0.15).float()
+
+
+@pytest.mark.parametrize(
+    ("architecture", "shapes"),
+    [
+        pytest.param("tactile-snn", {"time_hidden": (3, 30, 7), "time_output": (3, 30, 5)}, id="tactile-snn"),
+        pytest.param(
+            "location-tactile-snn", {"location_hidden": (3, 78, 7), "location_output": (3, 78, 5)}, id="location"
+        ),
+        pytest.param(
+            "hybrid",
+            {
+                "time_hidden": (3, 30, 7),
+                "time_output": (3, 30, 5),
+                "location_hidden": (3, 78, 7),
+                "location_output": (3, 78, 5),
+            },
+            id="hybrid",
+        ),
+    ],
+)
+def test_populations_and_shapes(architecture: str, shapes: dict[str, tuple[int, ...]]) -> None:
+    network = build_network(description(architecture))
+    spikes = network(recording())
+    assert {name: tuple(value.shape) for name, value in spikes.items()} == shapes
+    assert type(network) is NETWORKS[architecture]
+    assert tuple(network.counts(recording()).shape) == (3, 5)
+    assert all(set(np.unique(value.detach())) <= {0.0, 1.0} for value in spikes.values())
+
+
+def test_hybrid_is_both_branches_side_by_side() -> None:
+    hybrid = build_network(description("hybrid"), seed=4)
+    x = recording()
+    together = hybrid(x)
+    for architecture in ("tactile-snn", "location-tactile-snn"):
+        alone = build_network(description(architecture), seed=9)
+        alone.load_weights(hybrid.weights())
+        for name, spikes in alone(x).items():
+            assert torch.equal(spikes, together[name])
+    assert torch.equal(hybrid.counts(x), together["time_output"].sum(1) + together["location_output"].sum(1))
+
+
+def test_location_branch_steps_over_the_walk() -> None:
+    network = build_network(description("location-tactile-snn"), seed=2)
+    x = recording(samples=1)
+    walk = channel_walk(LOCATION_ORDERS["whorl"], 1)
+    layer = TSRM(30, 7, 78, NeuronParameters(), generator=torch.Generator())
+    layer.weight = network.get_submodule("location_hidden").weight
+    by_hand = torch.stack([x[0, :, channel] for channel in walk]).unsqueeze(0)
+    assert torch.equal(network(x)["location_hidden"], layer(by_hand))
+
+
+def test_two_fingertips_walk_one_after_the_other() -> None:
+    layout = InputLayout(fingertips=2, steps=12, step_seconds=0.02)
+    spikes = build_network(description("hybrid", layout, "arch"))(recording(layout, 2))
+    assert tuple(spikes["location_output"].shape) == (2, 156, 5)
+
+
+def test_a_seed_gives_the_same_weights_and_another_does_not() -> None:
+    first, again, other = (build_network(description("hybrid"), seed=seed).weights() for seed in (1, 1, 2))
+    assert all(np.array_equal(first[name], again[name]) for name in first)
+    assert not np.array_equal(first["time_hidden"], other["time_hidden"])
+
+
+def fails(call: object, *args: object) -> str:
+    with pytest.raises(InputError) as caught:
+        call(*args)  # type: ignore[operator]
+    return str(caught.value)
+
+
+def test_recordings_of_another_shape_are_refused() -> None:
+    network = build_network(description("hybrid"))
+    assert fails(network, torch.zeros(1, 31, 78)) == (
+        "recordings: their shape is not the network's (got (31, 78) against (30, 78) steps x channels). "
+        "Give recordings of the network's sensor and duration."
+    )
+
+
+def test_weights_of_another_shape_are_refused() -> None:
+    network = build_network(description("tactile-snn"))
+    weights = network.weights() | {"time_output": np.zeros((5, 8), dtype=np.float32)}
+    assert fails(network.load_weights, weights) == (
+        "population 'time_output': its weights do not fit the network (got (5, 8) against (5, 7)). "
+        "Give the weights of a network of this description."
+    )
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        pytest.param(
+            {"architecture": "hybird"},
+            "architecture: 'hybird' is not known. Did you mean 'hybrid'?",
+            id="unknown architecture",
+        ),
+        pytest.param(
+            {"location_taxels": None},
+            "architecture 'hybrid': its location branch needs a location order. "
+            "Give one of: arch, loop, whorl, or a list of taxel numbers.",
+            id="no order",
+        ),
+        pytest.param(
+            {"architecture": "tactile-snn"},
+            "architecture 'tactile-snn': it has no location branch, so it takes no location order. "
+            "Leave the order out.",
+            id="order without a location branch",
+        ),
+        pytest.param(
+            {"classes": 0},
+            "classes: it must be a whole number in range (got 0 against 1..4096). Correct the description.",
+            id="no classes",
+        ),
+        pytest.param(
+            {"hidden": True},
+            "hidden: it must be a whole number in range (got True against 1..4096). Correct the description.",
+            id="hidden is a truth value",
+        ),
+    ],
+)
+def test_descriptions_that_do_not_hold(values: dict[str, object], message: str) -> None:
+    good: dict[str, object] = {
+        "architecture": "hybrid",
+        "input": LAYOUT,
+        "classes": 5,
+        "location_order": "loop",
+        "location_taxels": LOCATION_ORDERS["loop"],
+    }
+    with pytest.raises(InputError) as caught:
+        NetworkDescription(**{**good, **values})  # type: ignore[arg-type]
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(
+    ("kind", "values", "message"),
+    [
+        pytest.param(
+            NeuronParameters,
+            {"tau_sr": 0.0},
+            "neuron 'tau_sr': it must be a finite number above 0 (got 0.0). Correct the description.",
+            id="tau of 0",
+        ),
+        pytest.param(
+            NeuronParameters,
+            {"theta": float("nan")},
+            "neuron 'theta': it must be a finite number above 0 (got nan). Correct the description.",
+            id="theta NaN",
+        ),
+        pytest.param(
+            NeuronParameters,
+            {"scale_ref": -1.0},
+            "neuron 'scale_ref': it must be a finite number of at least 0 (got -1.0). The published value is 2.",
+            id="negative refractory scale",
+        ),
+        pytest.param(
+            InputLayout,
+            {"fingertips": 100, "steps": 10, "step_seconds": 0.02},
+            "input channels: it must be a whole number in range (got 7800 against 1..4096). Correct the description.",
+            id="too many channels",
+        ),
+    ],
+)
+def test_parameters_that_do_not_hold(kind: type, values: dict[str, object], message: str) -> None:
+    assert fails(lambda: kind(**values)) == message
+
+
+def test_steps_beyond_the_matrix_are_refused() -> None:
+    layout = InputLayout(fingertips=1, steps=5000, step_seconds=0.02)
+    assert fails(TouchNetwork, description("tactile-snn", layout)) == (
+        "network 'model': it has too many steps for torch layers, whose kernel is a matrix of steps by steps "
+        "(5000 against 4000). Bin the recordings wider."
+    )
