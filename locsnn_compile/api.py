@@ -1,0 +1,120 @@
+"""What a program of the user's calls: compile a network, and verify what came of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+import hw_model as hw
+from locsnn_compile.data.read import read_recordings
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.synthetic import synthetic_touches
+from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.matching import Match, Progress, compare
+from locsnn_compile.network import Network
+from locsnn_compile.passes.lower_neurons import STRATEGIES
+from locsnn_compile.passes.quantize import check_weight_bits
+from locsnn_compile.pipeline import Levels, lower
+from locsnn_compile.report.document import report_document
+
+Events = str | Path | Recordings | npt.ArrayLike
+
+SYNTHETIC_SAMPLES = 16
+SYNTHETIC_SEED = 0
+
+
+@dataclass(frozen=True, eq=False)
+class CompiledModel:
+    """A program, the network it came from, and the report of their comparison."""
+
+    levels: Levels
+    match: Match
+    report: dict[str, Any]
+    """The content of report.json."""
+
+    @property
+    def program(self) -> hw.ChipProgram:
+        """What the chip is loaded with."""
+        return self.levels.program
+
+    @property
+    def network(self) -> Network:
+        """The trained network."""
+        return self.levels.network
+
+
+def compile(
+    network: Network,
+    target: str | Path = "loihi-sim",
+    strategy: str = "auto",
+    weight_bits: int = 8,
+    events: Events | None = None,
+    labels: npt.ArrayLike | None = None,
+    progress: Progress | None = None,
+) -> CompiledModel:
+    """Compile a network for a chip and check it against the float reference.
+
+    ``target``: a chip's name, or the path of a chip YAML. ``events``: recordings to check on - a file, archive or
+    folder, or an array (samples, steps, channels) of 0 and 1; by default those that the model carries, else synthetic
+    touches. ``labels`` (samples,) where ``events`` is an array. Raises ``InputError`` for what cannot be used and
+    ``TargetError`` for a model that the chip cannot hold.
+    """
+    if strategy not in STRATEGIES:
+        raise InputError(
+            f"strategy {strategy!r}", "SRM neurons are not lowered so", fix=did_you_mean(strategy, STRATEGIES)
+        )
+    check_weight_bits(weight_bits)
+    chip = hw.chip(target)
+    recordings = recordings_for(network, events, labels)
+    levels = lower(network, chip, weight_bits)
+    match = _compare(levels, recordings, progress)
+    return CompiledModel(levels, match, report_document(levels, match, "dendrite"))
+
+
+def verify(
+    compiled: CompiledModel, events: Events, labels: npt.ArrayLike | None = None, progress: Progress | None = None
+) -> Match:
+    """Compare a compiled model with its float reference on other recordings, spike by spike."""
+    return _compare(compiled.levels, recordings_for(compiled.network, events, labels), progress)
+
+
+def recordings_for(network: Network, events: Events | None, labels: npt.ArrayLike | None = None) -> Recordings:
+    """Return the recordings to check on; with no events the model's own, else synthetic ones."""
+    if events is None:
+        if network.recordings is not None:
+            return network.recordings
+        if network.fingertips is None:
+            raise InputError(
+                f"model {network.name!r}", "carries no recordings, and its input is no fingertip's", fix="Give events."
+            )
+        touches = synthetic_touches(
+            SYNTHETIC_SAMPLES, steps=network.steps, fingertips=network.fingertips, seed=SYNTHETIC_SEED
+        )
+        # Their labels are motions of the generator, not classes of this model.
+        return Recordings(touches.spikes, None, touches.step_seconds, touches.source)
+    if isinstance(events, Recordings):
+        return events
+    if isinstance(events, str | Path):
+        return read_recordings(events, step_seconds=network.step_seconds)
+    array = np.asarray(events)
+    return Recordings(
+        spikes=array,
+        labels=None if labels is None else np.asarray(labels),
+        step_seconds=network.step_seconds,
+        source="array",
+    )
+
+
+def _compare(levels: Levels, recordings: Recordings, progress: Progress | None) -> Match:
+    return compare(
+        levels.quantized,
+        levels.program,
+        recordings.spikes,
+        labels=recordings.labels,
+        source=recordings.source,
+        progress=progress,
+    )

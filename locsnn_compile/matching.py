@@ -1,0 +1,256 @@
+"""Float reference against chip, spike by spike, over a set of recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+import hw_model as hw
+from hw_model.cost import Latency, latency
+from hw_model.counts import Counts, total
+from hw_model.trace import ByteArray
+from locsnn_compile.errors import InputError
+from locsnn_compile.network import Network
+from locsnn_compile.operations import network_additions
+from locsnn_compile.quantized import QuantizedNetwork
+from locsnn_compile.reference import evaluate
+
+CHUNK = 16
+"""Recordings held at a time: memory does not grow with their number."""
+ENERGY_PROFILE = "davies2018"
+
+Progress = Callable[[int, int], None]
+"""Called with (recordings done, recordings in all)."""
+
+
+@dataclass(frozen=True)
+class PopulationMatch:
+    """Spikes of one population in the reference, on the chip, and at the same neuron and step in both."""
+
+    reference_spikes: int = 0
+    chip_spikes: int = 0
+    common_spikes: int = 0
+
+    @property
+    def mismatches(self) -> int:
+        """Spikes that only one side has."""
+        return self.reference_spikes + self.chip_spikes - 2 * self.common_spikes
+
+    @property
+    def agreement(self) -> float:
+        """``2 * common / (reference + chip)``; 1 where neither side spikes."""
+        both = self.reference_spikes + self.chip_spikes
+        return 2 * self.common_spikes / both if both else 1.0
+
+    def __add__(self, other: PopulationMatch) -> PopulationMatch:
+        return PopulationMatch(
+            self.reference_spikes + other.reference_spikes,
+            self.chip_spikes + other.chip_spikes,
+            self.common_spikes + other.common_spikes,
+        )
+
+
+@dataclass(frozen=True)
+class Divergence:
+    """The first spike that differs: both potentials in the float network's units, before any reset."""
+
+    recording: int
+    population: str
+    neuron: int
+    step: int
+    reference_potential: float
+    chip_potential: float
+    threshold: float
+
+
+@dataclass(frozen=True, eq=False)
+class Match:
+    """How a program compares with the network it came from, over ``samples`` recordings.
+
+    ``reference_prediction`` and ``chip_prediction`` are classes (samples,), ``labels`` likewise or None. ``counts``
+    holds the chip's counts of every recording, ``latencies`` their times under the default profile, ``additions`` the
+    reference's operations by axis over all recordings.
+    """
+
+    samples: int
+    events_source: str
+    reference_prediction: npt.NDArray[np.int64]
+    chip_prediction: npt.NDArray[np.int64]
+    labels: npt.NDArray[np.int64] | None
+    by_population: dict[str, PopulationMatch]
+    first_divergence: Divergence | None
+    counts: tuple[Counts, ...]
+    counts_by_phase: dict[str, Counts]
+    wraps_and_clips: dict[str, dict[str, int]]
+    latencies: tuple[Latency, ...]
+    additions: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def spikes(self) -> PopulationMatch:
+        """All populations together."""
+        return sum(self.by_population.values(), start=PopulationMatch())
+
+    @property
+    def prediction_agreement(self) -> float:
+        """Share of recordings for which both predict the same class."""
+        return float((self.reference_prediction == self.chip_prediction).mean())
+
+    @property
+    def accuracy(self) -> dict[str, float] | None:
+        """Share of recordings predicted right, by the reference and by the chip; None without labels."""
+        if self.labels is None:
+            return None
+        return {
+            "reference": float((self.reference_prediction == self.labels).mean()),
+            "chip": float((self.chip_prediction == self.labels).mean()),
+        }
+
+
+def compare(
+    quantized: QuantizedNetwork,
+    program: hw.ChipProgram,
+    recordings: ByteArray,
+    *,
+    labels: npt.NDArray[np.int64] | None = None,
+    source: str = "array",
+    progress: Progress | None = None,
+) -> Match:
+    """Play recordings (samples, steps, channels) to both sides and compare every spike."""
+    network = quantized.network
+    recordings = fit_recordings(network, recordings, source)
+    _check_labels(network, labels, len(recordings), source)
+    by_population = {p.name: PopulationMatch() for p in network.populations}
+    predictions: list[tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]] = []
+    counts: list[Counts] = []
+    by_phase: dict[str, Counts] = {phase.name: Counts() for phase in program.phases}
+    wraps_and_clips: dict[str, dict[str, int]] = {}
+    latencies: list[Latency] = []
+    additions: dict[str, int] = dict.fromkeys(network.axes, 0)
+    profile = program.chip.profile(ENERGY_PROFILE)
+    first: tuple[int, str, int, int] | None = None
+    for start in range(0, len(recordings), CHUNK):
+        chunk = recordings[start : start + CHUNK]
+        wanted = evaluate(network, chunk)
+        found = hw.simulate(program, chunk)
+        for name in by_population:
+            by_population[name] += _match(wanted.spikes[name], found.spikes[name])
+        if first is None:
+            first = _first_difference(network, wanted.spikes, found.spikes, start)
+        predictions.append((wanted.prediction, found.prediction))
+        counts += found.per_recording
+        for phase, added in found.counts_by_phase.items():
+            by_phase[phase] += added
+        for name, events in found.events.items():
+            before = wraps_and_clips.setdefault(name, dict.fromkeys(events, 0))
+            wraps_and_clips[name] = {event: before[event] + n for event, n in events.items()}
+        latencies += [
+            latency(program, {phase: found.activity[phase][i] for phase in found.activity}, profile)
+            for i in range(len(chunk))
+        ]
+        for axis, n in network_additions(network, wanted.spikes).items():
+            additions[axis] += n
+        if progress:
+            progress(start + len(chunk), len(recordings))
+    reference, chip = (np.concatenate(side) for side in zip(*predictions, strict=True))
+    assert total(counts) == total(by_phase.values())
+    return Match(
+        samples=len(recordings),
+        events_source=source,
+        reference_prediction=reference,
+        chip_prediction=chip,
+        labels=labels,
+        by_population=by_population,
+        first_divergence=None if first is None else _explain(quantized, program, recordings, *first),
+        counts=tuple(counts),
+        counts_by_phase=by_phase,
+        wraps_and_clips=wraps_and_clips,
+        latencies=tuple(latencies),
+        additions=additions,
+    )
+
+
+def fit_recordings(network: Network, recordings: ByteArray, source: str) -> ByteArray:
+    """Check channels and steps; a shorter recording is followed by silence, a longer one is refused."""
+    where = f"events {source!r}"
+    if recordings.ndim != 3 or recordings.shape[2] != network.channels:
+        raise InputError(
+            where,
+            "the channel count differs from the model's",
+            measured=f"{recordings.shape[-1]} channels against {network.channels}",
+            fix=f"Give recordings of shape (samples, steps, {network.channels}).",
+        )
+    missing = network.steps - recordings.shape[1]
+    if missing < 0:
+        raise InputError(
+            where,
+            "the recordings are longer than the model's",
+            measured=f"{recordings.shape[1]} steps against {network.steps}",
+            fix=f"Cut them to {network.steps} steps.",
+        )
+    return np.pad(recordings, ((0, 0), (0, missing), (0, 0)))
+
+
+def _check_labels(network: Network, labels: npt.NDArray[np.int64] | None, samples: int, source: str) -> None:
+    if labels is None:
+        return
+    if labels.shape != (samples,):
+        raise InputError(
+            f"labels of {source!r}",
+            "not one label a recording",
+            measured=f"{labels.shape} against ({samples},)",
+            fix="Give one class number for every recording.",
+        )
+    if labels.min() < 0 or labels.max() >= network.classes:
+        raise InputError(
+            f"labels of {source!r}",
+            "a label is none of the model's classes",
+            measured=f"{labels.min()}..{labels.max()} against 0..{network.classes - 1}",
+            fix="Check that the events belong to this model.",
+        )
+
+
+def _match(wanted: ByteArray, found: ByteArray) -> PopulationMatch:
+    return PopulationMatch(int(wanted.sum()), int(found.sum()), int((wanted & found).sum()))
+
+
+def _first_difference(
+    network: Network, wanted: Mapping[str, ByteArray], found: Mapping[str, ByteArray], start: int
+) -> tuple[int, str, int, int] | None:
+    """Return (recording, population, neuron, step): first recording, first axis, earliest step, network order."""
+    rows = []
+    for rank, population in enumerate(network.populations):
+        differs = np.argwhere(wanted[population.name] != found[population.name])
+        if len(differs):
+            recording, step, neuron = (int(i) for i in differs[0])
+            rows.append((recording, network.axes.index(population.axis), step, rank, neuron))
+    if not rows:
+        return None
+    recording, _, step, rank, neuron = min(rows)
+    return start + recording, network.populations[rank].name, neuron, step
+
+
+def _explain(
+    quantized: QuantizedNetwork,
+    program: hw.ChipProgram,
+    recordings: ByteArray,
+    recording: int,
+    name: str,
+    neuron: int,
+    step: int,
+) -> Divergence:
+    one = recordings[recording : recording + 1]
+    wanted = evaluate(quantized.network, one, potentials=True).potential[name][0, step, neuron]
+    found = hw.simulate(program, one, probe=("potential",)).potential[name][0, step, neuron]
+    population = quantized.population(name)
+    return Divergence(
+        recording,
+        name,
+        neuron,
+        step,
+        float(wanted),
+        float(found / population.scale),
+        population.population.neuron.theta,
+    )

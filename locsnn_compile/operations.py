@@ -1,0 +1,67 @@
+"""Operations by the published method: what a network costs on paper, without a chip.
+
+Spiking networks add one weight for every spike and every neuron it fans out to, and multiply nothing. The artificial
+networks that they are compared with multiply and add, each counted as one operation. Source: Kang et al., IJCNN 2022;
+the counts below give its printed figures to the last digit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from hw_model.trace import ByteArray
+from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.network import Network
+
+GRU_HIDDEN = 32
+CHANNELS_PER_FINGERTIP = 78
+FRAME = (9, 7)
+"""Rows and columns of the frame that CNN-3D lays a fingertip's taxels out on."""
+ANN_NAMES = ("cnn-3d", "gru-mlp")
+
+
+def ann_operations(name: str, *, fingertips: int, steps: int, classes: int) -> int:
+    """Return multiplications plus additions of one recording of ``steps`` time steps.
+
+    ``cnn-3d``: for each fingertip Conv3d(2 -> 4, kernel 7x3x3, stride 4x1x1) and Conv3d(4 -> 8, kernel 5x3x3, stride
+    3x1x1) on steps x 9 x 7 frames, then one linear layer over both. ``gru-mlp``: GRU(78 a fingertip -> 32), then one
+    linear layer at the last step. Biases are not counted, as in the published figures.
+    """
+    if name == "cnn-3d":
+        return _cnn_3d(fingertips, steps, classes)
+    if name == "gru-mlp":
+        inputs, hidden = CHANNELS_PER_FINGERTIP * fingertips, GRU_HIDDEN
+        a_step = 2 * 3 * (inputs * hidden + hidden * hidden) + 13 * hidden
+        return steps * a_step + 2 * hidden * classes
+    raise InputError(f"network {name!r}", "its operations are not known", fix=did_you_mean(name, ANN_NAMES))
+
+
+def _cnn_3d(fingertips: int, steps: int, classes: int) -> int:
+    size = np.array([steps, *FRAME])
+    macs, channels = 0, 2
+    for out_channels, kernel, stride in ((4, (7, 3, 3), (4, 1, 1)), (8, (5, 3, 3), (3, 1, 1))):
+        size = (size - kernel) // stride + 1
+        if (size < 1).any():
+            raise InputError(
+                "network 'cnn-3d'",
+                "the recording is too short for its two convolutions",
+                measured=f"{steps} steps against at least 23",
+                fix="Compare on longer recordings.",
+            )
+        macs += int(size.prod()) * out_channels * channels * int(np.prod(kernel))
+        channels = out_channels
+    features = int(size.prod()) * channels * fingertips
+    return 2 * (fingertips * macs + features * classes)
+
+
+def network_additions(network: Network, spikes: Mapping[str, ByteArray]) -> dict[str, int]:
+    """Return additions by axis over all recordings: spikes (batch, steps, n) by source, times fan-out, added up."""
+    additions: dict[str, int] = {axis: 0 for axis in network.axes}
+    axis_of = {population.name: population.axis for population in network.populations}
+    for projection in network.projections:
+        fan_out = (projection.weights != 0).sum(axis=0)
+        sent = spikes[projection.source].sum(axis=(0, 1), dtype=np.int64)
+        additions[axis_of[projection.target]] += int((sent * fan_out).sum())
+    return additions

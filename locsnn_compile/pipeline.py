@@ -1,0 +1,38 @@
+"""The whole compiler as one column of passes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import hw_model as hw
+from hw_model.graph import CompartmentGraph
+from hw_model.placement import PlacedGraph, place_cores
+from hw_model.program import assemble
+from hw_model.routing import RoutedGraph, route_axons
+from locsnn_compile.network import Network, check_network
+from locsnn_compile.passes.lower_neurons import lower_neurons
+from locsnn_compile.passes.quantize import quantize
+from locsnn_compile.quantized import QuantizedNetwork
+
+
+@dataclass(frozen=True, eq=False)
+class Levels:
+    """A network at every level, from float to program."""
+
+    network: Network
+    quantized: QuantizedNetwork
+    compartments: CompartmentGraph
+    placed: PlacedGraph
+    routed: RoutedGraph
+    program: hw.ChipProgram
+
+
+def lower(network: Network, chip: hw.Chip, weight_bits: int) -> Levels:
+    """Lower a network to a program; every pass checks the level that it gives."""
+    check_network(network)
+    quantized = quantize(network, chip, weight_bits)
+    compartments = lower_neurons(quantized, chip)
+    placed = place_cores(compartments, chip)
+    routed = route_axons(placed)
+    program = assemble(routed)
+    return Levels(network, quantized, compartments, placed, routed, program)

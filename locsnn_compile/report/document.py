@@ -1,0 +1,221 @@
+"""report.json as plain values: what the other renderings show, and where each figure comes from."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+import hw_model as hw
+from hw_model.counts import Counts, total
+from hw_model.program import ChipProgram, Core
+from locsnn_compile.matching import ENERGY_PROFILE, Match
+from locsnn_compile.network import Network
+from locsnn_compile.operations import ANN_NAMES, ann_operations
+from locsnn_compile.pipeline import Levels
+
+SCHEMA = "locsnn-report/1"
+OPERATION_KEYS = ("synaptic_ops", "neuron_updates", "spikes", "input_events", "transpose_events")
+
+Document = dict[str, Any]
+
+
+def report_document(levels: Levels, match: Match, strategy: str) -> Document:
+    """Return the report; every ``per_sample`` figure is a mean over the recordings of the check."""
+    network, program = levels.network, levels.program
+    counts = total(match.counts)
+    return {
+        "schema": SCHEMA,
+        "model": {"name": network.name, "sha256": network.sha256},
+        "target": program.chip.name,
+        "strategy": strategy,
+        "weight_bits": levels.quantized.projections[0].weight_bits,
+        "match": _match(match, counts),
+        "accuracy": match.accuracy,
+        "operations": {
+            "per_sample": _per_sample(counts, match.samples),
+            "by_branch": {name: _per_sample(c, match.samples) for name, c in match.counts_by_phase.items()},
+            "published_method": _published(network, match),
+        },
+        "energy": _energy(program, match, counts),
+        "latency": _latency(program, match, network),
+        "resources": _resources(program),
+        "ann_comparison": _ann_comparison(network, match),
+        "skipped": {
+            "steps": counts.skipped_steps,
+            "events_dropped": counts.events_dropped,
+            "synapses_pruned": program.synapses_pruned,
+            "compartments_pruned": sum(g.size for g in levels.compartments.groups)
+            - sum(core.compartments for core in program.cores),
+        },
+        "quantization": _quantization(levels),
+    }
+
+
+def _match(match: Match, counts: Counts) -> Document:
+    first = match.first_divergence
+    return {
+        "samples": match.samples,
+        "events_source": match.events_source,
+        "prediction_agreement": match.prediction_agreement,
+        "spike_agreement": match.spikes.agreement,
+        "spike_mismatches": match.spikes.mismatches,
+        "reference_spikes": match.spikes.reference_spikes,
+        "chip_spikes": match.spikes.chip_spikes,
+        "by_population": {
+            name: {
+                "spike_agreement": found.agreement,
+                "spike_mismatches": found.mismatches,
+                "reference_spikes": found.reference_spikes,
+                "chip_spikes": found.chip_spikes,
+            }
+            for name, found in match.by_population.items()
+        },
+        "first_divergence": None
+        if first is None
+        else {
+            "recording": first.recording,
+            "population": first.population,
+            "neuron": first.neuron,
+            "step": first.step,
+            "reference_potential": first.reference_potential,
+            "chip_potential": first.chip_potential,
+            "threshold": first.threshold,
+        },
+        "wraps": counts.wraps,
+        "clips": counts.clips,
+        "wraps_and_clips_by_population": match.wraps_and_clips,
+    }
+
+
+def _per_sample(counts: Counts, samples: int) -> dict[str, float]:
+    return {key: counts[key] / samples for key in OPERATION_KEYS}
+
+
+def _published(network: Network, match: Match) -> Document:
+    """Additions on paper, spikes of the reference times fan-out, and the events that cross the transpose buffer."""
+    by_branch = {axis: n / match.samples for axis, n in match.additions.items()}
+    transposed = total(match.counts).transpose_events / match.samples
+    return {
+        "additions": sum(by_branch.values()),
+        "additions_by_branch": by_branch,
+        "transpose_events": transposed,
+        "operations": sum(by_branch.values()) + transposed,
+    }
+
+
+def _energy(program: ChipProgram, match: Match, counts: Counts) -> Document:
+    profile = program.chip.profile(ENERGY_PROFILE)
+    breakdown = {name: pj / match.samples for name, pj in hw.energy_pj(counts, profile).items()}
+    each = [sum(hw.energy_pj(one, profile).values()) for one in match.counts]
+    return {
+        "profile": ENERGY_PROFILE,
+        "source": profile.source,
+        "basis": profile.basis,
+        "per_sample_pj": sum(breakdown.values()),
+        "breakdown_pj": breakdown,
+        "by_branch_pj": {
+            phase: sum(hw.energy_pj(c, profile).values()) / match.samples for phase, c in match.counts_by_phase.items()
+        },
+        "over_samples_pj": {"min": min(each), "p50": float(np.median(each)), "max": max(each)},
+        "other_profiles_pj": {
+            name: sum(hw.energy_pj(counts, other).values()) / match.samples
+            for name, other in program.chip.profiles.items()
+            if name != ENERGY_PROFILE
+        },
+        "not_included": list(profile.not_included),
+    }
+
+
+def _latency(program: ChipProgram, match: Match, network: Network) -> Document:
+    each = np.array([one.total_ns for one in match.latencies])
+    cores = [one.critical_core for one in match.latencies]
+    mean_ns = float(each.mean())
+    return {
+        "profile": ENERGY_PROFILE,
+        "per_sample_ns": mean_ns,
+        "per_sample_cycles": round(mean_ns * program.chip.clock_ghz),
+        "by_branch_ns": {
+            phase: float(np.mean([one.by_phase_ns[phase] for one in match.latencies]))
+            for phase in match.counts_by_phase
+        },
+        "over_samples_ns": {"min": float(each.min()), "p50": float(np.median(each)), "max": float(each.max())},
+        "critical_core": max(sorted(set(cores)), key=cores.count),
+        "recording_ns": None if network.step_seconds is None else network.steps * network.step_seconds * 1e9,
+    }
+
+
+def _resources(program: ChipProgram) -> Document:
+    limits = program.chip.limits
+    word_bits = program.chip.synapse_memory.word_bits
+    rows = [_core_use(core) for core in program.cores]
+    of_core = {
+        "compartments": limits.compartments_per_core,
+        "axons_in": limits.input_axons_per_core,
+        "axons_out": limits.output_axons_per_core,
+        "synapse_words": limits.synapse_words_per_core,
+        "synapse_formats": limits.synapse_formats_per_core,
+        "compartment_profiles": limits.compartment_profiles_per_core,
+        "threshold_profiles": limits.threshold_profiles_per_core,
+    }
+    return {
+        "cores": len(program.cores),
+        "compartments": sum(row["compartments"] for row in rows),
+        "synapses": sum(row["synapses"] for row in rows),
+        "synapse_bits": sum(row["synapse_words"] for row in rows) * word_bits,
+        "axons_in": sum(row["axons_in"] for row in rows),
+        "axons_out": sum(row["axons_out"] for row in rows),
+        "limits": {
+            "cores": {"used": len(program.cores), "limit": program.chip.cores},
+            **{key: {"used": max(row[key] for row in rows), "limit": limit} for key, limit in of_core.items()},
+        },
+        "by_core": rows,
+    }
+
+
+def _core_use(core: Core) -> dict[str, Any]:
+    return {
+        "core": core.number,
+        "phase": core.phase,
+        "compartments": core.compartments,
+        "synapses": len(core.axons.target),
+        "synapse_words": core.axons.synapse_words,
+        "axons_in": core.axons.input_axons,
+        "axons_out": core.axons.output_axons,
+        "synapse_formats": len(core.axons.formats),
+        "compartment_profiles": len(core.profiles),
+        "threshold_profiles": len(core.thresholds),
+    }
+
+
+def _ann_comparison(network: Network, match: Match) -> Document:
+    """The published comparison, at this network's input size; empty where the input is not a fingertip's."""
+    if network.fingertips is None:
+        return {}
+    own = _published(network, match)["operations"]
+    found = {}
+    for name in ANN_NAMES:
+        try:
+            operations = ann_operations(
+                name, fingertips=network.fingertips, steps=network.steps, classes=network.classes
+            )
+        except hw.InputError:  # the recording is too short for that network's kernels: nothing to compare with
+            continue
+        found[name] = {"operations": operations, "ratio": operations / own if own else None}
+    return found
+
+
+def _quantization(levels: Levels) -> Document:
+    quantized = levels.quantized
+    return {
+        q.population.name: {
+            "scale": q.scale,
+            "threshold_mantissa": q.threshold,
+            "decay": q.decay,
+            "refractory_decay": q.refractory_decay,
+            "kernel_error": q.kernel_error,
+            "refractory_weight_error": q.refractory_error,
+            "weight_exponents": [p.exponent for p in quantized.projections if p.target == q.population.name],
+        }
+        for q in quantized.populations
+    }
