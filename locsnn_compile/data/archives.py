@@ -12,6 +12,7 @@ import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,9 +80,8 @@ def _stack(where: str, names: list[str], read: Callable[[str], bytes]) -> NDArra
         place = f"{where}, {PurePosixPath(name).name!r}"
         array = to_step_major(load_npy(read(name), place), place)
         if len(array) != 1:
-            raise InputError(place, "it is not one recording", measured=f"{len(array)}", fix="Give one a file.")
-        # Checked member by member, so that the message names the file.
-        one = Recordings(array, None, None, PurePosixPath(name).name).spikes[0]
+            raise InputError(place, "it is not one recording", measured=f"{len(array)} inside", fix="Give one a file.")
+        one = _checked(array, place)
         if spikes is None:
             if one.size * len(names) > MAX_ELEMENTS:
                 raise InputError(
@@ -95,12 +95,25 @@ def _stack(where: str, names: list[str], read: Callable[[str], bytes]) -> NDArra
             raise InputError(
                 place,
                 "its shape is not that of the other recordings",
-                measured=f"{one.shape} against {spikes.shape[1:]} steps x channels",
+                measured=f"got {_size(one)} against {_size(spikes[0])} steps x channels",
                 fix="Give recordings of one sensor and duration.",
             )
         spikes[index] = one
     assert spikes is not None
     return spikes
+
+
+def _checked(array: NDArray[Any], place: str) -> NDArray[np.uint8]:
+    # Member by member, so that the message names the file.
+    try:
+        spikes: NDArray[np.uint8] = Recordings(array, None, None, "").spikes[0]
+        return spikes
+    except InputError as error:
+        raise InputError(place, error.what, measured=error.measured, fix=error.fix) from None
+
+
+def _size(one: NDArray[np.uint8]) -> str:
+    return " x ".join(str(size) for size in one.shape)
 
 
 def _part(name: str) -> str:
@@ -113,7 +126,6 @@ def _opened(path: Path) -> Iterator[tuple[list[str], Callable[[str], bytes]]]:
     """Open a folder or archive: its files' names with forward slashes, and a reader of one of them."""
     if path.is_dir():
         files = {file.relative_to(path).as_posix(): file for file in sorted(path.rglob("*.npy"))}
-        # A folder named train or test keeps that name, so that it can be given by itself.
         yield list(files), lambda name: _limited(files[name], name)
         return
     where = f"archive {path.name!r}"

@@ -45,26 +45,52 @@ def read_tact(path: Path, *, step_seconds: float | None = None, threshold: int =
     where = f"file {path.name!r}"
     channels, seconds = _parse(read_bytes(path, where), where)
     beside = path.with_suffix(".startend")
+    start = float(seconds.min())
+    span_seconds = float(seconds.max()) - start
     if beside.exists():
-        start = _grasping_seconds(beside)
-        steps = round(GRASP_SECONDS / width)
-    else:
-        start = float(seconds.min())
-        steps = math.floor((float(seconds.max()) - start) / width) + 1
-    if not 1 <= steps <= MAX_STEPS:
+        start, span_seconds = _grasping_seconds(beside), GRASP_SECONDS - width / 2
+    if not span_seconds / width < MAX_STEPS:
         raise InputError(
             where,
             "it lasts too long for its bins",
-            measured=f"{steps} steps of {width:g} s against {MAX_STEPS}",
+            measured=f"{span_seconds:g} s in bins of {width:g} s against {MAX_STEPS} bins",
             fix="Give a .startend file beside it, or wider bins.",
         )
-    bins = np.floor((seconds - start) / width)
+    steps = math.floor(span_seconds / width) + 1
+    # Absurd times overflow to infinity, which lies outside like any other time that is too late.
+    with np.errstate(over="ignore"):
+        bins = np.floor((seconds - start) / width)
     inside = (bins >= 0) & (bins < steps)
     counts = np.zeros((steps, 2 * len(_TAXEL_OF_CELL)), dtype=np.int64)
     np.add.at(counts, (bins[inside].astype(np.int64), channels[inside]), 1)
     label = label_in_name(path.name)
     labels = None if label is None else np.array([label], dtype=np.int64)
     return Recordings((counts > threshold).astype(np.uint8)[np.newaxis], labels, width, path.name)
+
+
+def read_tact_folder(path: Path, *, step_seconds: float | None = None, threshold: int = 1) -> Recordings:
+    """Return the recordings of all ``.tact`` files of a folder, by name, with labels where every name has one.
+
+    Raises ``InputError`` for an unusable file and for recordings of different length: ``.startend`` files beside
+    them give all the same.
+    """
+    files = sorted(path.glob("*.tact"))
+    found = [read_tact(file, step_seconds=step_seconds, threshold=threshold) for file in files]
+    for file, one in zip(files, found, strict=True):
+        if one.spikes.shape != found[0].spikes.shape:
+            raise InputError(
+                f"folder {path.name!r}, {file.name!r}",
+                "it is not as long as the other recordings",
+                measured=f"{one.spikes.shape[1]} against {found[0].spikes.shape[1]} steps",
+                fix="Give .startend files beside them.",
+            )
+    labels = [one.labels for one in found if one.labels is not None]
+    return Recordings(
+        np.concatenate([one.spikes for one in found]),
+        np.concatenate(labels) if len(labels) == len(found) else None,
+        found[0].step_seconds,
+        path.name,
+    )
 
 
 def _parse(data: bytes, where: str) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

@@ -1,0 +1,209 @@
+"""EvTouch archives and folders: read straight, sorted by number, refused by name."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from locsnn_compile.data.read import read_recordings, recording_parts
+from locsnn_compile.errors import InputError
+
+REAL = Path(__file__).parents[2].parent / "shared/data/neutouch"
+RNG = np.random.default_rng(7)
+ONE = [RNG.integers(0, 2, size=(39, 2, 12)).astype(np.float32) for _ in range(12)]
+
+
+def npy(array: np.ndarray) -> bytes:
+    stream = io.BytesIO()
+    np.save(stream, array)
+    return stream.getvalue()
+
+
+def archive(path: Path, members: dict[str, bytes]) -> Path:
+    with zipfile.ZipFile(path, "w") as packed:
+        for name, data in members.items():
+            packed.writestr(name, data)
+    return path
+
+
+def divided(path: Path) -> Path:
+    members = {f"Ev-X/test/sample_{i}_label_{i % 3}.npy": npy(ONE[i]) for i in (10, 2, 0)}
+    members |= {f"Ev-X/train/sample_{i}_label_{i % 3}.npy": npy(ONE[i]) for i in (11, 1)}
+    return archive(path, {"Ev-X/": b"", "Ev-X/README": b"x", **members})
+
+
+@pytest.mark.parametrize(
+    ("split", "samples", "labels"),
+    [
+        pytest.param(None, [0, 2, 10], [0, 2, 1], id="test by default"),
+        pytest.param("test", [0, 2, 10], [0, 2, 1], id="test"),
+        pytest.param("train", [1, 11], [1, 2], id="train"),
+    ],
+)
+@pytest.mark.parametrize("unpacked", [False, True], ids=["archive", "folder"])
+def test_parts_are_read_in_the_order_of_their_numbers(
+    tmp_path: Path, split: str | None, samples: list[int], labels: list[int], unpacked: bool
+) -> None:
+    path = divided(tmp_path / "Ev-X.zip")
+    if unpacked:
+        with zipfile.ZipFile(path) as packed:
+            packed.extractall(tmp_path / "x")
+        path = tmp_path / "x"
+    found = read_recordings(path, split=split, step_seconds=0.02)
+    assert found.labels is not None
+    assert found.labels.tolist() == labels
+    for row, sample in enumerate(samples):
+        for taxel, polarity, step in np.ndindex(39, 2, 12):
+            assert found.spikes[row, step, 2 * taxel + polarity] == ONE[sample][taxel, polarity, step]
+    assert (found.source, found.step_seconds) == (path.name, 0.02)
+    assert recording_parts(path) == ("train", "test")
+
+
+def test_an_archive_that_is_not_divided(tmp_path: Path) -> None:
+    path = archive(tmp_path / "a.zip", {f"sample_{i}_label_0.npy": npy(ONE[i]) for i in (1, 0)})
+    assert np.array_equal(read_recordings(path).spikes[1, 3], ONE[1][..., 3].reshape(-1))
+    assert recording_parts(path) == ()
+
+
+def members(**values: bytes) -> Callable[[Path], object]:
+    return lambda path: archive(path, {f"test/sample_{name[1:]}_label_0.npy": data for name, data in values.items()})
+
+
+def truncated(path: Path) -> None:
+    path.write_bytes(divided(path).read_bytes()[:-200])
+
+
+def flipped(path: Path) -> None:
+    data = bytearray(archive(path, {"test/sample_0_label_0.npy": npy(ONE[0])}).read_bytes())
+    data[300] ^= 1
+    path.write_bytes(data)
+
+
+def huge_header() -> bytes:
+    stream = io.BytesIO()
+    np.lib.format.write_array_header_1_0(
+        stream, {"shape": (10**6, 10**6, 10**6), "fortran_order": False, "descr": "<f4"}
+    )
+    return stream.getvalue()
+
+
+BAD: list[tuple[str, Callable[[Path], object], str]] = [
+    ("missing", lambda path: None, "archive 'a.zip': it cannot be read (No such file or directory). Check the path."),
+    (
+        "empty file",
+        Path.touch,
+        "archive 'a.zip': it is damaged, truncated or not a zip archive. Fetch the archive again.",
+    ),
+    (
+        "truncated",
+        truncated,
+        "archive 'a.zip': it is damaged, truncated or not a zip archive. Fetch the archive again.",
+    ),
+    ("damaged member", flipped, "archive 'a.zip', 'sample_0_label_0.npy': it is damaged. Fetch the archive again."),
+    (
+        "nothing inside",
+        lambda path: archive(path, {"notes.txt": b"x"}),
+        "archive 'a.zip': no recordings inside. Give files named sample_<i>_label_<k>.npy.",
+    ),
+    (
+        "empty folder",
+        Path.mkdir,
+        "folder 'a.zip': no recordings inside. Give files named sample_<i>_label_<k>.npy.",
+    ),
+    (
+        "mixed shapes",
+        members(_0=npy(ONE[0]), _1=npy(ONE[1][..., :7])),
+        "archive 'a.zip', 'sample_1_label_0.npy': its shape is not that of the other recordings "
+        "(got 7 x 78 against 12 x 78 steps x channels). Give recordings of one sensor and duration.",
+    ),
+    (
+        "a count inside",
+        members(_0=npy(ONE[0]), _1=npy(ONE[1] * 3)),
+        "archive 'a.zip', 'sample_1_label_0.npy': its values are not all 0 or 1 "
+        "(3.0 at {first}). Give a binned array (samples, channels, steps) of zeros and ones.",
+    ),
+    (
+        "text values",
+        members(_0=npy(np.array([["a"]]))),
+        "archive 'a.zip', 'sample_0_label_0.npy': its values are no numbers (dtype <U1). "
+        "Write it again with numpy.save.",
+    ),
+    (
+        "pickled objects",
+        members(_0=npy(np.array([[None]], dtype=object))),
+        "archive 'a.zip', 'sample_0_label_0.npy': its values are no numbers (dtype object). "
+        "Write it again with numpy.save.",
+    ),
+    (
+        "no numpy file",
+        members(_0=b"hello"),
+        "archive 'a.zip', 'sample_0_label_0.npy': it is damaged or not a numpy file. Write it again with numpy.save.",
+    ),
+    (
+        "truncated member",
+        members(_0=npy(ONE[0])[:-10]),
+        "archive 'a.zip', 'sample_0_label_0.npy': it is truncated (3734 of 3744 bytes). "
+        "Write it again with numpy.save.",
+    ),
+    (
+        "absurd declared shape",
+        members(_0=huge_header()),
+        "archive 'a.zip', 'sample_0_label_0.npy': its declared shape is too large "
+        "(1000000x1000000x1000000 against 200000000 values). Give fewer recordings.",
+    ),
+    (
+        "several recordings in one file",
+        members(_0=npy(np.zeros((2, 39, 2, 5)))),
+        "archive 'a.zip', 'sample_0_label_0.npy': it is not one recording (2 inside). Give one a file.",
+    ),
+]
+
+
+@pytest.mark.parametrize(("make", "message"), [pytest.param(m, t, id=i) for i, m, t in BAD])
+def test_what_is_no_archive(tmp_path: Path, make: Callable[[Path], object], message: str) -> None:
+    path = tmp_path / "a.zip"
+    make(path)
+    channel, step = next((c, t) for t in range(12) for c in range(78) if ONE[1].reshape(78, 12)[c, t])
+    with pytest.raises(InputError) as caught:
+        read_recordings(path)
+    assert str(caught.value) == message.replace("{first}", f"sample 0, channel {channel}, step {step}")
+
+
+@pytest.mark.parametrize(
+    ("split", "message"),
+    [
+        pytest.param("tests", "split: 'tests' is not known. Did you mean 'test'?", id="unknown part"),
+        pytest.param(
+            "train",
+            "archive 'a.zip': there is no part 'train' (it has test). Choose one of: test.",
+            id="part that is missing",
+        ),
+    ],
+)
+def test_parts_that_do_not_exist(tmp_path: Path, split: str, message: str) -> None:
+    path = archive(tmp_path / "a.zip", {"test/sample_0_label_0.npy": npy(ONE[0])})
+    with pytest.raises(InputError) as caught:
+        read_recordings(path, split=split)
+    assert str(caught.value) == message
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason="the real recordings are not beside the repository")
+@pytest.mark.parametrize(
+    ("name", "steps", "classes", "train", "test"),
+    [
+        pytest.param("Ev-Objects", 250, 36, 576, 144, id="objects"),
+        pytest.param("Ev-Containers", 325, 20, 240, 60, id="containers"),
+    ],
+)
+def test_real_recordings(name: str, steps: int, classes: int, train: int, test: int) -> None:
+    for split, samples in (("train", train), ("test", test)):
+        found = read_recordings(REAL / f"{name}.zip", split=split)
+        assert found.labels is not None
+        assert found.spikes.shape == (samples, steps, 78)
+        assert np.bincount(found.labels).tolist() == [samples // classes] * classes
+        assert 2400 < found.spikes.sum() / samples < 2700

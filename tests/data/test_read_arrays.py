@@ -1,0 +1,283 @@
+"""Array files: every order of axes, labels wherever they may lie, and deterministic writing."""
+
+from __future__ import annotations
+
+import os
+import warnings
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from locsnn_compile.data.arrays import write_recordings
+from locsnn_compile.data.read import read_recordings, recording_parts
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.errors import InputError
+
+# (samples, taxels, polarities, steps)
+FULL = np.random.default_rng(3).integers(0, 2, size=(4, 39, 2, 10), dtype=np.uint8)
+STEPS = FULL.reshape(4, 78, 10).transpose(0, 2, 1)
+LABELS = np.array([3, 0, 2, 2])
+
+
+@pytest.mark.parametrize(
+    ("array", "expected"),
+    [
+        pytest.param(FULL, STEPS, id="samples, taxels, polarities, steps"),
+        pytest.param(FULL.reshape(4, 78, 10), STEPS, id="samples, channels, steps"),
+        pytest.param(FULL[1], STEPS[1:2], id="one: taxels, polarities, steps"),
+        pytest.param(FULL[1].reshape(78, 10), STEPS[1:2], id="one: channels, steps"),
+        pytest.param(FULL.astype(np.float32), STEPS, id="float32"),
+        pytest.param(FULL.astype(bool), STEPS, id="bool"),
+        pytest.param(np.asfortranarray(FULL), STEPS, id="column-major"),
+    ],
+)
+@pytest.mark.parametrize("suffix", [".npy", ".npz", ".pt"])
+def test_orders_of_axes(tmp_path: Path, array: np.ndarray, expected: np.ndarray, suffix: str) -> None:
+    path = tmp_path / f"x{suffix}"
+    if suffix == ".npy":
+        np.save(path, array)
+    elif suffix == ".npz":
+        np.savez_compressed(path, touches=array)
+    else:
+        torch.save(torch.from_numpy(array), path)
+    found = read_recordings(path)
+    assert np.array_equal(found.spikes, expected)
+    assert (found.labels, found.step_seconds, found.source) == (None, None, f"x{suffix}")
+    assert recording_parts(path) == ()
+
+
+def labels_beside(path: Path) -> Path:
+    np.save(path / "x.npy", FULL)
+    np.save(path / "x_labels.npy", LABELS)
+    return path / "x.npy"
+
+
+def labels_in_npz(path: Path) -> Path:
+    np.savez(path / "x.npz", data=FULL, labels=LABELS.astype(float), step_seconds=0.02)
+    return path / "x.npz"
+
+
+def labels_in_pt(path: Path) -> Path:
+    values = {"spikes": torch.from_numpy(FULL), "labels": torch.from_numpy(LABELS), "step_seconds": 0.02}
+    torch.save(values, path / "x.pt")
+    return path / "x.pt"
+
+
+@pytest.mark.parametrize("make", [labels_beside, labels_in_npz, labels_in_pt])
+def test_labels_as_a_vector(tmp_path: Path, make: Callable[[Path], Path]) -> None:
+    found = read_recordings(make(tmp_path))
+    assert found.labels is not None
+    assert found.labels.tolist() == LABELS.tolist()
+
+
+def test_label_in_the_name(tmp_path: Path) -> None:
+    np.save(tmp_path / "sample_4_label_17.npy", FULL[0])
+    found = read_recordings(tmp_path / "sample_4_label_17.npy")
+    assert found.labels is not None
+    assert found.labels.tolist() == [17]
+
+
+def test_given_bin_width_wins_over_the_file(tmp_path: Path) -> None:
+    path = labels_in_npz(tmp_path)
+    assert read_recordings(path).step_seconds == 0.02
+    assert read_recordings(path, step_seconds=0.5).step_seconds == 0.5
+
+
+@pytest.mark.parametrize(
+    "recordings",
+    [
+        pytest.param(Recordings(STEPS, LABELS, 0.02, "x.npz"), id="all entries"),
+        pytest.param(Recordings(STEPS, None, None, "x.npz"), id="spikes alone"),
+    ],
+)
+def test_written_recordings_come_back_and_are_the_same_bytes(tmp_path: Path, recordings: Recordings) -> None:
+    write_recordings(tmp_path / "x.npz", recordings)
+    found = read_recordings(tmp_path / "x.npz")
+    assert np.array_equal(found.spikes, recordings.spikes)
+    assert np.array_equal(found.labels, recordings.labels) if recordings.labels is not None else found.labels is None
+    assert found.step_seconds == recordings.step_seconds
+    write_recordings(tmp_path / "again.npz", found)
+    assert (tmp_path / "again.npz").read_bytes() == (tmp_path / "x.npz").read_bytes()
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["again.npz", "x.npz"]
+    with np.load(tmp_path / "x.npz") as entries:
+        assert entries["spikes"].shape == (4, 78, 10)
+
+
+def test_writing_into_no_folder(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        write_recordings(tmp_path / "none" / "x.npz", Recordings(STEPS, None, None, "x"))
+    assert str(caught.value) == (
+        "file 'x.npz': it cannot be written (No such file or directory). "
+        "Give a file in a folder that exists and can be written."
+    )
+
+
+class Hostile:
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[str]]:
+        return os.system, ("touch ran",)
+
+
+def npz(**entries: Any) -> Callable[[Path], object]:
+    return lambda path: np.savez(path, **entries)
+
+
+def half_npz(path: Path) -> None:
+    np.savez(path, spikes=FULL)
+    path.write_bytes(path.read_bytes()[:1500])
+
+
+def bomb(path: Path) -> None:
+    header = b"\x93NUMPY\x01\x00v\x00"
+    text = b"{'descr': '|u1', 'fortran_order': False, 'shape': (3000000000,), }"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("spikes.npy", header + text.ljust(117) + b"\n")
+
+
+def bad_label_shape(path: Path) -> None:
+    np.save(path, FULL)
+    np.save(path.with_name("a_labels.npy"), LABELS[:3])
+
+
+BAD: list[tuple[str, str, Callable[[Path], object], str]] = [
+    ("missing", "a.npy", lambda path: None, "file 'a.npy': it does not exist. Check the path."),
+    (
+        "unknown kind",
+        "a.csv",
+        Path.touch,
+        "file 'a.csv': its kind is not known (ending '.csv'). Give one of: .zip, .npy, .npz, .pt, .tact, or a folder.",
+    ),
+    (
+        "empty npy",
+        "a.npy",
+        Path.touch,
+        "file 'a.npy': it is damaged or not a numpy file. Write it again with numpy.save.",
+    ),
+    (
+        "pickle in npy",
+        "a.npy",
+        lambda path: np.save(path, np.array([Hostile()], dtype=object), allow_pickle=True),
+        "file 'a.npy': its values are no numbers (dtype object). Write it again with numpy.save.",
+    ),
+    (
+        "five axes",
+        "a.npy",
+        lambda path: np.save(path, FULL[np.newaxis]),
+        "file 'a.npy': its shape is not one of recordings (5 axes against 2 to 4). "
+        "Give (samples, channels, steps) or (samples, taxels, polarities, steps).",
+    ),
+    (
+        "no samples",
+        "a.npy",
+        lambda path: np.save(path, FULL[:0]),
+        "recordings 'a.npy': no recordings inside (shape (0, 10, 78)). "
+        "Give a binned array (samples, channels, steps) of zeros and ones.",
+    ),
+    (
+        "NaN",
+        "a.npy",
+        lambda path: np.save(path, np.full((1, 2, 3), np.nan)),
+        "recordings 'a.npy': its values are not all 0 or 1 (nan at sample 0, channel 0, step 0). "
+        "Give a binned array (samples, channels, steps) of zeros and ones.",
+    ),
+    (
+        "labels of another number",
+        "a.npy",
+        bad_label_shape,
+        "recordings 'a.npy': labels and recordings differ in number ((3,) against (4,)). "
+        "Give one class number from 0 a recording.",
+    ),
+    (
+        "truncated npz",
+        "a.npz",
+        half_npz,
+        "file 'a.npz': it is damaged, truncated or not a .npz file. Write it again with numpy.savez.",
+    ),
+    (
+        "absurd shape in npz",
+        "a.npz",
+        bomb,
+        "file 'a.npz', 'spikes.npy': its declared shape is too large (3000000000 against 200000000 values). "
+        "Give fewer recordings.",
+    ),
+    (
+        "npz with several arrays",
+        "a.npz",
+        npz(a=FULL, b=FULL),
+        "file 'a.npz': it is not clear which entry holds the recordings (entries: a, b). Name the entry 'spikes'.",
+    ),
+    (
+        "npz with labels alone",
+        "a.npz",
+        npz(labels=LABELS),
+        "file 'a.npz': no recordings inside (entries: labels). Name the entry 'spikes'.",
+    ),
+    (
+        "bin width of two numbers",
+        "a.npz",
+        npz(spikes=FULL, step_seconds=[1.0, 2.0]),
+        "file 'a.npz': its entry 'step_seconds' is not one number. Give the width of a bin.",
+    ),
+    (
+        "damaged pt",
+        "a.pt",
+        lambda path: path.write_bytes(b"PK\x03\x04 not really"),
+        "file 'a.pt': it is damaged, truncated or not a torch file. Write it again with torch.save.",
+    ),
+    (
+        "hostile pt",
+        "a.pt",
+        lambda path: torch.save({"spikes": Hostile()}, path),
+        "file 'a.pt': it holds objects that would run code when read, so it was not read. "
+        "Save tensors and plain values only.",
+    ),
+    (
+        "a checkpoint as events",
+        "a.pt",
+        lambda path: torch.save({"format": "locsnn-checkpoint", "weights": {}}, path),
+        "file 'a.pt': it is a trained network, not recordings. Give it as the model, and recordings as events.",
+    ),
+    (
+        "text in pt",
+        "a.pt",
+        lambda path: torch.save({"spikes": "none"}, path),
+        "file 'a.pt': its entry 'spikes' is no array (str). Give the recordings as one tensor.",
+    ),
+    (
+        "bfloat16 in pt",
+        "a.pt",
+        lambda path: torch.save(torch.zeros(2, 3, 4, dtype=torch.bfloat16), path),
+        "file 'a.pt': its entry 'spikes' is no array (torch.bfloat16). Give uint8.",
+    ),
+    (
+        "labels of text in pt",
+        "a.pt",
+        lambda path: torch.save({"spikes": torch.zeros(1, 2, 3), "labels": ["cup"]}, path),
+        "file 'a.pt': its entry 'labels' holds no numbers. Give plain numbers.",
+    ),
+]
+
+
+@pytest.mark.parametrize(("name", "make", "message"), [pytest.param(n, m, t, id=i) for i, n, m, t in BAD])
+def test_what_are_no_recordings(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, make: Callable[[Path], object], message: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    make(tmp_path / name)
+    with pytest.raises(InputError) as caught, warnings.catch_warnings(record=True) as leaked:
+        read_recordings(tmp_path / name)
+    assert str(caught.value) == message
+    assert not leaked
+    assert not (tmp_path / "ran").exists()
+
+
+def test_a_file_has_no_parts(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        read_recordings(labels_beside(tmp_path), split="train")
+    assert str(caught.value) == (
+        "file 'x.npy': there is no part 'train' (a single file is not divided). Leave the part out."
+    )

@@ -1,0 +1,178 @@
+"""Raw sensor text: cells to channels, bins and thresholds, phases, and garbage by its line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from locsnn_compile.data.read import read_recordings
+from locsnn_compile.errors import InputError
+
+
+def write(path: Path, events: list[tuple[int, int, float]]) -> Path:
+    path.write_text("".join(f"{p} {c} {t}\n" for p, c, t in events))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("cell", "polarity", "channel"),
+    [
+        pytest.param(1, 1, 0, id="first cell, rising"),
+        pytest.param(1, 0, 1, id="first cell, falling"),
+        pytest.param(1, -1, 1, id="first cell, falling as -1"),
+        pytest.param(16, 1, 30, id="before the first gap"),
+        pytest.param(18, 1, 32, id="after the first gap"),
+        pytest.param(40, 0, 77, id="end of the first fingertip"),
+        pytest.param(41, 1, 78, id="start of the second fingertip"),
+        pytest.param(50, 1, 94, id="after the second gap"),
+        pytest.param(80, 0, 155, id="last cell"),
+    ],
+)
+def test_cells_become_channels(tmp_path: Path, cell: int, polarity: int, channel: int) -> None:
+    found = read_recordings(write(tmp_path / "a.tact", [(polarity, cell, 5.0), (polarity, cell, 5.001)]))
+    assert found.spikes.shape == (1, 1, 156)
+    assert np.flatnonzero(found.spikes[0, 0]).tolist() == [channel]
+    assert (found.step_seconds, found.labels) == (0.02, None)
+
+
+def test_bins_and_threshold(tmp_path: Path) -> None:
+    # Of cell 1: one event in bin 0, two in bin 1, three in bin 3; the order of the lines does not matter.
+    times = [10.07, 10.0, 10.025, 10.03, 10.071, 10.072]
+    path = write(tmp_path / "grasp_label_4.tact", [(1, 1, t) for t in times])
+    assert read_recordings(path).spikes[0, :, 0].tolist() == [0, 1, 0, 1]
+    assert read_recordings(path, threshold=2).spikes[0, :, 0].tolist() == [0, 0, 0, 1]
+    assert read_recordings(path, threshold=0, step_seconds=0.04).spikes[0, :, 0].tolist() == [1, 1]
+    labels = read_recordings(path).labels
+    assert labels is not None
+    assert labels.tolist() == [4]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        pytest.param("1 2 3 100.0 105 110", id="six numbers"),
+        pytest.param("start 1\nreaching 2\nreached 3\ngrasping 100.0\nlifting 105\nholding 110\n", id="named"),
+        pytest.param("start: 1, grasping: 100.0", id="named, in part"),
+    ],
+)
+def test_startend_selects_the_grasp(tmp_path: Path, text: str) -> None:
+    events = [
+        (1, 2, 99.9),
+        (1, 2, 99.91),
+        (1, 3, 100.0),
+        (1, 3, 100.01),
+        (0, 3, 106.49),
+        (0, 3, 106.495),
+        (0, 4, 106.6),
+    ]
+    path = write(tmp_path / "a.tact", events)
+    (tmp_path / "a.startend").write_text(text)
+    spikes = read_recordings(path).spikes[0]
+    assert spikes.shape == (325, 156)
+    assert [tuple(map(int, where)) for where in np.argwhere(spikes)] == [(0, 4), (324, 5)]
+
+
+def test_a_folder_of_recordings(tmp_path: Path) -> None:
+    for name, cell in (("b_label_1", 2), ("a_label_0", 1)):
+        write(tmp_path / f"{name}.tact", [(1, cell, 1.0), (1, cell, 1.0)])
+    found = read_recordings(tmp_path)
+    assert found.labels is not None
+    assert found.labels.tolist() == [0, 1]
+    assert [int(c) for c in found.spikes.argmax(axis=2)[:, 0]] == [0, 2]
+
+
+def message_of(path: Path) -> str:
+    with pytest.raises(InputError) as caught:
+        read_recordings(path)
+    return str(caught.value)
+
+
+FIX = "Write 'polarity cell_index timestamp_seconds' on it."
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        pytest.param(
+            "1 1 1.0\n\n1 x 1.0\n", f"file 'a.tact', line 3: it is no event (got '1 x 1.0'). {FIX}", id="word"
+        ),
+        pytest.param("1 1\n", f"file 'a.tact', line 1: it is no event (got '1 1'). {FIX}", id="two fields"),
+        pytest.param("1 1 1 1\n", f"file 'a.tact', line 1: it is no event (got '1 1 1 1'). {FIX}", id="four fields"),
+        pytest.param("2 1 1\n", f"file 'a.tact', line 1: its polarity is not 1, 0 or -1 (got 2). {FIX}", id="polarity"),
+        pytest.param(
+            "1 17 1\n",
+            f"file 'a.tact', line 1: there is no such cell (got 17 against 1..80 without 17 and 49). {FIX}",
+            id="cell that does not exist",
+        ),
+        pytest.param("1 1 nan\n", f"file 'a.tact', line 1: its time is not finite (got nan). {FIX}", id="NaN"),
+        pytest.param("\n", "file 'a.tact': no events inside. Give a recording with events.", id="empty"),
+        pytest.param(
+            "1 1 0\n1 1 1e9\n",
+            "file 'a.tact': it lasts too long for its bins (1e+09 s in bins of 0.02 s against 20000 bins). "
+            "Give a .startend file beside it, or wider bins.",
+            id="too long",
+        ),
+        pytest.param(
+            "1 1 -1e308\n1 1 1e308\n",
+            "file 'a.tact': it lasts too long for its bins (inf s in bins of 0.02 s against 20000 bins). "
+            "Give a .startend file beside it, or wider bins.",
+            id="absurd times",
+        ),
+    ],
+)
+def test_what_is_no_recording(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "a.tact").write_text(text)
+    assert message_of(tmp_path / "a.tact") == message
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        pytest.param(
+            {"step_seconds": 0.0},
+            "step_seconds: it is out of range (got 0.0 against 1e-06..1000). Give the width of a bin in seconds.",
+            id="no width",
+        ),
+        pytest.param(
+            {"step_seconds": float("nan")},
+            "step_seconds: it is out of range (got nan against 1e-06..1000). Give the width of a bin in seconds.",
+            id="NaN",
+        ),
+        pytest.param(
+            {"threshold": -1},
+            "threshold: it is negative (got -1). Give the events that a bin must exceed.",
+            id="negative threshold",
+        ),
+    ],
+)
+def test_options_that_do_not_hold(tmp_path: Path, options: dict[str, float], message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        read_recordings(write(tmp_path / "a.tact", [(1, 1, 0.0)]), **options)  # type: ignore[arg-type]
+    assert str(caught.value) == message
+
+
+def test_bytes_that_are_no_text(tmp_path: Path) -> None:
+    (tmp_path / "a.tact").write_bytes(b"\xff\xfe\x00garbage")
+    assert message_of(tmp_path / "a.tact").startswith("file 'a.tact', line 1: it is no event (got ")
+
+
+def test_startend_without_grasping(tmp_path: Path) -> None:
+    write(tmp_path / "a.tact", [(1, 1, 0.0)])
+    (tmp_path / "a.startend").write_text("1 2 3")
+    assert message_of(tmp_path / "a.tact") == (
+        "file 'a.startend': it does not give the time of 'grasping' (3 numbers). "
+        "Give the times of start, reaching, reached, grasping, lifting, holding."
+    )
+
+
+def test_a_folder_of_different_lengths(tmp_path: Path) -> None:
+    folder = tmp_path / "grasps"
+    folder.mkdir()
+    write(folder / "a.tact", [(1, 1, 0.0), (1, 1, 0.1)])
+    write(folder / "b.tact", [(1, 1, 0.0)])
+    assert message_of(folder) == (
+        "folder 'grasps', 'b.tact': it is not as long as the other recordings (1 against 6 steps). "
+        "Give .startend files beside them."
+    )

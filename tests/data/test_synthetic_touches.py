@@ -1,0 +1,84 @@
+"""Synthetic touches: deterministic, shaped and paced like the sensor's, different class by class."""
+
+from __future__ import annotations
+
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from locsnn_compile.data.read import read_recordings
+from locsnn_compile.data.synthetic import synthetic_touches
+from locsnn_compile.errors import InputError
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def test_equal_arguments_give_equal_recordings() -> None:
+    first, again, other = (synthetic_touches(3, steps=50, seed=seed) for seed in (5, 5, 6))
+    assert np.array_equal(first.spikes, again.spikes)
+    assert not np.array_equal(first.spikes, other.spikes)
+    # A longer set begins with the shorter one.
+    assert np.array_equal(synthetic_touches(4, steps=50, seed=5).spikes[:3], first.spikes)
+
+
+@pytest.mark.parametrize("fingertips", [1, 2])
+def test_shape_labels_and_pace(fingertips: int) -> None:
+    found = synthetic_touches(9, steps=250, fingertips=fingertips, classes=4)
+    assert found.spikes.shape == (9, 250, 78 * fingertips)
+    assert found.labels is not None
+    assert found.labels.tolist() == [0, 1, 2, 3, 0, 1, 2, 3, 0]
+    events = found.spikes.sum(axis=(1, 2)) / fingertips
+    assert (events > 2200).all()
+    assert (events < 2800).all()
+
+
+def test_contact_arrives_before_it_leaves() -> None:
+    spikes = synthetic_touches(1, steps=250, classes=1).spikes[0].reshape(250, 39, 2)
+    # Pressing down, in the first steps of the touch, raises pressure; lifting, in the last, lowers it.
+    rising, falling = (np.flatnonzero(spikes[:, :, polarity].sum(axis=1) > 8) for polarity in (0, 1))
+    assert rising.min() < falling.min()
+    assert rising.max() < falling.max()
+
+
+def test_classes_differ_more_than_their_recordings() -> None:
+    found = synthetic_touches(12, steps=250, classes=3, seed=3)
+    assert found.labels is not None
+    rates = found.spikes.reshape(12, 25, 10, 78).mean(axis=2).reshape(12, -1)
+    means = np.stack([rates[found.labels == label].mean(axis=0) for label in range(3)])
+    nearest = ((rates[:, None] - means[None]) ** 2).sum(axis=2).argmin(axis=1)
+    assert nearest.tolist() == found.labels.tolist()
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        pytest.param(
+            {"samples": 0},
+            "synthetic touches, 'samples': it is out of range (got 0 against 1..100000). Correct the number.",
+            id="no samples",
+        ),
+        pytest.param(
+            {"seed": -1},
+            "synthetic touches, 'seed': it is out of range (got -1 against 0..4294967295). Correct the number.",
+            id="negative seed",
+        ),
+        pytest.param(
+            {"steps": 10**9},
+            "synthetic touches, 'steps': it is out of range (got 1000000000 against 1..20000). Correct the number.",
+            id="absurd steps",
+        ),
+    ],
+)
+def test_numbers_out_of_range(values: dict[str, int], message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        synthetic_touches(**{"samples": 1, "steps": 5, **values})  # type: ignore[arg-type]
+    assert str(caught.value) == message
+
+
+def test_example_recordings_are_what_their_script_makes(tmp_path: Path) -> None:
+    runpy.run_path(str(EXAMPLES / "make_recordings.py"))["main"](tmp_path)
+    for name, shape in (("touches.npz", (8, 250, 78)), ("touches-long.npz", (4, 325, 78))):
+        assert (tmp_path / name).read_bytes() == (EXAMPLES / "recordings" / name).read_bytes()
+        assert read_recordings(EXAMPLES / "recordings" / name).spikes.shape == shape
