@@ -3,14 +3,21 @@
 It knows nothing of training, and imports neither torch nor the compiler.
 """
 
-from hw_model.builder import ProgramBuilder
-from hw_model.chip import Chip, chip, chip_names
-from hw_model.cost import energy_pj, latency
-from hw_model.counts import Counts
-from hw_model.errors import InputError, LocsnnError, TargetError
-from hw_model.program import ChipProgram
-from hw_model.program_file import load_program
-from hw_model.simulate import SimulationResult, simulate
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hw_model.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from hw_model.builder import ProgramBuilder
+    from hw_model.chip_description import Chip, chip, chip_names
+    from hw_model.cost import energy_pj, latency
+    from hw_model.counts import Counts
+    from hw_model.errors import InputError, LocsnnError, TargetError
+    from hw_model.program import ChipProgram
+    from hw_model.program_file import load_program
+    from hw_model.simulation import SimulationResult, simulate
 
 __all__ = [
     "Chip",
@@ -28,3 +35,23 @@ __all__ = [
     "load_program",
     "simulate",
 ]
+
+__getattr__ = lazy_names(
+    __name__,
+    {
+        "Chip": "hw_model.chip_description",
+        "ChipProgram": "hw_model.program",
+        "Counts": "hw_model.counts",
+        "InputError": "hw_model.errors",
+        "LocsnnError": "hw_model.errors",
+        "ProgramBuilder": "hw_model.builder",
+        "SimulationResult": "hw_model.simulation",
+        "TargetError": "hw_model.errors",
+        "chip": "hw_model.chip_description",
+        "chip_names": "hw_model.chip_description",
+        "energy_pj": "hw_model.cost",
+        "latency": "hw_model.cost",
+        "load_program": "hw_model.program_file",
+        "simulate": "hw_model.simulation",
+    },
+)

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
-from hw_model.chip import Chip
+from hw_model.chip_description import Chip
 from hw_model.errors import InputError, TargetError
 from hw_model.fixed_point import IntArray
 from hw_model.graph import (

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hw_model.activity import StepActivity
-from hw_model.chip import Profile
+from hw_model.chip_description import Profile
 from hw_model.counts import Counts
 from hw_model.program import ChipProgram
 

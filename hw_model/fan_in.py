@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hw_model.chip import Chip
+from hw_model.chip_description import Chip
 from hw_model.fixed_point import IntArray
 from hw_model.graph import CompartmentGraph, Synapses
 from hw_model.weights import SignMode

@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from hw_model.chip import Chip
+from hw_model.chip_description import Chip
 from hw_model.errors import InputError, TargetError
 from hw_model.fixed_point import DECAY_ONE, IntArray, effective_weight
 from hw_model.weights import WEIGHT_EXPONENTS, SignMode, weight_grid

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.chip import Chip
+from hw_model.chip_description import Chip
 from hw_model.errors import InputError
 from hw_model.fixed_point import WEIGHT_SHIFT, IntArray
 from hw_model.graph import CompartmentGraph, Compartments, Input, Phase, Readout

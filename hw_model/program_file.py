@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from hw_model.chip import parse_chip
+from hw_model.chip_description import parse_chip
 from hw_model.errors import InputError
 from hw_model.fan_in import SynapseFormat
 from hw_model.fixed_point import IntArray

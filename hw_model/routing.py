@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hw_model.chip import Chip
+from hw_model.chip_description import Chip
 from hw_model.errors import TargetError
 from hw_model.fan_in import FanIn, SynapseFormat, fan_in, first_source
 from hw_model.fixed_point import IntArray

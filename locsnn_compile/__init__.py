@@ -9,8 +9,9 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from hw_model.lazy import lazy_names
 
 if TYPE_CHECKING:
     from locsnn_compile.api import CompiledModel, compile, verify
@@ -18,18 +19,6 @@ if TYPE_CHECKING:
     from locsnn_compile.frontends import load
     from locsnn_compile.matching import Match
     from locsnn_compile.network import Network
-
-_HOMES = {
-    "CompiledModel": "locsnn_compile.api",
-    "compile": "locsnn_compile.api",
-    "verify": "locsnn_compile.api",
-    "InputError": "locsnn_compile.errors",
-    "LocsnnError": "locsnn_compile.errors",
-    "TargetError": "locsnn_compile.errors",
-    "load": "locsnn_compile.frontends",
-    "Network": "locsnn_compile.network",
-    "Match": "locsnn_compile.matching",
-}
 
 __all__ = [
     "CompiledModel",
@@ -44,8 +33,17 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
-    """Import on first use: the command line's help must not wait for numpy."""
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_HOMES[name]), name)
+__getattr__ = lazy_names(
+    __name__,
+    {
+        "CompiledModel": "locsnn_compile.api",
+        "compile": "locsnn_compile.api",
+        "verify": "locsnn_compile.api",
+        "InputError": "locsnn_compile.errors",
+        "LocsnnError": "locsnn_compile.errors",
+        "TargetError": "locsnn_compile.errors",
+        "load": "locsnn_compile.frontends",
+        "Network": "locsnn_compile.network",
+        "Match": "locsnn_compile.matching",
+    },
+)

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hw_model as hw
-from hw_model.simulate import ENGINES
+from hw_model.simulation import ENGINES
 from hw_model.weights import weight_grid
 
 CHIP = hw.chip("loihi-sim")

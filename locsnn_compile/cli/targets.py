@@ -1,0 +1,42 @@
+"""``locsnn targets``: the chips that programs can be made for."""
+
+from __future__ import annotations
+
+import argparse
+
+_EXAMPLE = """\
+example:
+  locsnn targets --show loihi-sim > my-chip.yaml
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the ``targets`` command."""
+    parser = subparsers.add_parser(
+        "targets",
+        help="list the chips that ship",
+        description="List the chips that ship, or print a chip's description to start a chip file of your own from.",
+        epilog=_EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--show", metavar="CHIP", help="print the description of a chip, by name or chip file")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """List the chips, or print one."""
+    import hw_model as hw
+
+    if args.show:
+        print(hw.chip(args.show).document, end="")
+        return 0
+    for name in hw.chip_names():
+        chip = hw.chip(name)
+        limits = chip.limits
+        print(f"{name}: {chip.description}")
+        print(
+            f"  {chip.chips} chip of {limits.cores_per_chip} cores; a core holds {limits.compartments_per_core} "
+            f"compartments, {limits.input_axons_per_core} input axons, {limits.synapse_words_per_core} synapse words"
+        )
+        print(f"  energy profiles: {', '.join(chip.profiles)}")
+    return 0
