@@ -1,0 +1,178 @@
+"""``locsnn train``: what it writes, prints and refuses."""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from locsnn_compile.cli import train as command
+from locsnn_compile.data.arrays import write_recordings
+from locsnn_compile.data.synthetic import synthetic_touches
+from locsnn_compile.errors import InputError
+from locsnn_compile.models.checkpoint_reader import read_checkpoint
+from locsnn_compile.training.state import EpochRecord
+
+
+def parser() -> argparse.ArgumentParser:
+    whole = argparse.ArgumentParser(prog="locsnn")
+    command.add_parser(whole.add_subparsers(required=True))
+    return whole
+
+
+def run(*arguments: str) -> int:
+    args = parser().parse_args(["train", *arguments])
+    code: int = args.run(args)
+    return code
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> str:
+    write_recordings(tmp_path / "touches.npz", synthetic_touches(9, steps=40, classes=3, seed=1))
+    return str(tmp_path / "touches.npz")
+
+
+def evtouch_folder(path: Path) -> str:
+    touches = synthetic_touches(9, steps=40, classes=3, seed=1)
+    assert touches.labels is not None
+    for index, (spikes, label) in enumerate(zip(touches.spikes, touches.labels, strict=True)):
+        part = path / ("test" if index < 3 else "train")
+        part.mkdir(parents=True, exist_ok=True)
+        np.save(part / f"sample_{index}_label_{label}.npy", spikes.T.reshape(39, 2, 40).astype(np.float32))
+    return str(path)
+
+
+def test_a_file_without_parts(tmp_path: Path, data: str, capsys: pytest.CaptureFixture[str]) -> None:
+    output = tmp_path / "small.pt"
+    assert run("--data", data, "--epochs", "2", "--hidden", "6", "--order", "whorl", "-o", str(output)) == 0
+    found = read_checkpoint(output)
+    assert (found.description.name, found.description.hidden, found.description.classes) == ("small", 6, 3)
+    assert found.description.location_order == "whorl"
+    assert found.recordings is not None
+    assert len(found.recordings) == 8
+    assert found.training["test_accuracy"] is None
+    validation = found.training["validation_accuracy"]
+    printed = capsys.readouterr()
+    assert printed.out == (
+        f"epoch {found.training['chosen_epoch']} chosen by validation accuracy {validation:.3f}\nwrote {output}\n"
+    )
+    assert printed.err == ""
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["small.csv", "small.pt", "touches.npz"]
+
+
+def test_a_folder_with_parts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    output = tmp_path / "small.pt"
+    folder = evtouch_folder(tmp_path / "Ev-X")
+    assert run("--data", folder, "--epochs", "2", "--hidden", "6", "--recordings", "2", "-o", str(output)) == 0
+    found = read_checkpoint(output)
+    assert (found.training["train_recordings"], found.training["test_recordings"]) == (6, 3)
+    assert found.recordings is not None
+    assert found.recordings.labels is not None
+    assert found.recordings.labels.tolist() == [0, 1]
+    assert f"test accuracy {found.training['test_accuracy']:.3f} on 3 recordings\n" in capsys.readouterr().out
+
+
+def test_options_lie_over_the_configuration(tmp_path: Path, data: str, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "c.yaml").write_text("model: tactile-snn\nepochs: 9\nhidden: 5\nseed: 3\n")
+    output = tmp_path / "small.pt"
+    config = ("--config", str(tmp_path / "c.yaml"), "--epochs", "1", "--lambda", "0.5", "--no-refit")
+    assert run("--data", data, *config, "--recordings", "0", "--quiet", "-o", str(output)) == 0
+    found = read_checkpoint(output)
+    names = ("model", "epochs", "hidden", "seed", "location_weight", "refit")
+    assert [found.training[name] for name in names] == ["tactile-snn", 1, 5, 3, 0.5, False]
+    assert found.recordings is None
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_stopped_run_resumes(
+    tmp_path: Path, data: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    options = ("--data", data, "--epochs", "12", "--hidden", "5")
+    (tmp_path / "whole").mkdir()
+    run(*options, "-o", str(tmp_path / "whole" / "small.pt"))
+
+    import locsnn_compile.training.train as training
+
+    record = training.EpochRecord
+
+    def stopping(phase: str, epoch: int, *figures: float | None) -> EpochRecord:
+        if (phase, epoch) == ("select", 11):
+            raise KeyboardInterrupt
+        return record(phase, epoch, *figures)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(training, "EpochRecord", stopping)
+    capsys.readouterr()
+    assert run(*options, "-o", str(tmp_path / "small.pt")) == 130
+    assert capsys.readouterr().err == "Stopped. Go on with the same command and --resume.\n"
+    monkeypatch.setattr(training, "EpochRecord", record)
+    assert (tmp_path / "small.pt.state").exists()
+    assert run(*options, "--resume", "-o", str(tmp_path / "small.pt")) == 0
+    assert (tmp_path / "small.pt").read_bytes() == (tmp_path / "whole" / "small.pt").read_bytes()
+    assert (tmp_path / "small.csv").read_bytes() == (tmp_path / "whole" / "small.csv").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        pytest.param(("--data", "none.npz"), "file 'none.npz': it does not exist. Check the path.", id="missing data"),
+        pytest.param(
+            ("--recordings", "-1"),
+            "--recordings: it must be 0 or more (got -1). 0 keeps weights only.",
+            id="negative recordings",
+        ),
+        pytest.param(
+            ("-o", "none/x.pt"),
+            "output 'x.pt': it is no .pt file in a folder that exists. Correct -o.",
+            id="no folder for the output",
+        ),
+        pytest.param(
+            ("-o", "x.nir"),
+            "output 'x.nir': it is no .pt file in a folder that exists. Correct -o.",
+            id="other kind of output",
+        ),
+        pytest.param(
+            ("--model", "hybird"),
+            "training option 'model': 'hybird' is not known. Did you mean 'hybrid'?",
+            id="misspelt model",
+        ),
+        pytest.param(
+            ("--order", "1,2,3"),
+            "location order: taxel 4 is missing (3 of 39 taxels given). Give every taxel from 1 to 39 exactly once.",
+            id="short order",
+        ),
+    ],
+)
+def test_what_is_refused(
+    tmp_path: Path, data: str, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], message: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError) as caught:
+        run("--data", data, *arguments)
+    assert str(caught.value) == message
+    assert [file.name for file in tmp_path.iterdir()] == ["touches.npz"]
+
+
+def test_help_shows_a_working_example(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        parser().parse_args(["train", "--help"])
+    text = capsys.readouterr().out
+    assert "locsnn train --data examples/recordings/touches.npz --epochs 5 -o touches.pt" in text
+
+
+def test_progress_is_drawn_on_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    with command._progress(show=True) as progress:
+        assert progress is not None
+        progress(1, 4, EpochRecord("select", 1, 0.1, 2.0, 1.0, 0.5))
+    assert capsys.readouterr().out == ""
+    with command._progress(show=False) as progress:
+        assert progress is None
+
+
+def test_the_command_is_imported_without_torch() -> None:
+    code = "import sys, locsnn_compile.cli.train, locsnn_compile.data; print('torch' in sys.modules)"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout == "False\n"

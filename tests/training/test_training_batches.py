@@ -1,0 +1,64 @@
+"""What an epoch is fed: stratified parts, every recording once, events dropped and never added."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from locsnn_compile.training.batches import batches, drop_events, epoch_generator, stratified_split
+
+
+@pytest.mark.parametrize(
+    ("per_class", "fraction", "held"),
+    [
+        pytest.param(16, 0.125, 2, id="two of sixteen"),
+        pytest.param(12, 0.1667, 2, id="two of twelve"),
+        pytest.param(4, 0.1, 1, id="at least one"),
+        pytest.param(1, 0.5, 0, id="never the only one"),
+        pytest.param(2, 0.9, 1, id="never all"),
+        pytest.param(8, 0.0, 0, id="none asked for"),
+    ],
+)
+def test_every_class_gives_its_share(per_class: int, fraction: float, held: int) -> None:
+    labels = np.repeat(np.arange(5), per_class)
+    training, validation = stratified_split(labels, fraction, seed=3)
+    assert np.bincount(labels[validation], minlength=5).tolist() == [held] * 5
+    assert sorted([*training, *validation]) == list(range(len(labels)))
+
+
+def test_a_seed_gives_its_own_split() -> None:
+    labels = np.repeat(np.arange(3), 8)
+    first, again, other = (stratified_split(labels, 0.25, seed)[1].tolist() for seed in (1, 1, 2))
+    assert first == again
+    assert first != other
+
+
+@given(samples=st.integers(1, 20), size=st.integers(1, 8), seed=st.integers(0, 2**31))
+@settings(max_examples=25, deadline=None)
+def test_every_recording_once(samples: int, size: int, seed: int) -> None:
+    spikes = np.zeros((samples, 2, 3), dtype=np.uint8)
+    labels = np.arange(samples)
+    fed = list(batches(spikes, labels, batch_size=size, event_dropout=0.0, rng=epoch_generator(seed, 1, 1)))
+    assert sorted(np.concatenate([y for _, y in fed])) == list(range(samples))
+    assert {len(y) for _, y in fed[:-1]} <= {size}
+
+
+@given(largest=st.floats(0, 1), seed=st.integers(0, 2**31))
+@settings(max_examples=25, deadline=None)
+def test_dropping_never_adds(largest: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    spikes = (rng.random((4, 10, 6)) < 0.5).astype(np.float32)
+    kept = drop_events(spikes, largest, rng)
+    assert kept.dtype == np.float32
+    assert ((kept == spikes) | (kept == 0)).all()
+
+
+def test_dropping_takes_another_share_of_every_recording() -> None:
+    spikes = np.ones((400, 50, 40), dtype=np.float32)
+    share = 1 - drop_events(spikes, 0.6, epoch_generator(0, 1, 1)).mean(axis=(1, 2))
+    # Uniform on 0..0.6: mean 0.3, standard deviation 0.6 / sqrt(12).
+    assert share.mean() == pytest.approx(0.3, abs=0.03)
+    assert share.std() == pytest.approx(0.6 / np.sqrt(12), abs=0.02)
+    assert share.max() < 0.63

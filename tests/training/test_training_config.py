@@ -1,0 +1,103 @@
+"""Training configurations: the shipped ones load, and mistakes are named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from locsnn_compile.errors import InputError
+from locsnn_compile.training.config import TrainingConfig, config_from_mapping, read_config
+
+CONFIGS = Path(__file__).parents[2] / "examples" / "configs"
+
+
+@pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda path: path.stem)
+def test_shipped_configurations_load(path: Path) -> None:
+    assert config_from_mapping(read_config(path)).model == "hybrid"
+
+
+def test_objects_configuration_is_the_default() -> None:
+    assert config_from_mapping(read_config(CONFIGS / "objects-hybrid.yaml")) == TrainingConfig()
+
+
+def test_whole_numbers_serve_as_numbers() -> None:
+    config = config_from_mapping({"theta": 5, "event_dropout": 0})
+    assert (config.theta, config.event_dropout) == (5.0, 0.0)
+    assert isinstance(config.theta, float)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        pytest.param(
+            "epoch: 3", "config 'a.yaml': key 'epoch' is not known. Did you mean 'epochs'?", id="misspelt key"
+        ),
+        pytest.param(
+            "model: hybird",
+            "training option 'model': 'hybird' is not known. Did you mean 'hybrid'?",
+            id="misspelt model",
+        ),
+        pytest.param(
+            "epochs: 0",
+            "training option 'epochs': it is out of range (got 0 against 1..100000). Correct the value.",
+            id="no epochs",
+        ),
+        pytest.param(
+            "epochs: 2.5",
+            "training option 'epochs': it must be a whole number (got 2.5). Correct the value.",
+            id="half an epoch",
+        ),
+        pytest.param(
+            "learning_rate: .nan",
+            "training option 'learning_rate': it is out of range (got nan against 1e-09..1000). Correct the value.",
+            id="NaN",
+        ),
+        pytest.param(
+            "learning_rate: fast",
+            "training option 'learning_rate': it must be a number (got 'fast'). Correct the value.",
+            id="a word for a number",
+        ),
+        pytest.param(
+            "refit: 1",
+            "training option 'refit': it must be true or false (got 1). Correct the value.",
+            id="number for a truth value",
+        ),
+        pytest.param(
+            "hidden: true",
+            "training option 'hidden': it must be a whole number (got True). Correct the value.",
+            id="truth value for a number",
+        ),
+        pytest.param(
+            "- epochs",
+            "config 'a.yaml': it holds no mapping (list). Write one 'key: value' a line.",
+            id="a list",
+        ),
+        pytest.param("{", "config 'a.yaml': it is not a YAML file. Write one 'key: value' a line.", id="broken"),
+        pytest.param(
+            "!!python/object/apply:os.system ['touch ran']",
+            "config 'a.yaml': it is not a YAML file. Write one 'key: value' a line.",
+            id="hostile",
+        ),
+        pytest.param(
+            "model: " + "[" * 3000,
+            "config 'a.yaml': it is not a YAML file. Write one 'key: value' a line.",
+            id="deep",
+        ),
+        pytest.param("3: 4", "config 'a.yaml': key 3 is not known. {known}", id="a number for a key"),
+    ],
+)
+def test_configurations_that_are_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, message: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.yaml").write_text(text)
+    with pytest.raises(InputError) as caught:
+        read_config(tmp_path / "a.yaml")
+    known = ", ".join(sorted(TrainingConfig.__dataclass_fields__))
+    assert str(caught.value) == message.replace("{known}", f"Choose one of: {known}.")
+    assert not (tmp_path / "ran").exists()
+
+
+def test_a_missing_configuration(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        read_config(tmp_path / "a.yaml")
+    assert str(caught.value) == "config 'a.yaml': it cannot be read (No such file or directory). Check the path."

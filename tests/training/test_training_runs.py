@@ -1,0 +1,176 @@
+"""Whole training runs on a few synthetic touches: they learn, repeat, resume, and choose their epoch."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.synthetic import synthetic_touches
+from locsnn_compile.errors import InputError
+from locsnn_compile.training.config import TrainingConfig
+from locsnn_compile.training.state import EpochRecord
+from locsnn_compile.training.train import TrainingResult, choose_epoch, learning_rate, train
+
+CONFIG = TrainingConfig(hidden=8, epochs=4, batch_size=4, validation_fraction=0.25, learning_rate=0.01)
+
+
+def touches(samples: int = 12) -> Recordings:
+    return synthetic_touches(samples, steps=60, classes=3, seed=1)
+
+
+class KilledError(Exception):
+    """Stands for a run that is killed."""
+
+
+def same(first: TrainingResult, second: TrainingResult) -> bool:
+    weights, others = first.network.weights(), second.network.weights()
+    return first.history == second.history and all(np.array_equal(weights[name], others[name]) for name in weights)
+
+
+@pytest.mark.parametrize(
+    ("values", "floor"),
+    [
+        pytest.param({}, 0.9, id="hybrid, cross-entropy"),
+        pytest.param({"model": "tactile-snn", "optimizer": "rmsprop", "weight_decay": 0.0}, 0.9, id="time, rmsprop"),
+        pytest.param({"model": "location-tactile-snn", "order": "whorl"}, 0.9, id="location"),
+        pytest.param(
+            {"loss": "spike-count", "target_right": 20.0, "target_wrong": 1.0, "location_weight": 0.5},
+            0.9,
+            id="hybrid, spike counts",
+        ),
+    ],
+)
+def test_training_learns(values: dict[str, object], floor: float) -> None:
+    config = replace(CONFIG, epochs=30, event_dropout=0.2, **values)  # type: ignore[arg-type]
+    result = train(touches(24), config)
+    losses = [row.loss for row in result.history if row.phase == "select"]
+    assert losses[-1] < losses[0]
+    assert result.validation_accuracy is not None
+    assert result.validation_accuracy >= floor
+
+
+def test_equal_runs_are_equal_and_seeds_differ() -> None:
+    first, again, other = (train(touches(), replace(CONFIG, seed=seed)) for seed in (0, 0, 1))
+    assert same(first, again)
+    assert not same(first, other)
+
+
+@pytest.mark.parametrize("stop", [1, 3, 4, 5, 7])
+def test_a_killed_run_goes_on_to_the_same_bits(tmp_path: Path, stop: int) -> None:
+    whole = train(touches(), CONFIG)
+    state = tmp_path / "run.state"
+
+    def killer(done: int, expected: int, record: EpochRecord) -> None:
+        if done > stop:
+            raise KilledError
+
+    with pytest.raises(KilledError):
+        train(touches(), CONFIG, state_path=state, save_every=1, progress=killer)
+    seen: list[int] = []
+    resumed = train(touches(), CONFIG, state_path=state, progress=lambda done, expected, record: seen.append(done))
+    assert seen[0] == stop + 1
+    assert same(whole, resumed)
+    assert same(whole, train(touches(), CONFIG, state_path=state))
+
+
+@pytest.mark.parametrize(
+    ("config", "message"),
+    [
+        pytest.param(
+            replace(CONFIG, epochs=5),
+            "it belongs to a run with other options or other data. Delete it, or train without --resume.",
+            id="other options",
+        ),
+        pytest.param(CONFIG, "it is damaged. Delete it, or train without --resume.", id="damaged"),
+    ],
+)
+def test_states_that_do_not_fit(tmp_path: Path, config: TrainingConfig, message: str) -> None:
+    state = tmp_path / "run.state"
+    train(touches(), CONFIG, state_path=state)
+    if "damaged" in message:
+        state.write_bytes(state.read_bytes()[:500])
+    with pytest.raises(InputError) as caught:
+        train(touches(), config, state_path=state)
+    assert str(caught.value) == f"training state 'run.state': {message}"
+
+
+def test_the_log_has_a_line_an_epoch(tmp_path: Path) -> None:
+    result = train(touches(), CONFIG, log_path=tmp_path / "log.csv")
+    lines = (tmp_path / "log.csv").read_text().splitlines()
+    assert lines[0] == "phase,epoch,learning_rate,loss,validation_loss,validation_accuracy"
+    assert [line.split(",")[:2] for line in lines[1:]] == [[row.phase, str(row.epoch)] for row in result.history]
+    assert [row.phase for row in result.history] == ["select"] * 4 + ["refit"] * result.chosen_epoch
+
+
+def test_without_refit_the_chosen_weights_stay(tmp_path: Path) -> None:
+    result = train(touches(), replace(CONFIG, refit=False))
+    assert {row.phase for row in result.history} == {"select"}
+    assert result.chosen_epoch == choose_epoch(list(result.history), 10, 3)
+
+
+def test_without_validation_the_last_epoch_stays() -> None:
+    result = train(touches(), replace(CONFIG, validation_fraction=0.0))
+    assert (result.chosen_epoch, result.validation_accuracy) == (4, None)
+    assert {row.phase for row in result.history} == {"select"}
+
+
+@pytest.mark.parametrize(
+    ("accuracy", "smoothing", "chosen"),
+    [
+        pytest.param([0.5, 0.9, 0.5], 1, 2, id="the best"),
+        pytest.param([0.5, 0.9, 0.9], 1, 3, id="the later of equals"),
+        pytest.param([0.5, 0.9, 0.8], 1, 3, id="later within one recording"),
+        pytest.param([0.5, 0.9, 0.79], 1, 2, id="not beyond one recording"),
+        pytest.param([0.0, 1.0, 0.0, 0.7, 0.7], 2, 5, id="averages outdo a lucky epoch"),
+    ],
+)
+def test_choice_of_the_epoch(accuracy: list[float], smoothing: int, chosen: int) -> None:
+    rows = [EpochRecord("select", epoch, 0.1, 1.0, 1.0, value) for epoch, value in enumerate(accuracy, start=1)]
+    rows.append(EpochRecord("refit", 1, 0.1, 1.0, None, None))
+    assert choose_epoch(rows, smoothing, held=10) == chosen
+
+
+def test_learning_rates() -> None:
+    cosine = [learning_rate(replace(CONFIG, epochs=4), epoch) for epoch in (1, 3)]
+    assert cosine == pytest.approx([0.01, 0.005])
+    assert learning_rate(replace(CONFIG, schedule="constant"), 3) == 0.01
+
+
+@pytest.mark.parametrize(
+    ("recordings", "values", "message"),
+    [
+        pytest.param(
+            Recordings(np.zeros((1, 5, 78)), None, None, "x.npy"),
+            {},
+            "recordings 'x.npy': they have no labels to train on. Give labelled recordings.",
+            id="no labels",
+        ),
+        pytest.param(
+            Recordings(np.zeros((1, 5, 80)), np.zeros(1), None, "x.npy"),
+            {},
+            "recordings 'x.npy': their channels are not those of whole fingertips "
+            "(80 channels against multiples of 78). Give recordings of one or two NeuTouch fingertips.",
+            id="other sensor",
+        ),
+        pytest.param(
+            Recordings(np.zeros((1, 5, 78)), np.zeros(1), None, "x.npy"),
+            {"order": "spiral"},
+            "location order: 'spiral' is not known. Choose one of: arch, loop, whorl.",
+            id="unknown order",
+        ),
+        pytest.param(
+            Recordings(np.zeros((1, 5, 78)), np.full(1, 9999), None, "x.npy"),
+            {},
+            "classes: it must be a whole number in range (got 10000 against 1..4096). Correct the description.",
+            id="absurd label",
+        ),
+    ],
+)
+def test_what_cannot_be_trained(recordings: Recordings, values: dict[str, str], message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        train(recordings, replace(CONFIG, **values))  # type: ignore[arg-type]
+    assert str(caught.value) == message
