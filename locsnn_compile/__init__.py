@@ -15,6 +15,7 @@ from hw_model.lazy import lazy_names
 
 if TYPE_CHECKING:
     from locsnn_compile.api import CompiledModel, compile, verify
+    from locsnn_compile.data.read import read_recordings
     from locsnn_compile.errors import InputError, LocsnnError, TargetError
     from locsnn_compile.frontends import load
     from locsnn_compile.matching import Match
@@ -29,6 +30,7 @@ __all__ = [
     "TargetError",
     "compile",
     "load",
+    "read_recordings",
     "verify",
 ]
 
@@ -43,6 +45,7 @@ __getattr__ = lazy_names(
         "LocsnnError": "locsnn_compile.errors",
         "TargetError": "locsnn_compile.errors",
         "load": "locsnn_compile.frontends",
+        "read_recordings": "locsnn_compile.data.read",
         "Network": "locsnn_compile.network",
         "Match": "locsnn_compile.matching",
     },

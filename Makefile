@@ -1,0 +1,44 @@
+# The project's commands. `make demo` and `make test` need nothing but Python 3.11 or later, and make.
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: demo test test-slow check check-rest examples format clean
+
+demo: .venv/installed  ## install, then compile the example that ships, check it and write its reports
+	$(BIN)/locsnn-compile examples/models/objects-hybrid.pt --events examples/recordings/touches.npz
+
+test: .venv/installed-dev  ## install, then run the tests
+	$(BIN)/pytest
+
+test-slow: .venv/installed-dev  ## the tests that take minutes
+	$(BIN)/pytest -m slow
+
+check: test check-rest  ## all that must hold: format, lint, types, tests, examples
+
+check-rest: .venv/installed-dev  ## the part of it that is not `make test`
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(MAKE) examples
+
+examples: .venv/installed-dev  ## run the example scripts and the demo
+	$(BIN)/python examples/model_to_report.py
+	$(BIN)/python examples/program_by_hand.py
+	$(BIN)/python examples/make_recordings.py --check
+	$(MAKE) demo
+
+format: .venv/installed-dev  ## format and mend what can be mended
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+clean:  ## remove the environment and what was built
+	rm -rf .venv build dist *.egg-info
+
+.venv/installed: pyproject.toml constraints.txt
+	$(PYTHON) -m venv .venv
+	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable .
+	touch $@
+
+.venv/installed-dev: .venv/installed
+	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+	touch $@

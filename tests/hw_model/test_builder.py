@@ -1,0 +1,126 @@
+"""What a program written by hand may not be: every limit and mistake, with its whole message."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import sparse
+
+import hw_model as hw
+
+CHIP = hw.chip("loihi-sim")
+
+
+def build(chip=CHIP, *, inputs=2, size=1, weights=None, parameters=None, **synapses):
+    builder = hw.ProgramBuilder(chip)
+    x = builder.add_input("x", inputs)
+    n = builder.add_compartments("n", size, **{"threshold": 10, **(parameters or {})})
+    builder.connect(x, n, np.full((size, inputs), 2) if weights is None else weights, **synapses)
+    return builder.build()
+
+
+def limited(**limits):
+    return replace(CHIP, limits=replace(CHIP.limits, **limits))
+
+
+LIMIT_ERRORS = [
+    ("decay_u", {"parameters": {"decay_u": 4097}}, "compartments 'n': decay_u of compartment 0 is out of range (4097 against 0..4096). Give an effective decay, what is subtracted from 4096."),
+    ("decay_v", {"parameters": {"decay_v": -1}}, "compartments 'n': decay_v of compartment 0 is out of range (-1 against 0..4096). Give an effective decay, what is subtracted from 4096."),
+    ("threshold", {"parameters": {"threshold": 2**17}}, "compartments 'n': threshold of compartment 0 is out of range (131072 against 0..131071). The threshold is 64 times this mantissa: scale the weights down."),
+    ("refractory", {"parameters": {"refractory": 64}}, "compartments 'n': refractory of compartment 0 is out of range (64 against 1..63). Shorten the refractory period; 1 blocks no step."),
+    ("bias", {"parameters": {"bias": 4097}}, "compartments 'n': bias 4097 of compartment 0 is not a mantissa times a power of two (mantissa -4096..4095, exponent 0..7). The nearest is 4096."),
+    ("vmin", {"parameters": {"vmin": -100}}, "compartments 'n': vmin -100 is not of the form 1 - 2^k. The nearest is -127."),
+    ("vmax", {"parameters": {"vmax": 1000}}, "compartments 'n': vmax 1000 is not of the form 2^(9 + 2k) - 1. The nearest is 511."),
+    ("delay", {"delay": 63}, "synapses 'x' -> 'n': a delay is out of range (63 against 0..62 steps). Relay the spike through a compartment, or shorten the delay."),
+    ("exponent", {"exponent": 8}, "synapses 'x' -> 'n': the weight exponent is out of range (8 against -8..7). Rescale the weights."),
+    ("weight grid", {"weights": [[3, 2]]}, "synapses 'x' -> 'n': weight 3 is not on the grid of 8-bit mixed weights (multiples of 2 in -256..254; 1 of 2 off). Round the weights onto the grid first."),
+    ("weight range", {"weights": [[-2, 2]], "sign_mode": "excitatory"}, "synapses 'x' -> 'n': weight -2 is not on the grid of 8-bit excitatory weights (multiples of 1 in 0..255; 1 of 2 off). Round the weights onto the grid first."),
+    ("input axons", {"chip": limited(input_axons_per_core=1)}, "population 'n': 2 input axons of neuron 0 do not fit one core (loihi-sim holds 1). Lower the fan-in of a neuron."),
+    ("synapse memory", {"chip": limited(synapse_words_per_core=1)}, "population 'n': 2 synapse memory words of neuron 0 do not fit one core (loihi-sim holds 1). Use fewer weight bits."),
+    ("cores", {"chip": limited(cores_per_chip=2, compartments_per_core=1), "size": 3}, "network 'program': 3 cores are needed (loihi-sim has 2 on 1 chip(s)). Use a chip file whose board has more chips, or fewer weight bits."),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"), [row[1:] for row in LIMIT_ERRORS], ids=[row[0] for row in LIMIT_ERRORS]
+)
+def test_limits(arguments, message):
+    with pytest.raises(hw.TargetError) as caught:
+        build(**arguments)
+    assert str(caught.value) == message
+
+
+def test_output_axons():
+    builder = hw.ProgramBuilder(limited(compartments_per_core=1, output_axons_per_core=2))
+    x = builder.add_input("x", 1)
+    one, many = builder.add_compartments("one", 1, threshold=1), builder.add_compartments("many", 3, threshold=1)
+    builder.connect(x, one, [[2]])
+    builder.connect(one, many, [[2], [2], [2]])
+    with pytest.raises(hw.TargetError) as caught:
+        builder.build()
+    assert str(caught.value) == (
+        "core 0 with one: 3 output axons do not fit (loihi-sim holds 2 a core). Reach fewer cores: use fewer weight bits."
+    )
+
+
+MISTAKES = [
+    ("fractions", {"weights": [[0.5, 2]]}, "synapses 'x' -> 'n': weights has values that are not whole numbers. Quantise them first."),
+    ("nan", {"weights": [[float("nan"), 2]]}, "synapses 'x' -> 'n': weights has values that are not whole numbers. Quantise them first."),
+    ("shape", {"weights": [[2], [2]]}, "synapses 'x' -> 'n': weights has the wrong shape ((2, 1) against (1, 2)). Give n_target rows and n_source columns."),
+    ("sparse shape", {"weights": sparse.csr_array(np.eye(2, dtype=int))}, "synapses 'x' -> 'n': weights has the wrong shape ((2, 2) against (1, 2)). Give n_target rows and n_source columns."),
+    ("parameter shape", {"parameters": {"decay_u": [1, 2]}}, "compartments 'n': decay_u has the wrong shape ((2,) against (1,)). Give one value a compartment."),
+    ("bits", {"weight_bits": 7}, "weight bits: no synapse format has 7 bits. Choose one of 1, 2, 3, 4, 5, 6, 8."),
+    ("no size", {"size": 0, "weights": np.zeros((0, 2))}, "'n': it is empty (size 0). Give it a size."),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("arguments", "message"), [row[1:] for row in MISTAKES], ids=[row[0] for row in MISTAKES])
+def test_mistakes(arguments, message):
+    with pytest.raises(hw.InputError) as caught:
+        build(**arguments)
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(
+    ("spikes", "options", "message"),
+    [
+        (np.zeros((3, 3)), {}, "spikes of 'x': the shape does not fit ((3, 3) against (steps, 2) or (batch, steps, 2)). Give one column a channel."),
+        (np.full((3, 2), 2), {}, "spikes of 'x': values other than 0 and 1. Binarise the events; graded spikes do not exist here."),
+        (np.full((3, 2), np.nan), {}, "spikes of 'x': values other than 0 and 1. Binarise the events; graded spikes do not exist here."),
+        ({"y": np.zeros((3, 2))}, {}, "spikes: the program plays x. Give a mapping with one array for each."),
+        (np.zeros((3, 2)), {"steps": 0}, "steps: nothing to simulate (0 against at least 1). Raise steps."),
+        (np.zeros((3, 2)), {"engine": "fats"}, "engine 'fats': does not exist. Did you mean 'fast'?"),
+        (np.zeros((3, 2)), {"probe": ("spike",)}, "probe 'spike': does not exist. Did you mean 'spikes'?"),
+    ],
+    ids=["channels", "graded", "nan", "stream", "steps", "engine", "probe"],
+)  # fmt: skip
+def test_what_cannot_be_played(spikes, options, message):
+    with pytest.raises(hw.InputError) as caught:
+        hw.simulate(build(), spikes, **options)
+    assert str(caught.value) == message
+
+
+def test_names_are_unique():
+    builder = hw.ProgramBuilder(CHIP)
+    builder.add_input("x", 1)
+    builder.add_compartments("x", 1, threshold=1)
+    with pytest.raises(hw.InputError) as caught:
+        builder.build()
+    assert str(caught.value) == "'x': two inputs or groups have this name. Rename one of them."
+
+
+def test_sparse_and_dense_weights_make_the_same_program():
+    weights = np.array([[2, 0, -4], [0, 0, 6]])
+    spikes = np.ones((4, 3), dtype=int)
+    results = [
+        hw.simulate(build(inputs=3, size=2, weights=w), spikes, probe=("u",))
+        for w in (weights, sparse.csr_array(weights))
+    ]
+    assert np.array_equal(results[0].u["n"], results[1].u["n"])
+    assert results[0].counts == results[1].counts
+
+
+def test_zeros_make_no_synapse_and_are_counted():
+    program = build(inputs=3, size=2, weights=np.array([[2, 0, -4], [0, 0, 6]]))
+    assert program.synapses_pruned == 3
+    assert sum(len(core.axons.target) for core in program.cores) == 3

@@ -1,0 +1,112 @@
+"""Placement and routing: no limit is ever exceeded, and every synapse is delivered exactly once."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_engines import random_program
+
+import hw_model as hw
+
+CHIP = hw.chip("loihi-sim")
+
+chips = st.builds(
+    lambda **limits: replace(CHIP, limits=replace(CHIP.limits, **limits)),
+    compartments_per_core=st.integers(2, 20),
+    input_axons_per_core=st.integers(13, 40),
+    synapse_words_per_core=st.integers(60, 200),
+    synapse_formats_per_core=st.integers(7, 16),
+    compartment_profiles_per_core=st.integers(4, 32),
+    threshold_profiles_per_core=st.integers(2, 16),
+)
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(chip=chips, seed=st.integers(0, 2**32 - 1))
+def test_every_synapse_once_within_every_limit(chip, seed):
+    program, _, links, _ = random_program(seed, chip)
+    limits = chip.limits
+    for core in program.cores:
+        axons = core.axons
+        assert core.compartments <= limits.compartments_per_core
+        assert axons.input_axons <= limits.input_axons_per_core
+        assert axons.output_axons <= limits.output_axons_per_core
+        assert len(axons.formats) <= limits.synapse_formats_per_core
+        assert len(core.profiles) <= limits.compartment_profiles_per_core
+        assert len(core.thresholds) <= limits.threshold_profiles_per_core
+        assert words(core, chip) == axons.synapse_words <= limits.synapse_words_per_core
+        for piece in core.slices:
+            joined = core.parent[piece.offset : piece.offset + piece.size]
+            assert (joined == -1).all() or (joined > np.arange(piece.offset, piece.offset + piece.size)).all()
+    assert delivered(program) == wanted(links)
+
+
+def words(core, chip):
+    """Count an axon's runs of at most 64 synapses of one projection, 10 header bits each, rounded up to 64 bits."""
+    total = 0
+    axons = core.axons
+    for j in range(axons.input_axons):
+        row = slice(axons.list_start[j], axons.list_start[j + 1])
+        targets, forms = axons.target[row], axons.format_index[row]
+        # A new projection starts where the target falls or the format changes.
+        starts = np.flatnonzero(np.r_[True, (np.diff(targets) <= 0) | (np.diff(forms) != 0)])
+        for start, stop in zip(starts, [*starts[1:], len(targets)], strict=True):
+            bits = axons.formats[forms[start]].bits_per_synapse
+            total += sum(-(-(10 + min(64, stop - at) * bits) // 64) for at in range(start, stop, 64))
+    return total
+
+
+def delivered(program):
+    """Follow every line and compartment to its synapses: sorted (source, target, effective weight, delay)."""
+    name_of = {}
+    for core in program.cores:
+        for piece in core.slices:
+            for i in range(piece.size):
+                name_of[core.number, piece.offset + i] = (piece.group, piece.start + i)
+    found = []
+
+    def follow(source, core, axon):
+        axons = program.cores[core].axons
+        for k in range(axons.list_start[axon], axons.list_start[axon + 1]):
+            form = axons.formats[axons.format_index[k]]
+            weight = (int(axons.mantissa[k]), form.exponent, form.weight_bits, form.sign_mode)
+            found.append((source, name_of[core, int(axons.target[k])], weight, int(axons.delay[k])))
+
+    for route in program.input_routes:
+        for line, core, axon in zip(route.line, route.core, route.axon, strict=True):
+            follow((route.input, int(line)), int(core), int(axon))
+    for core in program.cores:
+        axons = core.axons
+        for sender, to_core, to_axon in zip(axons.out_compartment, axons.out_core, axons.out_axon, strict=True):
+            follow(name_of[core.number, int(sender)], int(to_core), int(to_axon))
+    return sorted((s, t, w[:2], d) for s, t, w, d in found)
+
+
+def wanted(links):
+    return sorted(
+        (
+            (link["source"], int(j)),
+            (link["target"], int(i)),
+            (int(link["weights"][i, j]), link["exponent"]),
+            int(link["delay"][i, j]),
+        )
+        for link in links
+        for i, j in zip(*np.nonzero(link["weights"]), strict=True)
+    )
+
+
+def test_voltage_limits_are_of_a_core():
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 1)
+    n = builder.add_compartments("n", 4, threshold=1, vmin=[0, 0, -1, -1])
+    builder.connect(x, n, np.full((4, 1), 2))
+    assert [(core.vmin, core.compartments) for core in builder.build().cores] == [(0, 2), (-1, 2)]
+
+
+@pytest.mark.parametrize(
+    ("synapses", "bits", "words"), [(1, 8, 1), (6, 9, 1), (7, 8, 2), (64, 8, 9), (65, 8, 10), (128, 8, 18)]
+)
+def test_synapse_memory_formula(synapses, bits, words):
+    assert CHIP.synapse_memory.words(synapses, bits) == words

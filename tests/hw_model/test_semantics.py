@@ -1,0 +1,137 @@
+"""The chip's step by hand: tiny programs whose numbers were worked out on paper."""
+
+import numpy as np
+import pytest
+
+import hw_model as hw
+from hw_model.simulation import ENGINES
+
+CHIP = hw.chip("loihi-sim")
+
+
+def one_compartment(weight=100, delay=0, exponent=0, sign_mode="mixed", **parameters):
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 1)
+    defaults = {"decay_u": 4096, "decay_v": 0, "threshold": 131071}
+    n = builder.add_compartments("n", 1, **{**defaults, **parameters})
+    builder.connect(x, n, [[weight]], delay=delay, exponent=exponent, sign_mode=sign_mode)
+    return builder.build()
+
+
+def played(program, events, steps, engine):
+    rows = np.zeros((steps, 1), dtype=np.uint8)
+    rows[events] = 1
+    return hw.simulate(program, rows, engine=engine, probe=("spikes", "u", "v", "potential"))
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+class TestStep:
+    def test_an_input_of_row_t_acts_at_step_t_plus_1_plus_delay(self, engine):
+        result = played(one_compartment(delay=3), [2], 9, engine)
+        assert result.v["n"].ravel().tolist() == [0] * 6 + [6400] * 3
+
+    def test_current_keeps_and_voltage_adds_it(self, engine):
+        result = played(one_compartment(decay_u=2048, decay_v=1024), [0], 4, engine)
+        assert result.u["n"].ravel().tolist() == [0, 6400, 3200, 1600]
+        assert result.v["n"].ravel().tolist() == [0, 6400, 4800 + 3200, 6000 + 1600]
+
+    def test_negative_values_decay_toward_zero(self, engine):
+        result = played(one_compartment(weight=-2, decay_u=1, decay_v=4096), [0], 3, engine)
+        assert result.u["n"].ravel().tolist() == [0, -128, -127]
+
+    @pytest.mark.parametrize(("threshold", "spikes"), [(100, 0), (99, 1)], ids=["equal does not spike", "above does"])
+    def test_threshold_is_strict(self, engine, threshold, spikes):
+        assert played(one_compartment(threshold=threshold, decay_v=4096), [0], 3, engine).counts.spikes == spikes
+
+    def test_a_spike_resets_v_but_not_u(self, engine):
+        result = played(one_compartment(threshold=99, decay_u=0), [0], 4, engine)
+        assert result.u["n"].ravel().tolist() == [0, 6400, 6400, 6400]
+        assert result.v["n"].ravel().tolist() == [0, 0, 0, 0]
+        assert result.potential["n"].ravel().tolist() == [0, 6400, 6400, 6400]
+        assert result.spikes["n"].ravel().tolist() == [0, 1, 1, 1]
+
+    def test_refractory_k_blocks_k_minus_1_steps_with_v_at_0(self, engine):
+        result = played(one_compartment(threshold=1, decay_u=0, refractory=3), [0], 8, engine)
+        assert result.spikes["n"].ravel().tolist() == [0, 1, 0, 0, 1, 0, 0, 1]
+        assert result.v["n"].ravel().tolist() == [0] * 8
+
+    def test_bias_acts_from_step_0(self, engine):
+        result = played(one_compartment(bias=-4096 * 128), [], 2, engine)
+        assert result.v["n"].ravel().tolist() == [-524288, -1048576]
+        assert result.u["n"].ravel().tolist() == [0, 0]
+
+    def test_charge_wraps_at_21_bits(self, engine):
+        # 254 * 2^7 * 64 = 2080768 fits; two of them, from one input twice connected, do not.
+        builder = hw.ProgramBuilder(CHIP)
+        x = builder.add_input("x", 1)
+        n = builder.add_compartments("n", 1, decay_u=4096, decay_v=4096, threshold=131071)
+        builder.connect(x, n, [[254]], exponent=7)
+        builder.connect(x, n, [[254]], exponent=7)
+        result = played(builder.build(), [0], 3, engine)
+        assert result.u["n"].ravel().tolist() == [0, 2 * 2080768 - 2**22, 0]
+        assert (result.counts.charge_wraps, result.counts.current_wraps, result.counts.clips) == (1, 0, 0)
+        assert result.events == {"n": {"charge_wraps": 1, "current_wraps": 0, "voltage_clips": 0}}
+
+    def test_current_wraps_at_23_bits(self, engine):
+        result = played(one_compartment(weight=254, exponent=7, decay_u=0, decay_v=4096), [0, 1, 2, 3, 4], 7, engine)
+        assert result.u["n"].ravel().tolist() == [
+            0,
+            *(2080768 * k for k in (1, 2, 3, 4)),
+            5 * 2080768 - 2**24,
+            5 * 2080768 - 2**24,
+        ]
+        assert result.counts.current_wraps == 1
+
+    def test_voltage_clips_to_the_register(self, engine):
+        result = played(one_compartment(weight=254, exponent=7, decay_u=4096), [0, 1, 2, 3, 4], 7, engine)
+        assert result.potential["n"].ravel().tolist() == [0, *(2080768 * k for k in (1, 2, 3, 4)), 2**23 - 1, 0]
+        assert result.spikes["n"].ravel().tolist() == [0, 0, 0, 0, 0, 1, 0]
+        assert result.counts.clips == 1
+
+    @pytest.mark.parametrize(
+        ("limits", "lowest"),
+        [({"vmin": 0}, 0), ({"vmin": 1 - 2**13}, -8191), ({"vmin": 1 - 2**31}, -12800)],
+        ids=["vmin 0", "vmin 1 - 2^13", "vmin beyond the register"],
+    )
+    def test_vmin_clips(self, engine, limits, lowest):
+        result = played(one_compartment(weight=-200, **limits), [0], 3, engine)
+        assert result.v["n"].ravel().tolist() == [0, lowest, lowest]
+
+    def test_vmax_clips_before_the_threshold(self, engine):
+        result = played(one_compartment(weight=200, vmax=2**11 - 1, threshold=40), [0], 3, engine)
+        assert result.potential["n"].ravel().tolist() == [0, 2047, 2047]
+        assert result.counts.spikes == 0
+
+    def test_a_joined_child_adds_its_v_in_the_same_step(self, engine):
+        builder = hw.ProgramBuilder(CHIP)
+        x = builder.add_input("x", 1)
+        soma = builder.add_compartments("soma", 1, decay_u=4096, decay_v=4096, threshold=150)
+        one = builder.add_compartments("soma/one", 1, decay_u=4096, decay_v=0, threshold=0, joined_to=soma)
+        two = builder.add_compartments("soma/two", 1, decay_u=4096, decay_v=4096, threshold=0, joined_to=one)
+        builder.connect(x, one, [[100]])
+        builder.connect(x, two, [[100]])
+        result = played(builder.build(), [0], 4, engine)
+        assert result.v["soma/two"].ravel().tolist() == [0, 6400, 0, 0]
+        assert result.v["soma/one"].ravel().tolist() == [0, 12800, 12800, 12800]
+        assert result.spikes["soma"].ravel().tolist() == [0, 1, 1, 1]
+        assert list(result.spikes) == ["soma"]
+
+    def test_steps_beyond_the_rows_are_silent_and_rows_beyond_the_steps_are_counted(self, engine):
+        program = one_compartment()
+        longer = hw.simulate(program, [[1]], steps=4, engine=engine, probe=("v",))
+        assert longer.v["n"].ravel().tolist() == [0, 6400, 6400, 6400]
+        shorter = hw.simulate(program, [[1], [0], [1], [1]], steps=2, engine=engine)
+        assert (shorter.counts.input_events, shorter.counts.events_dropped) == (1, 2)
+
+    def test_spikes_of_the_last_step_are_delivered_but_act_after_the_end(self, engine):
+        counts = played(one_compartment(delay=2), [1, 2, 5], 6, engine).counts
+        assert (counts.synaptic_ops, counts.synaptic_ops_after_end) == (3, 1)
+
+
+def test_an_exponent_below_0_floors_weight_by_weight():
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 2)
+    n = builder.add_compartments("n", 1, decay_u=4096, decay_v=4096, threshold=131071)
+    builder.connect(x, n, [[6, -6]], exponent=-2)
+    result = hw.simulate(builder.build(), [[1, 1], [0, 0]], probe=("u",))
+    assert result.u["n"].ravel().tolist() == [0, 64 * (1 - 2)]
