@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hw_model.chip import Chip
+from hw_model.chip_description import Chip
 from hw_model.fixed_point import DECAY_ONE, IntArray
 from hw_model.graph import CompartmentGraph, Compartments, Input, Phase, Synapses, check_graph, read_only
 from hw_model.weights import SignMode
@@ -70,7 +70,7 @@ def _group(name: str, q: QuantizedSrm, chip: Chip, *, decay: int, joined_to: str
         size=q.population.size,
         decay_u=every(decay),
         decay_v=every(decay),
-        threshold=every(q.threshold if joined_to is None else 0),
+        threshold=every(q.threshold),
         bias_mantissa=every(0),
         bias_exponent=every(0),
         refractory=every(1),

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from hw_model.chip import Chip
+from hw_model.chip_description import Chip
 from hw_model.fixed_point import DECAY_ONE
 from hw_model.weights import WEIGHT_EXPONENTS, WeightGrid, weight_grid
 from locsnn_compile.errors import InputError, TargetError

@@ -1,0 +1,127 @@
+"""Counting agreement, and the first divergence."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from networks import hybrid, recordings
+
+import hw_model as hw
+from locsnn_compile.errors import InputError
+from locsnn_compile.matching import CHUNK, PopulationMatch, compare
+from locsnn_compile.pipeline import lower
+from locsnn_compile.reference import evaluate
+
+CHIP = hw.chip("loihi-sim")
+
+
+@pytest.fixture(scope="module")
+def network():
+    return hybrid(1, steps=40, hidden=6)
+
+
+@pytest.fixture(scope="module")
+def levels(network):
+    return lower(network, CHIP, 3)
+
+
+@pytest.mark.parametrize(
+    ("match", "agreement", "mismatches"),
+    [
+        (PopulationMatch(0, 0, 0), 1.0, 0),
+        (PopulationMatch(4, 4, 4), 1.0, 0),
+        (PopulationMatch(4, 2, 2), 2 / 3, 2),
+        (PopulationMatch(3, 0, 0), 0.0, 3),
+    ],
+    ids=["silence", "equal", "two missing", "all missing"],
+)
+def test_agreement(match, agreement, mismatches):
+    assert (match.agreement, match.mismatches) == (pytest.approx(agreement), mismatches)
+
+
+def test_a_match_is_what_counting_by_hand_gives(network, levels):
+    played = recordings(network, samples=CHUNK + 3)
+    match = compare(levels.quantized, levels.program, played)
+    wanted, found = evaluate(network, played), hw.simulate(levels.program, played)
+    for name, counted in match.by_population.items():
+        both = (wanted.spikes[name] == 1) & (found.spikes[name] == 1)
+        assert counted == PopulationMatch(
+            int(wanted.spikes[name].sum()), int(found.spikes[name].sum()), int(both.sum())
+        )
+    assert match.spikes.mismatches > 0
+    assert np.array_equal(match.chip_prediction, found.prediction)
+    assert np.array_equal(match.reference_prediction, wanted.prediction)
+    assert match.counts == found.per_recording
+    assert match.accuracy is None
+
+
+def test_the_first_divergence_is_the_first(network, levels):
+    played = recordings(network, samples=5)
+    first = compare(levels.quantized, levels.program, played).first_divergence
+    wanted, found = (
+        evaluate(network, played, potentials=True),
+        hw.simulate(levels.program, played, probe=("spikes", "potential")),
+    )
+    axis = {p.name: p.axis for p in network.populations}
+    rows = [
+        (recording, axis[name] == "location", step, rank, neuron)
+        for rank, name in enumerate(axis)
+        for recording, step, neuron in np.argwhere(wanted.spikes[name] != found.spikes[name])
+    ]
+    recording, _, step, rank, neuron = min(rows)
+    name = list(axis)[rank]
+    assert (first.recording, first.population, first.step, first.neuron) == (recording, name, step, neuron)
+    assert first.reference_potential == wanted.potential[name][recording, step, neuron]
+    chip = found.potential[name][recording, step, neuron] / levels.quantized.population(name).scale
+    assert first.chip_potential == pytest.approx(chip)
+    assert (first.reference_potential >= first.threshold) != (first.chip_potential >= first.threshold)
+
+
+def test_equal_spikes_have_no_divergence(network, levels):
+    silent = np.zeros((2, network.steps, network.channels), dtype=np.uint8)
+    match = compare(levels.quantized, levels.program, silent)
+    assert match.first_divergence is None
+    assert (match.spikes.agreement, match.prediction_agreement) == (1.0, 1.0)
+
+
+def test_a_short_recording_is_followed_by_silence(network, levels):
+    played = recordings(network, samples=2)
+    played[:, 25:] = 0
+    whole, short = (compare(levels.quantized, levels.program, p) for p in (played, played[:, :25]))
+    assert whole.by_population == short.by_population
+
+
+@pytest.mark.parametrize(
+    ("shape", "message"),
+    [
+        ((2, 40, 5), "events 'array': the channel count differs from the model's (5 channels against 4). Give recordings of shape (samples, steps, 4)."),
+        ((2, 41, 4), "events 'array': the recordings are longer than the model's (41 steps against 40). Cut them to 40 steps."),
+    ],
+    ids=["channels", "steps"],
+)  # fmt: skip
+def test_recordings_that_do_not_fit(levels, shape, message):
+    with pytest.raises(InputError) as caught:
+        compare(levels.quantized, levels.program, np.zeros(shape, dtype=np.uint8))
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(
+    ("labels", "message"),
+    [
+        ([0], "labels of 'array': not one label a recording ((1,) against (2,)). Give one class number for every recording."),
+        ([0, 2], "labels of 'array': a label is none of the model's classes (0..2 against 0..1). Check that the events belong to this model."),
+    ],
+    ids=["count", "class"],
+)  # fmt: skip
+def test_labels_that_do_not_fit(network, levels, labels, message):
+    with pytest.raises(InputError) as caught:
+        compare(levels.quantized, levels.program, recordings(network, samples=2), labels=np.array(labels))
+    assert str(caught.value) == message
+
+
+def test_accuracy_counts_both_sides(network, levels):
+    played = recordings(network, samples=6)
+    match = compare(levels.quantized, levels.program, played, labels=np.array([0, 1, 0, 1, 0, 1]))
+    again = replace(match, labels=match.chip_prediction)
+    assert again.accuracy["chip"] == 1.0
+    assert again.accuracy["reference"] == match.prediction_agreement

@@ -1,0 +1,56 @@
+"""Operations on paper: the published figures to the last digit."""
+
+import numpy as np
+import pytest
+from networks import hybrid, recordings
+
+from locsnn_compile.errors import InputError
+from locsnn_compile.operations import ann_operations, network_additions
+from locsnn_compile.reference import evaluate
+
+
+@pytest.mark.parametrize(
+    ("name", "steps", "classes", "operations"),
+    [
+        ("cnn-3d", 325, 36, 8_340_480),
+        ("cnn-3d", 325, 20, 8_140_800),
+        ("cnn-3d", 150, 2, 3_501_120),
+        ("gru-mlp", 325, 36, 11_868_704),
+        ("gru-mlp", 325, 20, 11_867_680),
+        ("gru-mlp", 150, 2, 5_476_928),
+    ],
+    ids=["cnn objects", "cnn containers", "cnn slip", "gru objects", "gru containers", "gru slip"],
+)
+def test_published_operations(name, steps, classes, operations):
+    assert ann_operations(name, fingertips=2, steps=steps, classes=classes) == operations
+
+
+@pytest.mark.parametrize(
+    ("name", "steps", "message"),
+    [
+        ("cnn3d", 325, "network 'cnn3d': its operations are not known. Did you mean 'cnn-3d'?"),
+        (
+            "cnn-3d",
+            22,
+            "network 'cnn-3d': the recording is too short for its two convolutions (22 steps against at least 23). "
+            "Compare on longer recordings.",
+        ),
+    ],
+)
+def test_what_cannot_be_counted(name, steps, message):
+    with pytest.raises(InputError) as caught:
+        ann_operations(name, fingertips=1, steps=steps, classes=2)
+    assert str(caught.value) == message
+
+
+def test_the_shortest_recording_of_cnn_3d_is_counted():
+    assert ann_operations("cnn-3d", fingertips=1, steps=23, classes=2) > 0
+
+
+def test_additions_are_spikes_times_fan_out():
+    network = hybrid()
+    spikes = evaluate(network, recordings(network)).spikes
+    time = int(spikes["touch"].sum()) * 3 + int(spikes["time_hidden"].sum()) * 2
+    location = int(spikes["touch_transposed"].sum()) * 3 + int(spikes["location_hidden"].sum()) * 2
+    assert network_additions(network, spikes) == {"time": time, "location": location}
+    assert np.array_equal(spikes["touch"].sum(), spikes["touch_transposed"].sum())

@@ -1,0 +1,91 @@
+"""Scales, weights, decays and thresholds."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from networks import NEURON, hybrid
+
+import hw_model as hw
+from hw_model.weights import WEIGHT_BITS
+from locsnn_compile.errors import TargetError
+from locsnn_compile.passes.quantize import HEADROOM, alpha_kernel, quantize
+
+CHIP = hw.chip("loihi-sim")
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    bits=st.sampled_from(WEIGHT_BITS),
+    scale=st.floats(1e-3, 1e3),
+    theta=st.floats(0.1, 100),
+)
+def test_every_weight_is_within_half_a_grid_step(seed, bits, scale, theta):
+    network = hybrid(seed, scale=scale, neuron=replace(NEURON, theta=theta))
+    quantized = quantize(network, CHIP, bits)
+    _, gain, _ = alpha_kernel(NEURON.tau_sr, "tau_sr")
+    for p, q in zip(network.projections, quantized.projections, strict=True):
+        population = quantized.population(p.target)
+        exact = p.weights * gain * population.scale / (64 * 2.0**q.exponent)
+        assert (np.abs(exact - q.mantissa) <= q.step / 2 * (1 + 1e-9)).all() or q.mantissa_max * 1.01 < np.abs(
+            exact
+        ).max()
+        assert (np.sign(q.mantissa) * np.sign(p.weights) >= 0).all()
+        assert 64 * HEADROOM * population.threshold <= CHIP.registers.voltage_max
+
+
+@given(theta=st.floats(0.1, 100), v=st.integers(-(2**23), 2**23))
+@settings(max_examples=40, deadline=None, derandomize=True)
+def test_the_threshold_rule_is_exact(theta, v):
+    """``u >= theta`` in float units is ``v > 64 * threshold`` in integers, for every v: the scale is made for it."""
+    population = quantize(hybrid(neuron=replace(NEURON, theta=theta)), CHIP).populations[0]
+    exact = v * 1.0 >= population.scale * theta * (1 - 1e-12)
+    assert exact == (v > 64 * population.threshold)
+
+
+@pytest.mark.parametrize(("tau", "decay"), [(10.0, 390), (1.0, 2589), (0.05, 4096), (100.0, 41), (4000.0, 1)])
+def test_decays_are_the_nearest(tau, decay):
+    assert alpha_kernel(tau, "tau")[0] == decay
+
+
+@pytest.mark.parametrize("tau", [0.3, 1.0, 3.0, 10.0, 77.0])
+def test_gain_and_error_are_those_of_the_kernels(tau):
+    decay, gain, error = alpha_kernel(tau, "tau")
+    k = np.arange(1, 20_000, dtype=float)
+    kernel = k / tau * np.exp(1 - k / tau)
+    answer = k * ((4096 - decay) / 4096) ** (k - 1)
+    best = (kernel @ answer) / (answer @ answer)
+    left = math.sqrt(((kernel - best * answer) ** 2).sum() / (kernel @ kernel))
+    assert gain == pytest.approx(best, rel=1e-9)
+    assert error == pytest.approx(left, rel=1e-4, abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("network", "message"),
+    [
+        (
+            hybrid(neuron=replace(NEURON, tau_sr=1e5)),
+            "population 'time_hidden': tau_sr: the decay rounds to nothing, so the potential would never fade "
+            "(100000 steps against at most 8191). Use a shorter time constant or a longer step.",
+        ),
+        (
+            hybrid(scale=1e9),
+            "population 'time_hidden': no scale holds both the threshold and the largest weight "
+            "(one weight reaches 3.21e+07 thresholds against 32640). Train with smaller weights, or a higher threshold.",
+        ),
+    ],
+    ids=["tau too long", "weights too large"],
+)
+def test_what_no_scale_fits(network, message):
+    with pytest.raises(TargetError) as caught:
+        quantize(network, CHIP)
+    assert str(caught.value) == message
+
+
+def test_silent_weights_are_held():
+    quantized = quantize(hybrid(scale=0.0), CHIP)
+    assert all((p.mantissa == 0).all() for p in quantized.projections)

@@ -1,0 +1,76 @@
+"""The float reference against brute-force sums of kernels, written from the equations alone."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from networks import hybrid, recordings
+
+from locsnn_compile.network import SrmAlpha
+from locsnn_compile.reference import evaluate, srm_response
+
+
+def brute_force(drive, neuron):
+    """Sum both kernels over all earlier spikes, step by step."""
+
+    def eps(k):
+        return k / neuron.tau_sr * math.exp(1 - k / neuron.tau_sr)
+
+    def nu(k):
+        return -neuron.scale_ref * neuron.theta * k / neuron.tau_ref * math.exp(1 - k / neuron.tau_ref)
+
+    steps, n = drive.shape
+    spikes, potentials = np.zeros((steps, n), dtype=int), np.zeros((steps, n))
+    for t in range(steps):
+        for i in range(n):
+            u = sum(drive[s, i] * eps(t - s) for s in range(t + 1)) + sum(spikes[s, i] * nu(t - s) for s in range(t))
+            potentials[t, i], spikes[t, i] = u, u >= neuron.theta
+    return spikes, potentials
+
+
+@settings(max_examples=30, deadline=None, derandomize=True)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    tau_sr=st.floats(0.5, 40),
+    tau_ref=st.floats(0.5, 10),
+    scale_ref=st.floats(0, 5),
+)
+def test_recursion_equals_the_sum_of_kernels(seed, tau_sr, tau_ref, scale_ref):
+    neuron = SrmAlpha(10.0, tau_sr, tau_ref, scale_ref)
+    drive = np.random.default_rng(seed).normal(0, 8, (1, 30, 2))
+    spikes, potentials = srm_response(drive, neuron)
+    wanted_spikes, wanted_potentials = brute_force(drive[0], neuron)
+    assert np.array_equal(spikes[0], wanted_spikes)
+    np.testing.assert_allclose(potentials[0], wanted_potentials, rtol=1e-9, atol=1e-8)
+
+
+@pytest.mark.parametrize("neuron", [SrmAlpha(10.0, 10.0, 1.0, 2.0)])
+def test_a_potential_exactly_at_threshold_spikes(neuron):
+    drive = np.zeros((1, 12, 1))
+    drive[0, 0, 0] = 1.0
+    _, potentials = srm_response(drive, SrmAlpha(1e9, 10.0, 1.0, 2.0))
+    peak = potentials.max()
+    spikes, _ = srm_response(drive, SrmAlpha(float(peak), 10.0, 1.0, 2.0))
+    assert spikes.sum() == 1
+
+
+def test_the_location_branch_sees_the_transposed_recording_in_walk_order():
+    network = hybrid()
+    played = recordings(network, samples=1)
+    seen = evaluate(network, played).spikes["touch_transposed"][0]
+    walk = network.views[1].walk
+    for position in range(network.channels):
+        for step in range(network.steps):
+            assert seen[position, step] == played[0, step, walk[position]]
+
+
+def test_scores_add_the_spikes_of_both_branches_and_ties_go_to_the_first_class():
+    network = hybrid()
+    result = evaluate(network, recordings(network))
+    counts = result.spikes["time_output"].sum(axis=1) + result.spikes["location_output"].sum(axis=1)
+    assert np.array_equal(result.scores, counts)
+    silent = evaluate(network, np.zeros((1, network.steps, network.channels), dtype=np.uint8))
+    assert silent.scores.tolist() == [[0.0, 0.0]]
+    assert silent.prediction.tolist() == [0]
