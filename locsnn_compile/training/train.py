@@ -178,7 +178,7 @@ def _run_phase(
         network.load_state_dict(state.weights)
         optimizer.load_state_dict(state.optimizer)
     for epoch in range(state.epoch + 1, epochs + 1):
-        rate = learning_rate(config, epoch)
+        rate = learning_rate(config, epoch, epochs)
         for group in optimizer.param_groups:
             group["lr"] = rate
         total = 0.0
@@ -208,21 +208,22 @@ def _run_phase(
             saved()
 
 
-def learning_rate(config: TrainingConfig, epoch: int) -> float:
-    """Return the rate of epoch 1..epochs: constant, or the half cosine lr * (1 + cos(pi (epoch - 1) /
-    epochs)) / 2.
+def learning_rate(config: TrainingConfig, epoch: int, epochs: int) -> float:
+    """Return the rate of epoch 1..``epochs``: constant, or half a cosine, lr * (1 + cos(pi (epoch - 1) / epochs)) / 2.
+
+    A refit has as many ``epochs`` as were chosen, so that it, too, ends with settled weights.
     """
     if config.schedule == "constant":
         return config.learning_rate
-    return config.learning_rate * 0.5 * (1.0 + math.cos(math.pi * (epoch - 1) / config.epochs))
+    return config.learning_rate * 0.5 * (1.0 + math.cos(math.pi * (epoch - 1) / epochs))
 
 
 def choose_epoch(history: list[EpochRecord], smoothing_epochs: int, held: int) -> int:
     """Return the epoch that validation on ``held`` recordings chooses; the last one where there is no validation.
 
     Accuracies are averaged over ``smoothing_epochs`` epochs up to each; chosen is the latest epoch whose average is
-    within one recording (1 / held) of the best: a smaller difference is chance, and a later epoch has the more
-    settled weights of the lower learning rate.
+    within one standard error, sqrt(p (1 - p) / held), of the best p: a smaller difference is chance, and a later epoch
+    has the more settled weights of the lower learning rate (the rule of Breiman et al. 1984, sec. 3.4.3).
     """
     rows = [row for row in history if row.phase == "select"]
     accuracy = np.array([row.validation_accuracy for row in rows if row.validation_accuracy is not None])
@@ -232,8 +233,9 @@ def choose_epoch(history: list[EpochRecord], smoothing_epochs: int, held: int) -
     ends = np.arange(1, len(accuracy) + 1)
     starts = np.maximum(ends - smoothing_epochs, 0)
     averages = (sums[ends] - sums[starts]) / (ends - starts)
+    best = min(float(averages.max()), 1.0)
     # The slack keeps equal averages equal, whatever the order their sums were rounded in.
-    near = averages >= averages.max() - 1 / held - 1e-9
+    near = averages >= best - math.sqrt(best * (1 - best) / held) - 1e-9
     return rows[int(np.flatnonzero(near)[-1])].epoch
 
 

@@ -106,6 +106,12 @@ def test_the_log_has_a_line_an_epoch(tmp_path: Path) -> None:
     assert [row.phase for row in result.history] == ["select"] * 4 + ["refit"] * result.chosen_epoch
 
 
+def test_a_refit_has_its_own_schedule() -> None:
+    result = train(touches(), replace(CONFIG, epochs=3))
+    refit = [row.learning_rate for row in result.history if row.phase == "refit"]
+    assert refit == [learning_rate(CONFIG, epoch, result.chosen_epoch) for epoch in range(1, result.chosen_epoch + 1)]
+
+
 def test_without_refit_the_chosen_weights_stay(tmp_path: Path) -> None:
     result = train(touches(), replace(CONFIG, refit=False))
     assert {row.phase for row in result.history} == {"select"}
@@ -123,8 +129,9 @@ def test_without_validation_the_last_epoch_stays() -> None:
     [
         pytest.param([0.5, 0.9, 0.5], 1, 2, id="the best"),
         pytest.param([0.5, 0.9, 0.9], 1, 3, id="the later of equals"),
-        pytest.param([0.5, 0.9, 0.8], 1, 3, id="later within one recording"),
-        pytest.param([0.5, 0.9, 0.79], 1, 2, id="not beyond one recording"),
+        # sqrt(0.9 * 0.1 / 10) = 0.0949
+        pytest.param([0.5, 0.9, 0.81], 1, 3, id="later within one standard error"),
+        pytest.param([0.5, 0.9, 0.8], 1, 2, id="not beyond one standard error"),
         pytest.param([0.0, 1.0, 0.0, 0.7, 0.7], 2, 5, id="averages outdo a lucky epoch"),
     ],
 )
@@ -135,9 +142,9 @@ def test_choice_of_the_epoch(accuracy: list[float], smoothing: int, chosen: int)
 
 
 def test_learning_rates() -> None:
-    cosine = [learning_rate(replace(CONFIG, epochs=4), epoch) for epoch in (1, 3)]
+    cosine = [learning_rate(CONFIG, epoch, 4) for epoch in (1, 3)]
     assert cosine == pytest.approx([0.01, 0.005])
-    assert learning_rate(replace(CONFIG, schedule="constant"), 3) == 0.01
+    assert learning_rate(replace(CONFIG, schedule="constant"), 3, 4) == 0.01
 
 
 @pytest.mark.parametrize(
