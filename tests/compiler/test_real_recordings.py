@@ -1,0 +1,77 @@
+"""The shipped networks on the real test recordings: torch, float reference and chip beside each other."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+import hw_model as hw
+import locsnn_compile as lc
+from locsnn_compile.frontends import load
+from locsnn_compile.models.checkpoint_reader import read_checkpoint
+from locsnn_compile.models.networks import build_network
+from locsnn_compile.reference import evaluate
+
+ROOT = Path(__file__).parents[2]
+REAL = ROOT.parent / "shared/data/neutouch"
+SETS = {"objects": 144, "containers": 60}
+
+pytestmark = pytest.mark.skipif(not REAL.is_dir(), reason="the real recordings are not beside the repository")
+
+
+@pytest.fixture(scope="module", params=SETS)
+def example(request):
+    name = request.param
+    recordings = lc.read_recordings(REAL / f"Ev-{name.title()}.zip")
+    assert len(recordings) == SETS[name]
+    path = ROOT / f"examples/models/{name}-hybrid.pt"
+    return path, load(path), recordings
+
+
+@pytest.fixture(scope="module")
+def compiled(example):
+    _, network, recordings = example
+    return lc.compile(network, events=recordings)
+
+
+def test_torch_and_the_float_reference_spike_alike(example):
+    """In float64 on both sides, every spike of every population; no tie was met."""
+    path, network, recordings = example
+    checkpoint = read_checkpoint(path)
+    model = build_network(checkpoint.description).double()
+    model.load_weights(checkpoint.weights)
+    with torch.no_grad():
+        wanted = model(torch.from_numpy(recordings.spikes.astype(np.float64)))
+    found = evaluate(network, recordings.spikes, potentials=True)
+    for name, spikes in wanted.items():
+        assert np.array_equal(spikes.numpy().astype(np.uint8), found.spikes[name]), name
+        assert np.abs(found.potential[name] - 10.0).min() > 1e-12, f"a tie in {name}"
+
+
+def test_the_chip_predicts_as_trained(compiled):
+    match = compiled.match
+    assert match.prediction_agreement >= 0.97
+    assert abs(match.accuracy["chip"] - match.accuracy["reference"]) <= 0.02
+    assert compiled.report["match"]["clips"] == sum(counts.clips for counts in match.counts)
+    assert compiled.report["match"]["wraps"] == 0
+
+
+def test_operations_are_of_the_published_order(compiled):
+    """A quick one-fingertip hybrid took about 0.23 million additions a recording; ANNs at the same input ten times that."""
+    report = compiled.report
+    assert 1e5 < report["operations"]["published_method"]["operations"] < 5e5
+    assert report["ann_comparison"]["cnn-3d"]["ratio"] > 9.8
+    assert report["ann_comparison"]["gru-mlp"]["ratio"] > 9.8
+
+
+@pytest.mark.slow
+def test_both_engines_give_the_same_integers(example, compiled):
+    _, _, recordings = example
+    probe = ("spikes", "u", "v", "potential")
+    for recording in recordings.spikes:
+        fast, slow = (hw.simulate(compiled.program, recording, engine=e, probe=probe) for e in ("fast", "reference"))
+        assert fast.counts == slow.counts
+        for name in compiled.program.populations:
+            for kind in ("u", "v", "potential"):
+                assert np.array_equal(getattr(fast, kind)[name], getattr(slow, kind)[name])
