@@ -9,7 +9,7 @@ import tempfile
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,9 @@ from locsnn_compile.data.npy import load_npy, to_step_major
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Recordings
 from locsnn_compile.data.torch_file import load_plain, read_bytes
 from locsnn_compile.errors import InputError
+
+if TYPE_CHECKING:
+    import torch
 
 _LABEL = re.compile(r"_label_(\d{1,6})(?=\.|_|$)")
 #: Entries of ``.npz`` and ``.pt`` files that are not the recordings.
@@ -134,13 +137,8 @@ def _torch_entries(data: bytes, where: str) -> dict[str, NDArray[Any]]:
         )
     entries: dict[str, NDArray[Any]] = {}
     for name, entry in found.items():
-        if isinstance(entry, torch.Tensor) and entry.layout == torch.strided and not entry.is_quantized:
-            try:
-                entries[str(name)] = entry.detach().resolve_conj().numpy()
-            except (TypeError, RuntimeError):
-                raise InputError(
-                    where, f"its entry {str(name)!r} is no array", measured=str(entry.dtype), fix="Give uint8."
-                ) from None
+        if isinstance(entry, torch.Tensor):
+            entries[str(name)] = _tensor_array(entry, where, str(name)[:40])
         elif name in _BESIDE and isinstance(entry, int | float | list):
             entries[str(name)] = _plain_array(entry, where, str(name))
         elif entry is not None:
@@ -151,6 +149,23 @@ def _torch_entries(data: bytes, where: str) -> dict[str, NDArray[Any]]:
                 fix="Give the recordings as one tensor.",
             )
     return entries
+
+
+def _tensor_array(tensor: torch.Tensor, where: str, name: str) -> NDArray[Any]:
+    if str(tensor.layout) != "torch.strided" or tensor.device.type != "cpu":
+        raise InputError(
+            where,
+            f"its entry {name!r} is no array",
+            measured=f"{tensor.layout} on {tensor.device.type}",
+            fix="Give a dense tensor.",
+        )
+    try:
+        array: NDArray[Any] = tensor.detach().resolve_conj().numpy()
+        return array
+    except (TypeError, RuntimeError):
+        raise InputError(
+            where, f"its entry {name!r} is no array", measured=str(tensor.dtype), fix="Give uint8."
+        ) from None
 
 
 def _plain_array(entry: object, where: str, name: str) -> NDArray[Any]:

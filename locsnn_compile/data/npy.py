@@ -54,6 +54,14 @@ def to_step_major(array: NDArray[Any], where: str) -> NDArray[Any]:
     and (taxels, polarities, steps). Three axes are one recording where the middle one has the two polarities
     and the first the taxels of whole fingertips (39 each). Channel = polarities * taxel + polarity.
     """
+    if array.size > MAX_ELEMENTS:
+        # A tensor may claim any size over a few stored values; reshaping would make it true.
+        raise InputError(
+            where,
+            "it is too large",
+            measured=f"{array.size} values against {MAX_ELEMENTS}",
+            fix="Give fewer recordings.",
+        )
     one = array.ndim == 3 and array.shape[1] == 2 and array.shape[0] > 0 and array.shape[0] % 39 == 0
     if array.ndim == 2 or one:
         array = array[np.newaxis]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,9 @@ from locsnn_compile.data.torch_file import load_plain, read_bytes
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.models.checkpoint import FORMAT, VERSION, Checkpoint, Plain, check_finite
 from locsnn_compile.models.description import InputLayout, NetworkDescription, NeuronParameters
+
+if TYPE_CHECKING:
+    import torch
 
 _WRITE_AGAIN = "Write it again with 'locsnn train'."
 _KEYS: dict[str, tuple[type, ...]] = {
@@ -122,7 +125,8 @@ def _seen(values: object) -> str:
 def _check_keys(where: str, prefix: str, values: Mapping[Any, Any], known: Mapping[str, tuple[type, ...]]) -> None:
     for key in values:
         if key not in known:
-            raise InputError(where, f"entry '{prefix}{key}' is not known", fix=did_you_mean(str(key), known))
+            shown = str(key)[:60]
+            raise InputError(where, f"entry '{prefix}{shown}' is not known", fix=did_you_mean(shown, known))
     for key, kinds in known.items():
         if key not in values:
             raise InputError(where, f"entry '{prefix}{key}' is missing", fix=_WRITE_AGAIN)
@@ -130,7 +134,7 @@ def _check_keys(where: str, prefix: str, values: Mapping[Any, Any], known: Mappi
         if not isinstance(value, kinds) or isinstance(value, bool):
             raise InputError(
                 where,
-                f"entry '{prefix}{key}' must be {_TYPE_WORDS[kinds[0]]}",
+                f"entry '{prefix}{key}' must be {_TYPE_WORDS.get(kinds[0], 'a tensor')}",
                 measured=f"got {type(value).__name__}",
                 fix=_WRITE_AGAIN,
             )
@@ -164,15 +168,26 @@ def _weights(where: str, entry: dict[Any, Any], description: NetworkDescription)
                 measured=f"got {tuple(tensor.shape)} against {shape} (out, in)",
                 fix=_WRITE_AGAIN,
             )
-        if tensor.dtype != torch.float32 or tensor.layout != torch.strided:
+        if tensor.dtype != torch.float32 or not _is_dense(tensor):
             raise InputError(
-                place, "its weights are not dense float32", measured=f"got {tensor.dtype}", fix=_WRITE_AGAIN
+                place,
+                "its weights are not dense float32",
+                measured=f"got {tensor.dtype}, {_storage(tensor)}",
+                fix=_WRITE_AGAIN,
             )
         array = np.array(tensor.detach().numpy(), dtype=np.float32, order="C")
         check_finite(place, array)
         array.setflags(write=False)
         weights[name] = array
     return weights
+
+
+def _is_dense(tensor: torch.Tensor) -> bool:
+    return str(tensor.layout) == "torch.strided" and tensor.device.type == "cpu" and not tensor.is_quantized
+
+
+def _storage(tensor: torch.Tensor) -> str:
+    return f"{str(tensor.layout).removeprefix('torch.')} on {tensor.device.type}"
 
 
 def _recordings(
@@ -191,14 +206,19 @@ def _recordings(
             measured=f"got {tuple(spikes.shape)} against (samples, {layout.steps}, {layout.channels})",
             fix=_WRITE_AGAIN,
         )
-    if spikes.dtype != torch.uint8 or (labels is not None and labels.dtype != torch.int64):
+    dense = _is_dense(spikes) and (labels is None or _is_dense(labels))
+    if not dense or spikes.dtype != torch.uint8 or (labels is not None and labels.dtype != torch.int64):
         raise InputError(
             f"{where}, recordings",
-            "spikes must be uint8 and labels int64",
+            "spikes must be dense uint8 and labels int64",
             measured=f"got {spikes.dtype} and {None if labels is None else labels.dtype}",
             fix=_WRITE_AGAIN,
         )
-    return Recordings(spikes.numpy(), None if labels is None else labels.numpy(), float(layout.step_seconds), source)
+    try:
+        vector = None if labels is None else labels.numpy()
+        return Recordings(spikes.numpy(), vector, float(layout.step_seconds), source)
+    except InputError as error:
+        raise InputError(f"{where}, recordings", error.what, measured=error.measured, fix=error.fix) from None
 
 
 def _training(where: str, entry: dict[Any, Any]) -> dict[str, Plain]:
@@ -206,7 +226,7 @@ def _training(where: str, entry: dict[Any, Any]) -> dict[str, Plain]:
         if not isinstance(key, str) or not isinstance(value, str | int | float | bool | None):
             raise InputError(
                 where,
-                f"entry 'training.{key}' is no plain value",
+                f"entry 'training.{str(key)[:60]}' is no plain value",
                 measured=f"got {type(value).__name__}",
                 fix=_WRITE_AGAIN,
             )

@@ -1,1 +1,1 @@
-"""training."""
+"""Losses, the training loop and what decides a run."""

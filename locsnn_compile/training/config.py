@@ -58,7 +58,7 @@ class TrainingConfig:
     - ``event_dropout``: every recording of a batch loses each event with a probability drawn from 0 to this.
     - ``validation_fraction`` of the train part, class by class, chooses the epoch; 0 takes the last epoch.
       Accuracies are averaged over ``smoothing_epochs`` first, for a few dozen validation recordings make a single
-      epoch's figure noisy; see :func:`locsnn_compile.training.train.choose_epoch`.
+      epoch's figure noisy; see :func:`locsnn_compile.training.schedule.choose_epoch`.
     - ``refit``: once the epoch is chosen, train afresh on the whole train part for as many epochs, on a
       schedule of that length.
     - time constants in steps; ``step_seconds`` is the width of a time bin, where the data do not say it.

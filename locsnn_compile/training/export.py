@@ -14,7 +14,8 @@ from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import Plain, save_checkpoint
 from locsnn_compile.training.config import TrainingConfig
-from locsnn_compile.training.train import TrainingResult, evaluate
+from locsnn_compile.training.measure import evaluate
+from locsnn_compile.training.train import TrainingResult
 
 
 def measure(result: TrainingResult, config: TrainingConfig, recordings: Recordings) -> float:

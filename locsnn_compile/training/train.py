@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import csv
 import io
-import math
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -18,7 +17,6 @@ from pathlib import Path
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import POLARITIES, TAXELS, parse_location_order
@@ -27,7 +25,8 @@ from locsnn_compile.models.description import BRANCHES, InputLayout, NetworkDesc
 from locsnn_compile.models.networks import TouchNetwork, build_network
 from locsnn_compile.training.batches import batches, epoch_generator, stratified_split
 from locsnn_compile.training.config import TrainingConfig
-from locsnn_compile.training.losses import count_cross_entropy, spike_count_loss, weighted_counts
+from locsnn_compile.training.measure import batch_loss, evaluate
+from locsnn_compile.training.schedule import choose_epoch, learning_rate
 from locsnn_compile.training.state import EpochRecord, TrainingState, load_state, run_key, save_state
 
 #: Called after every epoch with (epochs done in all phases, epochs in all as far as known, the epoch's
@@ -206,60 +205,6 @@ def _run_phase(
             progress(others + epoch, expected, record)
         if epoch % save_every == 0:
             saved()
-
-
-def learning_rate(config: TrainingConfig, epoch: int, epochs: int) -> float:
-    """Return the rate of epoch 1..``epochs``: constant, or half a cosine, lr * (1 + cos(pi (epoch - 1) / epochs)) / 2.
-
-    A refit has as many ``epochs`` as were chosen, so that it, too, ends with settled weights.
-    """
-    if config.schedule == "constant":
-        return config.learning_rate
-    return config.learning_rate * 0.5 * (1.0 + math.cos(math.pi * (epoch - 1) / epochs))
-
-
-def choose_epoch(history: list[EpochRecord], smoothing_epochs: int, held: int) -> int:
-    """Return the epoch that validation on ``held`` recordings chooses; the last one where there is no validation.
-
-    Accuracies are averaged over ``smoothing_epochs`` epochs up to each; chosen is the latest epoch whose average is
-    within one standard error, sqrt(p (1 - p) / held), of the best p: a smaller difference is chance, and a later epoch
-    has the more settled weights of the lower learning rate (the rule of Breiman et al. 1984, sec. 3.4.3).
-    """
-    rows = [row for row in history if row.phase == "select"]
-    accuracy = np.array([row.validation_accuracy for row in rows if row.validation_accuracy is not None])
-    if not len(accuracy):
-        return rows[-1].epoch
-    sums = np.concatenate([[0.0], np.cumsum(accuracy)])
-    ends = np.arange(1, len(accuracy) + 1)
-    starts = np.maximum(ends - smoothing_epochs, 0)
-    averages = (sums[ends] - sums[starts]) / (ends - starts)
-    best = min(float(averages.max()), 1.0)
-    # The slack keeps equal averages equal, whatever the order their sums were rounded in.
-    near = averages >= best - math.sqrt(best * (1 - best) / held) - 1e-9
-    return rows[int(np.flatnonzero(near)[-1])].epoch
-
-
-def batch_loss(network: TouchNetwork, config: TrainingConfig, x: Tensor, labels: Tensor) -> Tensor:
-    """Return the scalar loss that ``config`` names for x (batch, steps, channels), labels (batch,)."""
-    counts = weighted_counts(network.branch_counts(x), config.location_weight)
-    if config.loss == "spike-count":
-        return spike_count_loss(counts, labels, target_right=config.target_right, target_wrong=config.target_wrong)
-    return count_cross_entropy(counts, labels, count_scale=config.count_scale, label_smoothing=config.label_smoothing)
-
-
-def evaluate(
-    network: TouchNetwork, config: TrainingConfig, spikes: NDArray[np.uint8], labels: NDArray[np.int64]
-) -> tuple[float, float]:
-    """Return (mean loss, accuracy) on spikes (samples, steps, channels), in the network's own float type."""
-    kind = next(network.parameters()).dtype
-    loss, right = 0.0, 0
-    with torch.no_grad():
-        for start in range(0, len(labels), 32):
-            x = torch.from_numpy(np.array(spikes[start : start + 32])).to(kind)
-            y = torch.from_numpy(labels[start : start + 32].copy())
-            loss += float(batch_loss(network, config, x, y)) * len(y)
-            right += int((network.counts(x).argmax(dim=1) == y).sum())
-    return loss / len(labels), right / len(labels)
 
 
 def _optimizer(network: TouchNetwork, config: TrainingConfig) -> torch.optim.Optimizer:

@@ -254,6 +254,18 @@ BAD: list[tuple[str, str, Callable[[Path], object], str]] = [
         "file 'a.pt': its entry 'spikes' is no array (torch.bfloat16). Give uint8.",
     ),
     (
+        "sparse tensor",
+        "a.pt",
+        lambda path: torch.save(torch.zeros(2, 3, 4).to_sparse(), path),
+        "file 'a.pt': its entry 'spikes' is no array (torch.sparse_coo on cpu). Give a dense tensor.",
+    ),
+    (
+        "tensor that claims to be huge",
+        "a.pt",
+        lambda path: torch.save(torch.zeros(1, 1, 1, 1).expand(10**9, 39, 2, 10), path),
+        "file 'a.pt': it is too large (780000000000 values against 200000000). Give fewer recordings.",
+    ),
+    (
         "labels of text in pt",
         "a.pt",
         lambda path: torch.save({"spikes": torch.zeros(1, 2, 3), "labels": ["cup"]}, path),

@@ -174,6 +174,16 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
     ),
     ("version of 0", put("version", value=0), f"its version does not exist (version 0 against 1). {AGAIN}"),
     ("version of text", put("version", value="1"), f"entry 'version' must be a whole number (got str). {AGAIN}"),
+    (
+        "weights of text",
+        put("weights", "time_hidden", value="none"),
+        f"entry 'weights.time_hidden' must be a tensor (got str). {AGAIN}",
+    ),
+    (
+        "taxels of text",
+        put("location_order", "taxels", value="loop"),
+        f"entry 'location_order.taxels' must be a list (got str). {AGAIN}",
+    ),
     ("missing entry", drop("hidden"), f"entry 'hidden' is missing. {AGAIN}"),
     ("missing neuron entry", drop("neuron", "theta"), f"entry 'neuron.theta' is missing. {AGAIN}"),
     ("unknown entry", put("hiden", value=3), "entry 'hiden' is not known. Did you mean 'hidden'?"),
@@ -254,7 +264,22 @@ BAD_INSIDE: list[tuple[str, Callable[[Path], object], str]] = [
     (
         "wrong weight type",
         put("weights", "time_hidden", value=torch.zeros(4, 78, dtype=torch.float64)),
-        f"population 'time_hidden': its weights are not dense float32 (got torch.float64). {AGAIN}",
+        f"population 'time_hidden': its weights are not dense float32 (got torch.float64, strided on cpu). {AGAIN}",
+    ),
+    (
+        "sparse weights",
+        put("weights", "time_hidden", value=torch.zeros(4, 78).to_sparse()),
+        f"population 'time_hidden': its weights are not dense float32 (got torch.float32, sparse_coo on cpu). {AGAIN}",
+    ),
+    (
+        "weights without values",
+        put("weights", "time_hidden", value=torch.zeros(4, 78, device="meta")),
+        f"population 'time_hidden': its weights are not dense float32 (got torch.float32, strided on meta). {AGAIN}",
+    ),
+    (
+        "recordings that claim to be huge",
+        put("recordings", "spikes", value=torch.zeros(1, 1, 1, dtype=torch.uint8).expand(10**9, 9, 78)),
+        "recordings: they are too large (702000000000 values against 200000000). Give fewer.",
     ),
     (
         "recordings of another shape",
@@ -264,7 +289,7 @@ BAD_INSIDE: list[tuple[str, Callable[[Path], object], str]] = [
     (
         "recordings of floats",
         put("recordings", "spikes", value=torch.zeros(2, 9, 78)),
-        f"recordings: spikes must be uint8 and labels int64 (got torch.float32 and torch.int64). {AGAIN}",
+        f"recordings: spikes must be dense uint8 and labels int64 (got torch.float32 and torch.int64). {AGAIN}",
     ),
 ]
 

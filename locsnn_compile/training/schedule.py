@@ -1,0 +1,41 @@
+"""How fast a run learns, and which of its epochs is the one to keep."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from locsnn_compile.training.config import TrainingConfig
+from locsnn_compile.training.state import EpochRecord
+
+
+def learning_rate(config: TrainingConfig, epoch: int, epochs: int) -> float:
+    """Return the rate of epoch 1..``epochs``: constant, or half a cosine, lr * (1 + cos(pi (epoch - 1) / epochs)) / 2.
+
+    A refit has as many ``epochs`` as were chosen, so that it, too, ends with settled weights.
+    """
+    if config.schedule == "constant":
+        return config.learning_rate
+    return config.learning_rate * 0.5 * (1.0 + math.cos(math.pi * (epoch - 1) / epochs))
+
+
+def choose_epoch(history: list[EpochRecord], smoothing_epochs: int, held: int) -> int:
+    """Return the epoch that validation on ``held`` recordings chooses; the last one where there is no validation.
+
+    Accuracies are averaged over ``smoothing_epochs`` epochs up to each; chosen is the latest epoch whose average is
+    within one standard error, sqrt(p (1 - p) / held), of the best p: a smaller difference is chance, and a later epoch
+    has the more settled weights of the lower learning rate (the rule of Breiman et al. 1984, sec. 3.4.3).
+    """
+    rows = [row for row in history if row.phase == "select"]
+    accuracy = np.array([row.validation_accuracy for row in rows if row.validation_accuracy is not None])
+    if not len(accuracy):
+        return rows[-1].epoch
+    sums = np.concatenate([[0.0], np.cumsum(accuracy)])
+    ends = np.arange(1, len(accuracy) + 1)
+    starts = np.maximum(ends - smoothing_epochs, 0)
+    averages = (sums[ends] - sums[starts]) / (ends - starts)
+    best = min(float(averages.max()), 1.0)
+    # The slack keeps equal averages equal, whatever the order their sums were rounded in.
+    near = averages >= best - math.sqrt(best * (1 - best) / held) - 1e-9
+    return rows[int(np.flatnonzero(near)[-1])].epoch
