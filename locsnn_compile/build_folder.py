@@ -18,7 +18,7 @@ def check_folder(folder: Path) -> None:
     existing = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
     if not existing.is_dir():
         raise InputError(f"output {folder.name!r}", f"{existing.name!r} is a file", fix="Choose a folder with -o.")
-    if not os.access(existing, os.W_OK | os.X_OK):
+    if not os.access(existing, os.W_OK | os.X_OK, effective_ids=os.access in os.supports_effective_ids):
         raise _unwritable(folder, "permission denied")
 
 

@@ -32,10 +32,10 @@ def evaluate(network: Network, recordings: ByteArray, *, potentials: bool = Fals
     spikes: dict[str, ByteArray] = {view.name: view.play(recordings) for view in network.views}
     potential: dict[str, FloatArray] = {}
     for population in network.populations:
-        drive = sum(
-            (spikes[p.source].astype(np.float64) @ p.weights.T for p in network.into(population.name)),
-            start=np.zeros((len(recordings), network.steps_of(population.axis), population.size)),
-        )
+        drive = np.zeros((len(recordings), network.steps_of(population.axis), population.size))
+        for projection in network.into(population.name):
+            rows = spikes[projection.source].reshape(-1, projection.weights.shape[1])
+            drive += (rows.astype(np.float64) @ projection.weights.T).reshape(drive.shape)
         spikes[population.name], u = srm_response(drive, population.neuron)
         if potentials:
             potential[population.name] = u

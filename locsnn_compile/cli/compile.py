@@ -130,3 +130,7 @@ def _gates(args: Namespace, report: dict[str, Any]) -> int:
     for line in failed:
         print(f"gate failed: {line}.", file=sys.stderr)
     return EXIT_GATE if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

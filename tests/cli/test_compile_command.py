@@ -1,0 +1,285 @@
+"""``locsnn-compile`` end to end: what it writes, prints and returns, and what it says of bad input."""
+
+import json
+import os
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+import hw_model as hw
+from locsnn_compile.cli.compile import EMIT_KINDS, main
+
+ROOT = Path(__file__).parents[2]
+MODEL = ROOT / "examples/models/objects-hybrid.pt"
+FILES = {"program.yaml", "program.npz", "report.json", "report.md", "report.html"}
+
+
+@pytest.fixture(scope="module")
+def few(tmp_path_factory):
+    """Three short recordings: enough to compare on, quick to run."""
+    path = tmp_path_factory.mktemp("events") / "few.npy"
+    r = np.random.default_rng(0)
+    np.save(path, (r.random((3, 78, 60)) < 0.1).astype(np.uint8))
+    return path
+
+
+def run(*arguments):
+    return main([str(argument) for argument in arguments])
+
+
+def test_a_build_is_whole_and_its_program_runs(few, tmp_path, capsys):
+    assert run(MODEL, "--events", few, "-o", tmp_path / "out") == 0
+    assert {path.name for path in (tmp_path / "out").iterdir()} == FILES
+    program = hw.load_program(tmp_path / "out")
+    report = json.loads((tmp_path / "out/report.json").read_text())
+    spikes = np.pad(np.load(few).transpose(0, 2, 1), ((0, 0), (0, 190), (0, 0)))
+    result = hw.simulate(program, spikes)
+    assert result.counts.synaptic_ops / 3 == report["operations"]["per_sample"]["synaptic_ops"]
+    out = capsys.readouterr().out
+    assert "objects-hybrid" in out
+    assert str(tmp_path / "out") in out
+
+
+def test_json_prints_the_report_and_nothing_else(few, tmp_path, capsys):
+    assert run(MODEL, "--events", few, "-o", tmp_path, "--json") == 0
+    captured = capsys.readouterr()
+    assert captured.out == (tmp_path / "report.json").read_text()
+    assert captured.err == ""
+    keys = list(json.loads(captured.out))
+    assert keys[:13] == [
+        "schema", "model", "target", "strategy", "weight_bits", "match", "accuracy", "operations", "energy", "latency",
+        "resources", "ann_comparison", "skipped",
+    ]  # fmt: skip
+
+
+def test_quiet_prints_nothing(few, tmp_path, capsys):
+    assert run(MODEL, "--events", few, "-o", tmp_path, "--quiet") == 0
+    assert capsys.readouterr() == ("", "")
+
+
+def test_two_runs_write_the_same_bytes(few, tmp_path):
+    """In fresh interpreters with different hash seeds: nothing may depend on the order of a set."""
+    for name, seed in (("one", "1"), ("two", "2")):
+        command = [sys.executable, "-m", "locsnn_compile.cli.compile", str(MODEL), "--events", str(few), "--quiet"]
+        command += ["-o", str(tmp_path / name), "--emit", *EMIT_KINDS]
+        done = subprocess.run(
+            command, env={**os.environ, "PYTHONHASHSEED": seed}, capture_output=True, text=True, check=False
+        )
+        assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    written = {path.name for path in (tmp_path / "one").iterdir()}
+    assert written == FILES | {f"{kind}.txt" for kind in EMIT_KINDS}
+    for name in written:
+        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes(), name
+
+
+def test_without_events_the_check_is_on_synthetic_touches_and_says_so(tmp_path, capsys):
+    assert run(MODEL, "-o", tmp_path, "--json") == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["match"]["events_source"] == "synthetic touches"
+    assert report["accuracy"] is None
+
+
+def test_a_build_replaces_the_one_before_and_leaves_other_files(few, tmp_path):
+    (tmp_path / "notes.txt").write_text("mine")
+    (tmp_path / "report.md").write_text("old")
+    assert run(MODEL, "--events", few, "-o", tmp_path, "--quiet") == 0
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+    assert (tmp_path / "report.md").read_text() != "old"
+    assert {path.name for path in tmp_path.iterdir()} == FILES | {"notes.txt"}
+
+
+@pytest.mark.parametrize(
+    ("gate", "value", "code", "line"),
+    [
+        ("--min-agreement", "0", 0, ""),
+        ("--min-agreement", "1.1", 3, "gate failed: --min-agreement: prediction agreement is "),
+        ("--max-cores", "2", 0, ""),
+        ("--max-cores", "1", 3, "gate failed: --max-cores: 2 cores are used, above 1.\n"),
+        ("--max-energy-nj", "1", 3, "gate failed: --max-energy-nj: a recording takes "),
+    ],
+)
+def test_gates(few, tmp_path, capsys, gate, value, code, line):
+    assert run(MODEL, "--events", few, "-o", tmp_path, "--quiet", gate, value) == code
+    captured = capsys.readouterr()
+    assert captured.err.startswith(line)
+    assert captured.err.count("\n") == (code != 0)
+    assert (tmp_path / "report.json").exists()
+
+
+# Bad input ------------------------------------------------------------------------------------------------------------
+
+
+def changed(tmp_path, change):
+    """Return the path of the example's checkpoint with its dictionary changed."""
+    entries = torch.load(MODEL, weights_only=True)
+    change(entries)
+    path = tmp_path / "model.pt"
+    torch.save(entries, path)
+    return path
+
+
+class _Runs:
+    """A pickle that would run a command when it is read."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return os.system, (f"touch {self.path}",)
+
+
+def truncated(tmp_path):
+    path = tmp_path / "model.pt"
+    path.write_bytes(MODEL.read_bytes()[:20_000])
+    return path
+
+
+def hostile(tmp_path):
+    path = tmp_path / "model.pt"
+    torch.save({"format": _Runs(tmp_path / "ran")}, path)
+    return path
+
+
+def plain_pickle(tmp_path):
+    path = tmp_path / "model.pt"
+    path.write_bytes(pickle.dumps(_Runs(tmp_path / "ran")))
+    return path
+
+
+def set_weight(population, value):
+    def change(entries):
+        entries["weights"][population][3, 5] = value
+
+    return change
+
+
+def cut_weights(entries):
+    entries["weights"]["time_output"] = entries["weights"]["time_output"][:, :-1].clone()
+
+
+def repeat_taxel(entries):
+    entries["location_order"]["taxels"][4] = entries["location_order"]["taxels"][2]
+
+
+BAD_MODELS = [
+    ("missing", lambda t: t / "gone.pt", "checkpoint 'gone.pt': it cannot be read (No such file or directory). Check the path."),
+    ("truncated", truncated, "checkpoint 'model.pt': it is damaged, truncated or not a torch file. Write it again with 'locsnn train'."),
+    ("hostile", hostile, "checkpoint 'model.pt': it holds objects that would run code when read, so it was not read. Save tensors and plain values only."),
+    ("plain pickle", plain_pickle, "checkpoint 'model.pt': it is damaged, truncated or not a torch file. Write it again with 'locsnn train'."),
+    ("nan", lambda t: changed(t, set_weight("time_hidden", float("nan"))), "checkpoint 'model.pt', population 'time_hidden': weight [3, 5] is not finite (got nan, 1 such weights). Train the network again."),
+    ("infinite", lambda t: changed(t, set_weight("location_output", float("-inf"))), "checkpoint 'model.pt', population 'location_output': weight [3, 5] is not finite (got -inf, 1 such weights). Train the network again."),
+    ("shape", lambda t: changed(t, cut_weights), "checkpoint 'model.pt', population 'time_output': its weights have another shape (got (36, 31) against (36, 32) (out, in)). Write it again with 'locsnn train'."),
+    ("order", lambda t: changed(t, repeat_taxel), "checkpoint 'model.pt', location order: taxel 3 is repeated at entry 5. Give every taxel from 1 to 39 exactly once."),
+    ("suffix", lambda t: t / "model.onnx", "model 'model.onnx': files ending in '.onnx' are not read. Give a checkpoint (.pt) that `locsnn train` wrote."),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("make", "line"), [row[1:] for row in BAD_MODELS], ids=[row[0] for row in BAD_MODELS])
+def test_bad_models_are_one_line_and_exit_code_2(make, line, tmp_path, capsys):
+    model = make(tmp_path)
+    assert run(model, "-o", tmp_path / "out") == 2
+    assert capsys.readouterr() == ("", line + "\n")
+    assert not (tmp_path / "out").exists()
+    assert not (tmp_path / "ran").exists()
+
+
+def wrong_channels(tmp_path):
+    path = tmp_path / "wide.npy"
+    np.save(path, np.zeros((2, 156, 250), dtype=np.uint8))
+    return path
+
+
+BAD_OPTIONS = [
+    ("target", lambda t: ("--target", "loihi-sin"), "target 'loihi-sin': no chip of this name ships. Did you mean 'loihi-sim'? A chip file of your own ends in .yaml."),
+    ("channels", lambda t: ("--events", wrong_channels(t)), "events 'wide.npy': the channel count differs from the model's (156 channels against 78). Give recordings of shape (samples, steps, 78)."),
+    ("strategy", lambda t: ("--strategy", "dendrites"), "strategy 'dendrites': SRM neurons are not lowered so. Did you mean 'dendrite'?"),
+    ("bits", lambda t: ("--weight-bits", "7"), "--weight-bits: no synapse format has 7 bits. Choose one of 1, 2, 3, 4, 5, 6, 8."),
+    ("emit", lambda t: ("--emit", "programm"), "--emit programm: no level has this name. Did you mean 'program'?"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("options", "line"), [row[1:] for row in BAD_OPTIONS], ids=[row[0] for row in BAD_OPTIONS])
+def test_bad_options_are_one_line_and_exit_code_2(options, line, tmp_path, capsys):
+    assert run(MODEL, "-o", tmp_path / "out", *options(tmp_path)) == 2
+    assert capsys.readouterr() == ("", line + "\n")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        ([], "locsnn-compile: the following arguments are required: MODEL. See locsnn-compile --help."),
+        (["m.pt", "--bits", "8"], "locsnn-compile: unrecognized arguments: --bits 8. See locsnn-compile --help."),
+        (
+            ["m.pt", "--weight-bits", "x"],
+            "locsnn-compile: argument --weight-bits: invalid int value: 'x'. See locsnn-compile --help.",
+        ),
+    ],
+    ids=["nothing", "unknown", "type"],
+)
+def test_wrong_usage_is_one_line_and_exit_code_2(arguments, line, capsys):
+    with pytest.raises(SystemExit) as caught:
+        main(arguments)
+    assert caught.value.code == 2
+    assert capsys.readouterr() == ("", line + "\n")
+
+
+def test_a_folder_without_write_permission(tmp_path, capsys):
+    """As an ordinary user: permissions do not hold for root."""
+    locked = tmp_path / "locked"
+    locked.mkdir(mode=0o555)
+    was_root = os.geteuid() == 0
+    if was_root:
+        for parent in (tmp_path, *tmp_path.parents[:2]):
+            parent.chmod(0o755)
+        os.seteuid(65534)
+    try:
+        code = run(MODEL, "-o", locked / "out")
+    finally:
+        if was_root:
+            os.seteuid(0)
+    line = "output 'out': cannot be written: permission denied. Choose a folder you may write to with -o.\n"
+    assert (code, capsys.readouterr()) == (2, ("", line))
+    assert list(locked.iterdir()) == []
+
+
+def test_an_output_that_is_a_file(few, tmp_path, capsys):
+    (tmp_path / "out").write_text("")
+    assert run(MODEL, "--events", few, "-o", tmp_path / "out" / "deeper") == 2
+    assert capsys.readouterr() == ("", "output 'deeper': 'out' is a file. Choose a folder with -o.\n")
+
+
+def test_a_model_that_the_chip_cannot_hold_is_exit_code_1(tmp_path, capsys):
+    model = changed(tmp_path, lambda entries: entries["neuron"].update(tau_sr=100_000.0))
+    assert run(model, "-o", tmp_path / "out") == 1
+    assert capsys.readouterr() == (
+        "",
+        "population 'time_hidden': tau_sr: the decay rounds to nothing, so the potential would never fade "
+        "(100000 steps against at most 8191). Use a shorter time constant or a longer step.\n",
+    )
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_write_that_fails_half_way_leaves_the_old_build(few, tmp_path, monkeypatch, capsys):
+    out = tmp_path / "out"
+    assert run(MODEL, "--events", few, "-o", out, "--quiet") == 0
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    real = Path.write_bytes
+
+    def full(self, content):
+        if self.name == "report.html":
+            raise OSError(28, "No space left on device")
+        return real(self, content)
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    assert run(MODEL, "--events", few, "-o", out, "--quiet", "--weight-bits", "4") == 2
+    assert capsys.readouterr().err == (
+        "output 'out': cannot be written: no space left on device. Choose a folder you may write to with -o.\n"
+    )
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]

@@ -1,0 +1,72 @@
+"""``locsnn run`` and ``locsnn targets``."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from locsnn_compile.cli.compile import main as compile_main
+from locsnn_compile.cli.main import main
+
+ROOT = Path(__file__).parents[2]
+MODEL = ROOT / "examples/models/objects-hybrid.pt"
+
+
+@pytest.fixture(scope="module")
+def build(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("build")
+    r = np.random.default_rng(0)
+    np.save(folder / "few.npy", (r.random((3, 78, 60)) < 0.1).astype(np.uint8))
+    np.save(folder / "few_labels.npy", np.array([0, 1, 2]))
+    arguments = [MODEL, "--events", folder / "few.npy", "-o", folder / "out", "--quiet"]
+    assert compile_main([str(a) for a in arguments]) == 0
+    return folder
+
+
+@pytest.mark.parametrize("engine", ["fast", "reference"])
+def test_run_predicts_as_the_report_counted(build, capsys, engine):
+    assert main(["run", str(build / "out"), "--events", str(build / "few.npy"), "--engine", engine, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    report = json.loads((build / "out/report.json").read_text())
+    right = sum(row["prediction"] == row["label"] for row in found["recordings"])
+    assert right / 3 == report["accuracy"]["chip"]
+    assert found["counts"]["spikes"] / 3 == report["operations"]["per_sample"]["spikes"]
+    assert sum(found["energy_pj"].values()) / 3 == pytest.approx(report["energy"]["per_sample_pj"])
+
+
+def test_run_prints_a_line_a_recording(build, capsys):
+    assert main(["run", str(build / "out"), "--events", str(build / "few.npy")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split(":")[0] for line in lines[:3]] == ["recording 0", "recording 1", "recording 2"]
+    assert lines[3].startswith("accuracy ")
+    assert "profile davies2018" in lines[4]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["run", "gone", "--events", "few.npy"], "program.yaml: cannot be read: No such file or directory. Give the folder that the compiler wrote."),
+        (["targets", "--show", "loihi"], "target 'loihi': no chip of this name ships. Did you mean 'loihi-sim'? A chip file of your own ends in .yaml."),
+    ],
+    ids=["no program", "no chip"],
+)  # fmt: skip
+def test_bad_input_is_one_line(arguments, line, capsys):
+    assert main(arguments) == 2
+    assert capsys.readouterr() == ("", line + "\n")
+
+
+def test_targets_lists_and_shows(capsys):
+    assert main(["targets"]) == 0
+    assert capsys.readouterr().out.startswith("loihi-sim: ")
+    assert main(["targets", "--show", "loihi-sim"]) == 0
+    assert yaml.safe_load(capsys.readouterr().out)["name"] == "loihi-sim"
+
+
+@pytest.mark.parametrize("command", ["train", "run", "targets"])
+def test_every_help_shows_an_example(command, capsys):
+    with pytest.raises(SystemExit) as caught:
+        main([command, "--help"])
+    assert caught.value.code == 0
+    assert f"example:\n  locsnn {command} " in capsys.readouterr().out
