@@ -111,44 +111,30 @@ def train(
     state = (load_state(state_path, key) if state_path is not None else None) or TrainingState()
 
     def saved() -> None:
-        if state_path is not None:
-            save_state(state_path, state, key)
-        if log_path is not None:
-            _write_log(log_path, state.history)
+        try:
+            if state_path is not None:
+                save_state(state_path, state, key)
+            if log_path is not None:
+                _write_log(log_path, state.history)
+        except OSError as error:
+            raise InputError(
+                "training log and state",
+                "they cannot be written",
+                measured=error.strerror or "",
+                fix="Give an output in a folder that can be written.",
+            ) from None
 
+    run = _Run(config, description, recordings, saved, save_every, progress)
     with _one_thread():
         training, held = stratified_split(labels, config.validation_fraction, config.seed)
-        everything = np.arange(len(labels))
         if state.phase == "select":
-            _run_phase(
-                state,
-                config,
-                description,
-                recordings,
-                training,
-                held,
-                config.epochs,
-                saved,
-                save_every,
-                progress,
-            )
+            _run_phase(run, state, training, held, config.epochs)
             if config.refit and len(held):
                 state.phase, state.epoch, state.weights, state.optimizer = "refit", 0, {}, {}
             saved()
         weights = state.chosen_weights
         if state.phase == "refit":
-            _run_phase(
-                state,
-                config,
-                description,
-                recordings,
-                everything,
-                held[:0],
-                state.chosen_epoch,
-                saved,
-                save_every,
-                progress,
-            )
+            _run_phase(run, state, np.arange(len(labels)), held[:0], state.chosen_epoch)
             saved()
             weights = state.weights
         network = build_network(description, seed=config.seed)
@@ -157,21 +143,24 @@ def train(
     return TrainingResult(network, state.chosen_epoch, chosen[0].validation_accuracy, tuple(state.history))
 
 
-def _run_phase(
-    state: TrainingState,
-    config: TrainingConfig,
-    description: NetworkDescription,
-    recordings: Recordings,
-    rows: NDArray[np.int64],
-    held: NDArray[np.int64],
-    epochs: int,
-    saved: Callable[[], None],
-    save_every: int,
-    progress: Progress | None,
-) -> None:
+@dataclass(frozen=True, eq=False)
+class _Run:
+    """What both phases of a run share."""
+
+    config: TrainingConfig
+    description: NetworkDescription
+    recordings: Recordings
+    saved: Callable[[], None]
+    save_every: int
+    progress: Progress | None
+
+
+def _run_phase(run: _Run, state: TrainingState, rows: NDArray[np.int64], held: NDArray[np.int64], epochs: int) -> None:
+    """Take ``state`` from where it is to ``epochs`` on the recordings ``rows``, validating on ``held``."""
+    config, recordings = run.config, run.recordings
     assert recordings.labels is not None
     spikes, labels = recordings.spikes[rows], recordings.labels[rows]
-    network = build_network(description, seed=config.seed)
+    network = build_network(run.description, seed=config.seed)
     optimizer = _optimizer(network, config)
     if state.weights:
         network.load_state_dict(state.weights)
@@ -199,12 +188,12 @@ def _run_phase(
         state.optimizer = optimizer.state_dict()
         if state.phase == "select" and choose_epoch(state.history, config.smoothing_epochs, len(held)) == epoch:
             state.chosen_epoch, state.chosen_weights = epoch, state.weights
-        if progress is not None:
+        if run.progress is not None:
             others = config.epochs if state.phase == "refit" else 0
             expected = others + epochs + (epochs if state.phase == "select" and config.refit and len(held) else 0)
-            progress(others + epoch, expected, record)
-        if epoch % save_every == 0:
-            saved()
+            run.progress(others + epoch, expected, record)
+        if epoch % run.save_every == 0:
+            run.saved()
 
 
 def _optimizer(network: TouchNetwork, config: TrainingConfig) -> torch.optim.Optimizer:

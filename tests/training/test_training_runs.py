@@ -182,3 +182,12 @@ def test_what_cannot_be_trained(recordings: Recordings, values: dict[str, str], 
     with pytest.raises(InputError) as caught:
         train(recordings, replace(CONFIG, **values))  # type: ignore[arg-type]
     assert str(caught.value) == message
+
+
+def test_a_log_that_cannot_be_written(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        train(touches(), CONFIG, log_path=tmp_path / "none" / "log.csv")
+    assert str(caught.value) == (
+        "training log and state: they cannot be written (No such file or directory). "
+        "Give an output in a folder that can be written."
+    )
