@@ -1,0 +1,122 @@
+"""Sections on the program itself: resources, what was left out, rounding, and where it came from."""
+
+from __future__ import annotations
+
+from locsnn_compile.report.content import Bar, Bullets, Document, Fact, Facts, Paragraph, Section, Table
+from locsnn_compile.report.format import NONE, any_value, count, memory, share
+from locsnn_compile.report.verdict import fullness
+from locsnn_compile.report.words import words
+
+_STRATEGIES = {
+    "dendrite": "three joined compartments a neuron: alpha dendrite, refractory dendrite, memoryless soma",
+    "delay-line": "two joined compartments a neuron, the refractory kernel through delayed self-synapses",
+    "reset": "one compartment a neuron with the chip's own reset, an approximation",
+}
+_WITHOUT_JOINED = ("reset",)
+
+
+def resources(document: Document) -> Section:
+    """Use against every limit, fullest core first, then core by core."""
+    found = document["resources"]
+    limits = sorted(found["limits"].items(), key=lambda item: -fullness(item[1]))
+    table = Table(
+        "Limits, the fullest first; of a core's limits its fullest core",
+        ("limit", "", "used", "of", "share"),
+        tuple(
+            (
+                words(name),
+                Bar(min(1.0, fullness(entry)), f"{share(fullness(entry))} used"),
+                count(entry["used"]),
+                count(entry["limit"]),
+                share(fullness(entry)),
+            )
+            for name, entry in limits
+        ),
+    )
+    totals = Facts(
+        (
+            Fact("compartments", count(found["compartments"])),
+            Fact("synapses", f"{count(found['synapses'])}, {memory(found['synapse_bits'])} of synapse memory"),
+            Fact("axons", f"{count(found['axons_in'])} in, {count(found['axons_out'])} out"),
+        )
+    )
+    return Section(
+        "resources",
+        "Resources",
+        f"What the program takes of {document['target']}.",
+        (totals, table, _by_core(document)),
+    )
+
+
+def left_out(document: Document) -> Section:
+    """Steps skipped, events dropped, synapses and compartments pruned."""
+    found = document["skipped"]
+    facts = (
+        Fact("steps skipped", f"{count(found['steps'])}, of all recordings; nothing could change in them"),
+        Fact("events dropped", f"{count(found['events_dropped'])}, of all recordings; after the last step"),
+        Fact("synapses pruned", f"{count(found['synapses_pruned'])}, whose weight rounds to 0"),
+        Fact("compartments pruned", count(found["compartments_pruned"])),
+    )
+    return Section("left-out", "Left out", "What the program does not have or do.", (Facts(facts),))
+
+
+def quantization(document: Document) -> Section:
+    """Scales, decays and rounding errors by population."""
+    populations = document["quantization"]
+    keys = list(dict.fromkeys(key for entry in populations.values() for key in entry))
+    table = Table(
+        "Numbers of the chip by population",
+        ("population", *(words(key) for key in keys)),
+        tuple((name, *(_number(key, entry.get(key)) for key in keys)) for name, entry in populations.items()),
+    )
+    return Section(
+        "quantization",
+        "Quantisation",
+        "A potential of 1 in the float network is the scale in the chip's registers. Decays are of 4096. Errors are "
+        "relative, after rounding: of the alpha kernel its root mean square, of the refractory kernel its weight.",
+        (table,),
+    )
+
+
+def provenance(document: Document) -> Section:
+    """What was compiled for what, with which options, checked on what; what is assumed."""
+    strategy = document["strategy"]
+    meaning = f"{strategy}: {_STRATEGIES[strategy]}" if strategy in _STRATEGIES else strategy
+    facts = (
+        Fact("model", document["model"]["name"]),
+        Fact("model sha256", document["model"]["sha256"] or NONE),
+        Fact("target", document["target"]),
+        Fact("strategy", meaning),
+        Fact("weight bits", any_value(document["weight_bits"])),
+        Fact("recordings", f"{count(document['match']['samples'])} of {document['match']['events_source']}"),
+        Fact("schema", document["schema"]),
+    )
+    notes = ["Energy and latency are models: counts times published costs. No board was used."]
+    if strategy not in _WITHOUT_JOINED:
+        notes.append(
+            "Joined compartments (dendrites) are an assumption about the chip: public sources name them, and none "
+            "gives their integer timing."
+        )
+    notes.append("Where public sources on the chip are silent or disagree, the target's description decides.")
+    lead = "Enough to make this report again; the same input gives the same bytes."
+    return Section(
+        "provenance", "Provenance", lead, (Facts(facts), Bullets("To be read with these figures", tuple(notes)))
+    )
+
+
+def _by_core(document: Document) -> Table | Paragraph:
+    rows = document["resources"]["by_core"]
+    if not rows:
+        return Paragraph("No core is in use.")
+    keys = [key for key in rows[0] if key not in ("core", "phase")]
+    return Table(
+        "Core by core",
+        ("core", *(words(key).replace(" of a core", "") for key in keys)),
+        tuple((f"{row['core']}, {row['phase']}", *(any_value(row[key]) for key in keys)) for row in rows),
+    )
+
+
+def _number(key: str, value: object) -> str:
+    if isinstance(value, float) and key.endswith("_error"):
+        return share(value)
+    return any_value(value)

@@ -1,0 +1,40 @@
+"""Put the report together: the verdicts, the notices and the sections in the order in which people ask."""
+
+from __future__ import annotations
+
+from locsnn_compile.report import behaviour, build, cost
+from locsnn_compile.report.content import Document, Report
+from locsnn_compile.report.format import plural
+from locsnn_compile.report.verdict import costs, fits, matches, notices
+
+SECTIONS = (
+    behaviour.agreement,
+    behaviour.operations,
+    cost.energy_section,
+    cost.latency_section,
+    build.resources,
+    behaviour.comparison,
+    build.left_out,
+    build.quantization,
+    build.provenance,
+)
+
+
+def compose(document: Document) -> Report:
+    """Return the whole report as content without form."""
+    return Report(
+        title=f"{document['model']['name']} on {document['target']}",
+        subtitle=subtitle(document),
+        verdicts=(matches(document), costs(document), fits(document)),
+        notices=notices(document),
+        sections=tuple(section(document) for section in SECTIONS),
+    )
+
+
+def subtitle(document: Document) -> str:
+    """Return the options of the build and the recordings of its check in a line."""
+    match = document["match"]
+    return (
+        f"{document['weight_bits']}-bit weights, strategy {document['strategy']}, "
+        f"{plural(match['samples'], 'recording')} of {match['events_source']}"
+    )

@@ -1,0 +1,136 @@
+"""What a report consists of, apart from its form: sections of text, figures and tables.
+
+    Report -- verdicts (three questions answered) -- notices -- sections -- blocks
+
+The words and numbers are chosen once, in ``verdict.py`` and the section files; ``html.py``, ``markdown.py`` and
+``terminal.py`` only give them form. Strings here are unescaped: each form escapes all of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+Document = dict[str, Any]
+"""report.json, as ``document.py`` builds it."""
+Status = Literal["yes", "nearly", "no", "unknown", "modelled"]
+
+
+@dataclass(frozen=True)
+class Fact:
+    """A name and what it is: ``accuracy`` - ``91 % on the chip``."""
+
+    label: str
+    value: str
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A question, its answer in a word or two, the figure that matters most, and the facts behind it."""
+
+    question: str
+    status: Status
+    answer: str
+    figure: str
+    figure_label: str
+    sentence: str
+    facts: tuple[Fact, ...]
+
+
+@dataclass(frozen=True)
+class Notice:
+    """Something a reader has to know before believing the figures."""
+
+    title: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Paragraph:
+    """Running text."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Facts:
+    """A list of names and values."""
+
+    facts: tuple[Fact, ...]
+
+
+@dataclass(frozen=True)
+class Bullets:
+    """A titled list."""
+
+    title: str
+    items: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A cell that draws ``share`` (0..1) of a track; ``label`` says it in words. ``pattern`` matches a ``Stack``."""
+
+    share: float
+    label: str
+    pattern: int = 0
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table whose first column names the rows; a column without a name is drawn, every other one holds numbers.
+
+    ``total`` marks the last row as the sum of the others. A table of more than ``MANY_ROWS`` rows is folded where the
+    form can fold.
+    """
+
+    caption: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str | Bar, ...], ...]
+    total: bool = False
+
+
+@dataclass(frozen=True)
+class Stack:
+    """One bar cut into labelled shares that add up to 1."""
+
+    label: str
+    shares: tuple[Bar, ...]
+
+
+@dataclass(frozen=True)
+class Span:
+    """Least, median, mean and most of a quantity over the recordings; ``values`` are the same four as numbers."""
+
+    title: str
+    least: Fact
+    median: Fact
+    mean: Fact
+    most: Fact
+    values: tuple[float, float, float, float]
+
+
+Block = Paragraph | Facts | Bullets | Table | Stack | Span
+
+MANY_ROWS = 12
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading, a sentence on what is shown below it, and the blocks. ``key`` is its anchor."""
+
+    key: str
+    title: str
+    lead: str
+    blocks: tuple[Block, ...]
+
+
+@dataclass(frozen=True)
+class Report:
+    """Everything that the page and the text file show, in their order."""
+
+    title: str
+    subtitle: str
+    verdicts: tuple[Verdict, Verdict, Verdict]
+    notices: tuple[Notice, ...]
+    sections: tuple[Section, ...]

@@ -1,0 +1,118 @@
+"""Numbers as people read them: one function a quantity, used by every rendering of the report.
+
+Three significant digits, no more: the energies and times are models, and further digits would claim more than they
+know. A share is never rounded up to all or down to nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+NONE = "–"  # noqa: RUF001 - an en dash stands for a number that does not exist
+"""Shown where there is no number."""
+_ENERGY_UNITS = ("pJ", "nJ", "µJ", "mJ", "J")
+_TIME_UNITS = ("ns", "µs", "ms", "s")
+_SIZE_UNITS = ("B", "kB", "MB", "GB")
+_MOST_DECIMALS = 6
+"""Of a percentage; what is nearer to its end is shown as beyond the last one."""
+
+
+def energy(pj: float) -> str:
+    """Return an energy given in picojoules, in the unit that suits it."""
+    return _scaled(pj, _ENERGY_UNITS)
+
+
+def time(ns: float) -> str:
+    """Return a time given in nanoseconds, in the unit that suits it."""
+    return _scaled(ns, _TIME_UNITS)
+
+
+def memory(bits: int) -> str:
+    """Return a size given in bits, in bytes of the multiple that suits it (1 kB is 1000 bytes)."""
+    return _scaled(bits / 8, _SIZE_UNITS)
+
+
+def count(value: float) -> str:
+    """Return a count, or a mean of counts: whole from 100 on, thousands apart."""
+    if value == int(value) or abs(value) >= 99.95:
+        return f"{value:,.0f}"
+    return _three_digits(value)
+
+
+def ratio(value: float) -> str:
+    """Return how many times one thing is another, without a unit."""
+    return _three_digits(value)
+
+
+def share(value: float) -> str:
+    """Return a share of 0..1 as a percentage; only 1 itself is 100 %, and only 0 itself 0 %."""
+    if value in (0.0, 1.0):
+        return f"{value:.0%}".replace("%", " %")
+    percent = 100.0 * value
+    nearer = min(abs(percent), abs(100.0 - percent))
+    decimals = max(1, 1 - math.floor(math.log10(nearer)))
+    if decimals > _MOST_DECIMALS:
+        end = 10.0**-_MOST_DECIMALS
+        return f"> {100 - end:.{_MOST_DECIMALS}f} %" if percent > 50 else f"< {end:.{_MOST_DECIMALS}f} %"
+    return f"{percent:.{decimals}f} %"
+
+
+def points(difference: float) -> str:
+    """Return a difference of two shares in percentage points, with its sign."""
+    if difference == 0:
+        return "no difference"
+    return f"{100 * difference:+.2f} points".replace("-", "−")  # noqa: RUF001 - a minus sign, as wide as the plus
+
+
+def plural(number: float, one: str, many: str | None = None) -> str:
+    """Return a count with its noun: ``1 core``, ``2 cores``."""
+    return f"{count(number)} {one if number == 1 else many or one + 's'}"
+
+
+def told_apart(values: Sequence[float]) -> list[str]:
+    """Return numbers with six digits, or with as many more as it takes for different ones to look different."""
+    for digits in range(6, 17):
+        texts = [f"{value:.{digits}g}" for value in values]
+        if len(set(texts)) == len(set(values)):
+            return texts
+    return [repr(value) for value in values]
+
+
+def plain(text: str) -> str:
+    """Return a string of the document on one line: what cannot be printed is shown by its escape."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def any_value(value: object) -> str:
+    """Return a value whose kind the reader of the report does not know: None, number, text, or a list of these."""
+    if value is None:
+        return NONE
+    if isinstance(value, list | tuple):
+        return ", ".join(any_value(item) for item in value) or NONE
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int):
+        return f"{value:,d}"
+    if isinstance(value, float):
+        return f"{value:,.1f}" if abs(value) >= 1000 else f"{value:.6g}"
+    return str(value)
+
+
+def _scaled(value: float, units: Sequence[str]) -> str:
+    """Return a value in the first unit in which it stays below 1000 after rounding."""
+    if value == 0:
+        return f"0 {units[0]}"
+    for unit in units[:-1]:
+        if abs(value) < 999.5:
+            return f"{_three_digits(value)} {unit}"
+        value /= 1000.0
+    return f"{_three_digits(value)} {units[-1]}"
+
+
+def _three_digits(value: float) -> str:
+    """Return three significant digits, without an exponent; from 100 on whole, thousands apart."""
+    if value == 0 or abs(value) >= 99.95:
+        return f"{value:,.0f}"
+    rounded = float(f"{value:.2e}")
+    return f"{value:.{2 - math.floor(math.log10(abs(rounded)))}f}"

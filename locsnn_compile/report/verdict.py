@@ -1,0 +1,183 @@
+"""The three questions that a report answers first, and what has to be known before its figures are believed."""
+
+from __future__ import annotations
+
+from locsnn_compile.report.content import Document, Fact, Notice, Status, Verdict
+from locsnn_compile.report.format import count, energy, memory, plural, points, ratio, share, time
+from locsnn_compile.report.words import listed, words
+
+NEARLY = 0.95
+"""Prediction agreement from which a program is said to match nearly; below it, not."""
+SYNTHETIC = "synthetic touches"
+"""The document's name for recordings that were made up because none were given."""
+
+
+def matches(document: Document) -> Verdict:
+    """Does the chip do what the float network does?"""
+    match = document["match"]
+    samples, agreement = match["samples"], match["prediction_agreement"]
+    same = round(agreement * samples)
+    in_all = f"in {count(same)} of {plural(samples, 'recording')}"
+    spikes = match["reference_spikes"] + match["chip_spikes"]
+    equal = f"The chip predicts the same class as the float network {in_all}"
+    status: Status
+    if not spikes:
+        status, answer = "unknown", "Not known"
+        sentence = "No neuron spiked, in the float network or on the chip: nothing was compared."
+    elif match["spike_mismatches"] == 0:
+        status, answer, sentence = "yes", "Yes, spike for spike", f"{equal}, and every spike is equal."
+    elif agreement == 1:
+        status, answer, sentence = "yes", "Yes, in every prediction", f"{equal}."
+    elif agreement >= NEARLY:
+        status, answer, sentence = "nearly", "Nearly", f"{equal}."
+    else:
+        status, answer, sentence = "no", "No", f"{equal}."
+    return Verdict(
+        question="Does it match?",
+        status=status,
+        answer=answer,
+        figure=share(agreement),
+        figure_label=f"same prediction, {in_all}",
+        sentence=sentence,
+        facts=(
+            Fact("accuracy", _accuracy(document)),
+            Fact("spikes", f"{share(match['spike_agreement'])} at the same neuron and step"),
+            Fact("first difference", _first_difference(document)),
+            Fact("registers", _registers(document)),
+        ),
+    )
+
+
+def costs(document: Document) -> Verdict:
+    """What do a recording's energy and time come to, in the model?"""
+    found, duration = document["energy"], document["latency"]["recording_ns"]
+    latency = document["latency"]["per_sample_ns"]
+    spread = found["over_samples_pj"]
+    mean = energy(found["per_sample_pj"])
+    facts = [
+        Fact("range", f"{energy(spread['min'])} to {energy(spread['max'])}, median {energy(spread['p50'])}"),
+        *(Fact("other profile", f"{energy(pj)} with {name}") for name, pj in found["other_profiles_pj"].items()),
+        Fact("latency", f"{time(latency)}{_pace(latency, duration)} (profile {document['latency']['profile']})"),
+    ]
+    if document["ann_comparison"]:
+        facts.append(Fact("operations", _against_anns(document)))
+    return Verdict(
+        question="What does it cost?",
+        status="modelled",
+        answer="Modelled, not measured",
+        figure=mean,
+        figure_label=f"a recording, profile {found['profile']}",
+        sentence=f"In the model, a recording takes {mean} (profile {found['profile']}) and {time(latency)}.",
+        facts=tuple(facts),
+    )
+
+
+def fits(document: Document) -> Verdict:
+    """Does the chip hold it, and how much room is left?"""
+    resources = document["resources"]
+    limits = resources["limits"]
+    worst = max(limits, key=lambda name: fullness(limits[name]))
+    inside = all(entry["used"] <= entry["limit"] for entry in limits.values())
+    cores = limits["cores"]
+    of_cores = f"{count(cores['used'])} of {plural(cores['limit'], 'core')}"
+    entry = limits[worst]
+    used = f"{count(entry['used'])} of {count(entry['limit'])} ({share(fullness(entry))})"
+    return Verdict(
+        question="Does it fit?",
+        status="yes" if inside else "no",
+        answer="Yes" if inside else "No",
+        figure=of_cores,
+        figure_label=f"of {document['target']}",
+        sentence=f"The program takes {of_cores} of {document['target']}.",
+        facts=(
+            Fact("fullest limit", f"{words(worst)}, {used}"),
+            Fact("compartments", count(resources["compartments"])),
+            Fact("synapses", f"{count(resources['synapses'])} in {memory(resources['synapse_bits'])}"),
+        ),
+    )
+
+
+def notices(document: Document) -> tuple[Notice, ...]:
+    """Return what limits the figures of this report; mostly nothing."""
+    found = []
+    match, dropped = document["match"], document["skipped"]["events_dropped"]
+    if is_synthetic(document):
+        text = (
+            "No recordings were given and the model carries none, so it was played synthetic touches. Its accuracy is "
+            "not known, and on real touches agreement, energy and latency will differ."
+        )
+        found.append(Notice("The recordings are synthetic.", text))
+    if match["wraps"]:
+        text = (
+            f"{plural(match['wraps'], 'time')} a register overflowed and its value went round to the other sign. What "
+            "the neuron does after that says little about the float network."
+        )
+        found.append(Notice("Registers wrapped.", text))
+    if dropped:
+        text = f"{plural(dropped, 'event')} lay after the last simulated step and never reached the chip."
+        found.append(Notice("Events were dropped.", text))
+    return tuple(found)
+
+
+def is_synthetic(document: Document) -> bool:
+    """Return whether the check ran on made-up touches."""
+    return bool(document["match"]["events_source"] == SYNTHETIC)
+
+
+def pace(latency_ns: float, recording_ns: float) -> str:
+    """Return how a latency compares with the time that the recording took."""
+    if latency_ns <= 0:
+        return "no time at all"
+    factor = recording_ns / latency_ns
+    if factor >= 1:
+        return f"{ratio(factor)} times faster than the {time(recording_ns)} recorded"
+    return f"{ratio(1 / factor)} times slower than the {time(recording_ns)} recorded"
+
+
+def against(name: str, times: float | None) -> str:
+    """Return how the operations of this network compare with those of a conventional one."""
+    if times is None:
+        return f"{words(name)}: no comparison, this network did nothing"
+    if times >= 1:
+        return f"{ratio(times)} times fewer than {words(name)}"
+    return f"{ratio(1 / times) if times else 'infinitely many'} times more than {words(name)}"
+
+
+def _against_anns(document: Document) -> str:
+    return listed([against(name, entry["ratio"]) for name, entry in document["ann_comparison"].items()])
+
+
+def _pace(latency_ns: float, recording_ns: float | None) -> str:
+    return "" if recording_ns is None else f", {pace(latency_ns, recording_ns)}"
+
+
+def _accuracy(document: Document) -> str:
+    accuracy = document["accuracy"]
+    if is_synthetic(document):
+        return "not known, the touches are synthetic"
+    if accuracy is None:
+        return "not known, the recordings have no labels"
+    chip, reference = accuracy["chip"], accuracy["reference"]
+    return f"{share(chip)} on the chip, {share(reference)} float ({points(chip - reference)})"
+
+
+def _first_difference(document: Document) -> str:
+    first = document["match"]["first_divergence"]
+    if first is None:
+        return "none, every spike is equal"
+    return f"{first['population']}, neuron {first['neuron']}, step {first['step']} of recording {first['recording']}"
+
+
+def _registers(document: Document) -> str:
+    """Return wraps and clips; clips also as a share of all compartment updates."""
+    match = document["match"]
+    text = f"{plural(match['wraps'], 'wrap')}, {plural(match['clips'], 'clip')}"
+    updates = document["operations"]["per_sample"]["neuron_updates"] * match["samples"]
+    return f"{text} ({share(match['clips'] / updates)} of updates)" if match["clips"] and updates else text
+
+
+def fullness(entry: dict[str, int]) -> float:
+    """Return the share of a limit in use; a limit of 0 is full once anything is used."""
+    if entry["limit"]:
+        return entry["used"] / entry["limit"]
+    return float(entry["used"] > 0)

@@ -1,0 +1,44 @@
+"""Names of the document's keys in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+_WORDS = {
+    "synaptic_ops": "synaptic operations",
+    "neuron_updates": "neuron updates",
+    "neuron_updates_active": "neuron updates, active",
+    "neuron_updates_inactive": "neuron updates, at rest",
+    "spikes": "spikes",
+    "input_events": "input events",
+    "transpose_events": "events through the transpose buffer",
+    "axon_packets": "spike packets",
+    "input_packets": "input packets",
+    "packets_within_tile": "packets within a tile",
+    "hops_x": "mesh hops, east or west",
+    "hops_y": "mesh hops, north or south",
+    "charge_wraps": "charge wraps",
+    "current_wraps": "current wraps",
+    "voltage_clips": "voltage clips",
+    "axons_in": "input axons of a core",
+    "axons_out": "output axons of a core",
+    "compartments": "compartments of a core",
+    "synapse_words": "synapse words of a core",
+    "synapse_formats": "synapse formats of a core",
+    "compartment_profiles": "compartment profiles of a core",
+    "threshold_profiles": "threshold profiles of a core",
+    "time": "time branch",
+    "location": "location branch",
+    "cnn-3d": "CNN-3D",
+    "gru-mlp": "GRU-MLP",
+}
+
+
+def words(key: str) -> str:
+    """Return a key of the document in words; one that is not known here, with its underscores as spaces."""
+    return _WORDS.get(key, key.replace("_", " "))
+
+
+def listed(items: Sequence[str]) -> str:
+    """Return ``a, b and c``."""
+    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}"

@@ -1,0 +1,167 @@
+from __future__ import annotations
+
+import itertools
+import re
+from html.parser import HTMLParser
+from typing import Any
+
+import pytest
+
+from locsnn_compile.report.html import render_html
+
+VOID = {"meta", "link", "br", "img", "hr", "input"}
+
+
+class Page(HTMLParser):
+    """Read a page: every start tag has its end, in order; attributes, ids and text are kept."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.text = ""
+        self.feed(page)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        assert len({name for name, _ in attrs}) == len(attrs)
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if "style" not in self.open:
+            self.text += f" {data}"
+
+    def named(self, tag: str) -> list[dict[str, str | None]]:
+        return [attributes for name, attributes in self.tags if name == tag]
+
+
+def test_key_figures_are_on_the_page(document: dict[str, Any]) -> None:
+    text = Page(render_html(document)).text
+    for figure in (
+        "two-branches on loihi-sim",
+        "in 19 of 20 recordings",
+        "85.0 % on the chip, 90.0 % float (−5.00 points)",  # noqa: RUF001
+        "90.0 % at the same neuron and step",
+        "0 wraps, 4 clips (0.025 % of updates)",
+        "100 nJ",
+        "a recording, profile davies2018",
+        "800 pJ to 1.20 µJ, median 90.0 nJ",
+        "136 nJ with sanafe",
+        "1.40 ms, 5,000 times faster than the 7.00 s recorded (profile davies2018)",
+        "2 of 128 cores",
+        "synapse formats of a core, 3 of 16 (18.8 %)",
+        "10.0 times fewer than CNN-3D and 2.00 times more than GRU-MLP",
+        "The float potential 10.00000002 reaches the threshold 10 and fires",
+        "host input and output (not published)",
+        "ab" * 32,
+        "Joined compartments (dendrites) are an assumption about the chip",
+    ):
+        assert figure in text
+
+
+def test_the_verdict_comes_first(document: dict[str, Any]) -> None:
+    text = Page(render_html(document)).text
+    order = ["Does it match?", "What does it cost?", "Does it fit?", "Agreement by population", "Provenance"]
+    assert [text.index(name) for name in order] == sorted(text.index(name) for name in order)
+
+
+def test_the_page_asks_for_nothing(document: dict[str, Any]) -> None:
+    html = render_html(document)
+    page = Page(html)
+    assert {tag for tag, _ in page.tags} & {"script", "link", "img", "iframe", "object", "embed", "form"} == set()
+    for _, attributes in page.tags:
+        assert not {"src", "srcset", "data", "style", "onload"} & attributes.keys()
+        assert (attributes.get("href") or "#").startswith("#")
+    assert all(target.startswith("#") for target in re.findall(r"url\(([^)]*)\)", html))
+    assert "@import" not in html
+    assert "://" not in html
+    assert len(html.encode()) < 60_000
+
+
+def test_structure_for_readers_without_sight_or_mouse(document: dict[str, Any]) -> None:
+    page = Page(render_html(document))
+    assert page.named("html") == [{"lang": "en"}]
+    assert [len(page.named(tag)) for tag in ("title", "h1", "main", "nav", "header", "footer")] == [1] * 6
+    levels = [int(tag[1]) for tag, _ in page.tags if re.fullmatch("h[1-6]", tag)]
+    assert all(after <= before + 1 for before, after in itertools.pairwise(levels))
+    assert len(page.named("caption")) == len(page.named("table"))
+    assert all(cell.get("scope") in ("row", "col") for cell in page.named("th"))
+    for drawing in page.named("svg"):
+        assert drawing.get("aria-hidden") == "true" or (drawing["role"] == "img" and drawing["aria-label"])
+    ids = [attributes["id"] for _, attributes in page.tags if attributes.get("id")]
+    assert len(ids) == len(set(ids))
+    assert {link["href"] for link in page.named("a")} <= {f"#{name}" for name in ids}
+    assert {section["aria-labelledby"] for section in page.named("section")} <= set(ids)
+    patterns = {f"url(#{pattern['id']})" for pattern in page.named("pattern")}
+    assert {part["fill"] for part in page.named("rect") if part.get("fill")} <= patterns
+
+
+HOSTILE = '</title><script>alert("1")</script>\'&\n`|\x1b[31m'
+
+
+def _hostile(value: Any) -> Any:
+    """Put the hostile string before every string, and in every key that is a name."""
+    if isinstance(value, dict):
+        return {key: _hostile(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_hostile(item) for item in value]
+    return HOSTILE + value if isinstance(value, str) else value
+
+
+def test_every_string_is_escaped(document: dict[str, Any]) -> None:
+    tags = sorted(tag for tag, _ in Page(render_html(document)).tags)
+    document = _hostile(document)
+    for table in (document["match"]["by_population"], document["quantization"], document["energy"]["breakdown_pj"]):
+        table[HOSTILE] = table.pop(next(iter(table)))
+    html = render_html(document)
+    page = Page(html)
+    assert "<script" not in html
+    assert "\x1b" not in html
+    assert sorted(tag for tag, _ in page.tags) == tags
+    assert '</title><script>alert("1")</script>\'&\\n`|\\x1b[31mtwo-branches on' in page.text
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "text"),
+    [
+        pytest.param(("accuracy",), None, "not known, the recordings have no labels", id="no-labels"),
+        pytest.param(("match", "events_source"), "synthetic touches", "The recordings are synthetic.", id="synthetic"),
+        pytest.param(("match", "first_divergence"), None, "First difference: none, every spike is equal.", id="equal"),
+        pytest.param(("ann_comparison",), {}, "No comparison: the published networks", id="no-comparison"),
+        pytest.param(("ann_comparison", "cnn-3d", "ratio"), None, "CNN-3D: no comparison", id="no-ratio"),
+        pytest.param(("latency", "recording_ns"), None, "does not say how long a step lasts", id="no-duration"),
+        pytest.param(("energy", "other_profiles_pj"), {}, "range 800 pJ", id="one-profile"),
+        pytest.param(("energy", "not_included"), [], "Energy by operation", id="nothing-missing"),
+        pytest.param(("quantization",), {}, "Numbers of the chip", id="no-quantisation"),
+        pytest.param(("model", "sha256"), None, "model sha256 –", id="no-checksum"),  # noqa: RUF001
+    ],
+)
+def test_what_may_be_missing(document: dict[str, Any], path: tuple[str, ...], value: Any, text: str) -> None:
+    *outer, last = path
+    target = document
+    for key in outer:
+        target = target[key]
+    target[last] = value
+    assert text in " ".join(Page(render_html(document)).text.split())
+
+
+def test_many_cores_are_folded(document: dict[str, Any]) -> None:
+    assert not Page(render_html(document)).named("details")
+    row = document["resources"]["by_core"][0]
+    document["resources"]["by_core"] = [{**row, "core": i} for i in range(128)]
+    html = render_html(document)
+    assert "<summary>Core by core (128 rows)</summary>" in html
+    assert len(html.encode()) < 200_000
+
+
+def test_the_same_document_gives_the_same_bytes(document: dict[str, Any]) -> None:
+    assert render_html(document) == render_html(document)

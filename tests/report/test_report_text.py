@@ -1,0 +1,123 @@
+"""Markdown and terminal: golden text, and what hostile names and missing figures do to it.
+
+To accept a change on purpose: ``LOCSNN_GOLDEN=write python -m pytest tests/report``, then read the difference.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from locsnn_compile.report.markdown import render_markdown, text
+from locsnn_compile.report.terminal import render_terminal
+
+GOLDEN = Path(__file__).parent / "golden"
+
+
+def _terminal(document: dict[str, Any], width: int = 80, encoding: str = "utf-8") -> str:
+    raw = io.BytesIO()
+    stream = io.TextIOWrapper(raw, encoding=encoding, write_through=True)
+    render_terminal(document, Console(file=stream, width=width))
+    return raw.getvalue().decode(encoding)
+
+
+def _check(made: str, name: str) -> None:
+    if os.environ.get("LOCSNN_GOLDEN") == "write":
+        (GOLDEN / name).write_text(made, encoding="utf-8")
+    assert made == (GOLDEN / name).read_text(encoding="utf-8")
+
+
+def _bare(document: dict[str, Any]) -> dict[str, Any]:
+    """Take away everything that a document may lack."""
+    document["accuracy"] = None
+    document["ann_comparison"] = {}
+    document["latency"]["recording_ns"] = None
+    document["energy"]["other_profiles_pj"] = {}
+    document["energy"]["not_included"] = []
+    match = document["match"]
+    match |= {"first_divergence": None, "clips": 0, "wraps_and_clips_by_population": {}, "spike_mismatches": 0}
+    match |= {"prediction_agreement": 1.0, "spike_agreement": 1.0, "events_source": "synthetic touches"}
+    for found in match["by_population"].values():
+        found |= {"spike_agreement": 1.0, "spike_mismatches": 0}
+    return document
+
+
+def test_markdown_golden(document: dict[str, Any]) -> None:
+    _check(render_markdown(document), "report.md")
+
+
+def test_markdown_with_nothing_optional_golden(document: dict[str, Any]) -> None:
+    _check(render_markdown(_bare(document)), "bare.md")
+
+
+def test_terminal_golden(document: dict[str, Any]) -> None:
+    _check(_terminal(document), "terminal.txt")
+
+
+def test_terminal_with_nothing_optional_golden(document: dict[str, Any]) -> None:
+    _check(_terminal(_bare(document), width=100), "terminal-bare.txt")
+
+
+def test_terminal_without_unicode_golden(document: dict[str, Any]) -> None:
+    document["model"]["name"] = "größe"
+    _check(_terminal(document, encoding="ascii"), "terminal-ascii.txt")
+
+
+@pytest.mark.parametrize("width", [10, 60, 80, 100, 200])
+def test_terminal_lines_fit_and_end_in_no_blanks(document: dict[str, Any], width: int) -> None:
+    lines = _terminal(document, width=width).splitlines()
+    assert max(len(line) for line in lines) <= max(width, 48)
+    assert all(line == line.rstrip() for line in lines)
+    assert "\x1b" not in "".join(lines)
+
+
+def test_terminal_escapes_names(document: dict[str, Any]) -> None:
+    document["model"]["name"] = "[red]x[/]\n\x1b[2J"
+    assert _terminal(document).splitlines()[0] == r"[red]x[/]\n\x1b[2J on loihi-sim"
+
+
+def test_terminal_cuts_long_names(document: dict[str, Any]) -> None:
+    document["model"]["name"] = "n" * 10_000
+    assert _terminal(document).splitlines()[0] == "n" * 59 + "… on loihi-sim"
+
+
+def test_terminal_shows_some_of_many_populations(document: dict[str, Any]) -> None:
+    found = document["match"]["by_population"]
+    document["match"]["by_population"] = {f"layer{i}": found["time_output"] for i in range(40)}
+    shown = _terminal(document)
+    assert "layer7 " in shown
+    assert "layer8 " not in shown
+    assert "and 32 more populations in the report" in shown
+
+
+def test_terminal_uses_colour_where_there_is_any(document: dict[str, Any]) -> None:
+    stream = io.StringIO()
+    render_terminal(document, Console(file=stream, width=80, force_terminal=True, color_system="standard"))
+    assert "\x1b[1;32m✓ Does it fit? Yes.\x1b[0m" in stream.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("given", "escaped"),
+    [
+        pytest.param("time_hidden", "time_hidden", id="underscore-in-a-word"),
+        pytest.param("_x_", r"\_x\_", id="underscore-at-the-edge"),
+        pytest.param("a|b", r"a\|b", id="pipe"),
+        pytest.param("`a` *b* [c](d) ~e~", r"\`a\` \*b\* \[c\](d) \~e\~", id="markup"),
+        pytest.param("a\nb", r"a\\nb", id="newline"),
+        pytest.param("<script>&amp;", "&lt;script&gt;&amp;amp;", id="html"),
+        pytest.param("# $x$ \\", r"\# \$x\$ \\", id="heading-formula-backslash"),
+    ],
+)
+def test_markdown_escapes(given: str, escaped: str) -> None:
+    assert text(given) == escaped
+
+
+def test_markdown_tables_stay_whole_with_hostile_names(document: dict[str, Any]) -> None:
+    found = document["match"]["by_population"]
+    document["match"]["by_population"] = {"a | b\n| c |": found["time_output"]}
+    assert "\n| a \\| b\\\\n\\| c \\| | 90.0 % | 49 | 51 | 10 |\n" in render_markdown(document)

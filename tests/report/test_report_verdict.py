@@ -1,0 +1,129 @@
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from locsnn_compile.report.compose import compose
+from locsnn_compile.report.content import Paragraph, Table
+from locsnn_compile.report.verdict import against, fits, matches, notices, pace
+
+
+@pytest.mark.parametrize(
+    ("changes", "status", "answer"),
+    [
+        pytest.param({"prediction_agreement": 1.0, "spike_mismatches": 0}, "yes", "Yes, spike for spike", id="exact"),
+        pytest.param({"prediction_agreement": 1.0}, "yes", "Yes, in every prediction", id="predictions"),
+        pytest.param({"prediction_agreement": 0.95}, "nearly", "Nearly", id="nearly"),
+        pytest.param({"prediction_agreement": 0.9}, "no", "No", id="no"),
+        pytest.param(
+            {"prediction_agreement": 1.0, "spike_mismatches": 0, "reference_spikes": 0, "chip_spikes": 0},
+            "unknown",
+            "Not known",
+            id="silence-proves-nothing",
+        ),
+    ],
+)
+def test_match(document: dict[str, Any], changes: dict[str, Any], status: str, answer: str) -> None:
+    document["match"] |= changes
+    verdict = matches(document)
+    assert (verdict.status, verdict.answer) == (status, answer)
+
+
+@pytest.mark.parametrize(
+    ("cores", "status", "fullest"),
+    [
+        pytest.param((2, 128), "yes", "synapse formats of a core, 3 of 16 (18.8 %)", id="room-left"),
+        pytest.param((128, 128), "yes", "cores, 128 of 128 (100 %)", id="full"),
+        pytest.param((192, 128), "no", "cores, 192 of 128 (150.0 %)", id="over"),
+        pytest.param((0, 0), "yes", "synapse formats of a core, 3 of 16 (18.8 %)", id="limit-of-nothing"),
+    ],
+)
+def test_fit(document: dict[str, Any], cores: tuple[int, int], status: str, fullest: str) -> None:
+    document["resources"]["limits"]["cores"] = dict(zip(("used", "limit"), cores, strict=True))
+    verdict = fits(document)
+    assert verdict.status == status
+    assert verdict.facts[0].value == fullest
+
+
+def test_notices_are_for_what_limits_the_figures(document: dict[str, Any]) -> None:
+    assert notices(document) == ()
+    document["match"] |= {"wraps": 3, "events_source": "synthetic touches"}
+    document["skipped"]["events_dropped"] = 1
+    assert [notice.title for notice in notices(document)] == [
+        "The recordings are synthetic.",
+        "Registers wrapped.",
+        "Events were dropped.",
+    ]
+    assert notices(document)[2].text == "1 event lay after the last simulated step and never reached the chip."
+
+
+@pytest.mark.parametrize(
+    ("latency_ns", "text"),
+    [
+        pytest.param(1e6, "5,000 times faster than the 5.00 s recorded", id="faster"),
+        pytest.param(1e10, "2.00 times slower than the 5.00 s recorded", id="slower"),
+        pytest.param(0.0, "no time at all", id="nothing"),
+    ],
+)
+def test_pace(latency_ns: float, text: str) -> None:
+    assert pace(latency_ns, 5e9) == text
+
+
+@pytest.mark.parametrize(
+    ("times", "text"),
+    [
+        pytest.param(12.67, "12.7 times fewer than CNN-3D", id="fewer"),
+        pytest.param(0.5, "2.00 times more than CNN-3D", id="more"),
+        pytest.param(None, "CNN-3D: no comparison, this network did nothing", id="nothing"),
+    ],
+)
+def test_against(times: float | None, text: str) -> None:
+    assert against("cnn-3d", times) == text
+
+
+@pytest.mark.parametrize(
+    ("reference", "chip", "sentence"),
+    [
+        pytest.param(
+            10.5, 9.5, "The float potential 10.5 reaches the threshold 10 and fires; the chip's 9.5", id="float"
+        ),
+        pytest.param(9.5, 10.0, "The chip's potential 10 reaches the threshold 10 and fires; the float", id="chip"),
+        pytest.param(9.5, 9.75, "The potential is 9.5 in the float network and 9.75 on the chip", id="neither"),
+    ],
+)
+def test_first_divergence_says_which_side_fired(
+    document: dict[str, Any], reference: float, chip: float, sentence: str
+) -> None:
+    document["match"]["first_divergence"] |= {"reference_potential": reference, "chip_potential": chip}
+    first = compose(document).sections[0].blocks[0]
+    assert isinstance(first, Paragraph)
+    assert sentence in first.text
+
+
+@pytest.mark.parametrize("strategy", ["dendrite", "delay-line", "reset", "another"])
+def test_the_assumption_is_named_where_it_is_made(document: dict[str, Any], strategy: str) -> None:
+    document["strategy"] = strategy
+    assert ("are an assumption about the chip" in str(compose(document).sections[-1])) == (strategy != "reset")
+
+
+def test_nothing_at_all_still_makes_a_report(document: dict[str, Any]) -> None:
+    energy = document["energy"]
+    energy |= {"per_sample_pj": 0.0, "breakdown_pj": dict.fromkeys(energy["breakdown_pj"], 0.0)}
+    energy |= {"by_branch_pj": {"time": 0.0}, "over_samples_pj": {"min": 0.0, "p50": 0.0, "max": 0.0}}
+    energy["other_profiles_pj"] = {"sanafe": 0.0}
+    document["latency"] |= {"per_sample_ns": 0.0, "over_samples_ns": {"min": 0.0, "p50": 0.0, "max": 0.0}}
+    document["operations"]["published_method"] |= {"operations": 0.0}
+    document["operations"]["per_sample"]["neuron_updates"] = 0.0
+    document["ann_comparison"] = {"cnn-3d": {"operations": 100, "ratio": None}}
+    document["resources"]["by_core"] = []
+    document["quantization"] = {}
+    made = str(compose(document))
+    assert "no comparison, this network did nothing" in made
+    assert "No core is in use." in made
+
+
+def test_every_row_has_every_column(document: dict[str, Any]) -> None:
+    tables = [block for section in compose(document).sections for block in section.blocks if isinstance(block, Table)]
+    assert len(tables) == 12
+    assert all(len(row) == len(table.columns) for table in tables for row in table.rows)
