@@ -1,0 +1,183 @@
+"""Prove from a program alone which registers can never wrap or clip, whatever the input.
+
+Every source spikes at most once a step, so the charge q of one step lies between the sum of a compartment's negative
+weights and that of its positive ones. From there, upwards (downwards alike, with signs turned):
+
+    q  <=  Q       = sum of positive weights
+    u  <=  U       = the smallest integer with ceil(U * decay_u / 4096) >= Q, which no step u = rz(u) + q can pass
+    v  <=  V       = likewise, with decay_v, from U + bias + what joined children can pass
+
+A reset or a refractory period only brings v back to 0. A decay of 0 under any drive has no bound. A feed-forward
+compartment whose inputs all spike in every step reaches its bounds; for sources that rest in between they are cautious.
+
+For the others there is a rate. If every source spikes at most once in any p steps, positive charge arrives at worst all
+at once, every p steps. Truncation toward zero only shrinks what the filters keep, so their real-valued answer to that
+train is a bound: Q * sum over k of a^(kp) for u, and Q * max over m of the sum over k of h(m + kp) for v, where a is
+what decay_u keeps in a step and h is the answer of both decays in a row.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from hw_model.chip_description import Registers
+from hw_model.fixed_point import DECAY_ONE, IntArray, effective_weight
+from hw_model.program import ChipProgram, Core
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+PERIODS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 512, 1024, 2048, 4096)
+"""Steps between spikes of a source that are tried, shortest first."""
+TAIL = 1e-9
+"""Share of a filter's answer that may be left out; it is added back as a guard."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bounds:
+    """Lowest and highest value that a register could reach before it wraps or is clipped; arrays (compartments,)."""
+
+    low: FloatArray
+    high: FloatArray
+
+    def within(self, low: float, high: float) -> BoolArray:
+        """Mark the compartments whose bounds lie in a range."""
+        inside: BoolArray = (self.low >= low) & (self.high <= high)
+        return inside
+
+
+@dataclass(frozen=True, eq=False)
+class CoreRange:
+    """What is proven of the compartments of one core; arrays (compartments,).
+
+    ``cannot_wrap``: no input can make q, u or u + bias wrap; ``cannot_clip``: none can make v clip. ``safe_period``:
+    the shortest of :data:`PERIODS` p such that neither happens while every source spikes at most once in any p steps; 1
+    where the proof holds for any input, 0 where none of the periods is enough.
+    """
+
+    core: int
+    q: Bounds
+    u: Bounds
+    v: Bounds
+    cannot_wrap: BoolArray
+    cannot_clip: BoolArray
+    safe_period: IntArray
+
+
+def prove_range(program: ChipProgram) -> tuple[CoreRange, ...]:
+    """Bound the registers of every compartment, core by core, from weights, decays, biases and joins alone."""
+    return tuple(_prove_core(core, program.chip.registers) for core in program.cores)
+
+
+def _prove_core(core: Core, registers: Registers) -> CoreRange:
+    charge = _charge(core)
+    wrap_q = charge.within(-(1 << registers.charge_bits), (1 << registers.charge_bits) - 1)
+    half = 1 << registers.current_bits
+    u = _settled(charge, core.setting("decay_u"))
+    bias = core.bias.astype(np.float64)
+    cannot_wrap = wrap_q & u.within(-half, half - 1) & Bounds(u.low + bias, u.high + bias).within(-half, half - 1)
+    # A register that may wrap can hold anything.
+    low, high = np.where(cannot_wrap, u.low + bias, -half), np.where(cannot_wrap, u.high + bias, half - 1)
+    drive = Bounds(low.astype(np.float64), high.astype(np.float64))
+    v = _voltage(core, drive, filtered=False)
+    cannot_clip = v.within(core.vmin, core.vmax)
+
+    safe_period = np.where(cannot_wrap & cannot_clip, 1, 0)
+    for period in PERIODS[1:]:
+        undecided = safe_period == 0
+        if not undecided.any():
+            break
+        safe_period[undecided & wrap_q & _safe_at(core, charge, period, half)] = period
+    return CoreRange(core.number, charge, u, v, cannot_wrap, cannot_clip, safe_period)
+
+
+def _charge(core: Core) -> Bounds:
+    exponents = np.array([form.exponent for form in core.axons.formats], dtype=np.int64)
+    weight = effective_weight(core.axons.mantissa, exponents[core.axons.format_index]).astype(np.float64)
+    n = core.compartments
+    low, high = (
+        np.bincount(core.axons.target, part, minlength=n).astype(np.float64)
+        for part in (np.minimum(weight, 0), np.maximum(weight, 0))
+    )
+    return Bounds(low, high)
+
+
+def _settled(drive: Bounds, decays: IntArray) -> Bounds:
+    """Bound ``x = rz(x, decay) + d`` from x = 0, for d within the drive's bounds in every step."""
+    return Bounds(-_settled_high(-drive.low, decays), _settled_high(drive.high, decays))
+
+
+def _settled_high(drive: FloatArray, decays: IntArray) -> FloatArray:
+    """Return the smallest x with ceil(x * decay / 4096) >= drive: floor((drive - 1) * 4096 / decay) + 1."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        settled = np.floor((drive - 1) * DECAY_ONE / decays) + 1
+    high: FloatArray = np.where(drive <= 0, 0.0, np.where(decays == 0, np.inf, settled))
+    return high
+
+
+def _voltage(core: Core, drive: Bounds, *, filtered: bool) -> Bounds:
+    """Bound v of every compartment, children first; with ``filtered`` the drive is v's own answer already.
+
+    What a joined child adds, it may add in every step.
+    """
+    decays = core.setting("decay_v")
+    low, high = drive.low.copy(), drive.high.copy()
+    passed_low, passed_high = np.zeros_like(low), np.zeros_like(high)
+    for i in range(core.compartments):
+        own = Bounds(low[i : i + 1], high[i : i + 1])
+        passed = Bounds(passed_low[i : i + 1], passed_high[i : i + 1])
+        if filtered:
+            more = _settled(passed, decays[i : i + 1])
+            found = Bounds(own.low + more.low, own.high + more.high)
+        else:
+            found = _settled(Bounds(own.low + passed.low, own.high + passed.high), decays[i : i + 1])
+        low[i], high[i] = found.low[0], found.high[0]
+        if core.parent[i] >= 0:
+            passed_low[core.parent[i]] += max(low[i], core.vmin)
+            passed_high[core.parent[i]] += min(high[i], core.vmax)
+    return Bounds(low, high)
+
+
+def _safe_at(core: Core, charge: Bounds, period: int, half: int) -> BoolArray:
+    """Mark compartments that neither wrap nor clip while every source spikes at most once in ``period`` steps."""
+    bias = core.bias.astype(np.float64)
+    u_gain, v_gain, bias_gain = (np.empty(core.compartments) for _ in range(3))
+    for index, profile in enumerate(core.profiles):
+        mine = core.profile == index
+        u_gain[mine], v_gain[mine] = _gains(profile.decay_u, profile.decay_v, period)
+        bias_gain[mine] = DECAY_ONE / profile.decay_v if profile.decay_v else np.inf
+    with np.errstate(invalid="ignore"):
+        u = Bounds(charge.low * u_gain, charge.high * u_gain)
+        steady = np.where(bias == 0, 0.0, bias * bias_gain)
+        own = Bounds(
+            np.where(charge.low < 0, charge.low * v_gain, 0.0) + np.minimum(steady, 0.0),
+            np.where(charge.high > 0, charge.high * v_gain, 0.0) + np.maximum(steady, 0.0),
+        )
+    driven = Bounds(u.low + np.minimum(bias, 0), u.high + np.maximum(bias, 0))
+    v = _voltage(core, own, filtered=True)
+    safe: BoolArray = driven.within(-half, half - 1) & v.within(core.vmin, core.vmax)
+    # A child that may wrap could pass anything on.
+    for i in range(core.compartments):
+        if core.parent[i] >= 0 and not safe[i]:
+            safe[core.parent[i]] = False
+    return safe
+
+
+@lru_cache(maxsize=4096)
+def _gains(decay_u: int, decay_v: int, period: int) -> tuple[float, float]:
+    """Return the largest answers of u and of v to a unit charge every ``period`` steps."""
+    if decay_u == 0:
+        return np.inf, np.inf
+    a, b = (DECAY_ONE - decay_u) / DECAY_ONE, (DECAY_ONE - decay_v) / DECAY_ONE
+    u_gain = 1.0 / (1.0 - a**period)
+    if decay_v == 0:
+        return u_gain, np.inf
+    slowest = max(a, b)
+    length = period * (1 + int(np.ceil((np.log(TAIL) - 10) / np.log(slowest) / period))) if slowest else 2 * period
+    m = np.arange(length, dtype=np.float64)
+    answer = (m + 1) * a**m if a == b else (a ** (m + 1) - b ** (m + 1)) / (a - b)
+    return u_gain * (1 + TAIL), float(answer.reshape(-1, period).sum(axis=0).max()) * (1 + TAIL)

@@ -1,0 +1,115 @@
+"""The proof of range against the worst inputs that can be found."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_engines import random_program
+
+import hw_model as hw
+from hw_model.range_proof import PERIODS, prove_range
+
+CHIP = hw.chip("loihi-sim")
+
+
+def one(weights, **parameters):
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", len(weights))
+    n = builder.add_compartments("n", 1, **{"threshold": 131071, "decay_u": 4096, "decay_v": 4096, **parameters})
+    builder.connect(x, n, [weights])
+    return builder.build()
+
+
+def largest(program, spikes, name="n"):
+    """Largest |u| and largest |v| before reset that a recording reaches."""
+    found = hw.simulate(program, spikes, probe=("u", "potential"))
+    return int(np.abs(found.u[name]).max()), int(np.abs(found.potential[name]).max())
+
+
+@pytest.mark.parametrize("sign", [1, -1], ids=["up", "down"])
+@pytest.mark.parametrize(
+    ("decay_u", "decay_v", "steps"),
+    [(4096, 4096, 5), (1024, 4096, 200), (390, 390, 2000), (4095, 17, 20_000), (100, 3000, 3000)],
+)
+def test_all_inputs_in_every_step_reach_the_bound(decay_u, decay_v, steps, sign):
+    program = one([sign * 10, sign * 4], decay_u=decay_u, decay_v=decay_v)
+    proven = prove_range(program)[0]
+    u, v = largest(program, np.ones((steps, 2), dtype=np.uint8))
+    bound = (proven.u, proven.v)
+    assert (u, v) == tuple(int((b.high if sign > 0 else -b.low)[0]) for b in bound)
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 2**32 - 1), rate=st.sampled_from([0.3, 0.9, 1.0]))
+def test_no_input_makes_a_safe_compartment_wrap_or_clip(seed, rate):
+    program, *_ = random_program(seed)
+    r = np.random.default_rng(seed)
+    spikes = (r.random((3, 300, 4)) < rate).astype(np.uint8)
+    spikes[1] = np.arange(300)[:, None] % 7 < 3
+    found = hw.simulate(program, spikes, probe=("u", "potential"))
+    for core, proven in zip(program.cores, prove_range(program), strict=True):
+        for piece in core.slices:
+            here = slice(piece.offset, piece.offset + piece.size)
+            u, v = found.u[piece.group], found.potential[piece.group]
+            kept = proven.cannot_wrap[here]
+            assert (u.max(axis=(0, 1))[kept] <= proven.u.high[here][kept]).all()
+            assert (u.min(axis=(0, 1))[kept] >= proven.u.low[here][kept]).all()
+            assert (v.max(axis=(0, 1)) <= proven.v.high[here]).all()
+            assert (v.min(axis=(0, 1)) >= proven.v.low[here]).all()
+            events = found.events.get(piece.group, {"charge_wraps": 0, "current_wraps": 0, "voltage_clips": 0})
+            if kept.all():
+                assert events["charge_wraps"] == events["current_wraps"] == 0
+            if proven.cannot_clip[here].all():
+                assert events["voltage_clips"] == 0
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    decay_u=st.sampled_from([1, 100, 390, 2000, 4096]),
+    decay_v=st.sampled_from([1, 50, 390, 4096]),
+    bias=st.sampled_from([0, 640, -12800]),
+)
+def test_a_rate_that_is_called_safe_is_safe(seed, decay_u, decay_v, bias):
+    r = np.random.default_rng(seed)
+    weights = (2 * r.integers(-100, 127, 5)).tolist()
+    program = one(weights, decay_u=decay_u, decay_v=decay_v, bias=bias, vmax=2**19 - 1, vmin=1 - 2**19)
+    period = int(prove_range(program)[0].safe_period[0])
+    assert period in (0, *PERIODS)
+    if period == 0:
+        return
+    steps = np.arange(12_000)[:, None]
+    for chosen in (np.array(weights) > 0, np.array(weights) < 0, np.ones(5, dtype=bool)):
+        counts = hw.simulate(program, ((steps % period == 0) & chosen).astype(np.uint8)).counts
+        assert (counts.wraps, counts.clips) == (0, 0)
+
+
+def test_a_rate_is_found_where_every_step_is_too_much():
+    program = one([254], decay_u=390, decay_v=390, vmax=2**19 - 1)
+    proven = prove_range(program)[0]
+    assert not proven.cannot_clip[0]
+    period = int(proven.safe_period[0])
+    assert period > 1
+    shorter = PERIODS[PERIODS.index(period) - 1]
+    spikes = (np.arange(4000)[:, None] % max(shorter // 2, 1) == 0).astype(np.uint8)
+    assert hw.simulate(program, spikes).counts.clips > 0
+
+
+def test_nothing_kept_for_ever_is_safe():
+    proven = prove_range(one([2], decay_u=0, decay_v=0))[0]
+    assert (proven.u.high[0], proven.safe_period[0]) == (np.inf, 0)
+    assert not proven.cannot_wrap[0]
+    assert not proven.cannot_clip[0]
+
+
+def test_joined_voltages_are_in_the_bound():
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 1)
+    soma = builder.add_compartments("soma", 1, decay_u=4096, decay_v=4096, threshold=131071)
+    for name in ("a", "b"):
+        child = builder.add_compartments(name, 1, decay_u=4096, decay_v=2048, threshold=0, joined_to=soma)
+        builder.connect(x, child, [[100]])
+    program = builder.build()
+    proven = prove_range(program)[0]
+    assert proven.v.high.tolist() == [12799.0, 12799.0, 25598.0]
+    assert largest(program, np.ones((50, 1), dtype=np.uint8), "soma")[1] == 25598
