@@ -17,7 +17,7 @@ from torch import Tensor, nn
 from locsnn_compile.data.sensor import channel_walk
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.description import NetworkDescription
-from locsnn_compile.models.srm import LSRM, TSRM, SRMLayer, transpose_recording
+from locsnn_compile.models.srm import INITIAL_SCALE, LSRM, TSRM, SRMLayer, transpose_recording
 
 #: Longest step axis of a torch network: a matrix of this size squared takes 128 MB in double precision.
 MAX_MATRIX_STEPS = 4_000
@@ -26,7 +26,7 @@ MAX_MATRIX_STEPS = 4_000
 class TouchNetwork(nn.Module):
     """A network by its description; layers are named as the populations and start from ``seed``."""
 
-    def __init__(self, description: NetworkDescription, *, seed: int = 0) -> None:
+    def __init__(self, description: NetworkDescription, *, seed: int = 0, initial_scale: float = INITIAL_SCALE) -> None:
         super().__init__()
         self.description = description
         generator = torch.Generator().manual_seed(seed)
@@ -50,7 +50,9 @@ class TouchNetwork(nn.Module):
         self.register_buffer("walk", torch.from_numpy(walk.copy()), persistent=False)
         for name, (outputs, inputs) in description.weight_shapes.items():
             kind, steps = (TSRM, layout.steps) if name.startswith("time") else (LSRM, layout.channels)
-            self.add_module(name, kind(inputs, outputs, steps, description.neuron, generator=generator))
+            self.add_module(
+                name, kind(inputs, outputs, steps, description.neuron, generator=generator, initial_scale=initial_scale)
+            )
 
     def _layer(self, name: str) -> SRMLayer:
         layer = self.get_submodule(name)
@@ -129,6 +131,11 @@ NETWORKS: dict[str, type[TouchNetwork]] = {
 }
 
 
-def build_network(description: NetworkDescription, *, seed: int = 0) -> TouchNetwork:
-    """Return the network of ``description.architecture`` with initial weights of ``seed``."""
-    return NETWORKS[description.architecture](description, seed=seed)
+def build_network(
+    description: NetworkDescription, *, seed: int = 0, initial_scale: float = INITIAL_SCALE
+) -> TouchNetwork:
+    """Return the network of ``description.architecture`` with initial weights of ``seed``.
+
+    They are uniform within +-``initial_scale`` / sqrt(inputs of the layer).
+    """
+    return NETWORKS[description.architecture](description, seed=seed, initial_scale=initial_scale)

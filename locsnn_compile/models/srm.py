@@ -19,6 +19,10 @@ from torch import Tensor, nn
 from locsnn_compile.models.description import NeuronParameters
 from locsnn_compile.models.kernels import psp_matrix, refractory_recursion
 
+#: Weights start uniform in +-INITIAL_SCALE / sqrt(inputs). SLAYER's dense layers start at 10; on validation
+#: recordings of Ev-Objects 3 did better (accuracy 0.88 against 0.85, two seeds), and still makes threshold 10 fire.
+INITIAL_SCALE = 3.0
+
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _scan(
@@ -108,12 +112,11 @@ class SRMLayer(nn.Module):
         neuron: NeuronParameters,
         *,
         generator: torch.Generator,
+        initial_scale: float = INITIAL_SCALE,
     ) -> None:
         super().__init__()
         self.neuron = neuron
-        # SLAYER's dense layers start at ten times the usual uniform range, so that neurons of threshold 10
-        # fire.
-        bound = 10.0 / math.sqrt(in_features)
+        bound = initial_scale / math.sqrt(in_features)
         weight = torch.empty(out_features, in_features, dtype=torch.float32)
         self.weight = nn.Parameter(weight.uniform_(-bound, bound, generator=generator))
         self._psp = psp_matrix(neuron.tau_sr, steps)

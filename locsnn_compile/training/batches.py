@@ -47,16 +47,26 @@ def drop_events(spikes: NDArray[np.float32], largest: float, rng: np.random.Gene
     return spikes * kept
 
 
+def drop_channels(spikes: NDArray[np.float32], largest: float, rng: np.random.Generator) -> NDArray[np.float32]:
+    """Return spikes (batch, steps, channels) less whole channels, each recording by a probability of 0..``largest``."""
+    if largest == 0:
+        return spikes
+    probability = rng.random((len(spikes), 1, 1), dtype=np.float32) * np.float32(largest)
+    return spikes * (rng.random((len(spikes), 1, spikes.shape[2]), dtype=np.float32) >= probability)
+
+
 def batches(
     spikes: NDArray[np.uint8],
     labels: NDArray[np.int64],
     *,
     batch_size: int,
     event_dropout: float,
+    channel_dropout: float,
     rng: np.random.Generator,
 ) -> Iterator[tuple[NDArray[np.float32], NDArray[np.int64]]]:
     """Yield (spikes (batch, steps, channels), labels (batch,)) of one epoch, every recording once."""
     order = rng.permutation(len(labels))
     for start in range(0, len(order), batch_size):
         rows = order[start : start + batch_size]
-        yield drop_events(spikes[rows].astype(np.float32), event_dropout, rng), labels[rows]
+        x = drop_events(spikes[rows].astype(np.float32), event_dropout, rng)
+        yield drop_channels(x, channel_dropout, rng), labels[rows]

@@ -38,7 +38,9 @@ _RANGES: dict[str, tuple[float, float]] = {
     "target_wrong": (0.0, 1e6),
     "count_scale": (1e-6, 1e3),
     "label_smoothing": (0.0, 0.999),
+    "initial_scale": (1e-3, 1e3),
     "event_dropout": (0.0, 1.0),
+    "channel_dropout": (0.0, 1.0),
     "validation_fraction": (0.0, 0.9),
     "theta": (1e-6, 1e6),
     "tau_sr": (1e-3, 1e5),
@@ -55,7 +57,9 @@ class TrainingConfig:
 
     - ``location_weight`` is lambda of the weighted loss. ``loss`` spike-count uses ``target_right`` and
       ``target_wrong`` (spikes a recording), cross-entropy uses ``count_scale`` and ``label_smoothing``.
-    - ``event_dropout``: every recording of a batch loses each event with a probability drawn from 0 to this.
+    - ``event_dropout``: every recording of a batch loses each event with a probability drawn from 0 to this;
+      ``channel_dropout``: likewise each channel, with all its events.
+    - ``initial_scale``: weights start uniform within +-this / sqrt(inputs of their layer).
     - ``validation_fraction`` of the train part, class by class, chooses the epoch; 0 takes the last epoch.
       Accuracies are averaged over ``smoothing_epochs`` first, for a few dozen validation recordings make a single
       epoch's figure noisy; see :func:`locsnn_compile.training.schedule.choose_epoch`.
@@ -79,7 +83,9 @@ class TrainingConfig:
     weight_decay: float = 0.1
     epochs: int = 250
     batch_size: int = 16
+    initial_scale: float = 3.0
     event_dropout: float = 0.5
+    channel_dropout: float = 0.3
     validation_fraction: float = 0.125
     smoothing_epochs: int = 10
     refit: bool = True

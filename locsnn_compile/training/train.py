@@ -160,7 +160,7 @@ def _run_phase(run: _Run, state: TrainingState, rows: NDArray[np.int64], held: N
     config, recordings = run.config, run.recordings
     assert recordings.labels is not None
     spikes, labels = recordings.spikes[rows], recordings.labels[rows]
-    network = build_network(run.description, seed=config.seed)
+    network = build_network(run.description, seed=config.seed, initial_scale=config.initial_scale)
     optimizer = _optimizer(network, config)
     if state.weights:
         network.load_state_dict(state.weights)
@@ -171,7 +171,14 @@ def _run_phase(run: _Run, state: TrainingState, rows: NDArray[np.int64], held: N
             group["lr"] = rate
         total = 0.0
         rng = epoch_generator(config.seed, _PHASES[state.phase], epoch)
-        feed = batches(spikes, labels, batch_size=config.batch_size, event_dropout=config.event_dropout, rng=rng)
+        feed = batches(
+            spikes,
+            labels,
+            batch_size=config.batch_size,
+            event_dropout=config.event_dropout,
+            channel_dropout=config.channel_dropout,
+            rng=rng,
+        )
         for x, y in feed:
             loss = batch_loss(network, config, torch.from_numpy(x), torch.from_numpy(y))
             optimizer.zero_grad()

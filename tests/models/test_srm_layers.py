@@ -128,7 +128,8 @@ def brute_layer(x: np.ndarray, weight: np.ndarray, neuron: NeuronParameters) -> 
 @pytest.mark.parametrize("kind", [TSRM, LSRM])
 def test_layer_equals_brute_force(kind: type[TSRM] | type[LSRM]) -> None:
     neuron = NeuronParameters()
-    layer = kind(6, 4, 20, neuron, generator=torch.Generator().manual_seed(3)).double()
+    generator = torch.Generator().manual_seed(3)
+    layer = kind(6, 4, 20, neuron, generator=generator, initial_scale=10.0).double()
     x = np.random.default_rng(5).random((2, 20, 6)) < 0.3
     spikes = layer(torch.from_numpy(x.astype(np.float64))).detach().numpy()
     expected = brute_layer(x, layer.weight.detach().numpy(), neuron)

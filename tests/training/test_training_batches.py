@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from locsnn_compile.training.batches import batches, drop_events, epoch_generator, stratified_split
+from locsnn_compile.training.batches import batches, drop_channels, drop_events, epoch_generator, stratified_split
 
 
 @pytest.mark.parametrize(
@@ -40,7 +40,11 @@ def test_a_seed_gives_its_own_split() -> None:
 def test_every_recording_once(samples: int, size: int, seed: int) -> None:
     spikes = np.zeros((samples, 2, 3), dtype=np.uint8)
     labels = np.arange(samples)
-    fed = list(batches(spikes, labels, batch_size=size, event_dropout=0.0, rng=epoch_generator(seed, 1, 1)))
+    fed = list(
+        batches(
+            spikes, labels, batch_size=size, event_dropout=0.0, channel_dropout=0.0, rng=epoch_generator(seed, 1, 1)
+        )
+    )
     assert sorted(np.concatenate([y for _, y in fed])) == list(range(samples))
     assert {len(y) for _, y in fed[:-1]} <= {size}
 
@@ -53,6 +57,14 @@ def test_dropping_never_adds(largest: float, seed: int) -> None:
     kept = drop_events(spikes, largest, rng)
     assert kept.dtype == np.float32
     assert ((kept == spikes) | (kept == 0)).all()
+
+
+def test_whole_channels_are_dropped() -> None:
+    spikes = np.ones((300, 5, 78), dtype=np.float32)
+    kept = drop_channels(spikes, 0.4, epoch_generator(0, 1, 1))
+    assert (kept == kept[:, :1]).all()
+    assert 1 - kept.mean() == pytest.approx(0.2, abs=0.02)
+    assert drop_channels(spikes, 0.0, epoch_generator(0, 1, 1)) is spikes
 
 
 def test_dropping_takes_another_share_of_every_recording() -> None:
