@@ -1,0 +1,75 @@
+"""Make one environment for each peer under ``.peers/``, or write down why it cannot be made.
+
+The peers' requirements exclude each other's and ours, so none is ever imported by this project. Running this again
+makes only what is missing or has another recipe.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2] / ".peers"
+PYTHON = sys.executable if sys.version_info[:2] == (3, 11) else "python3.11"
+"""nengo-loihi needs a numpy that later Pythons do not have; brian2-loihi and lava-dl run on it too."""
+
+RECIPES: Mapping[str, Sequence[str]] = {
+    "nengo-loihi": ("numpy<1.24 scipy jinja2 nengo==3.2.0 nengo-loihi==1.1.0",),
+    "brian2-loihi": ("numpy<2 brian2==2.9.0 brian2-loihi==0.5.2",),
+    "lava-dl": (
+        "torch==2.13.0",
+        "--no-deps --ignore-requires-python lava-dl==0.6.0 lava-nc==0.10.0",
+        "numpy<2 scipy h5py pyyaml matplotlib networkx asteval scikit-image",
+    ),
+}
+"""The calls of ``pip install`` that fill an environment; lava-dl's own requirements cannot be met together."""
+
+
+def python_of(name: str) -> Path:
+    """Return the interpreter of an environment, made or not."""
+    return ROOT / name / "bin" / "python"
+
+
+def why_missing(name: str) -> str | None:
+    """Return why an environment cannot be used, or None if it can."""
+    if _stamp(name).exists():
+        return None
+    note = _note(name)
+    return note.read_text().strip() if note.exists() else "not made yet: run `make peers`"
+
+
+def make(name: str) -> str | None:
+    """Make an environment unless its recipe has been followed already; return why it could not be made, or None."""
+    recipe, folder = RECIPES[name], ROOT / name
+    if _stamp(name).exists() and _stamp(name).read_text() == "\n".join(recipe):
+        return None
+    shutil.rmtree(folder, ignore_errors=True)
+    _note(name).unlink(missing_ok=True)
+    ROOT.mkdir(exist_ok=True)
+    calls = [[PYTHON, "-m", "venv", str(folder)]]
+    calls += [[str(python_of(name)), "-m", "pip", "install", "--quiet", *line.split()] for line in recipe]
+    for call in calls:
+        try:
+            subprocess.run(call, check=True, capture_output=True, text=True)
+        except (OSError, subprocess.CalledProcessError) as error:
+            last = (getattr(error, "stderr", None) or str(error)).strip().splitlines()[-1]
+            _note(name).write_text(f"cannot be made: {last}\n")
+            return why_missing(name)
+    _stamp(name).write_text("\n".join(recipe))
+    return None
+
+
+def _stamp(name: str) -> Path:
+    return ROOT / name / "recipe"
+
+
+def _note(name: str) -> Path:
+    return ROOT / f"{name}.missing"
+
+
+if __name__ == "__main__":
+    for environment in RECIPES:
+        print(f"{environment}: {make(environment) or 'ready'}", flush=True)
