@@ -123,8 +123,6 @@ def _fan_out(program: ChipProgram, phase: str) -> _FanOut:
 
 
 def _journey(program: ChipProgram, from_core: int, to_core: int) -> tuple[int, int, int]:
-    """Return (within a tile, hops x, hops y) of a packet; chips of a board lie side by side along x."""
-    mesh, per_chip = program.chip.mesh, program.chip.limits.cores_per_chip
-    hops_x, hops_y = mesh.hops(from_core % per_chip, to_core % per_chip)
-    hops_x += mesh.columns * abs(from_core // per_chip - to_core // per_chip)
+    """Return (within a tile, hops x, hops y) of a packet."""
+    hops_x, hops_y = program.chip.hops(program.cores[from_core].slot, program.cores[to_core].slot)
     return int(hops_x == hops_y == 0), hops_x, hops_y

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
+from hw_model.arrangement import arrange_cores
 from hw_model.chip_description import Chip
 from hw_model.errors import InputError, TargetError
 from hw_model.fixed_point import IntArray
@@ -184,7 +185,7 @@ class ProgramBuilder:
             self._pruned,
         )
         check_graph(graph, self._chip)
-        return assemble(route_axons(place_cores(graph, self._chip)))
+        return assemble(route_axons(arrange_cores(place_cores(graph, self._chip))))
 
 
 def _whole(where: str, key: str, value: Any, shape: tuple[int, ...]) -> IntArray:

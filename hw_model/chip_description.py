@@ -48,7 +48,7 @@ class Registers:
 
 @dataclass(frozen=True)
 class Mesh:
-    """Tiles in columns and rows; packets travel x first, then y."""
+    """Tiles of a chip in columns and rows; packets travel x first, then y."""
 
     columns: int
     rows: int
@@ -58,16 +58,6 @@ class Mesh:
     def tiles(self) -> int:
         """Tiles of one chip."""
         return self.columns * self.rows
-
-    def tile_of(self, core: int) -> tuple[int, int]:
-        """Return (column, row) of a core's tile; cores fill tiles row by row."""
-        tile = core // self.cores_per_tile
-        return tile % self.columns, tile // self.columns
-
-    def hops(self, source_core: int, target_core: int) -> tuple[int, int]:
-        """Return (east-west, north-south) hops between two cores of one chip."""
-        (x0, y0), (x1, y1) = self.tile_of(source_core), self.tile_of(target_core)
-        return abs(x0 - x1), abs(y0 - y1)
 
 
 @dataclass(frozen=True)
@@ -146,6 +136,17 @@ class Chip:
     def cores(self) -> int:
         """Cores of the whole board."""
         return self.chips * self.limits.cores_per_chip
+
+    def tile_of(self, slot: int) -> tuple[int, int]:
+        """Return (column, row) of a core's tile on the board: cores fill tiles row by row, chips lie side by side."""
+        chip, core = divmod(slot, self.limits.cores_per_chip)
+        row, column = divmod(core // self.mesh.cores_per_tile, self.mesh.columns)
+        return chip * self.mesh.columns + column, row
+
+    def hops(self, source_slot: int, target_slot: int) -> tuple[int, int]:
+        """Return (east-west, north-south) hops between two cores of the board."""
+        (x0, y0), (x1, y1) = self.tile_of(source_slot), self.tile_of(target_slot)
+        return abs(x0 - x1), abs(y0 - y1)
 
     def profile(self, name: str) -> Profile:
         """Return the named profile, or say which exist."""

@@ -44,7 +44,7 @@ def latency(program: ChipProgram, activity: Mapping[str, StepActivity], profile:
         core_ns = _core_ns(steps, profile) + _longest_way_ns(program, phase, profile) * (steps.count("hops") > 0)
         slowest = core_ns.argmax(axis=1)
         step_ns = core_ns.max(axis=1)
-        tiles = {program.chip.mesh.tile_of(core.number) for core in cores}
+        tiles = {program.chip.tile_of(core.slot) for core in cores}
         barrier_ns = profile.barrier_ns.ns(len(tiles), program.chip.mesh.tiles)
         by_phase[phase] = float(step_ns.sum() + barrier_ns * len(step_ns))
         numbers = np.array([core.number for core in cores])
@@ -63,10 +63,9 @@ def _core_ns(steps: StepActivity, profile: Profile) -> FloatArray:
 
 def _longest_way_ns(program: ChipProgram, phase: str, profile: Profile) -> FloatArray:
     """Return the mesh time of the farthest destination of each core, (cores,)."""
-    mesh = program.chip.mesh
     ways = []
     for core in program.cores_of(phase):
-        hops = [mesh.hops(core.number, int(to)) for to in np.unique(core.axons.out_core)]
+        hops = [program.chip.hops(core.slot, program.cores[to].slot) for to in np.unique(core.axons.out_core)]
         cost_x, cost_y = profile.time_ns.get("hops_x", 0.0), profile.time_ns.get("hops_y", 0.0)
         ways.append(max((x * cost_x + y * cost_y for x, y in hops), default=0.0))
     return np.array(ways)

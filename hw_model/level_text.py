@@ -123,7 +123,8 @@ def _axons(core: RoutedCore | Core) -> Iterator[str]:
 
 
 def _core(core: Core) -> Iterator[str]:
-    yield f"  core {core.number} (phase {core.phase}): {core.compartments} compartments, v in {core.vmin}..{core.vmax}"
+    yield f"  core {core.number} (slot {core.slot}, phase {core.phase}): {core.compartments} compartments"
+    yield f"    v in {core.vmin}..{core.vmax}"
     for piece in core.slices:
         yield f"    {piece.group}[{piece.start}:{piece.stop}] at {piece.offset}"
     for p in core.profiles:

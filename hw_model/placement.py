@@ -2,19 +2,20 @@
 
 Before: a checked CompartmentGraph.
 After:  every compartment is in exactly one slice on one core; joined compartments share a core, children first; a core
-        serves one phase; no core exceeds a limit that placement can see (output axons are known only after routing).
+        serves one phase and no core exceeds a limit. Cores are numbered in network order, and sit on the board so.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import groupby
 
 import numpy as np
 
 from hw_model.chip_description import Chip
+from hw_model.core_load import CoreLoad, Limit, first_broken
 from hw_model.errors import TargetError
-from hw_model.fan_in import FanIn, SynapseFormat, fan_in
+from hw_model.fan_in import FanIn, fan_in, first_source
 from hw_model.fixed_point import IntArray
 from hw_model.graph import CompartmentGraph, Compartments
 
@@ -37,165 +38,177 @@ class Slice:
 
 @dataclass(frozen=True, eq=False)
 class PlacedGraph:
-    """A graph with the core of every compartment."""
+    """A graph with the core of every compartment; core i sits at ``slots[i]`` of the board.
+
+    Slot ``k`` is core ``k % cores_per_chip`` of chip ``k // cores_per_chip``. ``axons[i]`` are the sources that reach
+    core i, numbered as :func:`hw_model.fan_in.first_source` does, ascending.
+    """
 
     graph: CompartmentGraph
     chip: Chip
     slices: tuple[Slice, ...]
+    slots: tuple[int, ...]
+    axons: tuple[IntArray, ...]
 
     @property
     def cores(self) -> int:
         """Cores in use; they are numbered from 0."""
-        return max(piece.core for piece in self.slices) + 1
+        return len(self.axons)
 
-
-def place_cores(graph: CompartmentGraph, chip: Chip) -> PlacedGraph:
-    """Fill cores in network order, never going back, so equal inputs place equally."""
-    projections = fan_in(graph, chip)
-    slices: list[Slice] = []
-    core = -1
-    for phase in graph.phases:
-        load: _Load | None = None
-        for cluster in _clusters(graph, phase.name):
-            incoming = [p for p in projections if p.target_group in cluster.names]
-            start = 0
-            while start < cluster.size:
-                stop, grown = _largest_fit(cluster, incoming, start, load, chip) if load else (start, None)
-                if grown is None:
-                    core, load = core + 1, _Load()
-                    stop, grown = _largest_fit(cluster, incoming, start, load, chip)
-                    if grown is None:
-                        raise _too_large(cluster, incoming, start, chip)
-                offset = load.compartments if load else 0
-                for group in cluster.groups:
-                    slices.append(Slice(group.name, core, start, stop, offset))
-                    offset += stop - start
-                start, load = stop, grown
-    if core >= chip.cores:
-        raise TargetError(
-            f"network {graph.name!r}",
-            f"{core + 1} cores are needed",
-            measured=f"{chip.name} has {chip.cores} on {chip.chips} chip(s)",
-            fix="Use a chip file whose board has more chips, or fewer weight bits.",
-        )
-    placed = PlacedGraph(graph, chip, tuple(slices))
-    check_placed(placed)
-    return placed
-
-
-def check_placed(placed: PlacedGraph) -> None:
-    """Every compartment placed exactly once, and no core holds more compartments than the chip allows."""
-    for group in placed.graph.groups:
-        seen = np.zeros(group.size, dtype=np.int64)
-        for piece in placed.slices:
-            if piece.group == group.name:
-                seen[piece.start : piece.stop] += 1
-        assert (seen == 1).all(), f"placement lost or doubled compartments of {group.name!r}"
-    for core in range(placed.cores):
-        used = sum(piece.size for piece in placed.slices if piece.core == core)
-        assert used <= placed.chip.limits.compartments_per_core, f"placement overfilled core {core}"
+    def core_of_source(self) -> IntArray:
+        """Return the core of every source, -1 for input lines."""
+        first = first_source(self.graph)
+        core = np.full(sum(node.size for node in self.graph.nodes), -1, dtype=np.int64)
+        for piece in self.slices:
+            core[first[piece.group] + piece.start : first[piece.group] + piece.stop] = piece.core
+        return core
 
 
 @dataclass(frozen=True)
-class _Cluster:
+class Cluster:
     """Groups joined to each other, children first: neuron i is compartment i of each."""
 
     groups: tuple[Compartments, ...]
 
     @property
     def size(self) -> int:
+        """Neurons."""
         return self.groups[0].size
 
     @property
+    def root(self) -> str:
+        """Name of the group that the others are joined to: the population."""
+        return self.groups[-1].name
+
+    @property
     def names(self) -> frozenset[str]:
+        """Names of all groups."""
         return frozenset(group.name for group in self.groups)
 
 
-def _clusters(graph: CompartmentGraph, phase: str) -> list[_Cluster]:
-    """Return joined groups together, in network order of their roots, children before parents."""
+def place_cores(graph: CompartmentGraph, chip: Chip) -> PlacedGraph:
+    """Fill cores in network order, never going back, so equal inputs place equally.
 
-    def path(group: Compartments) -> tuple[str, ...]:
-        return (group.name,) if group.joined_to is None else (*path(graph.group(group.joined_to)), group.name)
+    Output axons depend on where the targets went. Where a core has too many, its populations get fewer neurons a core
+    and all is placed again. A graph that fits in no way is a ``TargetError``.
+    """
+    incoming = fan_in(graph, chip)
+    most_neurons: dict[str, int] = {}
+    while True:
+        placed = _fill(graph, chip, incoming, most_neurons)
+        crowded = _crowded_by_output(placed)
+        if not crowded:
+            check_placed(placed)
+            return placed
+        for name, neurons in crowded.items():
+            if neurons < 1:
+                raise _too_many_targets(placed, name)
+            most_neurons[name] = neurons
 
-    groups = [group for group in graph.groups if group.phase == phase]
-    order = {group.name: i for i, group in enumerate(groups)}
-    groups.sort(key=lambda group: (order[path(group)[0]], -len(path(group))))
-    return [_Cluster(tuple(members)) for _, members in groupby(groups, key=lambda group: path(group)[0])]
 
-
-@dataclass(frozen=True, eq=False)
-class _Load:
-    """What a core holds so far."""
-
-    compartments: int = 0
-    profiles: frozenset[tuple[int, ...]] = frozenset()
-    thresholds: frozenset[int] = frozenset()
-    voltage_limits: frozenset[tuple[int, int]] = frozenset()
-    formats: frozenset[SynapseFormat] = frozenset()
-    axons: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    words: int = 0
-
-    def plus(self, cluster: _Cluster, incoming: list[FanIn], start: int, stop: int, chip: Chip) -> _Load:
-        profiles, thresholds, limits = set(self.profiles), set(self.thresholds), set(self.voltage_limits)
-        for g in cluster.groups:
-            rows = np.stack((g.decay_u, g.decay_v, g.refractory))[:, start:stop]
-            profiles |= {(*map(int, row), int(g.spiking)) for row in np.unique(rows, axis=1).T}
-            thresholds |= set(map(int, np.unique(g.threshold[start:stop])))
-            limits |= {(int(a), int(b)) for a, b in np.unique(np.stack((g.vmin, g.vmax))[:, start:stop], axis=1).T}
-        words, axons = self.words, [self.axons]
-        for projection in incoming:
-            axons.append(projection.source[projection.rows(start, stop)])
-            words += projection.words(start, stop, chip)
-        return _Load(
-            self.compartments + len(cluster.groups) * (stop - start),
-            frozenset(profiles),
-            frozenset(thresholds),
-            frozenset(limits),
-            self.formats | {p.format for p in incoming},
-            np.unique(np.concatenate(axons)),
-            words,
+def check_placed(placed: PlacedGraph) -> None:
+    """Every compartment is placed exactly once, every core has its slot, no core holds too many compartments."""
+    used = np.zeros(placed.cores, dtype=np.int64)
+    seen = {group.name: np.zeros(group.size, dtype=np.int64) for group in placed.graph.groups}
+    for piece in placed.slices:
+        seen[piece.group][piece.start : piece.stop] += 1
+        used[piece.core] += piece.size
+    for name, times in seen.items():
+        assert (times == 1).all(), f"placement lost or doubled compartments of {name!r}"
+    assert (used <= placed.chip.limits.compartments_per_core).all(), "placement overfilled a core"
+    assert len(set(placed.slots)) == placed.cores, "two cores share a slot"
+    if placed.cores > placed.chip.cores:
+        per_chip, chips = placed.chip.limits.cores_per_chip, placed.chip.chips
+        raise TargetError(
+            f"network {placed.graph.name!r}",
+            f"{placed.cores} cores are needed",
+            measured=f"{placed.chip.name} has {placed.chip.cores} on {chips} chip{'s' * (chips > 1)}",
+            fix=f"Give a chip file with chips: {-(-placed.cores // per_chip)}, if the board has as many.",
         )
 
-    def broken(self, chip: Chip) -> tuple[str, int, int, str] | None:
-        """Return the first limit exceeded, as (what, measured, limit, fix)."""
-        limits = chip.limits
-        rows = (
-            ("compartments", self.compartments, limits.compartments_per_core, "Join fewer compartments to a neuron."),
-            ("input axons", len(self.axons), limits.input_axons_per_core, "Lower the fan-in of a neuron."),
-            ("synapse memory words", self.words, limits.synapse_words_per_core, "Use fewer weight bits."),
-            ("synapse formats", len(self.formats), limits.synapse_formats_per_core, "Use fewer exponents and widths."),
-            ("compartment profiles", len(self.profiles), limits.compartment_profiles_per_core, "Share decays."),
-            ("threshold profiles", len(self.thresholds), limits.threshold_profiles_per_core, "Share thresholds."),
-            ("pairs of voltage limits", len(self.voltage_limits), 1, "Joined compartments need equal vmin and vmax."),
-        )  # fmt: skip
-        return next((row for row in rows if row[1] > row[2]), None)
+
+def clusters(graph: CompartmentGraph, phase: str) -> list[Cluster]:
+    """Return joined groups together, in network order of their roots, children before parents."""
+    groups = {group.name: group for group in graph.groups if group.phase == phase}
+
+    def path(group: Compartments) -> tuple[str, ...]:
+        return (group.name,) if group.joined_to is None else (*path(groups[group.joined_to]), group.name)
+
+    order = {name: i for i, name in enumerate(groups)}
+    ranked = sorted(groups.values(), key=lambda group: (order[path(group)[0]], -len(path(group))))
+    return [Cluster(tuple(members)) for _, members in groupby(ranked, key=lambda group: path(group)[0])]
 
 
-def _largest_fit(
-    cluster: _Cluster, incoming: list[FanIn], start: int, load: _Load, chip: Chip
-) -> tuple[int, _Load | None]:
-    """Return the largest ``stop`` whose neurons still fit beside ``load``, and the load then; by bisection."""
-    room = (chip.limits.compartments_per_core - load.compartments) // len(cluster.groups)
-    low, best = start, None
-    high = min(cluster.size, start + room)
-    probe = high
-    while low < high:
-        grown = load.plus(cluster, incoming, start, probe, chip)
-        if grown.broken(chip) is None:
-            low, best = probe, grown
-        else:
-            high = probe - 1
-        probe = (low + high + 1) // 2
-    return low, best
+def _fill(
+    graph: CompartmentGraph, chip: Chip, incoming: tuple[FanIn, ...], most_neurons: dict[str, int]
+) -> PlacedGraph:
+    sources = sum(node.size for node in graph.nodes)
+    slices: list[Slice] = []
+    loads: list[CoreLoad] = []
+    for phase in graph.phases:
+        load = CoreLoad(chip, sources)
+        for cluster in clusters(graph, phase.name):
+            projections = [p for p in incoming if p.target_group in cluster.names]
+            most = most_neurons.get(cluster.root)
+            start = 0
+            while start < cluster.size:
+                offset = load.compartments
+                count = load.take(
+                    cluster.groups,
+                    projections,
+                    start,
+                    cluster.size if most is None else min(cluster.size, start + most),
+                )
+                if count == 0 and load.compartments == 0:
+                    raise _too_large(cluster, start, first_broken(cluster.groups, projections, start, chip), chip)
+                if count == 0:
+                    loads.append(load)
+                    load = CoreLoad(chip, sources, like=load)
+                    continue
+                for group in cluster.groups:
+                    slices.append(Slice(group.name, len(loads), start, start + count, offset))
+                    offset += count
+                start += count
+                if count == most:  # the room left is for no other: its output axons are used up
+                    loads.append(load)
+                    load = CoreLoad(chip, sources, like=load)
+        if load.compartments:
+            loads.append(load)
+    return PlacedGraph(
+        graph, chip, tuple(slices), tuple(range(len(loads))), tuple(load.sources_on_core() for load in loads)
+    )
 
 
-def _too_large(cluster: _Cluster, incoming: list[FanIn], start: int, chip: Chip) -> TargetError:
-    broken = _Load().plus(cluster, incoming, start, start + 1, chip).broken(chip)
-    assert broken is not None
-    what, measured, limit, fix = broken
+def _crowded_by_output(placed: PlacedGraph) -> dict[str, int]:
+    """Return the populations of cores with too many output axons, and how many neurons of each fit a core."""
+    limit = placed.chip.limits.output_axons_per_core
+    core_of = placed.core_of_source()
+    senders = np.concatenate([axons[core_of[axons] >= 0] for axons in placed.axons])
+    output_axons = np.bincount(core_of[senders], minlength=placed.cores)
+    crowded: dict[str, int] = {}
+    spiking = {group.name for group in placed.graph.groups if group.spiking}
+    for core in np.flatnonzero(output_axons > limit):
+        for piece in placed.slices:
+            if piece.core == core and piece.group in spiking:
+                fewer = min(piece.size - 1, int(piece.size * limit / output_axons[core]))
+                crowded[piece.group] = min(crowded.get(piece.group, fewer), fewer)
+    return crowded
+
+
+def _too_large(cluster: Cluster, neuron: int, broken: Limit, chip: Chip) -> TargetError:
     return TargetError(
-        f"population {cluster.groups[-1].name!r}",
-        f"{measured} {what} of neuron {start} do not fit one core",
-        measured=f"{chip.name} holds {limit}",
-        fix=fix,
+        f"population {cluster.root!r}",
+        f"{broken.measured} {broken.what} of neuron {neuron} do not fit one core",
+        measured=f"{chip.name} holds {broken.limit}",
+        fix=broken.fix,
+    )
+
+
+def _too_many_targets(placed: PlacedGraph, name: str) -> TargetError:
+    limit = placed.chip.limits.output_axons_per_core
+    return TargetError(
+        f"population {name!r}",
+        f"a neuron reaches more cores than a core has output axons ({placed.cores} cores in all)",
+        measured=f"{placed.chip.name} holds {limit} output axons",
+        fix="Connect it to fewer populations, or relay its spikes through compartments.",
     )

@@ -35,10 +35,12 @@ class CompartmentProfile:
 class Core:
     """One core: ``profile[i]``, ``threshold[i]``, bias and ``parent[i]`` (-1: none) configure compartment i.
 
+    ``number`` counts the program's cores, ``slot`` those of the board (chip ``slot // cores_per_chip``).
     ``threshold`` indexes ``thresholds``, which are mantissas. Children come before their parents.
     """
 
     number: int
+    slot: int
     phase: str
     slices: tuple[Slice, ...]
     profiles: tuple[CompartmentProfile, ...]
@@ -141,6 +143,10 @@ def assemble(routed: RoutedGraph) -> ChipProgram:
 def check_program(program: ChipProgram) -> None:
     """Tables agree in length, indices are in range, children come before parents, every limit holds."""
     limits = program.chip.limits
+    input_axons = np.array([core.axons.input_axons for core in program.cores], dtype=np.int64)
+    slots = [core.slot for core in program.cores]
+    if len(set(slots)) != len(slots) or not all(0 <= slot < program.chip.cores for slot in slots):
+        raise _broken("cores", "slots")
     for core in program.cores:
         axons, where = core.axons, f"core {core.number}"
         rules: tuple[tuple[str, bool], ...] = (
@@ -167,14 +173,13 @@ def check_program(program: ChipProgram) -> None:
         for what, holds in rules:
             if not holds:
                 raise _broken(where, what)
-        _check_destinations(program, axons.out_core, axons.out_axon, where)
+        _check_destinations(input_axons, axons.out_core, axons.out_axon, where)
     for route in program.input_routes:
-        _check_destinations(program, route.core, route.axon, f"input {route.input!r}")
+        _check_destinations(input_axons, route.core, route.axon, f"input {route.input!r}")
 
 
-def _check_destinations(program: ChipProgram, core: IntArray, axon: IntArray, where: str) -> None:
-    axons = np.array([item.axons.input_axons for item in program.cores], dtype=np.int64)
-    if not _within(core, len(axons)) or not ((axon >= 0) & (axon < axons[core])).all():
+def _check_destinations(input_axons: IntArray, core: IntArray, axon: IntArray, where: str) -> None:
+    if not _within(core, len(input_axons)) or not ((axon >= 0) & (axon < input_axons[core])).all():
         raise _broken(where, "destinations")
 
 
@@ -201,6 +206,7 @@ def _core(routed: RoutedCore, graph: CompartmentGraph) -> Core:
     thresholds, threshold = np.unique(column("threshold"), return_inverse=True)
     return Core(
         number=routed.number,
+        slot=routed.slot,
         phase=routed.phase,
         slices=routed.slices,
         profiles=tuple(CompartmentProfile(*map(int, row)) for row in profiles.T),

@@ -119,6 +119,7 @@ def _document(program: ChipProgram) -> dict[str, Any]:
         "cores": [
             {
                 "number": core.number,
+                "slot": core.slot,
                 "phase": core.phase,
                 "compartments": core.compartments,
                 "input_axons": core.axons.input_axons,
@@ -224,6 +225,7 @@ def _core(core: dict[str, Any], arrays: dict[str, IntArray]) -> Core:
     formats = tuple(SynapseFormat(**form) for form in core["synapse_formats"])
     return Core(
         number=int(core["number"]),
+        slot=int(core["slot"]),
         phase=core["phase"],
         slices=tuple(Slice(**piece) for piece in core["slices"]),
         profiles=tuple(CompartmentProfile(**profile) for profile in core["compartment_profiles"]),

@@ -50,9 +50,10 @@ class AxonTables:
 
 @dataclass(frozen=True, eq=False)
 class RoutedCore:
-    """One core: the slices that live on it, and their axons."""
+    """One core: its slot on the board, the slices that live on it, and their axons."""
 
     number: int
+    slot: int
     phase: str
     slices: tuple[Slice, ...]
     axons: AxonTables
@@ -81,44 +82,29 @@ def route_axons(placed: PlacedGraph) -> RoutedGraph:
     """Number axons by source in network order, and list synapses by projection, then target."""
     graph, chip = placed.graph, placed.chip
     projections = fan_in(graph, chip)
-    slices = [tuple(piece for piece in placed.slices if piece.core == core) for core in range(placed.cores)]
+    slices: list[list[Slice]] = [[] for _ in range(placed.cores)]
+    for piece in placed.slices:
+        slices[piece.core].append(piece)
     lists = [_lists(pieces, projections, chip) for pieces in slices]
-    source = np.concatenate([found.sources for found in lists])
-    to_core = np.repeat(np.arange(placed.cores), [len(found.sources) for found in lists])
-    to_axon = np.concatenate([np.arange(len(found.sources)) for found in lists])
+    arrivals = _Arrivals(placed, [found.sources for found in lists])
 
-    at = _Whereabouts(placed)
     cores = []
     for number, (pieces, found) in enumerate(zip(slices, lists, strict=True)):
-        mine = np.flatnonzero(at.core[source] == number)
-        sender = at.compartment[source[mine]]
-        mine = mine[np.lexsort((to_core[mine], sender))]
-        cores.append(
-            RoutedCore(
-                number=number,
-                phase=graph.phase_of(pieces[0].group),
-                slices=pieces,
-                axons=AxonTables(
-                    formats=found.formats,
-                    list_start=found.list_start,
-                    target=found.target,
-                    mantissa=found.mantissa,
-                    delay=found.delay,
-                    format_index=found.format_index,
-                    synapse_words=found.words,
-                    out_compartment=at.compartment[source[mine]],
-                    out_core=to_core[mine],
-                    out_axon=to_axon[mine],
-                ),
-            )
+        sender, out_core, out_axon = arrivals.sent_by_core(number)
+        tables = AxonTables(
+            formats=found.formats,
+            list_start=found.list_start,
+            target=found.target,
+            mantissa=found.mantissa,
+            delay=found.delay,
+            format_index=found.format_index,
+            synapse_words=found.words,
+            out_compartment=sender,
+            out_core=out_core,
+            out_axon=out_axon,
         )
-    first = first_source(graph)
-    routes = []
-    for item in graph.inputs:
-        line = source - first[item.name]
-        mine = np.flatnonzero((line >= 0) & (line < item.size))
-        mine = mine[np.lexsort((to_core[mine], line[mine]))]
-        routes.append(InputRoute(item.name, line[mine], to_core[mine], to_axon[mine]))
+        cores.append(RoutedCore(number, placed.slots[number], graph.phase_of(pieces[0].group), tuple(pieces), tables))
+    routes = [InputRoute(item.name, *arrivals.sent_by_input(item.name)) for item in graph.inputs]
     routed = RoutedGraph(placed, tuple(cores), tuple(routes))
     check_routed(routed)
     return routed
@@ -154,18 +140,36 @@ def check_routed(routed: RoutedGraph) -> None:
                 )
 
 
-class _Whereabouts:
-    """Core and number there of every source; input lines have core -1."""
+class _Arrivals:
+    """All input axons of all cores, ordered by their senders: input lines first, then compartments core by core."""
 
-    def __init__(self, placed: PlacedGraph) -> None:
-        first = first_source(placed.graph)
-        count = sum(node.size for node in placed.graph.nodes)
-        self.core = np.full(count, -1, dtype=np.int64)
-        self.compartment = np.full(count, -1, dtype=np.int64)
+    def __init__(self, placed: PlacedGraph, sources: list[IntArray]) -> None:
+        self._first = first_source(placed.graph)
+        self._size = {node.name: node.size for node in placed.graph.nodes}
+        self._lines = sum(item.size for item in placed.graph.inputs)
+        self._per_core = placed.chip.limits.compartments_per_core
+        sender = np.arange(sum(self._size.values()))
         for piece in placed.slices:
-            sources = slice(first[piece.group] + piece.start, first[piece.group] + piece.stop)
-            self.core[sources] = piece.core
-            self.compartment[sources] = piece.offset + np.arange(piece.size)
+            here = slice(self._first[piece.group] + piece.start, self._first[piece.group] + piece.stop)
+            sender[here] = self._lines + piece.core * self._per_core + piece.offset + np.arange(piece.size)
+        unordered = sender[np.concatenate(sources)]
+        order = np.argsort(unordered, kind="stable")
+        self._sender = unordered[order]
+        self._core = np.repeat(np.arange(len(sources)), [len(found) for found in sources])[order]
+        self._axon = np.concatenate([np.arange(len(found)) for found in sources])[order]
+
+    def sent_by_core(self, core: int) -> tuple[IntArray, IntArray, IntArray]:
+        """Return (compartment, destination core, axon there) of the output axons of a core."""
+        start = self._lines + core * self._per_core
+        return self._between(start, start + self._per_core)
+
+    def sent_by_input(self, name: str) -> tuple[IntArray, IntArray, IntArray]:
+        """Return (line, destination core, axon there) of an input."""
+        return self._between(self._first[name], self._first[name] + self._size[name])
+
+    def _between(self, start: int, stop: int) -> tuple[IntArray, IntArray, IntArray]:
+        low, high = np.searchsorted(self._sender, (start, stop))
+        return self._sender[low:high] - start, self._core[low:high], self._axon[low:high]
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +186,7 @@ class _Lists:
     words: int
 
 
-def _lists(slices: tuple[Slice, ...], projections: tuple[FanIn, ...], chip: Chip) -> _Lists:
+def _lists(slices: list[Slice], projections: tuple[FanIn, ...], chip: Chip) -> _Lists:
     here = [(p, piece) for p in projections for piece in slices if piece.group == p.target_group]
     formats = sorted({projection.format for projection, _ in here})
     empty = np.empty(0, dtype=np.int64)
@@ -194,7 +198,7 @@ def _lists(slices: tuple[Slice, ...], projections: tuple[FanIn, ...], chip: Chip
         form = np.full(len(target), formats.index(projection.format))
         source, mantissa, delay = projection.source[rows], projection.mantissa[rows], projection.delay[rows]
         columns.append((source, np.full(len(target), rank), target, mantissa, delay, form))
-        words += projection.words(piece.start, piece.stop, chip)
+        words += projection.words_of(projection.lengths(piece.start, piece.stop), chip)
     source, ranks, target, mantissa, delay, form = (np.concatenate(column) for column in zip(*columns, strict=True))
     order = np.lexsort((target, ranks, source))
     sources, starts = np.unique(source[order], return_index=True)

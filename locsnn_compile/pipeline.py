@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import hw_model as hw
+from hw_model.arrangement import arrange_cores
 from hw_model.graph import CompartmentGraph
 from hw_model.placement import PlacedGraph, place_cores
 from hw_model.program import assemble
@@ -32,7 +33,7 @@ def lower(network: Network, chip: hw.Chip, weight_bits: int) -> Levels:
     check_network(network)
     quantized = quantize(network, chip, weight_bits)
     compartments = lower_neurons(quantized, chip)
-    placed = place_cores(compartments, chip)
+    placed = arrange_cores(place_cores(compartments, chip))
     routed = route_axons(placed)
     program = assemble(routed)
     return Levels(network, quantized, compartments, placed, routed, program)

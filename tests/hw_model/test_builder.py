@@ -35,9 +35,9 @@ LIMIT_ERRORS = [
     ("exponent", {"exponent": 8}, "synapses 'x' -> 'n': the weight exponent is out of range (8 against -8..7). Rescale the weights."),
     ("weight grid", {"weights": [[3, 2]]}, "synapses 'x' -> 'n': weight 3 is not on the grid of 8-bit mixed weights (multiples of 2 in -256..254; 1 of 2 off). Round the weights onto the grid first."),
     ("weight range", {"weights": [[-2, 2]], "sign_mode": "excitatory"}, "synapses 'x' -> 'n': weight -2 is not on the grid of 8-bit excitatory weights (multiples of 1 in 0..255; 1 of 2 off). Round the weights onto the grid first."),
-    ("input axons", {"chip": limited(input_axons_per_core=1)}, "population 'n': 2 input axons of neuron 0 do not fit one core (loihi-sim holds 1). Lower the fan-in of a neuron."),
-    ("synapse memory", {"chip": limited(synapse_words_per_core=1)}, "population 'n': 2 synapse memory words of neuron 0 do not fit one core (loihi-sim holds 1). Use fewer weight bits."),
-    ("cores", {"chip": limited(cores_per_chip=2, compartments_per_core=1), "size": 3}, "network 'program': 3 cores are needed (loihi-sim has 2 on 1 chip(s)). Use a chip file whose board has more chips, or fewer weight bits."),
+    ("input axons", {"chip": limited(input_axons_per_core=1)}, "population 'n': 2 input axons of neuron 0 do not fit one core (loihi-sim holds 1). Prune 1 of its sources, or gather them in a population in between."),
+    ("synapse memory", {"chip": limited(synapse_words_per_core=1)}, "population 'n': 2 synapse memory words of neuron 0 do not fit one core (loihi-sim holds 1). Prune its 2 synapses to about 1."),
+    ("cores", {"chip": limited(cores_per_chip=2, compartments_per_core=1), "size": 3}, "network 'program': 3 cores are needed (loihi-sim has 2 on 1 chip). Give a chip file with chips: 2, if the board has as many."),
 ]  # fmt: skip
 
 
@@ -50,17 +50,29 @@ def test_limits(arguments, message):
     assert str(caught.value) == message
 
 
-def test_output_axons():
-    builder = hw.ProgramBuilder(limited(compartments_per_core=1, output_axons_per_core=2))
+def fan_out(chip, *, senders, targets):
+    builder = hw.ProgramBuilder(chip)
     x = builder.add_input("x", 1)
-    one, many = builder.add_compartments("one", 1, threshold=1), builder.add_compartments("many", 3, threshold=1)
-    builder.connect(x, one, [[2]])
-    builder.connect(one, many, [[2], [2], [2]])
+    few = builder.add_compartments("few", senders, threshold=1)
+    many = builder.add_compartments("many", targets, threshold=1)
+    builder.connect(x, few, np.full((senders, 1), 2))
+    builder.connect(few, many, np.full((targets, senders), 2))
+    return builder.build()
+
+
+def test_a_neuron_with_too_many_target_cores():
     with pytest.raises(hw.TargetError) as caught:
-        builder.build()
+        fan_out(limited(compartments_per_core=1, output_axons_per_core=2), senders=1, targets=3)
     assert str(caught.value) == (
-        "core 0 with one: 3 output axons do not fit (loihi-sim holds 2 a core). Reach fewer cores: use fewer weight bits."
+        "population 'few': a neuron reaches more cores than a core has output axons (4 cores in all) "
+        "(loihi-sim holds 2 output axons). Connect it to fewer populations, or relay its spikes through compartments."
     )
+
+
+def test_a_population_with_too_many_output_axons_is_spread_over_cores():
+    program = fan_out(limited(compartments_per_core=4, output_axons_per_core=5), senders=4, targets=8)
+    assert max(core.axons.output_axons for core in program.cores) <= 5
+    assert [core.compartments for core in program.cores if core.axons.output_axons] == [2, 2]
 
 
 MISTAKES = [

@@ -1,5 +1,7 @@
 """Energy and latency of tiny programs, computed by hand to the last digit."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -53,10 +55,8 @@ def test_latency_of_a_chain():
     assert time.critical_core == 0
 
 
-def test_hops_between_tiles():
-    """Sixty compartments a core on a chip of small cores: a spike from core 0 to core 4 goes one tile east."""
-    from dataclasses import replace
-
+def test_hops_are_counted_from_tile_to_tile():
+    """One compartment a core: a spike of ``first`` goes to 40 cores. Tiles of four cores, eight tiles a row."""
     small = replace(CHIP, limits=replace(CHIP.limits, compartments_per_core=1))
     builder = hw.ProgramBuilder(small)
     x = builder.add_input("x", 1)
@@ -64,10 +64,19 @@ def test_hops_between_tiles():
     rest = builder.add_compartments("rest", 40, decay_u=4096, decay_v=4096, threshold=10)
     builder.connect(x, first, [[20]])
     builder.connect(first, rest, np.full((40, 1), 20))
-    counts = hw.simulate(builder.build(), [[1], [0], [0]]).counts
-    # rest is on cores 1..40: 3 in tile 0, then tiles 1..9 of four cores, and one core in tile 10. Columns 8, so tile
-    # 8 is column 0 of row 1, tile 9 column 1, tile 10 column 2.
+    program = builder.build()
+    counts = hw.simulate(program, [[1], [0], [0]]).counts
+    tiles = [(core.slot // 4 % 8, core.slot // 4 // 8) for core in program.cores]
+    ways = [(abs(x - tiles[0][0]), abs(y - tiles[0][1])) for x, y in tiles[1:]]
     assert counts.axon_packets == 40
-    assert counts.packets_within_tile == 3
-    assert counts.hops_x == 4 * (1 + 2 + 3 + 4 + 5 + 6 + 7) + 4 * (0 + 1) + 1 * 2
-    assert counts.hops_y == 4 * 2 + 1
+    assert counts.packets_within_tile == ways.count((0, 0)) == 3
+    assert (counts.hops_x, counts.hops_y) == (sum(x for x, _ in ways), sum(y for _, y in ways))
+
+
+@pytest.mark.parametrize(
+    ("slots", "hops"),
+    [((0, 3), (0, 0)), ((0, 4), (1, 0)), ((0, 31), (7, 0)), ((0, 32), (0, 1)), ((31, 32), (7, 1)), ((0, 128), (8, 0))],
+    ids=["same tile", "next tile", "end of row", "next row", "both", "next chip"],
+)
+def test_hops_table(slots, hops):
+    assert CHIP.hops(*slots) == CHIP.hops(*reversed(slots)) == hops

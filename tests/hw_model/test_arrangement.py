@@ -1,0 +1,114 @@
+"""Where cores sit: fewer hops, never more, and the same integers."""
+
+from dataclasses import replace
+from itertools import permutations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import hw_model as hw
+from hw_model.arrangement import arrange_cores, core_traffic, slot_distances, total_hops
+from hw_model.chip_description import Mesh
+from hw_model.graph import CompartmentGraph, Compartments, Input, Phase, Synapses, read_only
+from hw_model.placement import place_cores
+from hw_model.program import assemble
+from hw_model.routing import route_axons
+
+CHIP = hw.chip("loihi-sim")
+
+
+def small_chip(cores, columns, per_core=1):
+    mesh = Mesh(columns=columns, rows=cores // columns, cores_per_tile=1)
+    limits = replace(CHIP.limits, cores_per_chip=cores, compartments_per_core=per_core)
+    return replace(CHIP, mesh=mesh, limits=limits)
+
+
+def random_graph(seed, size, links):
+    """Compartments with random recurrent synapses, all driven by one input."""
+    r = np.random.default_rng(seed)
+    pairs = np.unique(r.integers(0, size, (links, 2)), axis=0)
+    every = read_only(np.zeros(size))
+    group = Compartments(
+        "n", "time", size, decay_u=every, decay_v=every, threshold=read_only(np.ones(size)), bias_mantissa=every,
+        bias_exponent=every, refractory=read_only(np.ones(size)), vmin=read_only(np.full(size, 1 - 2**23)),
+        vmax=read_only(np.full(size, 2**23 - 1)),
+    )  # fmt: skip
+
+    def synapses(source, source_index, target_index):
+        n = len(source_index)
+        return Synapses(
+            source, "n", read_only(source_index), read_only(target_index), read_only(np.full(n, 2)), read_only(np.zeros(n)),
+            exponent=0, weight_bits=8, sign_mode="mixed",
+        )  # fmt: skip
+
+    return CompartmentGraph(
+        "random", (Phase("time", "time", None),), (Input("x", 1, "time", "x"),), (group,),
+        (synapses("x", np.zeros(size), np.arange(size)), synapses("n", pairs[:, 0], pairs[:, 1])),
+    )  # fmt: skip
+
+
+def hops(placed):
+    return total_hops(
+        core_traffic(placed), slot_distances(placed.chip, placed.chip.limits.cores_per_chip), placed.slots
+    )
+
+
+@settings(max_examples=30, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 2**32 - 1), size=st.integers(1, 24), links=st.integers(0, 60))
+def test_never_more_hops_and_the_same_spikes(seed, size, links):
+    placed = place_cores(random_graph(seed, size, links), small_chip(24, 6))
+    arranged = arrange_cores(placed)
+    assert hops(arranged) <= hops(placed)
+    assert sorted(arranged.slots) == sorted(set(arranged.slots))
+    assert max(arranged.slots) < 24
+    assert arranged.slices == placed.slices
+    plain, better = (assemble(route_axons(p)) for p in (placed, arranged))
+    spikes = [[1], [0], [0], [1], [0]]
+    here, there = (hw.simulate(program, spikes) for program in (plain, better))
+    assert np.array_equal(here.spikes["n"], there.spikes["n"])
+    assert there.counts.hops == sum(dict(there.counts)[name] for name in ("hops_x", "hops_y"))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_close_to_the_best_of_all_arrangements(seed):
+    placed = place_cores(random_graph(seed, 6, 14), small_chip(6, 3))
+    traffic, distance = core_traffic(placed), slot_distances(placed.chip, 6)
+    best = min(total_hops(traffic, distance, order) for order in permutations(range(6)))
+    assert hops(arrange_cores(placed)) <= 1.1 * best
+
+
+def test_traffic_counts_every_compartment_and_target_core_once():
+    placed = place_cores(random_graph(3, 9, 40), small_chip(24, 6, per_core=2))
+    traffic = core_traffic(placed)
+    recurrent = placed.graph.synapses[1]
+    core = np.arange(9) // 2
+    pairs = {(int(s), int(core[t])) for s, t in zip(recurrent.source_index, recurrent.target_index, strict=True)}
+    wanted = np.zeros((5, 5))
+    for source, to in pairs:
+        if core[source] != to:
+            wanted[core[source], to] += 1
+    assert np.array_equal(traffic, wanted + wanted.T)
+
+
+def test_expected_spikes_weigh_the_traffic():
+    placed = place_cores(random_graph(1, 8, 30), small_chip(24, 6))
+    spikes = np.r_[0.0, np.arange(8.0)]
+    assert core_traffic(placed, 2 * spikes).sum() == 2 * core_traffic(placed, spikes).sum()
+    assert core_traffic(placed, np.zeros(9)).sum() == 0
+
+
+def test_a_line_of_cores_lies_in_neighbouring_tiles():
+    """Each core talks to the next: a snake has a hop a link, network order has row ends."""
+    size = 16
+    group = random_graph(0, size, 0)
+    chain = replace(
+        group.synapses[1],
+        source_index=read_only(np.arange(size - 1)),
+        target_index=read_only(np.arange(1, size)),
+        mantissa=read_only(np.full(size - 1, 2)),
+        delay=read_only(np.zeros(size - 1)),
+    )
+    placed = place_cores(replace(group, synapses=(group.synapses[0], chain)), small_chip(16, 4))
+    assert (hops(placed), hops(arrange_cores(placed))) == (3 * 3 + 3 * 4 + 3, 15)
