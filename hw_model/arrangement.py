@@ -4,9 +4,9 @@ Before: a PlacedGraph whose cores sit in network order.
 After:  the same cores and slices in other slots; the expected hops a step are no more than before.
 
 The traffic between two cores is the expected spikes of all compartments of the one that reach the other. Where to put
-cores so that traffic times distance is least is the quadratic assignment problem. Two starts are tried: network order,
-and the spectral order of the traffic graph laid along the tiles in a snake. Each is improved by exchanging the pair
-of slots, one of them perhaps empty, that saves most, until none saves any; the better end is taken.
+cores so that traffic times distance is least is the quadratic assignment problem. Starts are network order, the
+spectral order of the traffic graph laid along the tiles in a snake, and on one chip a few shuffles. Each is improved by
+exchanging the pair of slots, one of them perhaps empty, that saves most, until none saves any; the best end is taken.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ FloatArray = npt.NDArray[np.float64]
 
 MAX_SLOTS = 1024
 """Boards that need more slots than this keep network order: the search takes time with their cube."""
+SHUFFLES, MAX_SHUFFLED = 4, 128
+"""So many shuffled starts are tried too, from a fixed seed, on boards of at most so many slots."""
 
 
 def arrange_cores(placed: PlacedGraph, expected_spikes: FloatArray | None = None) -> PlacedGraph:
@@ -39,7 +41,9 @@ def arrange_cores(placed: PlacedGraph, expected_spikes: FloatArray | None = None
         return placed
     distance = slot_distances(chip, slots)
     traffic = core_traffic(placed, expected_spikes)
+    shuffled = np.random.default_rng(0)
     starts = [np.array(placed.slots), _spectral_start(traffic, chip, slots)]
+    starts += [shuffled.permutation(slots)[: placed.cores] for _ in range(SHUFFLES if slots <= MAX_SHUFFLED else 0)]
     ends = [_exchange(traffic, distance, start) for start in starts]
     best = min(ends, key=lambda slots: total_hops(traffic, distance, slots))
     return replace(placed, slots=tuple(map(int, best)))
