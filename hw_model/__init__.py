@@ -15,8 +15,10 @@ if TYPE_CHECKING:
     from hw_model.cost import energy_pj, latency
     from hw_model.counts import Counts
     from hw_model.errors import InputError, LocsnnError, TargetError
+    from hw_model.probes import Probe
     from hw_model.program import ChipProgram
     from hw_model.program_file import load_program
+    from hw_model.range_proof import prove_range
     from hw_model.simulation import SimulationResult, simulate
 
 __all__ = [
@@ -25,6 +27,7 @@ __all__ = [
     "Counts",
     "InputError",
     "LocsnnError",
+    "Probe",
     "ProgramBuilder",
     "SimulationResult",
     "TargetError",
@@ -33,6 +36,7 @@ __all__ = [
     "energy_pj",
     "latency",
     "load_program",
+    "prove_range",
     "simulate",
 ]
 
@@ -44,6 +48,7 @@ __getattr__ = lazy_names(
         "Counts": "hw_model.counts",
         "InputError": "hw_model.errors",
         "LocsnnError": "hw_model.errors",
+        "Probe": "hw_model.probes",
         "ProgramBuilder": "hw_model.builder",
         "SimulationResult": "hw_model.simulation",
         "TargetError": "hw_model.errors",
@@ -52,6 +57,7 @@ __getattr__ = lazy_names(
         "energy_pj": "hw_model.cost",
         "latency": "hw_model.cost",
         "load_program": "hw_model.program_file",
+        "prove_range": "hw_model.range_proof",
         "simulate": "hw_model.simulation",
     },
 )

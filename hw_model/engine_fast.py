@@ -11,11 +11,13 @@ import numpy.typing as npt
 
 from hw_model.fixed_point import DECAY_BITS, DECAY_ONE, IntArray, effective_weight
 from hw_model.program import ChipProgram
-from hw_model.trace import EVENTS, ByteArray, PhaseInput, PhaseTrace, Probe
+from hw_model.trace import EVENTS, ByteArray, Kind, PhaseInput, PhaseTrace, Window
+
+REGISTERS: tuple[Kind, ...] = ("u", "v", "potential")
 
 
-def run_phase(program: ChipProgram, phase: str, played: PhaseInput, probes: tuple[Probe, ...]) -> PhaseTrace:
-    """Run one recording through one phase."""
+def run_phase(program: ChipProgram, phase: str, played: PhaseInput, windows: dict[Kind, Window]) -> PhaseTrace:
+    """Run one recording through one phase; keep of the registers what the windows ask for."""
     flat = flatten(program, phase)
     lines = np.concatenate([played.lines[item.name] for item in program.inputs_of(phase)], axis=1)
     steps, n = played.steps, len(flat.decay_u)
@@ -24,10 +26,9 @@ def run_phase(program: ChipProgram, phase: str, played: PhaseInput, probes: tupl
     spikes = np.zeros((steps, n), dtype=np.uint8)
     active = np.zeros((steps, flat.cores), dtype=np.int64)
     events = np.zeros((len(EVENTS), n), dtype=np.int64)
-    unasked = np.zeros((0, n), dtype=np.int64)
-    registers: dict[Probe, IntArray] = {
-        probe: np.zeros((steps, n), dtype=np.int64) for probe in probes if probe != "spikes"
-    }
+    unasked = Window(np.empty(0, dtype=np.int64), 0, 0)
+    u, v, potential = (windows.get(kind, unasked) for kind in REGISTERS)
+    u_kept, v_kept, potential_kept = u.empty(), v.empty(), potential.empty()
     _run(
         flat.decay_u, flat.decay_v, flat.threshold, flat.bias, flat.refractory, flat.vmin, flat.vmax, flat.spiking,
         flat.parent, flat.core, flat.list_start, flat.target, flat.weight, flat.delay,
@@ -35,9 +36,10 @@ def run_phase(program: ChipProgram, phase: str, played: PhaseInput, probes: tupl
         1 << program.chip.registers.charge_bits, 1 << program.chip.registers.current_bits,
         np.zeros((int(flat.delay.max(initial=0)) + 2, n), dtype=np.int64),
         spikes, active, events,
-        registers.get("u", unasked), registers.get("v", unasked), registers.get("potential", unasked),
+        u.columns, u.start, u_kept, v.columns, v.start, v_kept, potential.columns, potential.start, potential_kept,
     )  # fmt: skip
-    return PhaseTrace(spikes, active, events, registers)
+    kept = dict(zip(REGISTERS, (u_kept, v_kept, potential_kept), strict=True))
+    return PhaseTrace(spikes, active, events, {kind: kept[kind] for kind in windows})
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,20 +136,30 @@ def _wrap(x: int, half: int) -> int:
     return ((x + half) & (2 * half - 1)) - half
 
 
+@numba.njit(cache=True, nogil=True, inline="always")  # type: ignore[untyped-decorator]
+def _keep(register: IntArray, columns: IntArray, row: int, kept: IntArray) -> None:
+    """Copy the columns of a register to a row of what is kept, if that has such a row."""
+    if 0 <= row < len(kept):
+        for j in range(len(columns)):
+            kept[row, j] = register[columns[j]]
+
+
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _run(
     decay_u: IntArray, decay_v: IntArray, threshold: IntArray, bias: IntArray, refractory: IntArray, vmin: IntArray,
     vmax: IntArray, spiking: npt.NDArray[np.bool_], parent: IntArray, core: IntArray, list_start: IntArray,
     target: IntArray, weight: IntArray, delay: IntArray, event_start: IntArray, event_line: IntArray, lines: int,
     charge_half: int, current_half: int, slots: IntArray, spikes: ByteArray, active: IntArray, events: IntArray,
-    u_out: IntArray, v_out: IntArray, potential_out: IntArray,
+    u_columns: IntArray, u_start: int, u_kept: IntArray, v_columns: IntArray, v_start: int, v_kept: IntArray,
+    potential_columns: IntArray, potential_start: int, potential_kept: IntArray,
 ) -> None:  # fmt: skip
-    """Fill the output arrays; ``slots`` (longest delay + 2, n) starts at zero, unasked probes have no rows."""
+    """Fill the output arrays; ``slots`` (longest delay + 2, n) starts at zero, what is not asked for has no rows."""
     steps, n = spikes.shape
     u = np.zeros(n, dtype=np.int64)
     v = np.zeros(n, dtype=np.int64)
     joined = np.zeros(n, dtype=np.int64)
     blocked = np.zeros(n, dtype=np.int64)
+    potential = np.zeros(n, dtype=np.int64)
     for step in range(steps):
         slot = slots[step % len(slots)]
         for i in range(n):
@@ -161,7 +173,7 @@ def _run(
             current = _decay(u[i], decay_u[i]) + q
             u[i] = _wrap(current, current_half)
             events[1, i] += u[i] != current
-            potential = 0
+            potential[i] = 0
             if blocked[i] > 0:
                 blocked[i] -= 1
                 v[i] = 0
@@ -170,21 +182,18 @@ def _run(
                 wrapped = _wrap(drive, current_half)
                 events[1, i] += wrapped != drive
                 unclipped = _decay(v[i], decay_v[i]) + wrapped + passed
-                potential = min(max(unclipped, vmin[i]), vmax[i])
-                events[2, i] += potential != unclipped
-                v[i] = potential
-                if spiking[i] and potential > threshold[i]:
+                v[i] = min(max(unclipped, vmin[i]), vmax[i])
+                potential[i] = v[i]
+                events[2, i] += v[i] != unclipped
+                if spiking[i] and v[i] > threshold[i]:
                     spikes[step, i] = 1
                     v[i] = 0
                     blocked[i] = refractory[i] - 1
             if parent[i] >= 0:
                 joined[parent[i]] += v[i]
-            if len(potential_out):
-                potential_out[step, i] = potential
-        if len(u_out):
-            u_out[step] = u
-        if len(v_out):
-            v_out[step] = v
+        _keep(u, u_columns, step - u_start, u_kept)
+        _keep(v, v_columns, step - v_start, v_kept)
+        _keep(potential, potential_columns, step - potential_start, potential_kept)
 
         for i in range(n):
             if spikes[step, i]:

@@ -10,14 +10,17 @@ import numpy as np
 
 from hw_model.fixed_point import IntArray, clip, decay, effective_weight, wrap
 from hw_model.program import ChipProgram, Core
-from hw_model.trace import EVENTS, PhaseInput, PhaseTrace, Probe
+from hw_model.trace import EVENTS, Kind, PhaseInput, PhaseTrace, Window
 
 
-def run_phase(program: ChipProgram, phase: str, played: PhaseInput, probes: tuple[Probe, ...]) -> PhaseTrace:
-    """Run one recording through one phase."""
+def run_phase(program: ChipProgram, phase: str, played: PhaseInput, windows: dict[Kind, Window]) -> PhaseTrace:
+    """Run one recording through one phase; keep of the registers what the windows ask for."""
     cores = {core.number: _CoreState(core, program) for core in program.cores_of(phase)}
     inputs = [(program.route_of(item.name), played.lines[item.name]) for item in program.inputs_of(phase)]
-    rows: dict[str, list[IntArray]] = {name: [] for name in ("spikes", "active", *probes)}
+    count = sum(core.compartments for core in program.cores_of(phase))
+    spikes = np.zeros((played.steps, count), dtype=np.uint8)
+    active = np.zeros((played.steps, len(cores)), dtype=np.int64)
+    registers = {kind: window.empty() for kind, window in windows.items()}
     for step in range(played.steps):
         for state in cores.values():
             state.update(step)
@@ -30,22 +33,14 @@ def run_phase(program: ChipProgram, phase: str, played: PhaseInput, probes: tupl
             for k in np.flatnonzero(lines[step][route.line]):
                 cores[int(route.core[k])].deliver(int(route.axon[k]), step)
 
-        rows["active"].append(np.array([state.active for state in cores.values()]))
-        for name, attribute in (("spikes", "fired"), ("u", "u"), ("v", "v"), ("potential", "potential")):
-            if name in rows:
-                rows[name].append(np.concatenate([getattr(state, attribute) for state in cores.values()]).copy())
+        spikes[step] = np.concatenate([state.fired for state in cores.values()])
+        active[step] = [state.active for state in cores.values()]
+        for kind, window in windows.items():
+            if window.start <= step < window.stop:
+                register = np.concatenate([getattr(state, kind) for state in cores.values()])
+                registers[kind][step - window.start] = register[window.columns]
     events = np.concatenate([state.events for state in cores.values()], axis=1)
-    count = events.shape[1]
-
-    def stacked(name: str, width: int) -> IntArray:
-        return np.array(rows[name], dtype=np.int64).reshape(played.steps, width)
-
-    return PhaseTrace(
-        spikes=stacked("spikes", count).astype(np.uint8),
-        active=stacked("active", len(cores)),
-        events=events,
-        registers={probe: stacked(probe, count) for probe in probes if probe != "spikes"},
-    )
+    return PhaseTrace(spikes, active, events, registers)
 
 
 class _CoreState:

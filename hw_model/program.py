@@ -7,7 +7,9 @@ After:  every core has its compartments in profiles, its axons and synapse lists
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -100,12 +102,30 @@ class ChipProgram:
         """Return where an input's lines go."""
         return next(route for route in self.input_routes if route.input == name)
 
+    def columns_of(self, phase: str) -> Iterator[tuple[Slice, slice]]:
+        """Yield every slice of a phase, and its columns in arrays over all compartments of the phase's cores."""
+        first = 0
+        for core in self.cores_of(phase):
+            for piece in core.slices:
+                yield piece, slice(first + piece.offset, first + piece.offset + piece.size)
+            first += core.compartments
+
     @property
     def streams(self) -> dict[str, int]:
         """Recordings that the program expects, by name, with their channels."""
         return {item.stream: item.channels for item in self.inputs}
 
-    @property
+    @cached_property
+    def spiking(self) -> frozenset[str]:
+        """Names of the groups that can spike."""
+        return frozenset(
+            piece.group
+            for core in self.cores
+            for piece in core.slices
+            if not core.profiles[core.profile[piece.offset]].joined
+        )
+
+    @cached_property
     def populations(self) -> dict[str, int]:
         """Names and sizes of all compartment groups, in order of their cores."""
         sizes: dict[str, int] = {}

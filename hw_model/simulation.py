@@ -15,11 +15,13 @@ from hw_model.counts import Counts, total
 from hw_model.errors import InputError, did_you_mean
 from hw_model.fixed_point import IntArray
 from hw_model.playing import Spikes, play, read_streams
+from hw_model.probes import PhaseProbes, Probe, read_probes
 from hw_model.program import ChipProgram
-from hw_model.trace import EVENTS, PROBES, ByteArray, PhaseInput, PhaseTrace, Probe
+from hw_model.trace import EVENTS, KINDS, ByteArray, Kind, PhaseInput, PhaseTrace, Window
 
 Engine = Literal["fast", "reference"]
 ENGINES: tuple[Engine, ...] = get_args(Engine)
+FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +40,7 @@ class SimulationResult:
     """By phase, one entry a recording."""
     events: Mapping[str, Mapping[str, int]]
     """``events[population]``: its wraps and clips by kind, over all recordings; left out where there are none."""
-    scores: npt.NDArray[np.float64] | None
+    scores: FloatArray | None
     """Class scores of the readout, (batch, classes) or (classes,); None without a readout."""
 
     @cached_property
@@ -69,49 +71,59 @@ def simulate(
     spikes: Spikes,
     steps: int | None = None,
     engine: Engine = "fast",
-    probe: Sequence[Probe] = ("spikes",),
+    probe: Sequence[Kind | Probe] = ("spikes",),
 ) -> SimulationResult:
     """Run recordings through a program.
 
     ``spikes``: 0 or 1, (steps, channels) or (batch, steps, channels); a mapping by stream name where a program has
     several inputs. An input spike of row t acts at step t + 1. ``steps`` of phases that the program does not fix; by
-    default the rows given. Both engines give the same integers. Bad arguments are an ``InputError``.
+    default the rows given. ``probe``: what to keep, each a kind (``"spikes"``, ``"u"``, ``"v"``, ``"potential"``) of
+    all populations and steps, or a :class:`hw_model.Probe` of chosen ones; nothing else is held. Both engines give the
+    same integers. Bad arguments are an ``InputError``.
     """
     if engine not in ENGINES:
         raise InputError(f"engine {engine!r}", "does not exist", fix=did_you_mean(engine, ENGINES))
-    for name in probe:
-        if name not in PROBES:
-            raise InputError(f"probe {name!r}", "does not exist", fix=did_you_mean(name, PROBES))
     if steps is not None and steps < 1:
         raise InputError("steps", "nothing to simulate", measured=f"{steps} against at least 1", fix="Raise steps.")
+    probes = read_probes(program, probe)
     streams, batched = read_streams(program, spikes)
-    batch = len(next(iter(streams.values())))
+    run_phase = _engine(engine)
 
-    traces: dict[str, list[PhaseTrace]] = {phase.name: [] for phase in program.phases}
+    kept: dict[Kind, dict[str, list[IntArray]]] = {kind: {} for kind in KINDS}
     activity: dict[str, list[StepActivity]] = {phase.name: [] for phase in program.phases}
-    for phase in program.phases:
-        for i in range(batch):
+    events: dict[str, IntArray] = {}
+    scores: list[FloatArray] = []
+    for i in range(len(next(iter(streams.values())))):
+        score: list[FloatArray] = []
+        for phase in program.phases:
             played = play(program, phase, {name: array[i] for name, array in streams.items()}, steps)
-            trace = _engine(engine)(program, phase.name, played, tuple(probe))
+            wanted = PhaseProbes(program, phase.name, probes, played.steps)
+            trace = run_phase(program, phase.name, played, wanted.windows())
             activity[phase.name].append(count_activity(program, phase.name, played, trace))
-            traces[phase.name].append(trace)
+            for kind in probes:
+                found = trace.spikes if kind == "spikes" else trace.registers[kind]
+                for name, array in wanted.by_population(kind, found).items():
+                    kept[kind].setdefault(name, []).append(array)
+            _add_events(program, phase.name, trace, events)
+            score.append(_score(program, phase.name, trace))
+        scores.append(np.sum(score, axis=0))
 
-    found = {name: _by_population(program, traces, name) for name in PROBES}
-    scores = _scores(program, found["spikes"], batch)
-    if not batched:
-        found = {name: {group: array[0] for group, array in arrays.items()} for name, arrays in found.items()}
+    results = {
+        kind: {name: np.stack(arrays) if batched else arrays[0] for name, arrays in by_name.items()}
+        for kind, by_name in kept.items()
+    }
     return SimulationResult(
-        spikes={name: array.astype(np.uint8) for name, array in found["spikes"].items() if "spikes" in probe},
-        u=found["u"],
-        v=found["v"],
-        potential=found["potential"],
+        spikes={name: array.astype(np.uint8, copy=False) for name, array in results["spikes"].items()},
+        u=results["u"],
+        v=results["v"],
+        potential=results["potential"],
         activity={phase: tuple(items) for phase, items in activity.items()},
-        events=_events(program, traces),
-        scores=scores if batched or scores is None else scores[0],
+        events={name: _named(counts) for name, counts in events.items() if counts.any()},
+        scores=None if program.readout is None else (np.stack(scores) if batched else scores[0]),
     )
 
 
-def _engine(engine: Engine) -> Callable[[ChipProgram, str, PhaseInput, tuple[Probe, ...]], PhaseTrace]:
+def _engine(engine: Engine) -> Callable[[ChipProgram, str, PhaseInput, dict[Kind, Window]], PhaseTrace]:
     if engine == "reference":
         from hw_model.engine_reference import run_phase
 
@@ -121,53 +133,26 @@ def _engine(engine: Engine) -> Callable[[ChipProgram, str, PhaseInput, tuple[Pro
     return run_phase_fast
 
 
-def _by_population(program: ChipProgram, traces: dict[str, list[PhaseTrace]], probe: Probe) -> dict[str, IntArray]:
-    """Gather a probe from the slices of the cores, (batch, steps, n) a population."""
-    found: dict[str, IntArray] = {}
-    sizes = program.populations
-    for phase, recordings in traces.items():
-        arrays = [trace.spikes if probe == "spikes" else trace.registers.get(probe) for trace in recordings]
-        present = [array for array in arrays if array is not None]
-        if not present:
-            continue
-        stacked = np.stack(present)
-        first = 0
-        for core in program.cores_of(phase):
-            joined = core.setting("joined")
-            for piece in core.slices:
-                if probe != "spikes" or not joined[piece.offset]:
-                    shape = (*stacked.shape[:2], sizes[piece.group])
-                    array = found.setdefault(piece.group, np.zeros(shape, dtype=stacked.dtype))
-                    here = slice(first + piece.offset, first + piece.offset + piece.size)
-                    array[:, :, piece.start : piece.stop] = stacked[:, :, here]
-            first += core.compartments
-    return found
+def _add_events(program: ChipProgram, phase: str, trace: PhaseTrace, events: dict[str, IntArray]) -> None:
+    """Add up wraps and clips by population."""
+    for piece, columns in program.columns_of(phase):
+        before = events.get(piece.group, np.zeros(len(EVENTS), dtype=np.int64))
+        events[piece.group] = before + trace.events[:, columns].sum(axis=1)
 
 
-def _events(program: ChipProgram, traces: dict[str, list[PhaseTrace]]) -> dict[str, dict[str, int]]:
-    found: dict[str, IntArray] = {}
-    for phase, recordings in traces.items():
-        summed = np.sum([trace.events for trace in recordings], axis=0)
-        first = 0
-        for core in program.cores_of(phase):
-            for piece in core.slices:
-                here = slice(first + piece.offset, first + piece.offset + piece.size)
-                found[piece.group] = found.get(piece.group, np.zeros(3, dtype=np.int64)) + summed[:, here].sum(axis=1)
-            first += core.compartments
-    return {
-        group: {event: int(n) for event, n in zip(EVENTS, counts, strict=True)}
-        for group, counts in found.items()
-        if counts.any()
-    }
+def _named(counts: IntArray) -> dict[str, int]:
+    return {event: int(n) for event, n in zip(EVENTS, counts, strict=True)}
 
 
-def _scores(program: ChipProgram, spikes: dict[str, IntArray], batch: int) -> npt.NDArray[np.float64] | None:
+def _score(program: ChipProgram, phase: str, trace: PhaseTrace) -> FloatArray:
+    """Return what the populations of a phase add to the class scores, (classes,)."""
     if program.readout is None:
-        return None
+        return np.zeros(1)
     readout = program.readout
-    terms = [
-        weight * spikes[name].sum(axis=1, dtype=np.int64)
-        for name, weight in zip(readout.populations, readout.weights, strict=True)
-    ]
-    scores: npt.NDArray[np.float64] = np.sum(terms, axis=0, dtype=np.float64).reshape(batch, -1)
+    scores = np.zeros(program.populations[readout.populations[0]])
+    sums = trace.spikes.sum(axis=0, dtype=np.int64)
+    for piece, columns in program.columns_of(phase):
+        if piece.group in readout.populations:
+            weight = readout.weights[readout.populations.index(piece.group)]
+            scores[piece.start : piece.stop] += weight * sums[columns]
     return scores

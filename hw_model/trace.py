@@ -1,4 +1,4 @@
-"""What an engine hands back for one recording in one phase, and what it was given."""
+"""What an engine is asked for and hands back, for one recording in one phase."""
 
 from __future__ import annotations
 
@@ -12,11 +12,24 @@ from hw_model.fixed_point import IntArray
 
 ByteArray = npt.NDArray[np.uint8]
 
-Probe = Literal["spikes", "u", "v", "potential"]
-PROBES: tuple[Probe, ...] = get_args(Probe)
+Kind = Literal["spikes", "u", "v", "potential"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
 """``u`` and ``v`` are registers after the step (v is 0 on a spike row); ``potential`` is v as the threshold saw it."""
 
 EVENTS = ("charge_wraps", "current_wraps", "voltage_clips")
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """What to keep of a register: compartments ``columns`` (indices in the phase), rows ``start..stop``."""
+
+    columns: IntArray
+    start: int
+    stop: int
+
+    def empty(self) -> IntArray:
+        """Return room for it, (rows, columns)."""
+        return np.zeros((self.stop - self.start, len(self.columns)), dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,13 +37,13 @@ class PhaseTrace:
     """One recording in one phase; compartments in the order of the phase's cores, n of them in all.
 
     ``spikes`` (steps, n); ``active`` (steps, cores): compartments with anything to work on; ``events`` (3, n): how
-    often each compartment met each of :data:`EVENTS`; ``registers[probe]`` (steps, n) for the probes asked for.
+    often each compartment met each of :data:`EVENTS`; ``registers[kind]``: the windows asked for.
     """
 
     spikes: ByteArray
     active: IntArray
     events: IntArray
-    registers: dict[Probe, IntArray] = field(default_factory=dict)
+    registers: dict[Kind, IntArray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
