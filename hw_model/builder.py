@@ -77,15 +77,23 @@ class ProgramBuilder:
         vmin: Ints | None = None,
         vmax: Ints | None = None,
         joined_to: Node | None = None,
+        join: str = "ADD",
     ) -> Node:
         """Add compartments; every parameter is one integer for all, or an array (size,).
 
         ``decay_u``, ``decay_v``: effective decays 0..4096. ``threshold``: mantissa. ``bias``: its value, which must be
         a 13-bit mantissa times a power of two up to 2^7. ``refractory`` k: no spike in the k - 1 steps after one.
         ``vmin``, ``vmax``: values the chip can be set to. With ``joined_to``, compartment i adds its v to that group's
-        compartment i in the same step, and neither spikes nor is reset.
+        compartment i in the same step, and neither spikes nor is reset; ``join`` names the operation, of which only
+        ADD has a meaning here.
         """
         size = int(size)
+        if join != "ADD":
+            raise TargetError(
+                f"compartments {name!r}",
+                f"the join operation {join!r} is not modelled: no public source gives its integer timing",
+                fix="Join with ADD.",
+            )
 
         def column(key: str, value: Ints) -> IntArray:
             return _whole(f"compartments {name!r}", key, value, (size,))
@@ -167,8 +175,8 @@ class ProgramBuilder:
         """Make the class scores the added spike counts of these populations."""
         self._readout = Readout(tuple(node.name for node in populations), (1.0,) * len(populations))
 
-    def build(self) -> ChipProgram:
-        """Check, place, route and assemble; a broken limit is a ``TargetError`` that says what would fit."""
+    def graph(self) -> CompartmentGraph:
+        """Return what was collected so far as a checked graph, not yet on cores."""
         if not self._inputs or not self._groups:
             raise InputError(
                 f"program {self._name!r}",
@@ -185,7 +193,11 @@ class ProgramBuilder:
             self._pruned,
         )
         check_graph(graph, self._chip)
-        return assemble(route_axons(arrange_cores(place_cores(graph, self._chip))))
+        return graph
+
+    def build(self) -> ChipProgram:
+        """Check, place, arrange, route and assemble; a broken limit is a ``TargetError`` that says what would fit."""
+        return assemble(route_axons(arrange_cores(place_cores(self.graph(), self._chip))))
 
 
 def _whole(where: str, key: str, value: Any, shape: tuple[int, ...]) -> IntArray:

@@ -15,7 +15,6 @@ from hw_model.chip_description import Chip
 from hw_model.fan_in import FanIn, SynapseFormat
 from hw_model.fixed_point import IntArray
 from hw_model.graph import Compartments
-from hw_model.weights import WEIGHT_BITS
 
 FIRST_WINDOW = 64
 
@@ -41,6 +40,7 @@ class CoreLoad:
         self._thresholds: set[tuple[int, ...]] = set()
         self._voltage_limits: set[tuple[int, ...]] = set()
         self._formats: set[SynapseFormat] = set()
+        self._lengths: dict[str, IntArray] = {}
         self._words = 0
         self.compartments = 0
 
@@ -76,7 +76,11 @@ class CoreLoad:
             self._words = by_name["synapse memory words"]
             self._formats |= _formats(projections)
             for projection in projections:
-                self._on_core[projection.source[projection.rows(start, start + count)]] = True
+                source = projection.source[projection.rows(start, start + count)]
+                self._on_core[source] = True
+                self._lengths[projection.name] = self._length(projection) + np.bincount(
+                    source, minlength=len(self._on_core)
+                )
             for known, values in self._distinct(groups, start, start + count):
                 known |= {tuple(row) for row in np.unique(values, axis=0).tolist()}
         return count
@@ -118,6 +122,10 @@ class CoreLoad:
             (self._voltage_limits, rows("vmin", "vmax")),
         ]
 
+    def _length(self, projection: FanIn) -> IntArray:
+        """Return how long each source's list of a projection is on this core."""
+        return self._lengths.get(projection.name, np.zeros(len(self._on_core), dtype=np.int64))
+
     def _synapse_uses(self, projections: Sequence[FanIn], start: int, stop: int) -> tuple[IntArray, IntArray]:
         """Return input axons and synapse memory words after each neuron of the window."""
         size = stop - start
@@ -130,8 +138,9 @@ class CoreLoad:
             ranked = source[order]
             begins = np.flatnonzero(np.r_[True, ranked[1:] != ranked[:-1]]) if len(ranked) else np.empty(0, np.int64)
             lengths = np.diff(np.append(begins, len(ranked)))
-            rank = np.arange(len(ranked)) - np.repeat(begins, lengths)
-            added = _word_increments(int(lengths.max(initial=0)), projection.format.bits_per_synapse, self._chip)
+            rank = np.arange(len(ranked)) - np.repeat(begins, lengths) + self._length(projection)[ranked]
+            longest = int(rank.max(initial=0)) + 1
+            added = _word_increments(longest, projection.format.bits_per_synapse, self._chip)
             new_words += np.bincount(neuron[order], added[rank], minlength=size).astype(np.int64)
             found_sources.append(ranked[begins])
             found_neurons.append(neuron[order][begins])
@@ -163,27 +172,13 @@ def first_broken(groups: Sequence[Compartments], projections: Sequence[FanIn], n
     fixes = {
         "compartments": f"Join at most {limit} compartments to a neuron.",
         "input axons": f"Prune {measured - limit} of its sources, or gather them in a population in between.",
-        "synapse memory words": _memory_fix(projections, neuron, chip),
+        # One neuron alone has lists of one synapse, a word each: fewer bits would not help.
+        "synapse memory words": f"Prune {measured - limit} of its {measured} synapses.",
         "compartment profiles": "Give its joined compartments the same decays.",
         "threshold profiles": "Give its joined compartments the same threshold.",
         "pairs of voltage limits": "Give its joined compartments the same vmin and vmax.",
     }
     return Limit(what, measured, limit, fixes[what])
-
-
-def _memory_fix(projections: Sequence[FanIn], neuron: int, chip: Chip) -> str:
-    """Find the most weight bits, then the largest share of the synapses, that fit the synapse memory of a core."""
-    limit = chip.limits.synapse_words_per_core
-    lengths = [p.lengths(neuron, neuron + 1) for p in projections]
-    for bits in sorted(WEIGHT_BITS, reverse=True):
-        words = sum(
-            p.words_of(n, chip, bits=p.format.bits_per_synapse - p.format.weight_bits + min(bits, p.format.weight_bits))
-            for p, n in zip(projections, lengths, strict=True)
-        )
-        if words <= limit:
-            return f"It fits with {bits} weight bits."
-    total = sum(int(n.sum()) for n in lengths)
-    return f"Prune its {total} synapses to about {total * limit // max(words, 1)}."
 
 
 def _formats(projections: Sequence[FanIn]) -> set[SynapseFormat]:
@@ -194,7 +189,7 @@ def _word_increments(longest: int, bits_per_synapse: int, chip: Chip) -> IntArra
     """Return how many words the next synapse adds to a list, by the list's length so far."""
     period = chip.synapse_memory.run_length
     one_run = [chip.synapse_memory.words(n, bits_per_synapse) for n in range(period + 1)]
-    return np.resize(np.diff(one_run), max(longest, 1))
+    return np.resize(np.diff(one_run), longest)
 
 
 def _new_distinct(known: set[tuple[int, ...]], values: IntArray, members: int, neurons: int) -> IntArray:

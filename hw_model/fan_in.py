@@ -30,11 +30,14 @@ class SynapseFormat:
 
 @dataclass(frozen=True, eq=False)
 class FanIn:
-    """A projection by target; ``source`` counts through all inputs and groups of the graph (:func:`first_source`).
+    """A projection by target, under a name of its own.
+
+    ``source`` counts through all inputs and groups of the graph, see :func:`first_source`.
 
     The synapses onto target i are rows ``start[i]..start[i + 1]``, in order of their sources.
     """
 
+    name: str
     target_group: str
     format: SynapseFormat
     start: IntArray
@@ -70,14 +73,18 @@ def first_source(graph: CompartmentGraph) -> dict[str, int]:
 def fan_in(graph: CompartmentGraph, chip: Chip) -> tuple[FanIn, ...]:
     """Return every projection of the graph by target."""
     first = first_source(graph)
-    return tuple(_fan_in(synapses, first[synapses.source], graph, chip) for synapses in graph.synapses)
+    return tuple(
+        _fan_in(f"{number} {synapses.source} -> {synapses.target}", synapses, first[synapses.source], graph, chip)
+        for number, synapses in enumerate(graph.synapses)
+    )
 
 
-def _fan_in(synapses: Synapses, first: int, graph: CompartmentGraph, chip: Chip) -> FanIn:
+def _fan_in(name: str, synapses: Synapses, first: int, graph: CompartmentGraph, chip: Chip) -> FanIn:
     targets = graph.group(synapses.target).size
     order = np.argsort(synapses.target_index, kind="stable")
     target = synapses.target_index[order]
     return FanIn(
+        name=name,
         target_group=synapses.target,
         format=_format(synapses, targets, chip),
         start=np.searchsorted(target, np.arange(targets + 1)),

@@ -7,7 +7,7 @@ After:  every compartment is in exactly one slice on one core; joined compartmen
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 
 import numpy as np
@@ -18,6 +18,7 @@ from hw_model.errors import TargetError
 from hw_model.fan_in import FanIn, fan_in, first_source
 from hw_model.fixed_point import IntArray
 from hw_model.graph import CompartmentGraph, Compartments
+from hw_model.weights import WEIGHT_BITS
 
 
 @dataclass(frozen=True)
@@ -98,12 +99,15 @@ def place_cores(graph: CompartmentGraph, chip: Chip) -> PlacedGraph:
         placed = _fill(graph, chip, incoming, most_neurons)
         crowded = _crowded_by_output(placed)
         if not crowded:
-            check_placed(placed)
-            return placed
+            break
         for name, neurons in crowded.items():
             if neurons < 1:
                 raise _too_many_targets(placed, name)
             most_neurons[name] = neurons
+    if placed.cores > chip.cores:
+        raise _too_many_cores(placed, incoming)
+    check_placed(placed)
+    return placed
 
 
 def check_placed(placed: PlacedGraph) -> None:
@@ -117,14 +121,6 @@ def check_placed(placed: PlacedGraph) -> None:
         assert (times == 1).all(), f"placement lost or doubled compartments of {name!r}"
     assert (used <= placed.chip.limits.compartments_per_core).all(), "placement overfilled a core"
     assert len(set(placed.slots)) == placed.cores, "two cores share a slot"
-    if placed.cores > placed.chip.cores:
-        per_chip, chips = placed.chip.limits.cores_per_chip, placed.chip.chips
-        raise TargetError(
-            f"network {placed.graph.name!r}",
-            f"{placed.cores} cores are needed",
-            measured=f"{placed.chip.name} has {placed.chip.cores} on {chips} chip{'s' * (chips > 1)}",
-            fix=f"Give a chip file with chips: {-(-placed.cores // per_chip)}, if the board has as many.",
-        )
 
 
 def clusters(graph: CompartmentGraph, phase: str) -> list[Cluster]:
@@ -201,6 +197,25 @@ def _too_large(cluster: Cluster, neuron: int, broken: Limit, chip: Chip) -> Targ
         f"{broken.measured} {broken.what} of neuron {neuron} do not fit one core",
         measured=f"{chip.name} holds {broken.limit}",
         fix=broken.fix,
+    )
+
+
+def _too_many_cores(placed: PlacedGraph, incoming: tuple[FanIn, ...]) -> TargetError:
+    """Say how many chips would do, and, where narrower weights alone would, the most bits that do."""
+    graph, chip = placed.graph, placed.chip
+    chips = -(-placed.cores // chip.limits.cores_per_chip)
+    fix = f"Give a chip file with chips: {chips}, if the board has as many"
+    widest = max((p.format.weight_bits for p in incoming), default=1)
+    for bits in sorted((b for b in WEIGHT_BITS if b < widest), reverse=True):
+        narrow = [replace(p, format=replace(p.format, weight_bits=min(bits, p.format.weight_bits))) for p in incoming]
+        if _fill(graph, chip, tuple(narrow), {}).cores <= chip.cores:
+            fix += f", or use {bits} weight bits"
+            break
+    return TargetError(
+        f"network {graph.name!r}",
+        f"{placed.cores} cores are needed",
+        measured=f"{chip.name} has {chip.cores} on {chip.chips} chip{'s' * (chip.chips > 1)}",
+        fix=f"{fix}.",
     )
 
 

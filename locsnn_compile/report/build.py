@@ -78,6 +78,31 @@ def quantization(document: Document) -> Section:
     )
 
 
+def ranges(document: Document) -> Section:
+    """What is proven of the registers, whatever the input, and up to which input rate."""
+    table = Table(
+        "Compartments that are safe, whatever the input",
+        ("compartments", "number", "cannot wrap", "cannot clip", "all safe if no source spikes twice within"),
+        tuple(
+            (
+                name,
+                count(row["compartments"]),
+                count(row["cannot_wrap"]),
+                count(row["cannot_clip"]),
+                _period(row["safe_period_steps"]),
+            )
+            for name, row in document["range"].items()
+        ),
+    )
+    return Section(
+        "range",
+        "Proof of range",
+        "Bounds of every register from weights, decays and thresholds alone. What is not proven safe was watched: the "
+        "wraps and clips above are all there were.",
+        (table,),
+    )
+
+
 def provenance(document: Document) -> Section:
     """What was compiled for what, with which options, checked on what; what is assumed."""
     strategy = document["strategy"]
@@ -114,6 +139,12 @@ def _by_core(document: Document) -> Table | Paragraph:
         ("core", *(words(key).replace(" of a core", "") for key in keys)),
         tuple((f"{row['core']}, {row['phase']}", *(any_value(row[key]) for key in keys)) for row in rows),
     )
+
+
+def _period(steps: int | None) -> str:
+    if steps is None:
+        return "no rate is proven safe"
+    return "any input is safe" if steps == 1 else f"{count(steps)} steps"
 
 
 def _number(key: str, value: object) -> str:

@@ -16,6 +16,7 @@ SECTIONS = (
     behaviour.comparison,
     build.left_out,
     build.quantization,
+    build.ranges,
     build.provenance,
 )
 

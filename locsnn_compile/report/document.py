@@ -49,6 +49,7 @@ def report_document(levels: Levels, match: Match, strategy: str) -> Document:
             - sum(core.compartments for core in program.cores),
         },
         "quantization": _quantization(levels),
+        "range": _range(program),
     }
 
 
@@ -219,3 +220,22 @@ def _quantization(levels: Levels) -> Document:
         }
         for q in quantized.populations
     }
+
+
+def _range(program: ChipProgram) -> Document:
+    """What is proven of registers by group; the period is the longest that a compartment of the group needs."""
+    found: Document = {}
+    for core, proven in zip(program.cores, hw.prove_range(program), strict=True):
+        for piece in core.slices:
+            here = slice(piece.offset, piece.offset + piece.size)
+            periods = proven.safe_period[here]
+            row = found.setdefault(
+                piece.group, {"compartments": 0, "cannot_wrap": 0, "cannot_clip": 0, "safe_period_steps": 1}
+            )
+            row["compartments"] += piece.size
+            row["cannot_wrap"] += int(proven.cannot_wrap[here].sum())
+            row["cannot_clip"] += int(proven.cannot_clip[here].sum())
+            longest = row["safe_period_steps"]
+            unproven = longest is None or not periods.all()
+            row["safe_period_steps"] = None if unproven else max(longest, int(periods.max()))
+    return found

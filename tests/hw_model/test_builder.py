@@ -1,6 +1,7 @@
 """What a program written by hand may not be: every limit and mistake, with its whole message."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,11 +12,14 @@ import hw_model as hw
 CHIP = hw.chip("loihi-sim")
 
 
-def build(chip=CHIP, *, inputs=2, size=1, weights=None, parameters=None, **synapses):
+def build(chip=CHIP, *, inputs=2, size=1, weights=None, parameters=None, dendrites=0, **synapses):
     builder = hw.ProgramBuilder(chip)
     x = builder.add_input("x", inputs)
     n = builder.add_compartments("n", size, **{"threshold": 10, **(parameters or {})})
     builder.connect(x, n, np.full((size, inputs), 2) if weights is None else weights, **synapses)
+    for i in range(1, dendrites + 1):
+        dendrite = builder.add_compartments(f"d{i}", size, threshold=10 + i, decay_u=i, joined_to=n)
+        builder.connect(x, dendrite, np.full((size, inputs), 2), delay=i)
     return builder.build()
 
 
@@ -36,7 +40,12 @@ LIMIT_ERRORS = [
     ("weight grid", {"weights": [[3, 2]]}, "synapses 'x' -> 'n': weight 3 is not on the grid of 8-bit mixed weights (multiples of 2 in -256..254; 1 of 2 off). Round the weights onto the grid first."),
     ("weight range", {"weights": [[-2, 2]], "sign_mode": "excitatory"}, "synapses 'x' -> 'n': weight -2 is not on the grid of 8-bit excitatory weights (multiples of 1 in 0..255; 1 of 2 off). Round the weights onto the grid first."),
     ("input axons", {"chip": limited(input_axons_per_core=1)}, "population 'n': 2 input axons of neuron 0 do not fit one core (loihi-sim holds 1). Prune 1 of its sources, or gather them in a population in between."),
-    ("synapse memory", {"chip": limited(synapse_words_per_core=1)}, "population 'n': 2 synapse memory words of neuron 0 do not fit one core (loihi-sim holds 1). Prune its 2 synapses to about 1."),
+    ("synapse memory", {"chip": limited(synapse_words_per_core=1)}, "population 'n': 2 synapse memory words of neuron 0 do not fit one core (loihi-sim holds 1). Prune 1 of its 2 synapses."),
+    ("joined compartments", {"chip": limited(compartments_per_core=2), "dendrites": 2}, "population 'n': 3 compartments of neuron 0 do not fit one core (loihi-sim holds 2). Join at most 2 compartments to a neuron."),
+    ("compartment profiles", {"chip": limited(compartment_profiles_per_core=2), "dendrites": 2}, "population 'n': 3 compartment profiles of neuron 0 do not fit one core (loihi-sim holds 2). Give its joined compartments the same decays."),
+    ("threshold profiles", {"chip": limited(threshold_profiles_per_core=2), "dendrites": 2}, "population 'n': 3 threshold profiles of neuron 0 do not fit one core (loihi-sim holds 2). Give its joined compartments the same threshold."),
+    ("voltage limits", {"parameters": {"vmin": 0}, "dendrites": 1}, "population 'n': 2 pairs of voltage limits of neuron 0 do not fit one core (loihi-sim holds 1). Give its joined compartments the same vmin and vmax."),
+    ("synapse formats", {"chip": limited(synapse_formats_per_core=1), "dendrites": 1}, "population 'n': 2 synapse formats of neuron 0 do not fit one core (loihi-sim holds 1). Use fewer weight exponents, weight bits and delay ranges for this population."),
     ("cores", {"chip": limited(cores_per_chip=2, compartments_per_core=1), "size": 3}, "network 'program': 3 cores are needed (loihi-sim has 2 on 1 chip). Give a chip file with chips: 2, if the board has as many."),
 ]  # fmt: skip
 
@@ -112,6 +121,18 @@ def test_what_cannot_be_played(spikes, options, message):
     assert str(caught.value) == message
 
 
+@pytest.mark.parametrize("operation", ["PASS", "BLOCK", "OR", "AND", "MAX", "SKIP"])
+def test_joins_without_a_public_meaning(operation):
+    builder = hw.ProgramBuilder(CHIP)
+    soma = builder.add_compartments("soma", 1, threshold=1)
+    with pytest.raises(hw.TargetError) as caught:
+        builder.add_compartments("dendrite", 1, threshold=1, joined_to=soma, join=operation)
+    assert str(caught.value) == (
+        f"compartments 'dendrite': the join operation '{operation}' is not modelled: no public source gives its integer "
+        "timing. Join with ADD."
+    )
+
+
 def test_names_are_unique():
     builder = hw.ProgramBuilder(CHIP)
     builder.add_input("x", 1)
@@ -119,6 +140,28 @@ def test_names_are_unique():
     with pytest.raises(hw.InputError) as caught:
         builder.build()
     assert str(caught.value) == "'x': two inputs or groups have this name. Rename one of them."
+
+
+def test_the_weight_bits_that_would_fit_the_board_are_named():
+    """A list of 60 synapses: 10 + 60 * 8 bits are 8 words, 10 + 60 * 5 are 5; two lists, and room for 11 words."""
+    chip = limited(synapse_words_per_core=11, cores_per_chip=1)
+    assert build(chip, size=60, weights=np.full((60, 2), 16), weight_bits=5).cores[0].axons.synapse_words == 10
+    with pytest.raises(hw.TargetError) as caught:
+        build(chip, size=60, weights=np.full((60, 2), 16), weight_bits=8)
+    assert str(caught.value) == (
+        "network 'program': 2 cores are needed (loihi-sim has 1 on 1 chip). "
+        "Give a chip file with chips: 2, if the board has as many, or use 5 weight bits."
+    )
+
+
+def test_the_page_of_limits_names_every_test():
+    page = (Path(__file__).parents[2] / "docs/limits.md").read_text()
+    named = {
+        line.split("|")[3].strip().strip("`") for line in page.splitlines() if line.count("|") == 5 and "`" in line
+    }
+    tested = {row[0] for row in (*LIMIT_ERRORS, *MISTAKES)} | {"output axons", "joins"}
+    assert named <= tested
+    assert {row[0] for row in LIMIT_ERRORS} <= named
 
 
 def test_sparse_and_dense_weights_make_the_same_program():

@@ -110,3 +110,24 @@ def test_voltage_limits_are_of_a_core():
 )
 def test_synapse_memory_formula(synapses, bits, words):
     assert CHIP.synapse_memory.words(synapses, bits) == words
+
+
+@settings(max_examples=30, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 2**32 - 1), share=st.floats(0.1, 1.0), limit=st.integers(300, 4000))
+def test_placement_counts_the_words_that_routing_stores(seed, share, limit):
+    """Populations larger than a window of the placer, so that lists grow over several: a core is full, never fuller."""
+    chip = replace(CHIP, limits=replace(CHIP.limits, synapse_words_per_core=limit))
+    r = np.random.default_rng(seed)
+    builder = hw.ProgramBuilder(chip)
+    x = builder.add_input("x", 5)
+    n = builder.add_compartments("n", 400, threshold=1)
+    builder.connect(x, n, 2 * (r.random((400, 5)) < share))
+    builder.connect(x, n, 2 * (r.random((400, 5)) < share), delay=3)
+    program = builder.build()
+    used = [core.axons.synapse_words for core in program.cores]
+    assert max(used) <= limit
+    assert [words(core, chip) for core in program.cores] == used
+    # One neuron more has at most ten synapses, each a word at worst.
+    assert all(
+        one > limit - 10 or core.compartments == 1024 for one, core in zip(used[:-1], program.cores, strict=False)
+    )

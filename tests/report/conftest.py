@@ -121,4 +121,9 @@ def document() -> dict[str, Any]:
             }
             for name in ("time_output", "location_output")
         },
+        "range": {
+            "time_output/dendrite": {"compartments": 4, "cannot_wrap": 4, "cannot_clip": 1, "safe_period_steps": 12},
+            "time_output": {"compartments": 4, "cannot_wrap": 4, "cannot_clip": 4, "safe_period_steps": 1},
+            "location_output": {"compartments": 4, "cannot_wrap": 3, "cannot_clip": 0, "safe_period_steps": None},
+        },
     }
