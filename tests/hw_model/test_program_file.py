@@ -1,10 +1,13 @@
 """Programs on disk: what is written is read back, and what is damaged is refused by name."""
 
+import math
 import re
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_engines import SMALL, random_program
@@ -92,3 +95,54 @@ def test_damage_is_refused_by_name(saved, damage, message):
 def test_arrays_carry_no_time_stamp(saved):
     with zipfile.ZipFile(saved / "program.npz") as archive:
         assert {entry.date_time for entry in archive.infolist()} == {(1980, 1, 1, 0, 0, 0)}
+
+
+def test_the_page_names_every_field_and_array(saved):
+    page = (Path(__file__).parents[2] / "docs/program-format.md").read_text()
+    named = set(re.findall(r"`([a-z_0-9]+)`", page))
+    document = yaml.safe_load((saved / "program.yaml").read_text())
+    core = document["cores"][0]
+    written = {*document, *document["phases"][0], *document["inputs"][0], *core, *core["slices"][0]}
+    written |= {*core["compartment_profiles"][0], *core["synapse_formats"][0]}
+    with np.load(saved / "program.npz") as arrays:
+        written |= {name.split("/")[1] for name in arrays.files}
+    assert written <= named
+
+
+def test_a_reader_that_knows_only_the_page_finds_every_weight(saved):
+    """The files alone, without hw_model, give each source's effective weights and delays as they were connected."""
+    _, _, links, _ = random_program(1)
+    document = yaml.safe_load((saved / "program.yaml").read_text())
+    arrays = dict(np.load(saved / "program.npz"))
+    names = {}
+    for core in document["cores"]:
+        for piece in core["slices"]:
+            for i in range(piece["stop"] - piece["start"]):
+                names[core["number"], piece["offset"] + i] = (piece["group"], piece["start"] + i)
+    found = []
+
+    def follow(source, k, axon):
+        core = {key.split("/")[1]: value for key, value in arrays.items() if key.startswith(f"core{k}/")}
+        for row in range(core["list_start"][axon], core["list_start"][axon + 1]):
+            exponent = document["cores"][k]["synapse_formats"][core["format_index"][row]]["exponent"]
+            weight = 64 * math.floor(int(core["mantissa"][row]) * 2.0**exponent)
+            found.append((source, names[k, core["target"][row]], weight, int(core["delay"][row])))
+
+    for k, item in enumerate(document["inputs"]):
+        for line, core, axon in zip(*(arrays[f"input{k}/{n}"] for n in ("line", "core", "axon")), strict=True):
+            follow((item["name"], int(line)), int(core), axon)
+    for core in document["cores"]:
+        sent = (arrays[f"core{core['number']}/{n}"] for n in ("out_compartment", "out_core", "out_axon"))
+        for compartment, to_core, axon in zip(*sent, strict=True):
+            follow(names[core["number"], compartment], int(to_core), axon)
+    wanted = [
+        (
+            (k["source"], j),
+            (k["target"], i),
+            64 * math.floor(k["weights"][i, j] * 2.0 ** k["exponent"]),
+            k["delay"][i, j],
+        )
+        for k in links
+        for i, j in zip(*np.nonzero(k["weights"]), strict=True)
+    ]
+    assert sorted(found) == sorted(wanted)
