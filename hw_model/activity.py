@@ -1,18 +1,19 @@
-"""Count what a phase did, step by step and core by core, from its spikes and the program's tables."""
+"""Count what a batch did in a phase, from its spikes and from what one spike of each source causes."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
-from scipy import sparse
+import numpy.typing as npt
 
-from hw_model.counts import BY_CORE, Counts
+from hw_model.counts import BY_CORE, COUNTED
 from hw_model.fixed_point import IntArray
 from hw_model.program import ChipProgram
-from hw_model.trace import PhaseInput, PhaseTrace
+from hw_model.trace import EVENTS, ByteArray, PhaseInput, PhaseTrace
+
+PER_PACKET = ("axon_packets", "packets_within_tile", "hops_x", "hops_y")
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +21,6 @@ class StepActivity:
     """One recording in one phase: ``by_core[name]`` (steps, cores) for each of :data:`hw_model.counts.BY_CORE`."""
 
     by_core: dict[str, IntArray]
-    counts: Counts
 
     def count(self, name: str) -> IntArray:
         """Return a count, or one derived from them, (steps, cores)."""
@@ -32,97 +32,129 @@ class StepActivity:
 
 
 @dataclass(frozen=True, eq=False)
-class _FanOut:
-    """What one spike of each source (input lines, then compartments) causes."""
+class FanOut:
+    """What one spike of each source causes; sources are input lines, then columns.
 
-    lines: int
-    starts: IntArray
-    ops: Any
-    """Sparse (sources, cores): synapses at each core."""
+    ``synapses`` (sources, cores of the phase): synapses at each core. ``due_late`` (longest delay + 1, sources): of
+    them, those with at least that delay. ``packets`` (sources, 4): of a compartment, :data:`PER_PACKET`.
+    ``input_packets`` (lines,): packets that carry an event of a line. ``core`` (columns,): where each column is among
+    the phase's cores.
+    """
+
+    synapses: IntArray
     due_late: IntArray
-    """(longest delay + 1, sources): synapses with at least that delay."""
     packets: IntArray
-    """(4, sources): packets, packets within the tile, hops x, hops y."""
+    input_packets: IntArray
+    core: IntArray
 
 
-def count_activity(program: ChipProgram, phase: str, played: PhaseInput, trace: PhaseTrace) -> StepActivity:
-    """Multiply spikes by what each causes; integers throughout."""
-    fan = _fan_out(program, phase)
-    cores = program.cores_of(phase)
-    lines = np.concatenate([played.lines[item.name] for item in program.inputs_of(phase)], axis=1)
-    sources = np.concatenate((lines, trace.spikes), axis=1)
-    sizes = np.array([core.compartments for core in cores], dtype=np.int64)
-    wide = trace.spikes.astype(np.int64)
-    by_core: dict[str, IntArray] = {
-        "synaptic_ops": np.asarray((sparse.csr_array(sources.astype(np.int64)) @ fan.ops).todense()),
-        "neuron_updates": np.broadcast_to(sizes, (played.steps, len(cores))),
-        "neuron_updates_active": trace.active,
-        "spikes": _per_core(wide, fan.starts),
+def count_totals(program: ChipProgram, phase: str, played: PhaseInput, trace: PhaseTrace) -> IntArray:
+    """Return the counts of every recording, (batch, fields of Counts): spikes of each source times what one causes."""
+    fan = fan_out(program, phase)
+    lines = len(fan.input_packets)
+    packets = trace.sent @ fan.packets
+    events = trace.events.sum(axis=2)
+    columns = {
+        "input_events": played.input_events,
+        "transpose_events": played.transpose_events,
+        "events_dropped": played.events_dropped,
+        "synaptic_ops": trace.sent @ fan.synapses.sum(axis=1),
+        "synaptic_ops_after_end": _due_after_end(played, trace.spikes, fan.due_late),
+        "neuron_updates": played.steps * len(fan.core),
+        "neuron_updates_active": trace.active.sum(axis=(1, 2), dtype=np.int64),
+        "spikes": trace.sent[:, lines:].sum(axis=1),
+        **{name: packets[:, k] for k, name in enumerate(PER_PACKET)},
+        "input_packets": trace.sent[:, :lines] @ fan.input_packets,
+        **{name: events[:, k] for k, name in enumerate(EVENTS)},
+        "skipped_steps": trace.skipped,
     }
-    for name, per_spike in zip(BY_CORE[4:], fan.packets[:, fan.lines :], strict=True):
-        by_core[name] = _per_core(wide * per_spike, fan.starts)
-    wraps_and_clips = trace.events.sum(axis=1)
-    counts = Counts(
-        input_events=played.input_events,
-        transpose_events=played.transpose_events,
-        events_dropped=played.events_dropped,
-        synaptic_ops_after_end=_due_after_end(sources, fan.due_late),
-        input_packets=int((lines.sum(axis=0, dtype=np.int64) * fan.packets[0, : fan.lines]).sum()),
-        charge_wraps=int(wraps_and_clips[0]),
-        current_wraps=int(wraps_and_clips[1]),
-        voltage_clips=int(wraps_and_clips[2]),
-        **{name: int(by_core[name].sum()) for name in BY_CORE},
-    )
-    return StepActivity(by_core, counts)
+    table = np.empty((len(trace.sent), len(COUNTED)), dtype=np.int64)
+    for k, name in enumerate(COUNTED):
+        table[:, k] = columns[name]
+    return table
 
 
-def _per_core(values: IntArray, starts: IntArray) -> IntArray:
-    summed: IntArray = np.add.reduceat(values, starts, axis=1)
-    return summed
+def count_steps(program: ChipProgram, phase: str, played: PhaseInput, trace: PhaseTrace) -> list[StepActivity]:
+    """Return the counts of every recording step by step and core by core."""
+    fan = fan_out(program, phase)
+    cores = len(program.cores_of(phase))
+    lines = len(fan.input_packets)
+    on_core = np.zeros((len(fan.core), cores), dtype=np.float64)
+    on_core[np.arange(len(fan.core)), fan.core] = 1
+    sizes = on_core.sum(axis=0).astype(np.int64)
+    found = []
+    for i in range(len(trace.spikes)):
+        spikes = trace.spikes[i].astype(np.float64)
+        synapses = played.lines[i].astype(np.float64) @ fan.synapses[:lines] + spikes @ fan.synapses[lines:]
+        by_core = {
+            "synaptic_ops": _whole(synapses),
+            "neuron_updates": np.broadcast_to(sizes, (played.steps, cores)),
+            "neuron_updates_active": trace.active[i].astype(np.int64),
+            "spikes": _whole(spikes @ on_core),
+        }
+        for name, per_spike in zip(PER_PACKET, fan.packets[lines:].T, strict=True):
+            by_core[name] = _whole(spikes @ (on_core * per_spike[:, None]))
+        assert set(by_core) == set(BY_CORE)
+        found.append(StepActivity(by_core))
+    return found
 
 
-def _due_after_end(sources: Any, due_late: IntArray) -> int:
+def _whole(sums: npt.NDArray[np.float64]) -> IntArray:
+    """Sums of integers below 2^53 are exact in float64, and its matrix product is the fast one."""
+    return sums.astype(np.int64)
+
+
+def _due_after_end(played: PhaseInput, spikes: ByteArray, due_late: IntArray) -> IntArray:
     """A spike d rows before the end is too late for the synapses whose delay is at least d."""
-    last = sources[::-1][: len(due_late)].astype(np.int64)
-    return int((last * due_late[: len(last)]).sum())
+    rows = min(len(due_late), played.steps)
+    last = np.concatenate((played.lines[:, -rows:], spikes[:, -rows:]), axis=2)[:, ::-1]
+    late: IntArray = np.einsum("brs,rs->b", last.astype(np.int64), due_late[:rows])
+    return late
 
 
 @lru_cache(maxsize=8)
-def _fan_out(program: ChipProgram, phase: str) -> _FanOut:
+def fan_out(program: ChipProgram, phase: str) -> FanOut:
+    """Follow every axon of a phase. Programs are hashed by identity."""
     cores = program.cores_of(phase)
-    column = {core.number: i for i, core in enumerate(cores)}
-    sizes = [core.compartments for core in cores]
-    starts = np.cumsum([0, *sizes])[:-1]
+    place = {core.number: i for i, core in enumerate(cores)}
+    columns = {core.number: program.columns_of_core(core) for core in cores}
     inputs = program.inputs_of(phase)
-    line_first = np.cumsum([0, *(item.size for item in inputs)])
-    lines = int(line_first[-1])
-    ops = sparse.lil_array((lines + sum(sizes), len(cores)), dtype=np.int64)
+    lines = sum(item.size for item in inputs)
+    count = lines + sum(core.compartments for core in cores)
     longest = max((int(core.axons.delay.max(initial=0)) for core in cores), default=0)
-    due_late = np.zeros((longest + 1, lines + sum(sizes)), dtype=np.int64)
-    packets = np.zeros((4, lines + sum(sizes)), dtype=np.int64)
+    synapses = np.zeros((count, len(cores)), dtype=np.int64)
+    due_late = np.zeros((longest + 1, count), dtype=np.int64)
+    packets = np.zeros((count, len(PER_PACKET)), dtype=np.int64)
+    input_packets = np.zeros(lines, dtype=np.int64)
+    core_of = np.empty(count - lines, dtype=np.int64)
 
-    def add(source: int, to_core: int, axon: int, from_core: int | None) -> None:
-        axons = program.cores[to_core].axons
-        row = slice(int(axons.list_start[axon]), int(axons.list_start[axon + 1]))
-        ops[source, column[to_core]] += row.stop - row.start
-        late = np.bincount(axons.delay[row], minlength=longest + 1)
-        due_late[:, source] += late[::-1].cumsum()[::-1]
-        packets[0, source] += 1
-        if from_core is not None:
-            packets[1:, source] += _journey(program, from_core, to_core)
-
-    for item, at in zip(inputs, line_first[:-1], strict=True):
-        route = program.route_of(item.name)
-        for line, to_core, axon in zip(route.line, route.core, route.axon, strict=True):
-            add(int(line + at), int(to_core), int(axon), None)
-    for core, at in zip(cores, starts, strict=True):
+    # How many synapses of each delay an axon has, for every core.
+    by_delay = {}
+    for core in cores:
         axons = core.axons
-        for sender, to_core, axon in zip(axons.out_compartment, axons.out_core, axons.out_axon, strict=True):
-            add(int(lines + at + sender), int(to_core), int(axon), core.number)
-    return _FanOut(lines, starts, sparse.csr_array(ops), due_late, packets)
+        axon = np.repeat(np.arange(axons.input_axons), np.diff(axons.list_start))
+        table = np.bincount(axon * (longest + 1) + axons.delay, minlength=axons.input_axons * (longest + 1))
+        by_delay[core.number] = table.reshape(-1, longest + 1)
 
+    def arrive(sources: IntArray, to_core: IntArray, to_axon: IntArray) -> None:
+        for number in np.unique(to_core):
+            mine = to_core == number
+            table = by_delay[int(number)][to_axon[mine]]
+            np.add.at(synapses[:, place[int(number)]], sources[mine], table.sum(axis=1))
+            np.add.at(due_late.T, sources[mine], table[:, ::-1].cumsum(axis=1)[:, ::-1])
 
-def _journey(program: ChipProgram, from_core: int, to_core: int) -> tuple[int, int, int]:
-    """Return (within a tile, hops x, hops y) of a packet."""
-    hops_x, hops_y = program.chip.hops(program.cores[from_core].slot, program.cores[to_core].slot)
-    return int(hops_x == hops_y == 0), hops_x, hops_y
+    first = 0
+    for item in inputs:
+        route = program.route_of(item.name)
+        arrive(route.line + first, route.core, route.axon)
+        input_packets[first : first + item.size] = np.bincount(route.line, minlength=item.size)
+        first += item.size
+    for core in cores:
+        axons, mine = core.axons, columns[core.number]
+        core_of[mine] = place[core.number]
+        sources = lines + mine[axons.out_compartment]
+        arrive(sources, axons.out_core, axons.out_axon)
+        hops = {int(to): program.chip.hops(core.slot, program.cores[to].slot) for to in np.unique(axons.out_core)}
+        ways = [(1, int(hops[to] == (0, 0)), *hops[to]) for to in axons.out_core.tolist()]
+        np.add.at(packets, sources, np.array(ways, dtype=np.int64).reshape(-1, len(PER_PACKET)))
+    return FanOut(synapses, due_late, packets, input_packets, core_of)

@@ -83,6 +83,8 @@ class Counts:
         return Counts(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
 
 
+COUNTED = tuple(field.name for field in fields(Counts))
+"""The counts that are kept, in order; the derived ones follow from them."""
 DERIVED = ("neuron_updates_inactive", "hops", "wraps", "clips")
 COUNT_NAMES = frozenset(Counts().keys())
 

@@ -10,18 +10,39 @@ import numpy as np
 
 from hw_model.fixed_point import IntArray, clip, decay, effective_weight, wrap
 from hw_model.program import ChipProgram, Core
-from hw_model.trace import EVENTS, Kind, PhaseInput, PhaseTrace, Window
+from hw_model.trace import EVENTS, ByteArray, PhaseInput, PhaseTrace, Register, Window
 
 
-def run_phase(program: ChipProgram, phase: str, played: PhaseInput, windows: dict[Kind, Window]) -> PhaseTrace:
-    """Run one recording through one phase; keep of the registers what the windows ask for."""
+def run_phase(program: ChipProgram, phase: str, played: PhaseInput, windows: dict[Register, Window]) -> PhaseTrace:
+    """Run a batch through one phase, recording by recording; keep of the registers what the windows ask for."""
+    traces = [_run_recording(program, phase, lines, windows) for lines in played.lines]
+    spikes = np.stack([trace[0] for trace in traces])
+    sent = np.concatenate((played.lines.sum(axis=1, dtype=np.int64), spikes.sum(axis=1, dtype=np.int64)), axis=1)
+    return PhaseTrace(
+        spikes,
+        sent,
+        active=np.stack([trace[1] for trace in traces]),
+        events=np.stack([trace[2] for trace in traces]),
+        skipped=np.zeros(len(traces), dtype=np.int64),
+        registers={kind: np.stack([trace[3][kind] for trace in traces]) for kind in windows},
+    )
+
+
+def _run_recording(
+    program: ChipProgram, phase: str, lines: ByteArray, windows: dict[Register, Window]
+) -> tuple[ByteArray, IntArray, IntArray, dict[Register, IntArray]]:
+    """Return spikes, active, events and registers of one recording."""
     cores = {core.number: _CoreState(core, program) for core in program.cores_of(phase)}
-    inputs = [(program.route_of(item.name), played.lines[item.name]) for item in program.inputs_of(phase)]
-    count = sum(core.compartments for core in program.cores_of(phase))
-    spikes = np.zeros((played.steps, count), dtype=np.uint8)
-    active = np.zeros((played.steps, len(cores)), dtype=np.int64)
-    registers = {kind: window.empty() for kind, window in windows.items()}
-    for step in range(played.steps):
+    columns = np.concatenate([program.columns_of_core(core) for core in program.cores_of(phase)])
+    routes, first = [], 0
+    for item in program.inputs_of(phase):
+        routes.append((program.route_of(item.name), lines[:, first : first + item.size]))
+        first += item.size
+    steps = len(lines)
+    spikes = np.zeros((steps, len(columns)), dtype=np.uint8)
+    active = np.zeros((steps, len(cores)), dtype=np.int64)
+    registers = {kind: window.empty(1)[0] for kind, window in windows.items()}
+    for step in range(steps):
         for state in cores.values():
             state.update(step)
 
@@ -29,18 +50,20 @@ def run_phase(program: ChipProgram, phase: str, played: PhaseInput, windows: dic
             axons = state.core.axons
             for k in np.flatnonzero(state.fired[axons.out_compartment]):
                 cores[int(axons.out_core[k])].deliver(int(axons.out_axon[k]), step)
-        for route, lines in inputs:
-            for k in np.flatnonzero(lines[step][route.line]):
+        for route, played in routes:
+            for k in np.flatnonzero(played[step][route.line]):
                 cores[int(route.core[k])].deliver(int(route.axon[k]), step)
 
-        spikes[step] = np.concatenate([state.fired for state in cores.values()])
+        spikes[step, columns] = np.concatenate([state.fired for state in cores.values()])
         active[step] = [state.active for state in cores.values()]
         for kind, window in windows.items():
             if window.start <= step < window.stop:
-                register = np.concatenate([getattr(state, kind) for state in cores.values()])
+                register = np.empty(len(columns), dtype=np.int64)
+                register[columns] = np.concatenate([getattr(state, kind) for state in cores.values()])
                 registers[kind][step - window.start] = register[window.columns]
-    events = np.concatenate([state.events for state in cores.values()], axis=1)
-    return PhaseTrace(spikes, active, events, registers)
+    events = np.zeros((len(EVENTS), len(columns)), dtype=np.int64)
+    events[:, columns] = np.concatenate([state.events for state in cores.values()], axis=1)
+    return spikes, active, events, registers
 
 
 class _CoreState:

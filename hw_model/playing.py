@@ -1,4 +1,4 @@
-"""How a recording becomes spikes on a phase's input lines: as it comes, or through the transpose buffer."""
+"""How recordings become spikes on a phase's input lines: as they come, or through the transpose buffer."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from hw_model.errors import InputError
-from hw_model.graph import Input, Phase
+from hw_model.fixed_point import IntArray
+from hw_model.graph import Phase
 from hw_model.program import ChipProgram
 from hw_model.trace import ByteArray, PhaseInput
 
@@ -40,40 +41,50 @@ def _stream(name: str, given: npt.ArrayLike, channels: int) -> ByteArray:
             measured=f"{array.shape} against (steps, {channels}) or (batch, steps, {channels})",
             fix="Give one column a channel.",
         )
-    if array.dtype.kind not in "biuf" or not np.isin(array, (0, 1)).all():
+    if array.dtype.kind == "u":
+        binary = array.size == 0 or bool(array.max() <= 1)
+    else:
+        binary = array.dtype.kind in "bif" and bool(((array == 0) | (array == 1)).all())
+    if not binary:
         raise InputError(
             where, "values other than 0 and 1", fix="Binarise the events; graded spikes do not exist here."
         )
-    return array.astype(np.uint8)
+    return array.astype(np.uint8, copy=False)
 
 
 def play(program: ChipProgram, phase: Phase, streams: dict[str, ByteArray], steps: int | None) -> PhaseInput:
-    """Lay one recording out as the lines of a phase: as it comes, or through the transpose buffer."""
-    rows = len(next(iter(streams.values())))
+    """Lay recordings out as the lines of a phase; ``steps`` where the phase does not fix them, else all rows."""
+    batch, rows = next(iter(streams.values())).shape[:2]
     length = phase.steps if phase.steps is not None else (steps if steps is not None else rows)
-    lines, played, transposed, dropped = {}, 0, 0, 0
+    played, transposed, dropped = (np.zeros(batch, dtype=np.int64) for _ in range(3))
+    lines = []
     for item in program.inputs_of(phase.name):
-        recording = streams[item.stream]
+        recordings = streams[item.stream]
         if item.positions is None:
-            lines[item.name] = _fit(recording, length)
-            played += int(lines[item.name].sum())
-            dropped += int(recording[length:].sum())
+            lines.append(_fit(recordings, length))
+            played += _events(lines[-1])
+            dropped += _events(recordings[:, length:])
         else:
-            lines[item.name] = transpose(recording, item)
-            transposed += int(lines[item.name].sum())
-            dropped += int(recording[item.size :].sum())
-    return PhaseInput(length, lines, played, transposed, dropped)
+            lines.append(transpose(recordings, item.positions, item.size))
+            transposed += _events(lines[-1])
+            dropped += _events(recordings[:, item.size :])
+    together = lines[0] if len(lines) == 1 else np.concatenate(lines, axis=2)
+    return PhaseInput(np.ascontiguousarray(together), played, transposed, dropped)
 
 
-def transpose(recording: ByteArray, item: Input) -> ByteArray:
-    """Return what the transpose buffer plays: an event (step t, channel c) becomes line t at step ``positions[c]``."""
-    assert item.positions is not None
-    played = np.zeros((len(item.positions), item.size), dtype=np.uint8)
-    played[item.positions] = _fit(recording, item.size).T
+def transpose(recordings: ByteArray, positions: IntArray, lines: int) -> ByteArray:
+    """Return what the buffer plays: an event (step t, channel c) becomes line t at step ``positions[c]``."""
+    played = np.zeros((len(recordings), len(positions), lines), dtype=np.uint8)
+    played[:, positions] = _fit(recordings, lines).transpose(0, 2, 1)
     return played
 
 
-def _fit(recording: ByteArray, length: int) -> ByteArray:
-    """Cut a recording, or pad it with silence, to a length in steps."""
-    kept = recording[:length]
-    return np.concatenate((kept, np.zeros((length - len(kept), recording.shape[1]), dtype=np.uint8)))
+def _events(spikes: ByteArray) -> IntArray:
+    return np.array([np.count_nonzero(recording) for recording in spikes], dtype=np.int64)
+
+
+def _fit(recordings: ByteArray, length: int) -> ByteArray:
+    """Cut recordings, or pad them with silence, to a length in steps."""
+    kept = recordings[:, :length]
+    missing = length - kept.shape[1]
+    return np.pad(kept, ((0, 0), (0, missing), (0, 0))) if missing else kept

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from hw_model.errors import InputError, did_you_mean
-from hw_model.placement import Slice
 from hw_model.program import ChipProgram
-from hw_model.trace import KINDS, Kind, Window
+from hw_model.trace import REGISTERS, Register, Window
+
+Kind = Literal["spikes", "u", "v", "potential", "activity"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+"""``activity`` keeps the counts of every step and core, which latency is computed from."""
 
 
 @dataclass(frozen=True)
@@ -45,44 +48,48 @@ def read_probes(program: ChipProgram, probe: Sequence[Kind | Probe]) -> dict[Kin
 
 
 class PhaseProbes:
-    """Where the populations that a probe wants lie in the arrays of a phase."""
+    """Where the populations that the probes want lie in the arrays of a phase."""
 
     def __init__(self, program: ChipProgram, phase: str, probes: dict[Kind, Probe], steps: int) -> None:
-        self._sizes = program.populations
-        self._steps = steps
-        self._pieces: dict[Kind, list[tuple[Slice, slice]]] = {kind: [] for kind in probes}
         self._rows = {kind: _rows(probe, steps) for kind, probe in probes.items()}
-        for piece, columns in program.columns_of(phase):
-            for kind, probe in probes.items():
-                wanted = probe.populations is None or piece.group in probe.populations
-                if wanted and (kind != "spikes" or piece.group in program.spiking):
-                    self._pieces[kind].append((piece, columns))
+        self._columns = {
+            kind: {
+                name: columns
+                for name, columns in program.columns_of(phase).items()
+                if (probe.populations is None or name in probe.populations)
+                and (kind != "spikes" or name in program.spiking)
+            }
+            for kind, probe in probes.items()
+        }
 
-    def windows(self) -> dict[Kind, Window]:
+    def windows(self) -> dict[Register, Window]:
         """Return what the engine must keep; spikes it gives anyway."""
-        return {kind: self._window(kind) for kind in self._pieces if kind != "spikes"}
-
-    def by_population(self, kind: Kind, kept: npt.NDArray[Any]) -> dict[str, npt.NDArray[Any]]:
-        """Return what was kept, (rows, n) by population; of spikes, ``kept`` are all (steps, compartments)."""
-        window = self._window(kind)
-        found: dict[str, npt.NDArray[Any]] = {}
-        at = 0
-        for piece, columns in self._pieces[kind]:
-            array = found.setdefault(
-                piece.group, np.zeros((window.stop - window.start, self._sizes[piece.group]), dtype=kept.dtype)
-            )
-            if kind == "spikes":
-                array[:, piece.start : piece.stop] = kept[window.start : window.stop, columns]
-            else:
-                array[:, piece.start : piece.stop] = kept[:, at : at + piece.size]
-            at += piece.size
+        found: dict[Register, Window] = {}
+        for kind in REGISTERS:
+            if kind in self._rows:
+                parts = [np.arange(columns.start, columns.stop) for columns in self._columns[kind].values()]
+                columns = np.concatenate([np.empty(0, dtype=np.int64), *parts])
+                found[kind] = Window(columns, self._rows[kind].start, self._rows[kind].stop)
         return found
 
-    def _window(self, kind: Kind) -> Window:
-        parts = [np.arange(columns.start, columns.stop) for _, columns in self._pieces[kind]]
-        columns = np.concatenate(parts) if parts else np.empty(0, dtype=np.int64)
-        rows = self._rows[kind]
-        return Window(columns, rows.start, rows.stop)
+    def of_spikes(self, spikes: npt.NDArray[Any]) -> dict[str, npt.NDArray[Any]]:
+        """Return the spikes asked for, (batch, rows, n) by population, of all (batch, steps, columns)."""
+        if "spikes" not in self._rows:
+            return {}
+        rows = slice(self._rows["spikes"].start, self._rows["spikes"].stop)
+        found = {name: spikes[:, rows, columns] for name, columns in self._columns["spikes"].items()}
+        # Parts of all spikes keep them all in memory: where only a few are wanted, these are copied.
+        few = sum(array.size for array in found.values()) < spikes.size // 4
+        return {name: array.copy() for name, array in found.items()} if few else found
+
+    def of_register(self, kind: Register, kept: npt.NDArray[Any]) -> dict[str, npt.NDArray[Any]]:
+        """Return what a window kept, (batch, rows, n) by population."""
+        found, at = {}, 0
+        for name, columns in self._columns[kind].items():
+            size = columns.stop - columns.start
+            found[name] = kept[:, :, at : at + size]
+            at += size
+        return found
 
 
 def _rows(probe: Probe, steps: int) -> range:

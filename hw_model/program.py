@@ -7,7 +7,6 @@ After:  every core has its compartments in profiles, its axons and synapse lists
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -102,13 +101,20 @@ class ChipProgram:
         """Return where an input's lines go."""
         return next(route for route in self.input_routes if route.input == name)
 
-    def columns_of(self, phase: str) -> Iterator[tuple[Slice, slice]]:
-        """Yield every slice of a phase, and its columns in arrays over all compartments of the phase's cores."""
-        first = 0
-        for core in self.cores_of(phase):
-            for piece in core.slices:
-                yield piece, slice(first + piece.offset, first + piece.offset + piece.size)
-            first += core.compartments
+    def columns_of(self, phase: str) -> dict[str, slice]:
+        """Return the columns of every group in arrays over a phase's compartments, groups one after the other."""
+        columns, first = {}, 0
+        for name in dict.fromkeys(piece.group for core in self.cores_of(phase) for piece in core.slices):
+            columns[name] = slice(first, first + self.populations[name])
+            first += self.populations[name]
+        return columns
+
+    def columns_of_core(self, core: Core) -> IntArray:
+        """Return the column of every compartment of a core, in arrays over its phase's compartments."""
+        columns = self.columns_of(core.phase)
+        parts = [columns[p.group].start + np.arange(p.start, p.stop) for p in core.slices]
+        joined: IntArray = np.concatenate(parts)
+        return joined
 
     @property
     def streams(self) -> dict[str, int]:

@@ -5,23 +5,26 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 
-from hw_model.activity import StepActivity, count_activity
+from hw_model.activity import StepActivity, count_steps, count_totals
 from hw_model.counts import Counts, total
 from hw_model.errors import InputError, did_you_mean
 from hw_model.fixed_point import IntArray
 from hw_model.playing import Spikes, play, read_streams
-from hw_model.probes import PhaseProbes, Probe, read_probes
+from hw_model.probes import KINDS, Kind, PhaseProbes, Probe, read_probes
 from hw_model.program import ChipProgram
-from hw_model.trace import EVENTS, KINDS, ByteArray, Kind, PhaseInput, PhaseTrace, Window
+from hw_model.trace import EVENTS, ByteArray, PhaseInput, PhaseTrace, Register, Window
 
 Engine = Literal["fast", "reference"]
 ENGINES: tuple[Engine, ...] = get_args(Engine)
 FloatArray = npt.NDArray[np.float64]
+
+MAX_TOGETHER = 1 << 26
+"""Spikes, 0 or 1, that are held at a time before they are counted: recordings go in parts of at most so many."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +40,9 @@ class SimulationResult:
     v: Mapping[str, IntArray]
     potential: Mapping[str, IntArray]
     activity: Mapping[str, tuple[StepActivity, ...]]
-    """By phase, one entry a recording."""
+    """By phase, one entry a recording; only if it was asked for."""
+    count_tables: Mapping[str, IntArray]
+    """By phase, (batch, counts): a column for each of :data:`hw_model.counts.COUNTED`."""
     events: Mapping[str, Mapping[str, int]]
     """``events[population]``: its wraps and clips by kind, over all recordings; left out where there are none."""
     scores: FloatArray | None
@@ -46,17 +51,17 @@ class SimulationResult:
     @cached_property
     def per_recording(self) -> tuple[Counts, ...]:
         """Counts of every recording."""
-        return tuple(total(a.counts for a in phases) for phases in zip(*self.activity.values(), strict=True))
+        return tuple(Counts(*row) for row in np.sum(list(self.count_tables.values()), axis=0).tolist())
 
     @cached_property
     def counts(self) -> Counts:
         """Counts of all recordings together."""
-        return total(self.per_recording)
+        return total(self.counts_by_phase.values())
 
     @cached_property
     def counts_by_phase(self) -> dict[str, Counts]:
         """Counts of all recordings together, by phase."""
-        return {phase: total(a.counts for a in found) for phase, found in self.activity.items()}
+        return {phase: Counts(*table.sum(axis=0).tolist()) for phase, table in self.count_tables.items()}
 
     @property
     def prediction(self) -> npt.NDArray[np.int64]:
@@ -88,42 +93,63 @@ def simulate(
     probes = read_probes(program, probe)
     streams, batched = read_streams(program, spikes)
     run_phase = _engine(engine)
+    batch, rows = next(iter(streams.values())).shape[:2]
+    together = max(1, MAX_TOGETHER // max(1, _columns(program) * max(steps or rows, *_fixed_steps(program))))
 
-    kept: dict[Kind, dict[str, list[IntArray]]] = {kind: {} for kind in KINDS}
-    activity: dict[str, list[StepActivity]] = {phase.name: [] for phase in program.phases}
+    kept: dict[Kind, dict[str, list[npt.NDArray[Any]]]] = {kind: {} for kind in KINDS}
+    counts: dict[str, list[IntArray]] = {phase.name: [] for phase in program.phases}
+    activity: dict[str, list[StepActivity]] = {phase.name: [] for phase in program.phases if "activity" in probes}
     events: dict[str, IntArray] = {}
     scores: list[FloatArray] = []
-    for i in range(len(next(iter(streams.values())))):
-        score: list[FloatArray] = []
+    for start in range(0, batch, together):
+        part = {name: array[start : start + together] for name, array in streams.items()}
+        score = np.zeros((len(next(iter(part.values()))), _classes(program)))
         for phase in program.phases:
-            played = play(program, phase, {name: array[i] for name, array in streams.items()}, steps)
+            played = play(program, phase, part, steps)
             wanted = PhaseProbes(program, phase.name, probes, played.steps)
             trace = run_phase(program, phase.name, played, wanted.windows())
-            activity[phase.name].append(count_activity(program, phase.name, played, trace))
-            for kind in probes:
-                found = trace.spikes if kind == "spikes" else trace.registers[kind]
-                for name, array in wanted.by_population(kind, found).items():
+            counts[phase.name].append(count_totals(program, phase.name, played, trace))
+            if "activity" in probes:
+                activity[phase.name] += count_steps(program, phase.name, played, trace)
+            for name, array in wanted.of_spikes(trace.spikes).items():
+                kept["spikes"].setdefault(name, []).append(array)
+            for kind, register in trace.registers.items():
+                for name, array in wanted.of_register(kind, register).items():
                     kept[kind].setdefault(name, []).append(array)
             _add_events(program, phase.name, trace, events)
-            score.append(_score(program, phase.name, trace))
-        scores.append(np.sum(score, axis=0))
+            _add_scores(program, phase.name, trace, score)
+        scores.append(score)
 
-    results = {
-        kind: {name: np.stack(arrays) if batched else arrays[0] for name, arrays in by_name.items()}
-        for kind, by_name in kept.items()
-    }
+    def result(kind: Kind) -> dict[str, npt.NDArray[Any]]:
+        joined = {name: a[0] if len(a) == 1 else np.concatenate(a) for name, a in kept[kind].items()}
+        return joined if batched else {name: array[0] for name, array in joined.items()}
+
+    score = np.concatenate(scores)
     return SimulationResult(
-        spikes={name: array.astype(np.uint8, copy=False) for name, array in results["spikes"].items()},
-        u=results["u"],
-        v=results["v"],
-        potential=results["potential"],
+        spikes=result("spikes"),
+        u=result("u"),
+        v=result("v"),
+        potential=result("potential"),
         activity={phase: tuple(items) for phase, items in activity.items()},
-        events={name: _named(counts) for name, counts in events.items() if counts.any()},
-        scores=None if program.readout is None else (np.stack(scores) if batched else scores[0]),
+        count_tables={phase: np.concatenate(tables) for phase, tables in counts.items()},
+        events={name: _named(found) for name, found in events.items() if found.any()},
+        scores=None if program.readout is None else (score if batched else score[0]),
     )
 
 
-def _engine(engine: Engine) -> Callable[[ChipProgram, str, PhaseInput, dict[Kind, Window]], PhaseTrace]:
+def _columns(program: ChipProgram) -> int:
+    return sum(program.populations.values())
+
+
+def _fixed_steps(program: ChipProgram) -> list[int]:
+    return [phase.steps or 1 for phase in program.phases]
+
+
+def _classes(program: ChipProgram) -> int:
+    return 1 if program.readout is None else program.populations[program.readout.populations[0]]
+
+
+def _engine(engine: Engine) -> Callable[[ChipProgram, str, PhaseInput, dict[Register, Window]], PhaseTrace]:
     if engine == "reference":
         from hw_model.engine_reference import run_phase
 
@@ -135,24 +161,21 @@ def _engine(engine: Engine) -> Callable[[ChipProgram, str, PhaseInput, dict[Kind
 
 def _add_events(program: ChipProgram, phase: str, trace: PhaseTrace, events: dict[str, IntArray]) -> None:
     """Add up wraps and clips by population."""
-    for piece, columns in program.columns_of(phase):
-        before = events.get(piece.group, np.zeros(len(EVENTS), dtype=np.int64))
-        events[piece.group] = before + trace.events[:, columns].sum(axis=1)
+    found = trace.events.sum(axis=0)
+    for name, columns in program.columns_of(phase).items():
+        events[name] = events.get(name, np.zeros(len(EVENTS), dtype=np.int64)) + found[:, columns].sum(axis=1)
 
 
 def _named(counts: IntArray) -> dict[str, int]:
     return {event: int(n) for event, n in zip(EVENTS, counts, strict=True)}
 
 
-def _score(program: ChipProgram, phase: str, trace: PhaseTrace) -> FloatArray:
-    """Return what the populations of a phase add to the class scores, (classes,)."""
+def _add_scores(program: ChipProgram, phase: str, trace: PhaseTrace, scores: FloatArray) -> None:
+    """Add what the populations of a phase give to the class scores, (batch, classes)."""
     if program.readout is None:
-        return np.zeros(1)
-    readout = program.readout
-    scores = np.zeros(program.populations[readout.populations[0]])
-    sums = trace.spikes.sum(axis=0, dtype=np.int64)
-    for piece, columns in program.columns_of(phase):
-        if piece.group in readout.populations:
-            weight = readout.weights[readout.populations.index(piece.group)]
-            scores[piece.start : piece.stop] += weight * sums[columns]
-    return scores
+        return
+    columns = program.columns_of(phase)
+    spikes = trace.sent[:, trace.sent.shape[1] - trace.spikes.shape[2] :]
+    for name, weight in zip(program.readout.populations, program.readout.weights, strict=True):
+        if name in columns:
+            scores += weight * spikes[:, columns[name]]

@@ -134,7 +134,7 @@ def compare(
     for start in range(0, len(recordings), CHUNK):
         chunk = recordings[start : start + CHUNK]
         wanted = evaluate(network, chunk)
-        found = hw.simulate(program, chunk)
+        found = hw.simulate(program, chunk, probe=("spikes", "activity"))
         for name in by_population:
             by_population[name] += _match(wanted.spikes[name], found.spikes[name])
         if first is None:

@@ -1,5 +1,6 @@
 """The shipped networks on the real test recordings: torch, float reference and chip beside each other."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -71,7 +72,7 @@ def test_both_engines_give_the_same_integers(example, compiled):
     probe = ("spikes", "u", "v", "potential")
     for recording in recordings.spikes:
         fast, slow = (hw.simulate(compiled.program, recording, engine=e, probe=probe) for e in ("fast", "reference"))
-        assert fast.counts == slow.counts
+        assert replace(fast.counts, skipped_steps=0) == slow.counts
         for name in compiled.program.populations:
             for kind in ("u", "v", "potential"):
                 assert np.array_equal(getattr(fast, kind)[name], getattr(slow, kind)[name])

@@ -47,7 +47,7 @@ def test_energy_of_a_chain(profile, pj):
 
 def test_latency_of_a_chain():
     program = chain()
-    result = hw.simulate(program, [[1], [0], [0], [0]])
+    result = hw.simulate(program, [[1], [0], [0], [0]], probe=("activity",))
     time = latency(program, {"time": result.activity["time"][0]}, CHIP.profile("davies2018"))
     # step 0: x's synapse; 1: a active, fires to b; 2: a (u left) and b active; 3: b (u left) active.
     steps = (3.5 + 2 * 5.3, 8.4 + 5.3 + 3.5 + 2.1, 2 * 8.4, 8.4 + 5.3)

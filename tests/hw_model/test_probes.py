@@ -37,7 +37,7 @@ def test_a_window_is_a_part_of_the_whole(example, engine, kind, populations, ste
 @pytest.mark.parametrize(
     ("probe", "message"),
     [
-        (("voltage",), "probe 'voltage': does not exist. Choose one of: potential, spikes, u, v."),
+        (("voltage",), "probe 'voltage': does not exist. Choose one of: activity, potential, spikes, u, v."),
         (("u", hw.Probe("u")), "probe 'u': is asked for twice. List its populations in one probe."),
         ((hw.Probe("v", ("h/dendrit",)),), "probe 'v': there is no 'h/dendrit'. Did you mean 'h/dendrite'?"),
         (
