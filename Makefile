@@ -28,7 +28,6 @@ check-rest: .venv/installed-dev  ## the part of it that is not `make test`
 examples: .venv/installed-dev  ## run the example scripts and the demo
 	$(BIN)/python examples/model_to_report.py
 	$(BIN)/python examples/program_by_hand.py
-	$(BIN)/python examples/make_recordings.py --check
 	$(MAKE) demo
 
 format: .venv/installed-dev  ## format and mend what can be mended

@@ -6,15 +6,23 @@ The files are byte-identical from run to run. No recording of a real sensor is i
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from locsnn_compile.data import synthetic_touches, write_recordings
 
 
 def main(folder: Path) -> None:
-    """Write ``touches.npz`` (250 steps) and ``touches-long.npz`` (325 steps), one fingertip each, into ``folder``."""
-    write_recordings(folder / "touches.npz", synthetic_touches(8, steps=250, classes=4, seed=1))
-    write_recordings(folder / "touches-long.npz", synthetic_touches(4, steps=325, classes=2, seed=2))
+    """Write three files of one fingertip each into ``folder``.
+
+    ``touches.npz`` (250 steps) and ``touches-long.npz`` (325 steps) have no labels: they are for checking the example
+    networks, whose classes are objects. ``motions.npz`` (100 steps) has the generator's motions as labels: a network
+    can be trained on it.
+    """
+    for name, samples, steps, seed in (("touches.npz", 8, 250, 1), ("touches-long.npz", 4, 325, 2)):
+        touches = synthetic_touches(samples, steps=steps, seed=seed)
+        write_recordings(folder / name, replace(touches, labels=None))
+    write_recordings(folder / "motions.npz", synthetic_touches(48, steps=100, classes=4, seed=3))
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 _EXAMPLE = """\
 example:
-  locsnn train --data examples/recordings/touches.npz --epochs 5 -o touches.pt
+  locsnn train --data examples/recordings/motions.npz --epochs 20 -o motions.pt
 
 The epoch is chosen on a validation part of the train part; the test part, where the data have one, is measured
 once at the end. Beside OUT.pt a log OUT.csv is written, and while it runs OUT.pt.state, for --resume.

@@ -79,6 +79,10 @@ def test_numbers_out_of_range(values: dict[str, int], message: str) -> None:
 
 def test_example_recordings_are_what_their_script_makes(tmp_path: Path) -> None:
     runpy.run_path(str(EXAMPLES / "make_recordings.py"))["main"](tmp_path)
-    for name, shape in (("touches.npz", (8, 250, 78)), ("touches-long.npz", (4, 325, 78))):
+    for name, shape in (
+        ("touches.npz", (8, 250, 78)),
+        ("touches-long.npz", (4, 325, 78)),
+        ("motions.npz", (48, 100, 78)),
+    ):
         assert (tmp_path / name).read_bytes() == (EXAMPLES / "recordings" / name).read_bytes()
         assert read_recordings(EXAMPLES / "recordings" / name).spikes.shape == shape

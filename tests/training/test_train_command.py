@@ -160,7 +160,7 @@ def test_help_shows_a_working_example(capsys: pytest.CaptureFixture[str]) -> Non
     with pytest.raises(SystemExit):
         parser().parse_args(["train", "--help"])
     text = capsys.readouterr().out
-    assert "locsnn train --data examples/recordings/touches.npz --epochs 5 -o touches.pt" in text
+    assert "locsnn train --data examples/recordings/motions.npz --epochs 20 -o motions.pt" in text
 
 
 def test_progress_is_drawn_on_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
