@@ -7,9 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import io
-import os
 import zipfile
-from collections.abc import Mapping
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
@@ -20,6 +18,7 @@ import yaml
 from hw_model.chip_description import parse_chip
 from hw_model.errors import InputError
 from hw_model.fan_in import SynapseFormat
+from hw_model.files import pack_arrays, replace_file
 from hw_model.fixed_point import IntArray
 from hw_model.graph import Input, Phase, Readout
 from hw_model.placement import Slice
@@ -36,7 +35,7 @@ ROUTE_ARRAYS = ("line", "core", "axon")
 
 def program_files(program: ChipProgram) -> dict[str, bytes]:
     """Return the two files as bytes, by name; the same program gives the same bytes."""
-    arrays = _pack(_arrays(program))
+    arrays = pack_arrays(_arrays(program), compressed=True)
     document = {"format": FORMAT, "version": VERSION, "arrays_sha256": hashlib.sha256(arrays).hexdigest()}
     document.update(_document(program))
     text = yaml.dump(document, sort_keys=False, allow_unicode=True, width=120, Dumper=_Dumper)
@@ -48,14 +47,12 @@ def save_program(program: ChipProgram, folder: str | Path) -> None:
     target = Path(folder)
     try:
         target.mkdir(parents=True, exist_ok=True)
-        for name, content in program_files(program).items():
-            partial = target / f".{name}.partial"
-            partial.write_bytes(content)
-            os.replace(partial, target / name)
     except OSError as error:
         raise InputError(
             f"folder {target.name!r}", f"cannot be written: {error.strerror}", fix="Choose a folder you may write to."
         ) from error
+    for name, content in program_files(program).items():
+        replace_file(target / name, content, name)
 
 
 def load_program(folder: str | Path) -> ChipProgram:
@@ -150,19 +147,6 @@ def _arrays(program: ChipProgram) -> dict[str, IntArray]:
         arrays.update({f"core{core.number}/{name}": getattr(core, name) for name in CORE_ARRAYS})
         arrays.update({f"core{core.number}/{name}": getattr(core.axons, name) for name in AXON_ARRAYS})
     return arrays
-
-
-def _pack(arrays: Mapping[str, IntArray]) -> bytes:
-    """Return an ``.npz`` whose bytes depend on the arrays alone: no time stamps."""
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w") as archive:
-        for name, array in arrays.items():
-            content = io.BytesIO()
-            np.lib.format.write_array(content, np.ascontiguousarray(array, dtype="<i8"), allow_pickle=False)
-            entry = zipfile.ZipInfo(f"{name}.npy", date_time=(1980, 1, 1, 0, 0, 0))
-            entry.compress_type = zipfile.ZIP_DEFLATED
-            archive.writestr(entry, content.getvalue())
-    return buffer.getvalue()
 
 
 def _unpack(content: bytes) -> dict[str, IntArray]:

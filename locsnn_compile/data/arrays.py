@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import io
-import os
 import re
-import tempfile
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hw_model.files import pack_arrays, replace_file
 from locsnn_compile.data.npy import load_npy, to_step_major
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Recordings
 from locsnn_compile.data.torch_file import load_plain, read_bytes
@@ -70,30 +69,8 @@ def write_recordings(path: Path | str, recordings: Recordings) -> None:
         entries["labels"] = recordings.labels
     if recordings.step_seconds is not None:
         entries["step_seconds"] = np.array(recordings.step_seconds, dtype=np.float64)
-    packed = io.BytesIO()
-    # Stored, with a fixed time: compressed bytes differ between builds of zlib.
-    with zipfile.ZipFile(packed, "w", zipfile.ZIP_STORED) as archive:
-        for name, array in entries.items():
-            member = io.BytesIO()
-            np.lib.format.write_array(member, array, version=(1, 0), allow_pickle=False)
-            archive.writestr(zipfile.ZipInfo(f"{name}.npy", (1980, 1, 1, 0, 0, 0)), member.getvalue())
-    temporary = ""
-    try:
-        descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".tmp")
-        with os.fdopen(descriptor, "wb") as stream:
-            stream.write(packed.getvalue())
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except OSError as error:
-        raise InputError(
-            f"file {path.name!r}",
-            "it cannot be written",
-            measured=error.strerror or "",
-            fix="Give a file in a folder that exists and can be written.",
-        ) from None
-    finally:
-        if temporary:
-            Path(temporary).unlink(missing_ok=True)
+    # Stored, not compressed: compressed bytes differ between builds of zlib.
+    replace_file(path, pack_arrays(entries, compressed=False), f"file {path.name!r}")
 
 
 def label_in_name(name: str) -> int | None:

@@ -11,8 +11,7 @@ Written here, read by :mod:`locsnn_compile.models.checkpoint_reader`, which neve
 
 from __future__ import annotations
 
-import os
-import tempfile
+import io
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -21,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hw_model.files import replace_file
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.description import NetworkDescription
@@ -90,23 +90,9 @@ def save_checkpoint(
         "recordings": _recordings_entry(recordings),
         "training": dict(training or {}),
     }
-    temporary = ""
-    try:
-        descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".tmp")
-        with os.fdopen(descriptor, "wb") as stream:
-            torch.save(values, stream)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except OSError as error:
-        raise InputError(
-            f"checkpoint {path.name!r}",
-            "it cannot be written",
-            measured=error.strerror or "",
-            fix="Give a file in a folder that exists and can be written.",
-        ) from None
-    finally:
-        if temporary:
-            Path(temporary).unlink(missing_ok=True)
+    content = io.BytesIO()
+    torch.save(values, content)
+    replace_file(path, content.getvalue(), f"checkpoint {path.name!r}")
 
 
 def check_finite(where: str, weights: NDArray[np.floating[Any]]) -> None:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-import os
+import io
 import pickle
-import tempfile
 import zipfile
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -15,6 +14,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from hw_model.files import replace_file
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.training.config import TrainingConfig
@@ -71,14 +71,9 @@ def save_state(path: Path, state: TrainingState, key: str) -> None:
         "chosen_epoch": state.chosen_epoch,
         "chosen_weights": state.chosen_weights,
     }
-    descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(descriptor, "wb") as stream:
-            torch.save(values, stream)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    content = io.BytesIO()
+    torch.save(values, content)
+    replace_file(path, content.getvalue(), f"training state {path.name!r}")
 
 
 def load_state(path: Path, key: str) -> TrainingState | None:

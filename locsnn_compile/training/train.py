@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import csv
 import io
-import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from hw_model.files import replace_file
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import POLARITIES, TAXELS, parse_location_order
 from locsnn_compile.errors import InputError
@@ -111,18 +111,10 @@ def train(
     state = (load_state(state_path, key) if state_path is not None else None) or TrainingState()
 
     def saved() -> None:
-        try:
-            if state_path is not None:
-                save_state(state_path, state, key)
-            if log_path is not None:
-                _write_log(log_path, state.history)
-        except OSError as error:
-            raise InputError(
-                "training log and state",
-                "they cannot be written",
-                measured=error.strerror or "",
-                fix="Give an output in a folder that can be written.",
-            ) from None
+        if state_path is not None:
+            save_state(state_path, state, key)
+        if log_path is not None:
+            _write_log(log_path, state.history)
 
     run = _Run(config, description, recordings, saved, save_every, progress)
     with _one_thread():
@@ -226,6 +218,4 @@ def _write_log(path: Path, history: list[EpochRecord]) -> None:
     for row in history:
         figures = (row.learning_rate, row.loss, row.validation_loss, row.validation_accuracy)
         writer.writerow([row.phase, row.epoch, *("" if value is None else f"{value:.6g}" for value in figures)])
-    temporary = path.with_name(f".{path.name}.tmp")
-    temporary.write_text(text.getvalue(), encoding="utf-8")
-    os.replace(temporary, path)
+    replace_file(path, text.getvalue().encode(), f"training log {path.name!r}")

@@ -188,6 +188,6 @@ def test_a_log_that_cannot_be_written(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         train(touches(), CONFIG, log_path=tmp_path / "none" / "log.csv")
     assert str(caught.value) == (
-        "training log and state: they cannot be written (No such file or directory). "
-        "Give an output in a folder that can be written."
+        "training log 'log.csv': it cannot be written (No such file or directory). "
+        "Give a file in a folder that exists and can be written."
     )
