@@ -10,10 +10,9 @@ from __future__ import annotations
 import os
 from concurrent.futures import ThreadPoolExecutor
 
-import llvmlite.binding
-import numba
 import numpy as np
 
+from hw_model.compiled import compiled, inlined
 from hw_model.fast_layout import FastLayout, fast_layout
 from hw_model.program import ChipProgram
 from hw_model.trace import EVENTS, NOTHING, REGISTERS, PhaseInput, PhaseTrace, Register, Window
@@ -73,14 +72,7 @@ def _run_part(
     )  # fmt: skip
 
 
-# Many arrays take part in a sweep; without this the compiler gives up proving that they do not overlap.
-llvmlite.binding.set_option("hw_model", "-runtime-memory-check-threshold=200")
-
-_jit = numba.njit(cache=True, nogil=True, boundscheck=False)
-_inlined = numba.njit(cache=True, nogil=True, boundscheck=False, inline="always")
-
-
-@_inlined
+@inlined
 def _rz(x, keep):  # type: ignore[no-untyped-def]
     """Return sign(x) * ((|x| * keep) >> 12) for |x| < 2^24, in 32 bits."""
     magnitude = np.int32(-x if x < 0 else x)
@@ -89,13 +81,13 @@ def _rz(x, keep):  # type: ignore[no-untyped-def]
     return np.int32(-left if x < 0 else left)
 
 
-@_inlined
+@inlined
 def _wrap24(x):  # type: ignore[no-untyped-def]
     """Return x wrapped to 23 bits plus sign."""
     return np.int32(np.int32(x << np.int32(8)) >> np.int32(8))
 
 
-@_jit
+@compiled
 def _sweep(  # type: ignore[no-untyped-def]
     first, stop, node, rows_from, rows_to, at_rest, charge, passed, touched, columns, state, wrapped, spikes, active,
     updated, parent, parent_node,
@@ -153,7 +145,7 @@ def _sweep(  # type: ignore[no-untyped-def]
     return at_rest
 
 
-@_jit
+@compiled
 def _collect(spikes, first, size, rows_from, rows_to, event, begin):  # type: ignore[no-untyped-def]
     """List the spikes of a node row by row: those of row r are ``event[begin[r]]`` up to ``begin[r + 1]``.
 
@@ -168,7 +160,7 @@ def _collect(spikes, first, size, rows_from, rows_to, event, begin):  # type: ig
         begin[r + np.uint64(1)] = found
 
 
-@_jit
+@compiled
 def _deliver(link, rows_from, rows_to, event, begin, charge, touched, links):  # type: ignore[no-untyped-def]
     """Add the synapses of a link's spikes to the rows in which they are due: the next one, and later."""
     _, target_node, dense, offset, width, target, delay, matrix, list_start, column, weight, late, _, _ = links
@@ -194,7 +186,7 @@ def _deliver(link, rows_from, rows_to, event, begin, charge, touched, links):  #
                     touched[at, node] = 1
 
 
-@_jit
+@compiled
 def _keep(register, first, stop, row, place, kept):  # type: ignore[no-untyped-def]
     """Copy the columns of a segment that a window wants to its row, if the window has such a row."""
     if 0 <= row < len(kept):
@@ -203,7 +195,7 @@ def _keep(register, first, stop, row, place, kept):  # type: ignore[no-untyped-d
                 kept[row, place[i]] = register[i]
 
 
-@_jit
+@compiled
 def _run(  # type: ignore[no-untyped-def]
     lines, charge, tile, inputs, node_first, node_size, columns, segments, links,
     spikes, sent, active, events, skipped,

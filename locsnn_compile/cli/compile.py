@@ -40,6 +40,7 @@ def parser() -> Parser:
     add("--events", metavar="FILE", help="recordings to check on: .zip, folder, .npy, .npz, .pt, .tact")
     add("--strategy", default="auto", metavar="NAME", help="lowering of SRM neurons: auto or dendrite (default auto)")
     add("--weight-bits", type=int, default=8, metavar="BITS", help="1 to 6, or 8 (default 8)")
+    add("--config", metavar="FILE", help="network description, for model formats that need one; a checkpoint does not")
     add("--emit", action="extend", nargs="+", default=[], metavar="KIND", help=f"also write: {', '.join(EMIT_KINDS)}")
     add("--json", action="store_true", help="print report.json to standard output, and nothing else there")
     add("--quiet", action="store_true", help="print nothing")
@@ -68,7 +69,7 @@ def run(args: Namespace) -> int:
     from locsnn_compile.api import compile, recordings_for
     from locsnn_compile.frontends import load
 
-    network = load(args.model)
+    network = load(args.model, config=args.config)
     recordings = recordings_for(network, args.events)
     with progress_bar("checking against the float reference", show=not args.quiet) as progress:
         compiled = compile(

@@ -8,12 +8,19 @@ from locsnn_compile.errors import InputError
 from locsnn_compile.network import Network, check_network
 
 
-def load(model: str | Path) -> Network:
+def load(model: str | Path, config: str | Path | None = None, dt: float | None = None) -> Network:
     """Read a model file by its suffix: ``.pt`` is a checkpoint that ``locsnn train`` wrote.
 
-    Nothing in the file is executed. A file that cannot be read or used is an ``InputError``.
+    ``config`` (a network description beside the model) and ``dt`` (seconds a step) are for formats that do not hold
+    these themselves; a checkpoint does, so giving them is an ``InputError``, like a file that cannot be read or used.
+    Nothing in the file is executed.
     """
     path = Path(model)
+    for name, given in (("config", config), ("dt", dt)):
+        if given is not None:
+            raise InputError(
+                f"model {path.name!r}", f"{name} was given, but a checkpoint says this itself", fix=f"Leave {name} out."
+            )
     if path.suffix != ".pt":
         raise InputError(
             f"model {path.name!r}",

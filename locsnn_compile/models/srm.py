@@ -10,12 +10,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numba
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from hw_model.compiled import compiled
 from locsnn_compile.models.description import NeuronParameters
 from locsnn_compile.models.kernels import psp_matrix, refractory_recursion
 
@@ -24,7 +24,7 @@ from locsnn_compile.models.kernels import psp_matrix, refractory_recursion
 INITIAL_SCALE = 3.0
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _scan(
     potential: NDArray[Any],
     spikes: NDArray[Any],

@@ -199,6 +199,7 @@ BAD_OPTIONS = [
     ("channels", lambda t: ("--events", wrong_channels(t)), "events 'wide.npy': the channel count differs from the model's (156 channels against 78). Give recordings of shape (samples, steps, 78)."),
     ("strategy", lambda t: ("--strategy", "dendrites"), "strategy 'dendrites': SRM neurons are not lowered so. Did you mean 'dendrite'?"),
     ("bits", lambda t: ("--weight-bits", "7"), "--weight-bits: no synapse format has 7 bits. Choose one of 1, 2, 3, 4, 5, 6, 8."),
+    ("config", lambda t: ("--config", "net.yaml"), "model 'objects-hybrid.pt': config was given, but a checkpoint says this itself. Leave config out."),
     ("emit", lambda t: ("--emit", "programm"), "--emit programm: no level has this name. Did you mean 'program'?"),
 ]  # fmt: skip
 
