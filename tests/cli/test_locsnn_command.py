@@ -1,4 +1,4 @@
-"""``locsnn run`` and ``locsnn targets``."""
+"""``locsnn run``, ``explore``, ``diff`` and ``targets``."""
 
 import json
 from pathlib import Path
@@ -48,9 +48,10 @@ def test_run_prints_a_line_a_recording(build, capsys):
     ("arguments", "line"),
     [
         (["run", "gone", "--events", "few.npy"], "program.yaml: cannot be read: No such file or directory. Give the folder that the compiler wrote."),
+        (["diff", "gone", "gone"], "build 'gone': report.json cannot be read: No such file or directory. Give a folder that locsnn-compile wrote."),
         (["targets", "--show", "loihi"], "target 'loihi': no chip of this name ships. Did you mean 'loihi-sim'? A chip file of your own ends in .yaml."),
     ],
-    ids=["no program", "no chip"],
+    ids=["no program", "no build", "no chip"],
 )  # fmt: skip
 def test_bad_input_is_one_line(arguments, line, capsys):
     assert main(arguments) == 2
@@ -64,9 +65,52 @@ def test_targets_lists_and_shows(capsys):
     assert yaml.safe_load(capsys.readouterr().out)["name"] == "loihi-sim"
 
 
-@pytest.mark.parametrize("command", ["train", "run", "targets"])
+@pytest.mark.parametrize("command", ["train", "run", "explore", "diff", "targets"])
 def test_every_help_shows_an_example(command, capsys):
     with pytest.raises(SystemExit) as caught:
         main([command, "--help"])
     assert caught.value.code == 0
     assert f"example:\n  locsnn {command} " in capsys.readouterr().out
+
+
+def test_explore_compares_weight_bits(build, capsys):
+    arguments = ["explore", str(MODEL), "--events", str(build / "few.npy"), "--weight-bits", "1", "8"]
+    assert main([*arguments, "--json"]) == 0
+    one, eight = json.loads(capsys.readouterr().out)
+    report = json.loads((build / "out/report.json").read_text())
+    assert eight["spike_agreement"] == report["match"]["spike_agreement"] > one["spike_agreement"]
+    assert eight["energy_pj"] == report["energy"]["per_sample_pj"]
+    assert one["synapses"] < eight["synapses"]
+    assert one["on_front"] or eight["on_front"]
+    assert main(arguments) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.lstrip("* ").split()[0] for line in lines[2:]] == ["1", "8"]
+
+
+def test_diff_names_what_changed(build, tmp_path, capsys):
+    arguments = [MODEL, "--events", build / "few.npy", "-o", tmp_path / "four", "--quiet", "--weight-bits", "4"]
+    assert compile_main([str(a) for a in arguments]) == 0
+    assert main(["diff", str(build / "out"), str(tmp_path / "four"), "--json"]) == 0
+    changed = json.loads(capsys.readouterr().out)
+    assert changed["weight_bits"] == {"before": 8, "after": 4}
+    assert "model.sha256" not in changed
+    assert main(["diff", str(build / "out"), str(tmp_path / "four")]) == 0
+    assert "weight_bits: 8 -> 4 (-50.0 %)" in capsys.readouterr().out.splitlines()
+    assert main(["diff", str(build / "out"), str(build / "out")]) == 0
+    assert capsys.readouterr().out == "The reports are equal.\n"
+
+
+@pytest.mark.parametrize(
+    ("content", "line"),
+    [
+        ("{", "report.json is damaged"),
+        ("[]", "report.json is no report"),
+        ('{"schema": 1}', "report.json is no report"),
+    ],
+    ids=["damaged", "list", "other"],
+)
+def test_reports_that_are_none(tmp_path, content, line, capsys):
+    (tmp_path / "report.json").write_text(content)
+    assert main(["diff", str(tmp_path), str(tmp_path)]) == 2
+    wanted = f"build {tmp_path.name!r}: {line}. Give a folder that locsnn-compile wrote.\n"
+    assert capsys.readouterr() == ("", wanted)
