@@ -83,8 +83,9 @@ def simulate(
     ``spikes``: 0 or 1, (steps, channels) or (batch, steps, channels); a mapping by stream name where a program has
     several inputs. An input spike of row t acts at step t + 1. ``steps`` of phases that the program does not fix; by
     default the rows given. ``probe``: what to keep, each a kind (``"spikes"``, ``"u"``, ``"v"``, ``"potential"``) of
-    all populations and steps, or a :class:`hw_model.Probe` of chosen ones; nothing else is held. Both engines give the
-    same integers. Bad arguments are an ``InputError``.
+    all populations and steps, or a :class:`hw_model.Probe` of chosen ones; nothing else is held. ``"activity"`` keeps
+    the counts of every step and core, which latency needs. Both engines give the same integers. Bad arguments are an
+    ``InputError``.
     """
     if engine not in ENGINES:
         raise InputError(f"engine {engine!r}", "does not exist", fix=did_you_mean(engine, ENGINES))
@@ -94,6 +95,13 @@ def simulate(
     streams, batched = read_streams(program, spikes)
     run_phase = _engine(engine)
     batch, rows = next(iter(streams.values())).shape[:2]
+    if batch == 0 or (rows == 0 and steps is None):
+        raise InputError(
+            "spikes",
+            "nothing to simulate",
+            measured=f"{batch} recordings of {rows} steps",
+            fix="Give some recordings and steps.",
+        )
     together = max(1, MAX_TOGETHER // max(1, _columns(program) * max(steps or rows, *_fixed_steps(program))))
 
     kept: dict[Kind, dict[str, list[npt.NDArray[Any]]]] = {kind: {} for kind in KINDS}

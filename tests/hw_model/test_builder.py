@@ -109,11 +109,13 @@ def test_mistakes(arguments, message):
         (np.full((3, 2), 2), {}, "spikes of 'x': values other than 0 and 1. Binarise the events; graded spikes do not exist here."),
         (np.full((3, 2), np.nan), {}, "spikes of 'x': values other than 0 and 1. Binarise the events; graded spikes do not exist here."),
         ({"y": np.zeros((3, 2))}, {}, "spikes: the program plays x. Give a mapping with one array for each."),
+        (np.zeros((0, 3, 2)), {}, "spikes: nothing to simulate (0 recordings of 3 steps). Give some recordings and steps."),
+        (np.zeros((0, 2)), {}, "spikes: nothing to simulate (1 recordings of 0 steps). Give some recordings and steps."),
         (np.zeros((3, 2)), {"steps": 0}, "steps: nothing to simulate (0 against at least 1). Raise steps."),
         (np.zeros((3, 2)), {"engine": "fats"}, "engine 'fats': does not exist. Did you mean 'fast'?"),
         (np.zeros((3, 2)), {"probe": ("spike",)}, "probe 'spike': does not exist. Did you mean 'spikes'?"),
     ],
-    ids=["channels", "graded", "nan", "stream", "steps", "engine", "probe"],
+    ids=["channels", "graded", "nan", "stream", "no recordings", "no rows", "steps", "engine", "probe"],
 )  # fmt: skip
 def test_what_cannot_be_played(spikes, options, message):
     with pytest.raises(hw.InputError) as caught:
