@@ -112,3 +112,20 @@ def test_a_line_of_cores_lies_in_neighbouring_tiles():
     )
     placed = place_cores(replace(group, synapses=(group.synapses[0], chain)), small_chip(16, 4))
     assert (hops(placed), hops(arrange_cores(placed))) == (3 * 3 + 3 * 4 + 3, 15)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_program_over_two_chips_gives_the_same_spikes(seed):
+    graph = random_graph(seed, 11, 40)
+    one = assemble(route_axons(arrange_cores(place_cores(graph, small_chip(12, 4)))))
+    board = replace(small_chip(6, 3), chips=2)
+    two = assemble(route_axons(arrange_cores(place_cores(graph, board))))
+    assert {core.slot // 6 for core in two.cores} == {0, 1}
+    spikes = [[1], [0], [1], [0], [0]]
+    assert np.array_equal(hw.simulate(one, spikes).spikes["n"], hw.simulate(two, spikes).spikes["n"])
+    with pytest.raises(hw.TargetError) as caught:
+        place_cores(graph, replace(board, chips=1))
+    assert str(caught.value) == (
+        "network 'random': 11 cores are needed (loihi-sim has 6 on 1 chip). "
+        "Give a chip file with chips: 2, if the board has as many."
+    )
