@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hw_model.fixed_point import IntArray, clip, decay, effective_weight, wrap
+from hw_model.fixed_point import IntArray, clip, decay, wrap
 from hw_model.program import ChipProgram, Core
 from hw_model.trace import EVENTS, ByteArray, PhaseInput, PhaseTrace, Register, Window
 
@@ -75,8 +75,7 @@ class _CoreState:
         self.decay_u, self.decay_v = core.setting("decay_u"), core.setting("decay_v")
         self.refractory, self.spiking = core.setting("refractory"), core.setting("joined") == 0
         self.bias, self.threshold = core.bias, core.threshold_voltage
-        exponents = np.array([form.exponent for form in core.axons.formats], dtype=np.int64)
-        self.weight = effective_weight(core.axons.mantissa, exponents[core.axons.format_index])
+        self.weight = core.effective_weights
         self.slots = np.zeros((self.limits.slots, n), dtype=np.int64)
         self.u, self.v, self.potential = (np.zeros(n, dtype=np.int64) for _ in range(3))
         self.blocked = np.zeros(n, dtype=np.int64)

@@ -15,7 +15,7 @@ import networkx as nx
 import numpy as np
 import numpy.typing as npt
 
-from hw_model.fixed_point import DECAY_ONE, WEIGHT_SHIFT, IntArray, effective_weight
+from hw_model.fixed_point import DECAY_ONE, WEIGHT_SHIFT, IntArray
 from hw_model.program import ChipProgram
 
 Int32Array = npt.NDArray[np.int32]
@@ -179,8 +179,7 @@ def _synapses(program: ChipProgram, phase: str, nodes: _Nodes) -> _Synapses:
         axons, mine = core.axons, order[low:high]
         of_axon = np.full(axons.input_axons, -1, dtype=np.int64)
         of_axon[axons_there[mine]] = sources[mine]
-        exponents = np.array([form.exponent for form in axons.formats], dtype=np.int64)
-        weight = effective_weight(axons.mantissa, exponents[axons.format_index]) >> WEIGHT_SHIFT
+        weight = core.effective_weights >> WEIGHT_SHIFT
         global_source = np.repeat(of_axon, np.diff(axons.list_start))
         parts.append((global_source, columns[core.number][axons.target], weight, axons.delay))
     flat, column, weight, delay = (np.concatenate(part) for part in zip(*parts, strict=True))

@@ -14,7 +14,7 @@ import numpy as np
 
 from hw_model.chip_description import Chip
 from hw_model.errors import InputError, TargetError
-from hw_model.fixed_point import DECAY_ONE, IntArray, effective_weight
+from hw_model.fixed_point import DECAY_ONE, IntArray
 from hw_model.weights import WEIGHT_EXPONENTS, SignMode, weight_grid
 
 Axis = Literal["time", "location"]
@@ -97,11 +97,6 @@ class Synapses:
     exponent: int
     weight_bits: int
     sign_mode: SignMode
-
-    @property
-    def effective(self) -> IntArray:
-        """Weights as they are added to q."""
-        return effective_weight(self.mantissa, self.exponent)
 
     @property
     def delay_bits(self) -> int:

@@ -16,7 +16,7 @@ import numpy as np
 
 from hw_model.chip_description import Chip
 from hw_model.errors import InputError
-from hw_model.fixed_point import WEIGHT_SHIFT, IntArray
+from hw_model.fixed_point import WEIGHT_SHIFT, IntArray, effective_weight
 from hw_model.graph import CompartmentGraph, Compartments, Input, Phase, Readout
 from hw_model.placement import Slice
 from hw_model.routing import AxonTables, InputRoute, RoutedCore, RoutedGraph
@@ -68,6 +68,12 @@ class Core:
     def threshold_voltage(self) -> IntArray:
         """Voltage that v must exceed, ``64 * mantissa``, shape (compartments,)."""
         return np.array(self.thresholds, dtype=np.int64)[self.threshold] << WEIGHT_SHIFT
+
+    @property
+    def effective_weights(self) -> IntArray:
+        """Weights as they are added to q, ``64 * floor(mantissa * 2^exponent)``, shape (synapses,)."""
+        exponents = np.array([form.exponent for form in self.axons.formats], dtype=np.int64)
+        return effective_weight(self.axons.mantissa, exponents[self.axons.format_index])
 
     @property
     def bias(self) -> IntArray:

@@ -25,7 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hw_model.chip_description import Registers
-from hw_model.fixed_point import DECAY_ONE, IntArray, effective_weight
+from hw_model.fixed_point import DECAY_ONE, IntArray
 from hw_model.program import ChipProgram, Core
 
 FloatArray = npt.NDArray[np.float64]
@@ -96,8 +96,7 @@ def _prove_core(core: Core, registers: Registers) -> CoreRange:
 
 
 def _charge(core: Core) -> Bounds:
-    exponents = np.array([form.exponent for form in core.axons.formats], dtype=np.int64)
-    weight = effective_weight(core.axons.mantissa, exponents[core.axons.format_index]).astype(np.float64)
+    weight = core.effective_weights.astype(np.float64)
     n = core.compartments
     low, high = (
         np.bincount(core.axons.target, part, minlength=n).astype(np.float64)

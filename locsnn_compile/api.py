@@ -72,7 +72,7 @@ def compile(
     recordings = recordings_for(network, events, labels)
     levels = lower(network, chip, weight_bits)
     match = _compare(levels, recordings, progress)
-    return CompiledModel(levels, match, report_document(levels, match, "dendrite"))
+    return CompiledModel(levels, match, report_document(levels, match))
 
 
 def verify(

@@ -20,7 +20,7 @@ OPERATION_KEYS = ("synaptic_ops", "neuron_updates", "spikes", "input_events", "t
 Document = dict[str, Any]
 
 
-def report_document(levels: Levels, match: Match, strategy: str) -> Document:
+def report_document(levels: Levels, match: Match) -> Document:
     """Return the report; every ``per_sample`` figure is a mean over the recordings of the check."""
     network, program = levels.network, levels.program
     counts = total(match.counts)
@@ -28,7 +28,7 @@ def report_document(levels: Levels, match: Match, strategy: str) -> Document:
         "schema": SCHEMA,
         "model": {"name": network.name, "sha256": network.sha256},
         "target": program.chip.name,
-        "strategy": strategy,
+        "strategy": program.provenance["strategy"],
         "weight_bits": levels.quantized.projections[0].weight_bits,
         "match": _match(match, counts),
         "accuracy": match.accuracy,
