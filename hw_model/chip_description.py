@@ -148,6 +148,11 @@ class Chip:
         (x0, y0), (x1, y1) = self.tile_of(source_slot), self.tile_of(target_slot)
         return abs(x0 - x1), abs(y0 - y1)
 
+    @property
+    def default_profile(self) -> str:
+        """Name of the energy profile that reports show first: the first of the chip file."""
+        return next(iter(self.profiles))
+
     def profile(self, name: str) -> Profile:
         """Return the named profile, or say which exist."""
         if name not in self.profiles:
@@ -240,7 +245,10 @@ class _Reader:
         if hint == Mapping[str, float]:
             return self.costs(value, key)
         if hint == Mapping[str, Profile]:
-            return {name: self.build(Profile, item, name) for name, item in self.mapping(value, key).items()}
+            profiles = self.mapping(value, key)
+            if not profiles:
+                raise self.error(key, "no energy profile is given", "Give at least one.")
+            return {name: self.build(Profile, item, name) for name, item in profiles.items()}
         if hint == tuple[str, ...]:
             if not isinstance(value, list):
                 raise self.error(key, "not a list", "List texts.")

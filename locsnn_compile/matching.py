@@ -20,7 +20,6 @@ from locsnn_compile.reference import evaluate
 
 CHUNK = 16
 """Recordings held at a time: memory does not grow with their number."""
-ENERGY_PROFILE = "davies2018"
 
 Progress = Callable[[int, int], None]
 """Called with (recordings done, recordings in all)."""
@@ -129,7 +128,7 @@ def compare(
     wraps_and_clips: dict[str, dict[str, int]] = {}
     latencies: list[Latency] = []
     additions: dict[str, int] = dict.fromkeys(network.axes, 0)
-    profile = program.chip.profile(ENERGY_PROFILE)
+    profile = program.chip.profile(program.chip.default_profile)
     first: tuple[int, str, int, int] | None = None
     for start in range(0, len(recordings), CHUNK):
         chunk = recordings[start : start + CHUNK]

@@ -51,13 +51,14 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print(json.dumps(rows, indent=2))
         return 0
-    print(f"{network.name} on {args.target}, {len(recordings)} recordings of {recordings.source}")
-    print("  bits  same class  same spikes  accuracy  energy µJ (davies2018)  synapses  memory kB")
+    profile = rows[0]["energy_profile"]
+    print(f"{network.name} on {args.target}, {len(recordings)} recordings of {recordings.source}, energy by {profile}")
+    print("  bits  same class  same spikes  accuracy  energy µJ  synapses  memory kB")
     for row in rows:
         accuracy = "-" if row["accuracy"] is None else f"{row['accuracy']:.3f}"
         print(
             f"{'*' if row['on_front'] else ' '} {row['weight_bits']:4}  {row['prediction_agreement']:10.4f}  "
-            f"{row['spike_agreement']:11.4f}  {accuracy:>8}  {row['energy_pj'] / 1e6:22.2f}  {row['synapses']:8}  "
+            f"{row['spike_agreement']:11.4f}  {accuracy:>8}  {row['energy_pj'] / 1e6:9.2f}  {row['synapses']:8}  "
             f"{row['synapse_bits'] / 8000:9.1f}"
         )
     return 0
@@ -69,6 +70,7 @@ def _row(report: dict[str, Any]) -> dict[str, Any]:
         "prediction_agreement": report["match"]["prediction_agreement"],
         "spike_agreement": report["match"]["spike_agreement"],
         "accuracy": None if report["accuracy"] is None else report["accuracy"]["chip"],
+        "energy_profile": report["energy"]["profile"],
         "energy_pj": report["energy"]["per_sample_pj"],
         "synapses": report["resources"]["synapses"],
         "synapse_bits": report["resources"]["synapse_bits"],

@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
     program = hw.load_program(args.program)
     recordings = read_recordings(args.events)
     rows, counts = _play(program, recordings, args.engine)
-    totals = hw.energy_pj(counts, program.chip.profile("davies2018"))
+    totals = hw.energy_pj(counts, program.chip.profile(program.chip.default_profile))
     if args.json:
         result = {"program": program.name, "recordings": rows, "counts": dict(counts), "energy_pj": totals}
         print(json.dumps(result, indent=2))
@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
         print(f"accuracy {accuracy:.3f} on {len(known)} recordings")
     print(
         f"mean of a recording: {counts.synaptic_ops / len(rows):.0f} synaptic operations, "
-        f"{sum(totals.values()) / len(rows) / 1e6:.2f} µJ (profile davies2018), "
+        f"{sum(totals.values()) / len(rows) / 1e6:.2f} µJ (profile {program.chip.default_profile}), "
         f"{counts.wraps} wraps and {counts.clips} clips in all"
     )
     return 0

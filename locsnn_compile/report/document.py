@@ -9,7 +9,7 @@ import numpy as np
 import hw_model as hw
 from hw_model.counts import Counts, total
 from hw_model.program import ChipProgram, Core
-from locsnn_compile.matching import ENERGY_PROFILE, Match
+from locsnn_compile.matching import Match
 from locsnn_compile.network import Network
 from locsnn_compile.operations import ANN_NAMES, ann_operations
 from locsnn_compile.pipeline import Levels
@@ -106,11 +106,12 @@ def _published(network: Network, match: Match) -> Document:
 
 
 def _energy(program: ChipProgram, match: Match, counts: Counts) -> Document:
-    profile = program.chip.profile(ENERGY_PROFILE)
+    name_of_profile = program.chip.default_profile
+    profile = program.chip.profile(name_of_profile)
     breakdown = {name: pj / match.samples for name, pj in hw.energy_pj(counts, profile).items()}
     each = [sum(hw.energy_pj(one, profile).values()) for one in match.counts]
     return {
-        "profile": ENERGY_PROFILE,
+        "profile": name_of_profile,
         "source": profile.source,
         "basis": profile.basis,
         "per_sample_pj": sum(breakdown.values()),
@@ -122,7 +123,7 @@ def _energy(program: ChipProgram, match: Match, counts: Counts) -> Document:
         "other_profiles_pj": {
             name: sum(hw.energy_pj(counts, other).values()) / match.samples
             for name, other in program.chip.profiles.items()
-            if name != ENERGY_PROFILE
+            if name != name_of_profile
         },
         "not_included": list(profile.not_included),
     }
@@ -133,7 +134,7 @@ def _latency(program: ChipProgram, match: Match, network: Network) -> Document:
     cores = [one.critical_core for one in match.latencies]
     mean_ns = float(each.mean())
     return {
-        "profile": ENERGY_PROFILE,
+        "profile": program.chip.default_profile,
         "per_sample_ns": mean_ns,
         "per_sample_cycles": round(mean_ns * program.chip.clock_ghz),
         "by_branch_ns": {

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+import yaml
 
 import hw_model as hw
 from locsnn_compile.cli.compile import EMIT_KINDS, main
@@ -55,6 +56,16 @@ def test_json_prints_the_report_and_nothing_else(few, tmp_path, capsys):
         "schema", "model", "target", "strategy", "weight_bits", "match", "accuracy", "operations", "energy", "latency",
         "resources", "ann_comparison", "skipped",
     ]  # fmt: skip
+
+
+def test_a_chip_of_ones_own_brings_its_own_profile(few, tmp_path, capsys):
+    document = yaml.safe_load(hw.chip("loihi-sim").document)
+    document["profiles"] = {"bench": document["profiles"]["sanafe"]}
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(document))
+    assert run(MODEL, "--events", few, "-o", tmp_path / "out", "--target", tmp_path / "mine.yaml", "--json") == 0
+    report = json.loads(capsys.readouterr().out)
+    assert (report["energy"]["profile"], report["latency"]["profile"]) == ("bench", "bench")
+    assert report["energy"]["other_profiles_pj"] == {}
 
 
 def test_quiet_prints_nothing(few, tmp_path, capsys):

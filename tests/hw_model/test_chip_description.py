@@ -44,11 +44,12 @@ def test_a_chip_file_of_ones_own(tmp_path):
             changed(["profiles", "sanafe", "energy_pj", "spike"], 1.0),
             "my.yaml: energy_pj: 'spike' is not counted. Did you mean 'spikes'?",
         ),
+        (changed(["profiles"], {}), "my.yaml: profiles: no energy profile is given. Give at least one."),
         ("[1, 2", "my.yaml: the chip file is not YAML at line 1. Compare it with a chip that ships."),
         ("- 1", "my.yaml: chip: not a mapping of names. Compare it with a chip that ships."),
         ("!!python/object/apply:os.system [id]", "my.yaml: the chip file is not YAML at line 1. Compare it with a chip that ships."),
     ],
-    ids=["missing", "unknown", "text", "zero", "negative", "uncounted", "broken", "list", "code"],
+    ids=["missing", "unknown", "text", "zero", "negative", "uncounted", "no profile", "broken", "list", "code"],
 )  # fmt: skip
 def test_chip_files_that_are_refused(tmp_path, text, message):
     path = tmp_path / "my.yaml"
