@@ -12,9 +12,10 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from hw_model.compiled import compiled, inlined
+from hw_model.compiled import compiled
 from hw_model.fast_layout import FastLayout, fast_layout
 from hw_model.program import ChipProgram
+from hw_model.registers32 import rz, wrap24
 from hw_model.trace import EVENTS, NOTHING, REGISTERS, PhaseInput, PhaseTrace, Register, Window
 
 TILE = 64
@@ -72,21 +73,6 @@ def _run_part(
     )  # fmt: skip
 
 
-@inlined
-def _rz(x, keep):  # type: ignore[no-untyped-def]
-    """Return sign(x) * ((|x| * keep) >> 12) for |x| < 2^24, in 32 bits."""
-    magnitude = np.int32(-x if x < 0 else x)
-    low = np.int32(np.int32(np.int32(magnitude & np.int32(4095)) * keep) >> np.int32(12))
-    left = np.int32(np.int32(np.int32(magnitude >> np.int32(12)) * keep) + low)
-    return np.int32(-left if x < 0 else left)
-
-
-@inlined
-def _wrap24(x):  # type: ignore[no-untyped-def]
-    """Return x wrapped to 23 bits plus sign."""
-    return np.int32(np.int32(x << np.int32(8)) >> np.int32(8))
-
-
 @compiled
 def _sweep(  # type: ignore[no-untyped-def]
     first, stop, node, rows_from, rows_to, at_rest, charge, passed, touched, columns, state, wrapped, spikes, active,
@@ -117,11 +103,11 @@ def _sweep(  # type: ignore[no-untyped-def]
 
             q = np.int32(np.int16(arrived))
             wraps_q[i] += np.int32(q != arrived)
-            unwrapped = np.int32(_rz(u[i], keep_u[i]) + np.int32(q << np.int32(6)))
-            u[i] = _wrap24(unwrapped)
+            unwrapped = np.int32(rz(u[i], keep_u[i]) + np.int32(q << np.int32(6)))
+            u[i] = wrap24(unwrapped)
             drive = np.int32(u[i] + bias[i])
-            drive_wrapped = _wrap24(drive)
-            unclipped = np.int32(np.int32(_rz(v[i], keep_v[i]) + drive_wrapped) + added)
+            drive_wrapped = wrap24(drive)
+            unclipped = np.int32(np.int32(rz(v[i], keep_v[i]) + drive_wrapped) + added)
             clipped = np.int32(min(max(unclipped, vmin[i]), vmax[i]))
 
             live = blocked[i] == 0
