@@ -1,0 +1,94 @@
+"""One recording played to a program with every spike and register kept: what all emitters read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+import hw_model as hw
+from hw_model.fixed_point import IntArray
+from hw_model.graph import Phase
+from hw_model.playing import Spikes, play, read_streams
+from hw_model.program import Core
+from hw_model.simulation import SimulationResult
+from hw_model.trace import ByteArray, Register
+from locsnn_compile.errors import InputError
+
+BoolArray = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """A recording on a program.
+
+    ``lines[phase]`` (steps, lines): spikes of the phase's input lines, inputs one after the other, as the transpose
+    buffer leaves them. ``result`` holds spikes, u, v, potential and activity, arrays (steps, n). ``title`` says which
+    recording this is.
+    """
+
+    program: hw.ChipProgram
+    title: str
+    lines: Mapping[str, ByteArray]
+    result: SimulationResult
+
+    def steps(self, phase: str) -> int:
+        """Return the steps of a phase."""
+        return len(self.lines[phase])
+
+    @cached_property
+    def phases(self) -> tuple[Phase, ...]:
+        """Phases that have cores, in the order in which they run."""
+        return tuple(phase for phase in self.program.phases if self.program.cores_of(phase.name))
+
+    def register(self, core: Core, kind: Register) -> IntArray:
+        """Return a register of every compartment of a core, (steps, compartments)."""
+        of_group: Mapping[str, IntArray] = getattr(self.result, kind)
+        return np.concatenate([of_group[p.group][:, p.start : p.stop] for p in core.slices], axis=1)
+
+    def spikes(self, core: Core) -> ByteArray:
+        """Return the spikes of every compartment of a core, (steps, compartments); joined ones never spike."""
+        silent = np.zeros((self.steps(core.phase), 1), dtype=np.uint8)
+        of_group = self.result.spikes
+        parts = [
+            of_group[p.group][:, p.start : p.stop] if p.group in of_group else np.repeat(silent, p.size, axis=1)
+            for p in core.slices
+        ]
+        return np.concatenate(parts, axis=1)
+
+    def input_axons(self, core: Core) -> ByteArray:
+        """Return the spikes that input lines send to a core, (steps, input axons of the core)."""
+        arriving = np.zeros((self.steps(core.phase), core.axons.input_axons), dtype=np.uint8)
+        first = 0
+        for item in self.program.inputs_of(core.phase):
+            route = self.program.route_of(item.name)
+            here = route.core == core.number
+            arriving[:, route.axon[here]] = self.lines[core.phase][:, first + route.line[here]]
+            first += item.size
+        return arriving
+
+    def axons(self, core: Core) -> ByteArray:
+        """Return all spikes that reach a core, from input lines and from compartments, (steps, input axons)."""
+        arriving = self.input_axons(core)
+        for sender in self.program.cores_of(core.phase):
+            axons = sender.axons
+            here = axons.out_core == core.number
+            arriving[:, axons.out_axon[here]] = self.spikes(sender)[:, axons.out_compartment[here]]
+        return arriving
+
+
+def play_recording(program: hw.ChipProgram, spikes: Spikes, title: str = "recording 0") -> Played:
+    """Play one recording (steps, channels), or a mapping of them by stream, and keep everything."""
+    streams, batched = read_streams(program, spikes)
+    if batched:
+        raise InputError("recording", "several recordings were given", fix="Give one, of shape (steps, channels).")
+    result = hw.simulate(
+        program,
+        {name: array[0] for name, array in streams.items()},
+        probe=("spikes", "u", "v", "potential", "activity"),
+    )
+    lines = {phase.name: play(program, phase, streams, None).lines[0] for phase in program.phases}
+    return Played(program, title, lines, result)

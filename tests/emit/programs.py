@@ -1,0 +1,71 @@
+"""Programs for the emitters' tests: small chips, so that a few compartments fill several cores and tiles."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+import hw_model as hw
+
+CHIP = hw.chip("loihi-sim")
+
+
+def small_chip(compartments=6, cores_per_tile=1, columns=2, rows=2):
+    """Return the chip with few compartments a core and few cores a tile."""
+    return replace(
+        CHIP,
+        limits=replace(CHIP.limits, compartments_per_core=compartments, cores_per_chip=cores_per_tile * columns * rows),
+        mesh=replace(CHIP.mesh, columns=columns, rows=rows, cores_per_tile=cores_per_tile),
+    )
+
+
+def everything(seed=0, chip=None):
+    """Return a program with all that the chip has: delays, biases, refractory steps, joined compartments, every format."""
+    r = np.random.default_rng(seed)
+    chip = chip or small_chip()
+    b = hw.ProgramBuilder(chip, name="everything")
+    x, y = b.add_input("x", 9), b.add_input("y", 3)
+    names = {"h": 7, "o": 5}
+    nodes = {}
+    for name, size in names.items():
+        nodes[name] = b.add_compartments(
+            name,
+            size,
+            decay_u=np.append(1, r.integers(0, 4097, size - 1)),  # the first one holds its current until it wraps
+            decay_v=r.integers(0, 4097, size),
+            threshold=r.integers(0, 3, size) * 150,
+            bias=r.choice([0, 0, 64, -128, 4095 << 7], size),
+            refractory=r.integers(1, 4, size),
+            vmin=-((1 << 20) - 1),
+            vmax=(1 << 21) - 1,
+        )
+    child = b.add_compartments(
+        "o/dendrite", 5, decay_u=300, decay_v=r.integers(0, 4097, 5), threshold=0, joined_to=nodes["o"],
+        vmin=-((1 << 20) - 1), vmax=(1 << 21) - 1,
+    )  # fmt: skip
+
+    def weights(shape, step, low, high):
+        drawn = r.integers(low // step, high // step + 1, shape) * step
+        drawn[r.random(shape) < 0.4] = 0
+        return drawn
+
+    b.connect(x, nodes["h"], weights((7, 9), 2, -256, 254), delay=r.integers(0, 6, (7, 9)))
+    b.connect(x, nodes["h"], weights((7, 9), 8, 0, 248), exponent=-2, weight_bits=5, sign_mode="excitatory")
+    b.connect(y, child, np.full((5, 3), -64), exponent=3, weight_bits=4, sign_mode="inhibitory")
+    b.connect(y, nodes["o"], np.full((5, 3), 255), sign_mode="excitatory", delay=62)
+    strong = np.zeros((7, 3), dtype=np.int64)
+    strong[0] = 254
+    b.connect(y, nodes["h"], strong, exponent=7)
+    b.connect(nodes["h"], nodes["h"], weights((7, 7), 256, -256, 0), exponent=1, weight_bits=1)
+    b.connect(nodes["h"], child, weights((5, 7), 1, -255, 0), weight_bits=8, sign_mode="inhibitory")
+    b.connect(nodes["h"], nodes["o"], weights((5, 7), 16, -256, 240), weight_bits=5, delay=3)
+    b.connect(nodes["o"], nodes["h"], weights((7, 5), 2, -256, 254))
+    b.read_out(nodes["o"])
+    return b.build()
+
+
+def played_streams(program, steps=40, rate=0.3, seed=0):
+    """Return random spikes for every stream of a program, (steps, channels)."""
+    r = np.random.default_rng(seed)
+    return {name: (r.random((steps, n)) < rate).astype(np.uint8) for name, n in program.streams.items()}

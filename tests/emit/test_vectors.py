@@ -1,0 +1,141 @@
+"""Vectors, read back by a bench that knows the manifest and the files alone, and equal to the simulator."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import bench
+import numpy as np
+import pytest
+import yaml
+from programs import CHIP, everything, played_streams
+
+import hw_model as hw
+from locsnn_compile.emit.played import play_recording
+from locsnn_compile.emit.vectors import vectors_files
+from locsnn_compile.errors import InputError
+
+
+def written(played, folder):
+    for name, content in vectors_files(played).items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+    return bench.Vectors(folder / "vectors")
+
+
+def dense():
+    """Return a program whose lists are dense, of more than a run, and with delays."""
+    b = hw.ProgramBuilder(CHIP)
+    x = b.add_input("x", 3)
+    h = b.add_compartments("h", 150, decay_u=1024, decay_v=128, threshold=300)
+    r = np.random.default_rng(0)
+    weights = r.integers(-128, 128, (150, 3)) * 2
+    weights[weights == 0] = 2
+    b.connect(x, h, weights, delay=r.integers(0, 63, (150, 3)))
+    return b.build()
+
+
+PROGRAMS = {
+    "everything, several cores": everything,
+    "everything, one core": lambda: everything(seed=1, chip=CHIP),
+    "dense": dense,
+}
+
+
+@pytest.fixture(params=PROGRAMS.values(), ids=PROGRAMS.keys(), scope="module")
+def case(request, tmp_path_factory):
+    program = request.param()
+    played = play_recording(program, played_streams(program))
+    return played, written(played, tmp_path_factory.mktemp("vectors"))
+
+
+def test_expected_values_are_the_simulators(case):
+    played, vectors = case
+    for core, entry in zip(played.program.cores, vectors.manifest["cores"], strict=True):
+        columns = [
+            (kind, np.array([row[i] for row in bench.expected(vectors, entry)])) for i, kind in ((1, "u"), (2, "v"))
+        ]
+        for kind, found in columns:
+            of_group = getattr(played.result, kind)
+            for piece in core.slices:
+                mine = found[:, piece.offset : piece.offset + piece.size]
+                assert np.array_equal(mine, of_group[piece.group][:, piece.start : piece.stop]), kind
+
+
+def test_each_core_alone_gives_what_is_expected(case):
+    played, vectors = case
+    for entry in vectors.manifest["cores"]:
+        assert bench.run_core(vectors, entry) == bench.expected(vectors, entry)
+    assert played.result.counts.spikes > 20
+
+
+def test_all_cores_together_give_what_is_expected(case):
+    _, vectors = case
+    for phase in vectors.manifest["phases"]:
+        entries = [entry for entry in vectors.manifest["cores"] if entry["phase"] == phase["name"]]
+        found = bench.run_cores(vectors, entries)
+        assert found == {entry["number"]: bench.expected(vectors, entry) for entry in entries}
+
+
+def test_memory_takes_the_words_that_placement_counted(case):
+    played, vectors = case
+    for core, entry in zip(played.program.cores, vectors.manifest["cores"], strict=True):
+        assert len(vectors.words(entry["files"]["synapses"])) == core.axons.synapse_words
+
+
+def test_wraps_and_clips_are_in_what_was_compared():
+    counts = hw.simulate(everything(), played_streams(everything())).counts
+    assert min(counts.charge_wraps, counts.current_wraps, counts.voltage_clips, counts.hops_x, counts.hops_y) > 0
+
+
+def test_files_of_a_tiny_program():
+    """One line, one compartment: written out by hand."""
+    b = hw.ProgramBuilder(CHIP, name="tiny")
+    x = b.add_input("x", 1)
+    h = b.add_compartments("h", 1, decay_u=4096, decay_v=0, threshold=15, refractory=2)
+    b.connect(x, h, [[20]])
+    files = vectors_files(play_recording(b.build(), [[1], [1], [0]], "recording 7"))
+    texts = {name.removeprefix("vectors/core0/"): content.decode() for name, content in files.items()}
+    assert {name: text for name, text in texts.items() if "/" not in name} == {
+        "axons.hex": "00008000\n",  # first list 0, one list
+        "lists.hex": "0000008000\n",  # word 0, one word, base 0
+        "synapses.hex": "0000000000002800\n",  # format 0, one synapse, weight 20 / 2 from bit 10 on
+        "formats.hex": "00008\n",  # 8 bits, mixed
+        "profiles.hex": "008001000\n",  # decay_u 4096, refractory 2
+        "thresholds.hex": "0000f\n",
+        "compartments.hex": "000000000\n",
+        "output_axons.hex": "",
+        "input_spikes.hex": "1\n1\n0\n",
+        "axon_spikes.hex": "1\n1\n0\n",
+        "spikes.hex": "0\n1\n0\n",
+        "u.hex": "000000\n000500\n000500\n",
+        "v.hex": "000000\n000000\n000000\n",
+    }
+    manifest = yaml.safe_load(files["vectors/manifest.yaml"])
+    assert (manifest["program"], manifest["recording"], manifest["version"]) == ("tiny", "recording 7", 1)
+    assert set(files) == {
+        f"vectors/{entry['file']}" for core in manifest["cores"] for entry in core["files"].values()
+    } | {"vectors/manifest.yaml", "vectors/README.md"}
+
+
+def test_a_recording_that_would_fill_a_disk(monkeypatch):
+    monkeypatch.setattr("locsnn_compile.emit.vectors.MAX_BYTES", 1000)
+    program = everything()
+    with pytest.raises(InputError) as caught:
+        vectors_files(play_recording(program, played_streams(program)))
+    assert str(caught.value) == (
+        "--emit vectors: u and v of every compartment and step would be too much (9520 bytes against 1000). "
+        "Emit a shorter recording."
+    )
+
+
+def test_a_chip_whose_runs_have_no_room_for_a_header():
+    chip = replace(CHIP, synapse_memory=replace(CHIP.synapse_memory, run_header_bits=8))
+    program = everything(chip=chip)
+    with pytest.raises(InputError) as caught:
+        vectors_files(play_recording(program, played_streams(program)))
+    assert str(caught.value) == (
+        "chip loihi-sim: the header of a run has no room for a format and a length (run_header_bits 8 against 10). "
+        "Leave out --emit vectors."
+    )
