@@ -24,6 +24,7 @@ RECIPES: Mapping[str, Sequence[str]] = {
         "--no-deps --ignore-requires-python lava-dl==0.6.0 lava-nc==0.10.0",
         "numpy<2 scipy h5py pyyaml matplotlib networkx asteval scikit-image",
     ),
+    "sanafe": ("numpy<3 sanafe==2.2.9",),
 }
 """The calls of ``pip install`` that fill an environment; lava-dl's own requirements cannot be met together."""
 
