@@ -16,13 +16,14 @@ from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.matching import Match, Progress, compare
 from locsnn_compile.network import Network
-from locsnn_compile.passes.lower_neurons import STRATEGIES
 from locsnn_compile.passes.quantize import check_weight_bits
+from locsnn_compile.passes.quantize_srm import STRATEGIES as SRM_STRATEGIES
 from locsnn_compile.pipeline import Levels, lower
 from locsnn_compile.report.document import report_document
 
 Events = str | Path | Recordings | npt.ArrayLike
 
+STRATEGIES = ("auto", *SRM_STRATEGIES)
 SYNTHETIC_SAMPLES = 16
 SYNTHETIC_SEED = 0
 

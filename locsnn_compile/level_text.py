@@ -4,10 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+
+from hw_model.fixed_point import IntArray
+from hw_model.graph import Axis
 from hw_model.level_text import array_text, compartments_text, placed_text, program_text, routed_text
-from locsnn_compile.network import Network
+from locsnn_compile.matrices import values_of
+from locsnn_compile.network import Network, Neuron, Projection
+from locsnn_compile.neurons import Cuba, FloatArray, SrmAlpha
+from locsnn_compile.on_grid import ChipCuba, ChipProjection, RefractoryDendrite, RefractoryTaps
 from locsnn_compile.pipeline import Levels
-from locsnn_compile.quantized import QuantizedNetwork
+from locsnn_compile.quantized import KernelFit, QuantizedNetwork
 
 
 def network_text(network: Network) -> str:
@@ -20,13 +27,9 @@ def network_text(network: Network) -> str:
             f"  input {view.name}: {view.lines} lines over {network.steps_of(view.axis)} {view.axis} steps{walk}"
         )
     for p in network.populations:
-        n = p.neuron
-        lines.append(
-            f"  population {p.name}: {p.size} SRM neurons along {p.axis}, theta {n.theta:g}, tau_sr {n.tau_sr:g}, "
-            f"tau_ref {n.tau_ref:g}, scale_ref {n.scale_ref:g}"
-        )
+        lines.append(f"  population {p.name}: {p.size} {_neuron_text(p.neuron, p.axis)}")
     for projection in network.projections:
-        lines.append(f"  weights {projection.source} -> {projection.target}: {array_text(projection.weights)}")
+        lines.append(f"  weights {_projection_text(projection)}")
     return "\n".join(lines) + "\n"
 
 
@@ -35,16 +38,71 @@ def quantized_text(quantized: QuantizedNetwork) -> str:
     lines = [f"quantized {quantized.network.name}"]
     for q in quantized.populations:
         lines.append(
-            f"  population {q.population.name}: scale {q.scale:g}, threshold {q.threshold}, decay {q.decay}, "
-            f"refractory decay {q.refractory_decay}, refractory weight {q.refractory_mantissa} * "
-            f"2^{q.refractory_exponent}, kernel error {q.kernel_error:.3g}"
+            f"  population {q.population.name}: {_neuron_text(q.neuron, q.population.axis)}, "
+            f"scale {_number_text(q.scale)}"
         )
+        if q.fit is not None:
+            lines.append(f"    kernel fit, {q.strategy}: {_fit_text(q.fit)}")
     for p in quantized.projections:
-        lines.append(
-            f"  weights {p.source} -> {p.target}: {p.weight_bits}-bit, exponent {p.exponent}, "
-            f"mantissa {array_text(p.mantissa)}"
-        )
+        lines.append(f"  weights {_projection_text(p)}")
     return "\n".join(lines) + "\n"
+
+
+def _neuron_text(n: Neuron, axis: Axis) -> str:
+    if isinstance(n, SrmAlpha):
+        return (
+            f"SRM neurons along {axis}, theta {n.theta:g}, tau_sr {n.tau_sr:g}, tau_ref {n.tau_ref:g}, "
+            f"scale_ref {n.scale_ref:g}"
+        )
+    decays = f"decay_u {_number_text(n.decay_u)}, decay_v {_number_text(n.decay_v)}"
+    if isinstance(n, Cuba):
+        return (
+            f"LIF neurons along {axis}, {decays}, threshold {n.rule} {_number_text(n.threshold)}, "
+            f"bias {_number_text(n.bias)}, refractory {array_text(n.refractory)}"
+        )
+    if isinstance(n, ChipCuba):
+        bias = f"{array_text(n.bias_mantissa)} * 2^{array_text(n.bias_exponent)}"
+        return (
+            f"integer LIF neurons along {axis}, {decays}, threshold {array_text(n.threshold)}, bias {bias}, "
+            f"refractory {array_text(n.refractory)}"
+        )
+    return (
+        f"integer SRM neurons along {axis}, {decays}, threshold {array_text(n.threshold)}, "
+        f"{_refractory_text(n.refractory)}"
+    )
+
+
+def _refractory_text(part: RefractoryDendrite | RefractoryTaps) -> str:
+    if isinstance(part, RefractoryDendrite):
+        return (
+            f"refractory dendrite of decay {array_text(part.decay)} and weight {array_text(part.mantissa)} * "
+            f"2^{part.exponent}"
+        )
+    taps = zip(part.delay.tolist(), part.mantissa, part.exponent.tolist(), strict=True)
+    weights = [f"{array_text(mantissa)} * 2^{exponent} after {delay}" for delay, mantissa, exponent in taps]
+    return f"{len(weights)} refractory taps: {', '.join(weights) or 'none'}"
+
+
+def _fit_text(fit: KernelFit) -> str:
+    text = f"input {fit.input_max:.3g} at most, {fit.input_rms:.3g} rms"
+    if fit.refractory_max is None:
+        return text
+    return f"{text}; own spike {fit.refractory_max:.3g} at most, {fit.refractory_rms:.3g} rms"
+
+
+def _projection_text(p: Projection | ChipProjection) -> str:
+    held = p.mantissa if isinstance(p, ChipProjection) else p.weights
+    entries = f"{len(values_of(held))} entries " if values_of(held).ndim == 1 else ""
+    text = entries + array_text(values_of(held))
+    if isinstance(p, ChipProjection):
+        text = f"{p.weight_bits}-bit, signs {p.signs}, exponent {p.exponent}, mantissa {text}"
+    delay = f", delay {array_text(np.asarray(p.delay))}" if np.any(p.delay) else ""
+    return f"{p.source} -> {p.target}: {text}{delay}"
+
+
+def _number_text(values: FloatArray | IntArray) -> str:
+    low, high = values.min(), values.max()
+    return f"{low:g}" if low == high else array_text(values)
 
 
 LEVEL_TEXTS: dict[str, Callable[[Levels], str]] = {

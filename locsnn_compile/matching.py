@@ -44,6 +44,11 @@ class PopulationMatch:
         both = self.reference_spikes + self.chip_spikes
         return 2 * self.common_spikes / both if both else 1.0
 
+    @classmethod
+    def of(cls, reference: ByteArray, chip: ByteArray) -> PopulationMatch:
+        """Count the spikes (batch, steps, n) of both sides."""
+        return cls(int(reference.sum()), int(chip.sum()), int((reference & chip).sum()))
+
     def __add__(self, other: PopulationMatch) -> PopulationMatch:
         return PopulationMatch(
             self.reference_spikes + other.reference_spikes,
@@ -132,10 +137,10 @@ def compare(
     first: tuple[int, str, int, int] | None = None
     for start in range(0, len(recordings), CHUNK):
         chunk = recordings[start : start + CHUNK]
-        wanted = evaluate(network, chunk)
+        wanted = evaluate(network, chunk, registers=program.chip.registers)
         found = hw.simulate(program, chunk, probe=("spikes", "activity"))
         for name in by_population:
-            by_population[name] += _match(wanted.spikes[name], found.spikes[name])
+            by_population[name] += PopulationMatch.of(wanted.spikes[name], found.spikes[name])
         if first is None:
             first = _first_difference(network, wanted.spikes, found.spikes, start)
         predictions.append((wanted.prediction, found.prediction))
@@ -211,10 +216,6 @@ def _check_labels(network: Network, labels: npt.NDArray[np.int64] | None, sample
         )
 
 
-def _match(wanted: ByteArray, found: ByteArray) -> PopulationMatch:
-    return PopulationMatch(int(wanted.sum()), int(found.sum()), int((wanted & found).sum()))
-
-
 def _first_difference(
     network: Network, wanted: Mapping[str, ByteArray], found: Mapping[str, ByteArray], start: int
 ) -> tuple[int, str, int, int] | None:
@@ -241,7 +242,8 @@ def _explain(
     step: int,
 ) -> Divergence:
     one = recordings[recording : recording + 1]
-    wanted = evaluate(quantized.network, one, potentials=True).potential[name][0, step, neuron]
+    reference = evaluate(quantized.network, one, potentials=True, registers=program.chip.registers)
+    wanted = reference.potential[name][0, step, neuron]
     found = hw.simulate(program, one, probe=("potential",)).potential[name][0, step, neuron]
     population = quantized.population(name)
     return Divergence(
@@ -250,6 +252,6 @@ def _explain(
         neuron,
         step,
         float(wanted),
-        float(found / population.scale),
-        population.population.neuron.theta,
+        float(found / population.scale[neuron]),
+        population.population.threshold_of(neuron),
     )

@@ -1,4 +1,4 @@
-"""The first level: a trained network in float, as its author thinks of it.
+"""The first level: a trained network, as its author thinks of it: in float, or already in the chip's integers.
 
 Network -> QuantizedNetwork -> CompartmentGraph -> PlacedGraph -> RoutedGraph -> ChipProgram
 (this file)  quantize       lower_neurons      place_cores    route_axons    assemble
@@ -6,34 +6,21 @@ Network -> QuantizedNetwork -> CompartmentGraph -> PlacedGraph -> RoutedGraph ->
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from hw_model.fixed_point import IntArray
 from hw_model.graph import Axis, Readout
 from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.errors import InputError
+from locsnn_compile.matrices import Matrix, fan_out
+from locsnn_compile.neurons import Cuba, SrmAlpha
+from locsnn_compile.neurons import FloatArray as FloatArray
+from locsnn_compile.on_grid import ChipCuba, ChipProjection, ChipSrm
 
-FloatArray = npt.NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class SrmAlpha:
-    """A spike response neuron with alpha kernels; time constants in steps of its own axis.
-
-        u(t) = sum over inputs j and their spikes s:  w_j * eps(t - s)   +   sum over own spikes f:  nu(t - f)
-        eps(k) = (k / tau_sr) * exp(1 - k / tau_sr)
-        nu(k) = -scale_ref * theta * (k / tau_ref) * exp(1 - k / tau_ref)            for k = 0, 1, 2, ...
-
-    It spikes where ``u(t) >= theta``; there is no reset. Source: Kang et al., IJCNN 2022, after SLAYER's SRMALPHA.
-    """
-
-    theta: float
-    tau_sr: float
-    tau_ref: float
-    scale_ref: float
+Neuron = SrmAlpha | Cuba | ChipSrm | ChipCuba
+"""Float models, which ``quantize`` rounds, and on-grid ones, which every pass keeps exactly."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,28 +46,49 @@ class InputView:
         return recordings if self.walk is None else recordings[:, :, self.walk].transpose(0, 2, 1)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Population:
     """``size`` neurons of one model that step along one axis."""
 
     name: str
     axis: Axis
     size: int
-    neuron: SrmAlpha
+    neuron: Neuron
+
+    @property
+    def on_grid(self) -> bool:
+        """Whether its parameters, and the weights onto it, are integers of the chip already."""
+        return isinstance(self.neuron, ChipSrm | ChipCuba)
+
+    def threshold_of(self, i: int) -> float:
+        """Return the threshold of neuron i, in the units of its potential."""
+        neuron = self.neuron
+        if isinstance(neuron, SrmAlpha):
+            return neuron.theta
+        return float(neuron.threshold[i]) if isinstance(neuron, Cuba) else 64.0 * int(neuron.threshold[i])
 
 
 @dataclass(frozen=True, eq=False)
 class Projection:
-    """Weights (n_target, n_source), float64, from an input view or a population to a population."""
+    """Weights (n_target, n_source), float64, dense or CSR, from an input view or a population to a population.
+
+    A spike of step t acts at step ``t + 1 + delay``; ``delay`` in steps, one for all, or an array like the matrix's
+    values: (n_target, n_source), or (entries,) of a sparse one. The source may be the target, or come after it.
+    """
 
     source: str
     target: str
-    weights: FloatArray
+    weights: Matrix
+    delay: int | IntArray = 0
+
+    def fan_out(self) -> IntArray:
+        """Return the weights other than 0 that each source has, (n_source,)."""
+        return fan_out(self.weights)
 
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """A trained network: views of one recording, populations in evaluation order, projections and a readout."""
+    """A trained network: views of one recording, populations, projections and a readout."""
 
     name: str
     channels: int
@@ -91,7 +99,7 @@ class Network:
     """Fingertips of 39 taxels and two polarities, where the channels are those of a tactile sensor."""
     views: tuple[InputView, ...]
     populations: tuple[Population, ...]
-    projections: tuple[Projection, ...]
+    projections: tuple[Projection | ChipProjection, ...]
     readout: Readout
     sha256: str
     """Of the file that it was read from."""
@@ -107,7 +115,7 @@ class Network:
         """Steps of an axis: time steps, or one for every channel."""
         return self.steps if axis == "time" else self.channels
 
-    def into(self, name: str) -> tuple[Projection, ...]:
+    def into(self, name: str) -> tuple[Projection | ChipProjection, ...]:
         """Return the projections onto a population."""
         return tuple(projection for projection in self.projections if projection.target == name)
 
@@ -115,42 +123,3 @@ class Network:
     def classes(self) -> int:
         """Classes of the readout."""
         return next(p.size for p in self.populations if p.name == self.readout.populations[0])
-
-
-def check_network(network: Network) -> None:
-    """Check the whole level; the first broken rule is an ``InputError`` that names the place."""
-    ends = {view.name: (view.axis, view.lines) for view in network.views}
-    for population in network.populations:
-        if population.name in ends:
-            raise InputError(f"population {population.name!r}", "the name is taken", fix="Rename it.")
-        ends[population.name] = (population.axis, population.size)
-        neuron = population.neuron
-        for key in ("theta", "tau_sr", "tau_ref"):
-            value = getattr(neuron, key)
-            if not (math.isfinite(value) and value > 0):
-                raise InputError(
-                    f"population {population.name!r}", f"{key} must be above 0", measured=f"{value}", fix="Correct it."
-                )
-    for view in network.views:
-        if view.walk is not None and sorted(view.walk.tolist()) != list(range(network.channels)):
-            raise InputError(
-                f"input {view.name!r}",
-                "its location order is not a permutation of the channels",
-                fix="Visit every channel exactly once.",
-            )
-    for projection in network.projections:
-        where = f"projection {projection.source!r} -> {projection.target!r}"
-        if projection.source not in ends or projection.target not in ends:
-            raise InputError(where, "an end does not exist", fix="Name an input or a population.")
-        (source_axis, sources), (target_axis, targets) = ends[projection.source], ends[projection.target]
-        if source_axis != target_axis:
-            raise InputError(where, f"joins the {source_axis} axis to the {target_axis} axis", fix="Keep to one axis.")
-        if projection.weights.shape != (targets, sources):
-            raise InputError(
-                where,
-                "the weights have the wrong shape",
-                measured=f"{projection.weights.shape} against {(targets, sources)}",
-                fix="Give one row a target and one column a source.",
-            )
-        if not np.isfinite(projection.weights).all():
-            raise InputError(where, "a weight is not a finite number", fix="Train again, with a lower learning rate.")

@@ -61,7 +61,6 @@ def network_additions(network: Network, spikes: Mapping[str, ByteArray]) -> dict
     additions: dict[str, int] = {axis: 0 for axis in network.axes}
     axis_of = {population.name: population.axis for population in network.populations}
     for projection in network.projections:
-        fan_out = (projection.weights != 0).sum(axis=0)
         sent = spikes[projection.source].sum(axis=(0, 1), dtype=np.int64)
-        additions[axis_of[projection.target]] += int((sent * fan_out).sum())
+        additions[axis_of[projection.target]] += int((sent * projection.fan_out()).sum())
     return additions

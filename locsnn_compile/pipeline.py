@@ -10,7 +10,8 @@ from hw_model.graph import CompartmentGraph
 from hw_model.placement import PlacedGraph, place_cores
 from hw_model.program import assemble
 from hw_model.routing import RoutedGraph, route_axons
-from locsnn_compile.network import Network, check_network
+from locsnn_compile.check_network import check_network
+from locsnn_compile.network import Network
 from locsnn_compile.passes.lower_neurons import lower_neurons
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.quantized import QuantizedNetwork
@@ -28,10 +29,10 @@ class Levels:
     program: hw.ChipProgram
 
 
-def lower(network: Network, chip: hw.Chip, weight_bits: int) -> Levels:
-    """Lower a network to a program; every pass checks the level that it gives."""
+def lower(network: Network, chip: hw.Chip, weight_bits: int, strategy: str = "dendrite") -> Levels:
+    """Lower a network to a program, SRM neurons by a strategy; every pass checks the level that it gives."""
     check_network(network)
-    quantized = quantize(network, chip, weight_bits)
+    quantized = quantize(network, chip, weight_bits, strategy)
     compartments = lower_neurons(quantized, chip)
     placed = arrange_cores(place_cores(compartments, chip))
     routed = route_axons(placed)

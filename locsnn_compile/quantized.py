@@ -4,56 +4,64 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hw_model.fixed_point import IntArray
 from locsnn_compile.network import Network, Population
+from locsnn_compile.neurons import FloatArray, SrmAlpha
+from locsnn_compile.on_grid import ChipNeuron, ChipProjection, ChipSrm
 
 
 @dataclass(frozen=True)
-class QuantizedSrm:
-    """An SRM population in the chip's numbers.
+class KernelFit:
+    """How far the chip's integer responses are from the kernels of the float neuron, as shares of these.
 
-    A potential of 1 in the float network is ``scale`` in the registers. ``decay`` and ``refractory_decay`` are the
-    effective decays of the two kernels; an own spike reaches the refractory kernel with effective weight
-    ``64 * refractory_mantissa * 2^refractory_exponent``, which is negative or 0. Relative errors of the two kernels
-    after rounding are stated: ``kernel_error`` in the root mean square, ``refractory_error`` in the weight.
+    ``input_max`` and ``input_rms``: of the response to an input spike whose peak is at the threshold, the largest
+    difference over the kernel's largest value, and the root of the summed squares of the difference over those of the
+    kernel. ``refractory_max`` and ``refractory_rms``: likewise of what an own spike takes from the potential; None
+    where the neuron has no refractory kernel.
     """
 
-    population: Population
-    scale: float
-    decay: int
-    refractory_decay: int
-    threshold: int
-    refractory_mantissa: int
-    refractory_exponent: int
-    kernel_error: float
-    refractory_error: float
+    input_max: float
+    input_rms: float
+    refractory_max: float | None
+    refractory_rms: float | None
 
 
 @dataclass(frozen=True, eq=False)
-class QuantizedProjection:
-    """Mantissas (n_target, n_source); the effective weight is ``64 * mantissa * 2^exponent``.
+class QuantizedPopulation:
+    """A population of the network in the chip's integers.
 
-    ``mantissa_max`` is the largest magnitude of the grid and ``step`` its spacing, signs apart: positive and negative
-    weights are stored in formats of their own, so that no bit of ``weight_bits`` is spent on the sign.
+    A potential of 1 in the float network is ``scale[i]`` in the registers of neuron i, (n,). ``fit`` is None where the
+    population was on the grid from the start: nothing was rounded then, and the scale is 1.
     """
 
-    source: str
-    target: str
-    mantissa: IntArray
-    exponent: int
-    weight_bits: int
-    step: int
-    mantissa_max: int
+    population: Population
+    neuron: ChipNeuron
+    scale: FloatArray
+    fit: KernelFit | None
+
+    @property
+    def strategy(self) -> str:
+        """How neurons become compartments: a strategy for SRM neurons, or ``native``, one compartment each."""
+        if isinstance(self.neuron, ChipSrm):
+            return self.neuron.strategy
+        return "reset" if isinstance(self.population.neuron, SrmAlpha) else "native"
 
 
 @dataclass(frozen=True, eq=False)
 class QuantizedNetwork:
-    """A network in integers; structure, views and readout are those of ``network``."""
+    """A network in integers; structure, views and readout are those of ``network``.
+
+    A projection of the network may be several here, whose weights add up.
+    """
 
     network: Network
-    populations: tuple[QuantizedSrm, ...]
-    projections: tuple[QuantizedProjection, ...]
+    populations: tuple[QuantizedPopulation, ...]
+    projections: tuple[ChipProjection, ...]
 
-    def population(self, name: str) -> QuantizedSrm:
+    @property
+    def strategy(self) -> str:
+        """The strategies of its populations, each named once, in order."""
+        return ", ".join(dict.fromkeys(q.strategy for q in self.populations))
+
+    def population(self, name: str) -> QuantizedPopulation:
         """Return a population by name."""
         return next(q for q in self.populations if q.population.name == name)

@@ -1,15 +1,30 @@
-"""The float reference: a Network evaluated in float64 with numpy alone, spike by spike."""
+"""The reference: a network evaluated with numpy alone, float neurons in float64, on-grid ones in int64.
+
+Populations that feed each other in a circle are stepped together; all others one after the other.
+"""
 
 from __future__ import annotations
 
-import math
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any, Protocol
 
+import networkx as nx
 import numpy as np
 import numpy.typing as npt
 
+import hw_model as hw
+from hw_model.chip_description import Registers
 from hw_model.trace import ByteArray
-from locsnn_compile.network import FloatArray, Network, SrmAlpha
+from locsnn_compile.float_neurons import CubaSteps, SrmSteps
+from locsnn_compile.integer_neurons import ChipCubaSteps, ChipSrmSteps, effective_weights
+from locsnn_compile.matrices import Matrix, charge, values_of, with_values
+from locsnn_compile.network import Network, Population, Projection
+from locsnn_compile.neurons import Cuba, FloatArray, SrmAlpha
+from locsnn_compile.on_grid import ChipCuba, ChipProjection
+
+Potentials = npt.NDArray[Any]
+"""float64 of float neurons; of on-grid ones int64, in units of the registers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,7 +32,7 @@ class ReferenceResult:
     """``spikes[name]`` (batch, steps, n) for views and populations; ``potential[name]`` likewise, if asked for."""
 
     spikes: dict[str, ByteArray]
-    potential: dict[str, FloatArray]
+    potential: dict[str, Potentials]
     scores: FloatArray
     """Class scores (batch, classes)."""
 
@@ -27,18 +42,25 @@ class ReferenceResult:
         return np.asarray(self.scores.argmax(axis=1), dtype=np.int64)
 
 
-def evaluate(network: Network, recordings: ByteArray, *, potentials: bool = False) -> ReferenceResult:
-    """Evaluate recordings (batch, steps, channels), of the network's own steps and channels."""
+class NeuronSteps(Protocol):
+    """The state of a population's neurons, (batch, n)."""
+
+    def step(self, arriving: Any) -> tuple[npt.NDArray[np.bool_], Potentials]:
+        """Take the weights that arrive; return spikes and the potential that decided them."""
+
+
+def evaluate(
+    network: Network, recordings: ByteArray, *, potentials: bool = False, registers: Registers | None = None
+) -> ReferenceResult:
+    """Evaluate recordings (batch, steps, channels), of the network's own steps and channels.
+
+    ``registers`` are those that on-grid populations wrap and clip in, by default those of ``loihi-sim``.
+    """
+    registers = registers or hw.chip("loihi-sim").registers
     spikes: dict[str, ByteArray] = {view.name: view.play(recordings) for view in network.views}
-    potential: dict[str, FloatArray] = {}
-    for population in network.populations:
-        drive = np.zeros((len(recordings), network.steps_of(population.axis), population.size))
-        for projection in network.into(population.name):
-            rows = spikes[projection.source].reshape(-1, projection.weights.shape[1])
-            drive += (rows.astype(np.float64) @ projection.weights.T).reshape(drive.shape)
-        spikes[population.name], u = srm_response(drive, population.neuron)
-        if potentials:
-            potential[population.name] = u
+    potential: dict[str, Potentials] = {}
+    for together in evaluation_order(network):
+        _evaluate_together(network, together, spikes, potential if potentials else None, registers)
     readout = network.readout
     scores = sum(
         (
@@ -50,25 +72,81 @@ def evaluate(network: Network, recordings: ByteArray, *, potentials: bool = Fals
     return ReferenceResult(spikes, potential, scores)
 
 
-def srm_response(drive: FloatArray, neuron: SrmAlpha) -> tuple[ByteArray, FloatArray]:
-    """Return spikes and potentials (batch, steps, n) of weighted input spikes (batch, steps, n).
+def evaluation_order(network: Network) -> list[tuple[Population, ...]]:
+    """Return the populations, sources first; those in a circle of projections together, in network order."""
+    graph = nx.DiGraph()
+    graph.add_nodes_from(population.name for population in network.populations)
+    graph.add_edges_from((p.source, p.target) for p in network.projections if p.source in graph)
+    circles = list(nx.strongly_connected_components(graph))
+    rank = {name: i for i, members in enumerate(circles) for name in members}
+    order = nx.DiGraph()
+    order.add_nodes_from(range(len(circles)))
+    order.add_edges_from((rank[a], rank[b]) for a, b in graph.edges if rank[a] != rank[b])
+    return [
+        tuple(p for p in network.populations if p.name in circles[i])
+        for i in nx.lexicographical_topological_sort(order, key=lambda i: _first(network, circles[i]))
+    ]
 
-    Both kernels in recursive form, with their full tails: c * k * a^(k-1) is the answer of two first-order filters of
-    decay a in a row to a spike one step earlier, times c = e * a / tau.
-    """
-    a, refractory_a = math.exp(-1.0 / neuron.tau_sr), math.exp(-1.0 / neuron.tau_ref)
-    gain = math.e * a / neuron.tau_sr
-    refractory_gain = -neuron.scale_ref * neuron.theta * math.e * refractory_a / neuron.tau_ref
-    batch, steps, n = drive.shape
-    current, response, refractory_current, refractory = np.zeros((4, batch, n))
-    spikes = np.zeros(drive.shape, dtype=np.uint8)
-    potentials = np.empty(drive.shape)
+
+def _first(network: Network, names: Iterable[str]) -> int:
+    return min(i for i, population in enumerate(network.populations) if population.name in names)
+
+
+def _evaluate_together(
+    network: Network,
+    together: tuple[Population, ...],
+    spikes: dict[str, ByteArray],
+    potential: dict[str, Potentials] | None,
+    registers: Registers,
+) -> None:
+    """Step populations that depend on each other; add their spikes, and potentials where they are wanted."""
+    batch = len(next(iter(spikes.values())))
+    steps = network.steps_of(together[0].axis)
+    names = {population.name for population in together}
+    arriving: dict[str, Potentials] = {}
+    inner: list[tuple[str, str, int, Matrix]] = []
+    for population in together:
+        dtype = np.int64 if population.on_grid else np.float64
+        arriving[population.name] = np.zeros((batch, steps, population.size), dtype=dtype)
+        for projection in network.into(population.name):
+            for delay, weights in _by_delay(projection):
+                if projection.source in names:
+                    inner.append((projection.source, population.name, delay, weights))
+                elif delay + 1 < steps:
+                    sent = charge(spikes[projection.source], weights)
+                    arriving[population.name][:, delay + 1 :] += sent[:, : steps - delay - 1]
+    state = {p.name: _steps(p, registers, batch) for p in together}
+    for p in together:
+        spikes[p.name] = np.zeros((batch, steps, p.size), dtype=np.uint8)
+        if potential is not None:
+            potential[p.name] = np.empty_like(arriving[p.name])
     for step in range(steps):
-        potentials[:, step] = gain * response + refractory_gain * refractory
-        fired = potentials[:, step] >= neuron.theta
-        spikes[:, step] = fired
-        current = a * current + drive[:, step]
-        response = a * response + current
-        refractory_current = refractory_a * refractory_current + fired
-        refractory = refractory_a * refractory + refractory_current
-    return spikes, potentials
+        for source, target, delay, weights in inner:
+            if step > delay:
+                arriving[target][:, step] += charge(spikes[source][:, step - 1 - delay], weights)
+        for name in arriving:
+            fired, seen = state[name].step(arriving[name][:, step])
+            spikes[name][:, step] = fired
+            if potential is not None:
+                potential[name][:, step] = seen
+
+
+def _by_delay(projection: Projection | ChipProjection) -> list[tuple[int, Matrix]]:
+    """Return a projection's weights in parts of one delay each; integers as effective weights."""
+    weights = effective_weights(projection) if isinstance(projection, ChipProjection) else projection.weights
+    delay = np.asarray(projection.delay)
+    if delay.ndim == 0:
+        return [(int(delay), weights)]
+    values = values_of(weights)
+    return [(int(d), with_values(weights, np.where(delay == d, values, 0))) for d in np.unique(delay)]
+
+
+def _steps(population: Population, registers: Registers, batch: int) -> NeuronSteps:
+    neuron = population.neuron
+    if isinstance(neuron, SrmAlpha):
+        return SrmSteps(neuron, batch, population.size)
+    if isinstance(neuron, Cuba):
+        return CubaSteps(neuron, batch, population.size)
+    if isinstance(neuron, ChipCuba):
+        return ChipCubaSteps(neuron, registers, batch)
+    return ChipSrmSteps(neuron, registers, batch)

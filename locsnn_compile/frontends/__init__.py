@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from locsnn_compile.check_network import check_network
 from locsnn_compile.errors import InputError
-from locsnn_compile.network import Network, check_network
+from locsnn_compile.network import Network
 
 
 def load(model: str | Path, config: str | Path | None = None, dt: float | None = None) -> Network:

@@ -1,37 +1,41 @@
 """Turn neurons into compartments that the chip has.
 
-Before: a QuantizedNetwork of SRM populations.
-After:  a CompartmentGraph, one phase an axis. Strategy ``dendrite``: each neuron is a memoryless soma, under the
-        population's name, to which an alpha dendrite ``name/dendrite`` and a refractory dendrite ``name/refractory``,
-        driven by the neuron's own spikes, add their voltages.
+Before: a QuantizedNetwork.
+After:  a CompartmentGraph, one phase an axis. A population's spikes are those of the group of its name.
+
+    dendrite     a memoryless soma, to which an alpha dendrite ``name/dendrite`` and a refractory dendrite
+                 ``name/refractory``, driven by the neuron's own spikes, add their voltages
+    delay-line   a memoryless soma and an alpha dendrite ``name/dendrite``, which own spikes reach by delayed synapses
+    reset        one compartment, with the chip's own reset; so is every leaky integrate-and-fire neuron (``native``)
 """
 
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from hw_model.chip_description import Chip
 from hw_model.fixed_point import DECAY_ONE, IntArray
 from hw_model.graph import CompartmentGraph, Compartments, Input, Phase, Synapses, check_graph, read_only
 from hw_model.weights import SignMode
-from locsnn_compile.passes.quantize import REFRACTORY_BITS
-from locsnn_compile.quantized import QuantizedNetwork, QuantizedProjection, QuantizedSrm
+from locsnn_compile.matrices import connections, values_of
+from locsnn_compile.on_grid import ChipCuba, ChipProjection, ChipSrm, RefractoryDendrite, RefractoryTaps
+from locsnn_compile.quantized import QuantizedNetwork, QuantizedPopulation
 
-STRATEGIES = ("auto", "dendrite")
-"""``auto`` takes the only lowering there is of SRM neurons: ``dendrite``."""
+OWN_BITS = 8
+"""Bits of self-synapses, few a neuron: nothing would be saved with fewer."""
 
 
 def lower_neurons(quantized: QuantizedNetwork, chip: Chip) -> CompartmentGraph:
-    """Lower every population by the ``dendrite`` strategy; weights that rounded to 0 make no synapse."""
+    """Lower every population as its neurons ask; weights of 0 make no synapse."""
     network = quantized.network
     groups: list[Compartments] = []
     synapses: list[Synapses] = []
     for population in quantized.populations:
         groups += _compartments(population, chip)
-        if population.refractory_mantissa:
-            synapses.append(_self_synapses(population))
+        synapses += _self_synapses(population)
     for projection in quantized.projections:
-        synapses += _by_sign(projection)
+        synapses += _by_sign(projection, _entrance(quantized.population(projection.target)))
     graph = CompartmentGraph(
         name=network.name,
         phases=tuple(Phase(axis, axis, network.steps_of(axis)) for axis in network.axes),
@@ -42,81 +46,124 @@ def lower_neurons(quantized: QuantizedNetwork, chip: Chip) -> CompartmentGraph:
         groups=tuple(groups),
         synapses=tuple(synapses),
         readout=network.readout,
-        synapses_pruned=sum(int((p.mantissa == 0).sum()) for p in quantized.projections),
-        provenance={"model": network.name, "model_sha256": network.sha256, "strategy": "dendrite"},
+        synapses_pruned=sum(int((values_of(p.mantissa) == 0).sum()) for p in quantized.projections),
+        provenance={"model": network.name, "model_sha256": network.sha256, "strategy": quantized.strategy},
     )
     check_graph(graph, chip)
     return graph
 
 
-def _compartments(q: QuantizedSrm, chip: Chip) -> list[Compartments]:
-    """The soma keeps nothing (decays 4096), so that the chip's reset changes nothing either."""
+def _entrance(q: QuantizedPopulation) -> str:
+    """Return the group that a population's inputs reach."""
     name = q.population.name
-    return [
-        _group(name, q, chip, decay=DECAY_ONE, joined_to=None),
-        _group(f"{name}/dendrite", q, chip, decay=q.decay, joined_to=name),
-        _group(f"{name}/refractory", q, chip, decay=q.refractory_decay, joined_to=name),
+    return f"{name}/dendrite" if isinstance(q.neuron, ChipSrm) else name
+
+
+def _compartments(q: QuantizedPopulation, chip: Chip) -> list[Compartments]:
+    """A soma beside dendrites keeps nothing (decays 4096), so that the chip's reset changes nothing either."""
+    name, neuron = q.population.name, q.neuron
+    if isinstance(neuron, ChipCuba):
+        return [_group(name, q, chip, neuron.decay_u, neuron.decay_v)]
+    all_lost = np.full(q.population.size, DECAY_ONE)
+    groups = [
+        _group(name, q, chip, all_lost, all_lost),
+        _group(f"{name}/dendrite", q, chip, neuron.decay_u, neuron.decay_v, joined_to=name),
     ]
+    if isinstance(neuron.refractory, RefractoryDendrite):
+        decay = neuron.refractory.decay
+        groups.append(_group(f"{name}/refractory", q, chip, decay, decay, joined_to=name))
+    return groups
 
 
-def _group(name: str, q: QuantizedSrm, chip: Chip, *, decay: int, joined_to: str | None) -> Compartments:
-    def every(value: int) -> IntArray:
-        return read_only(np.full(q.population.size, value))
-
-    last = chip.registers.voltage_max
+def _group(
+    name: str,
+    q: QuantizedPopulation,
+    chip: Chip,
+    decay_u: IntArray,
+    decay_v: IntArray,
+    joined_to: str | None = None,
+) -> Compartments:
+    size, neuron, last = q.population.size, q.neuron, chip.registers.voltage_max
+    none, one = np.zeros(size), np.ones(size)
+    own = (
+        (neuron.bias_mantissa, neuron.bias_exponent, neuron.refractory)
+        if isinstance(neuron, ChipCuba)
+        else (none, none, one)
+    )
+    bias_mantissa, bias_exponent, refractory = map(read_only, own)
     return Compartments(
         name=name,
         phase=q.population.axis,
-        size=q.population.size,
-        decay_u=every(decay),
-        decay_v=every(decay),
-        threshold=every(q.threshold),
-        bias_mantissa=every(0),
-        bias_exponent=every(0),
-        refractory=every(1),
-        vmin=every(-last),
-        vmax=every(last),
+        size=size,
+        decay_u=read_only(decay_u),
+        decay_v=read_only(decay_v),
+        threshold=read_only(neuron.threshold),
+        bias_mantissa=bias_mantissa,
+        bias_exponent=bias_exponent,
+        refractory=refractory,
+        vmin=read_only(-last * one),
+        vmax=read_only(last * one),
         joined_to=joined_to,
     )
 
 
-def _self_synapses(q: QuantizedSrm) -> Synapses:
-    name, n = q.population.name, q.population.size
-    each = np.arange(n)
+def _self_synapses(q: QuantizedPopulation) -> list[Synapses]:
+    """Return one list a format: taps of one sign and exponent are in one, each with its own delay."""
+    if not isinstance(q.neuron, ChipSrm):
+        return []
+    part = q.neuron.refractory
+    if isinstance(part, RefractoryDendrite):
+        taps = RefractoryTaps(np.zeros(1, np.int64), part.mantissa[None], np.array([part.exponent]))
+        target = f"{q.population.name}/refractory"
+    else:
+        taps, target = part, f"{q.population.name}/dendrite"
+    signs: tuple[tuple[SignMode, int], ...] = (("excitatory", 1), ("inhibitory", -1))
+    return [
+        _own_synapses(q.population.name, target, taps, (taps.mantissa * sign > 0) & (taps.exponent == e)[:, None], mode)
+        for e in np.unique(taps.exponent)
+        for mode, sign in signs
+        if ((taps.mantissa * sign > 0) & (taps.exponent == e)[:, None]).any()
+    ]
+
+
+def _own_synapses(
+    name: str, target: str, taps: RefractoryTaps, here: npt.NDArray[np.bool_], sign_mode: SignMode
+) -> Synapses:
+    """Return the synapses of the marked taps (taps, n), neuron by neuron."""
+    neuron, tap = np.nonzero(here.T)
     return Synapses(
         name,
-        f"{name}/refractory",
-        source_index=read_only(each),
-        target_index=read_only(each),
-        mantissa=read_only(np.full(n, q.refractory_mantissa)),
-        delay=read_only(np.zeros(n)),
-        exponent=q.refractory_exponent,
-        weight_bits=REFRACTORY_BITS,
-        sign_mode="inhibitory",
+        target,
+        source_index=read_only(neuron),
+        target_index=read_only(neuron),
+        mantissa=read_only(taps.mantissa[tap, neuron]),
+        delay=read_only(taps.delay[tap]),
+        exponent=int(taps.exponent[tap[0]]),
+        weight_bits=OWN_BITS,
+        sign_mode=sign_mode,
     )
 
 
-def _by_sign(p: QuantizedProjection) -> list[Synapses]:
-    """Positive and negative weights in formats of their own: all weight bits are then magnitude."""
-    signs: tuple[tuple[SignMode, IntArray], ...] = (
-        ("excitatory", np.maximum(p.mantissa, 0)),
-        ("inhibitory", np.minimum(p.mantissa, 0)),
+def _by_sign(p: ChipProjection, target_group: str) -> list[Synapses]:
+    """Positive and negative weights in formats of their own, all bits magnitude; or, if mixed, one for both."""
+    target, source, index = connections(p.mantissa)
+    mantissa = values_of(p.mantissa).ravel()[index]
+    delay = np.broadcast_to(p.delay, values_of(p.mantissa).shape).ravel()[index]
+    kinds: dict[SignMode, npt.NDArray[np.bool_]] = (
+        {"mixed": mantissa != 0} if p.signs == "mixed" else {"excitatory": mantissa > 0, "inhibitory": mantissa < 0}
     )
-    found = []
-    for sign_mode, mantissa in signs:
-        source, target = np.nonzero(mantissa.T)
-        if len(source):
-            found.append(
-                Synapses(
-                    p.source,
-                    f"{p.target}/dendrite",
-                    source_index=read_only(source),
-                    target_index=read_only(target),
-                    mantissa=read_only(mantissa[target, source]),
-                    delay=read_only(np.zeros(len(source))),
-                    exponent=p.exponent,
-                    weight_bits=p.weight_bits,
-                    sign_mode=sign_mode,
-                )
-            )
-    return found
+    return [
+        Synapses(
+            p.source,
+            target_group,
+            source_index=read_only(source[here]),
+            target_index=read_only(target[here]),
+            mantissa=read_only(mantissa[here]),
+            delay=read_only(delay[here]),
+            exponent=p.exponent,
+            weight_bits=p.weight_bits,
+            sign_mode=mode,
+        )
+        for mode, here in kinds.items()
+        if here.any()
+    ]

@@ -72,8 +72,10 @@ def quantization(document: Document) -> Section:
     return Section(
         "quantization",
         "Quantisation",
-        "A potential of 1 in the float network is the scale in the chip's registers. Decays are of 4096. Errors are "
-        "relative, after rounding: of the alpha kernel its root mean square, of the refractory kernel its weight.",
+        "A potential of 1 in the float network is the scale in the chip's registers. Decays are of 4096. Two "
+        "numbers are the least and the largest of the population. The kernel fit is measured on the chip's integers: how far the "
+        "response to an input spike, and what an own spike takes away, are from the kernels, as shares of them: at "
+        "most, and as root mean square (rms).",
         (table,),
     )
 
@@ -150,4 +152,6 @@ def _period(steps: int | None) -> str:
 def _number(key: str, value: object) -> str:
     if isinstance(value, float) and key.endswith("_error"):
         return share(value)
+    if isinstance(value, dict):
+        return ", ".join(f"{words(name)} {share(part)}" for name, part in value.items() if part is not None)
     return any_value(value)

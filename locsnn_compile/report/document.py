@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 import hw_model as hw
 from hw_model.counts import Counts, total
@@ -211,16 +213,22 @@ def _quantization(levels: Levels) -> Document:
     quantized = levels.quantized
     return {
         q.population.name: {
-            "scale": q.scale,
-            "threshold_mantissa": q.threshold,
-            "decay": q.decay,
-            "refractory_decay": q.refractory_decay,
-            "kernel_error": q.kernel_error,
-            "refractory_weight_error": q.refractory_error,
+            "strategy": q.strategy,
+            "scale": _spread(q.scale),
+            "threshold_mantissa": _spread(q.neuron.threshold),
+            "decay_u": _spread(q.neuron.decay_u),
+            "decay_v": _spread(q.neuron.decay_v),
+            "kernel_fit": None if q.fit is None else asdict(q.fit),
             "weight_exponents": [p.exponent for p in quantized.projections if p.target == q.population.name],
         }
         for q in quantized.populations
     }
+
+
+def _spread(values: npt.NDArray[Any]) -> Any:
+    """Return the one value that all neurons have, else the least and the largest."""
+    low, high = values.min().item(), values.max().item()
+    return low if low == high else [low, high]
 
 
 def _range(program: ChipProgram) -> Document:

@@ -3,7 +3,8 @@
 import numpy as np
 
 from hw_model.graph import Readout
-from locsnn_compile.network import InputView, Network, Population, Projection, SrmAlpha
+from locsnn_compile.network import InputView, Network, Population, Projection
+from locsnn_compile.neurons import SrmAlpha
 
 NEURON = SrmAlpha(theta=10.0, tau_sr=10.0, tau_ref=1.0, scale_ref=2.0)
 

@@ -8,7 +8,7 @@ from networks import hybrid, recordings
 
 import hw_model as hw
 from locsnn_compile.matching import compare
-from locsnn_compile.network import SrmAlpha
+from locsnn_compile.neurons import SrmAlpha
 from locsnn_compile.pipeline import lower
 
 CHIP = hw.chip("loihi-sim")
@@ -24,13 +24,14 @@ def integer_srm(drive, q):
     current, response, refractory_current, refractory = np.zeros((4, n), dtype=np.int64)
     spikes = np.zeros((steps, n), dtype=np.int64)
     limit = 2**23 - 1
-    kick = 64 * q.refractory_mantissa * 2**q.refractory_exponent
+    decay, refractory_decay = q.decay_u, q.refractory.decay
+    kick = 64 * q.refractory.mantissa * 2**q.refractory.exponent
     for t in range(steps):
         if t:
-            current = rz(current, q.decay) + drive[t - 1]
-            refractory_current = rz(refractory_current, q.refractory_decay) + kick * spikes[t - 1]
-        response = np.clip(rz(response, q.decay) + current, -limit, limit)
-        refractory = np.clip(rz(refractory, q.refractory_decay) + refractory_current, -limit, limit)
+            current = rz(current, decay) + drive[t - 1]
+            refractory_current = rz(refractory_current, refractory_decay) + kick * spikes[t - 1]
+        response = np.clip(rz(response, decay) + current, -limit, limit)
+        refractory = np.clip(rz(refractory, refractory_decay) + refractory_current, -limit, limit)
         spikes[t] = np.clip(response + refractory, -limit, limit) > 64 * q.threshold
     return spikes
 
@@ -50,7 +51,7 @@ def test_compartments_do_what_the_recursion_does(seed, bits, tau_ref):
             for p in levels.quantized.projections
             if p.target == name
         )
-        spikes[name] = integer_srm(drive, q)
+        spikes[name] = integer_srm(drive, q.neuron)
         assert np.array_equal(found.spikes[name], spikes[name]), name
 
 
@@ -83,7 +84,7 @@ def test_fine_weights_and_decays_on_the_grid_leave_the_reference_nothing_to_disa
     once = lower(network, CHIP, 8).quantized
     gain = np.e * np.exp(-1 / tau) / tau
     on_grid = tuple(
-        type(p)(p.source, p.target, q.mantissa * 64 * 2.0**q.exponent / (once.population(p.target).scale * gain))
+        type(p)(p.source, p.target, q.mantissa * 64 * 2.0**q.exponent / (once.population(p.target).scale[0] * gain))
         for p, q in zip(network.projections, once.projections, strict=True)
     )
     from dataclasses import replace

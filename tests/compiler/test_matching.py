@@ -72,7 +72,7 @@ def test_the_first_divergence_is_the_first(network, levels):
     name = list(axis)[rank]
     assert (first.recording, first.population, first.step, first.neuron) == (recording, name, step, neuron)
     assert first.reference_potential == wanted.potential[name][recording, step, neuron]
-    chip = found.potential[name][recording, step, neuron] / levels.quantized.population(name).scale
+    chip = found.potential[name][recording, step, neuron] / levels.quantized.population(name).scale[neuron]
     assert first.chip_potential == pytest.approx(chip)
     assert (first.reference_potential >= first.threshold) != (first.chip_potential >= first.threshold)
 

@@ -12,7 +12,9 @@ from networks import NEURON, hybrid
 import hw_model as hw
 from hw_model.weights import WEIGHT_BITS
 from locsnn_compile.errors import TargetError
-from locsnn_compile.passes.quantize import HEADROOM, alpha_kernel, quantize
+from locsnn_compile.passes.kernels import alpha_kernel
+from locsnn_compile.passes.quantize import quantize
+from locsnn_compile.passes.scaling import HEADROOM
 
 CHIP = hw.chip("loihi-sim")
 
@@ -30,12 +32,11 @@ def test_every_weight_is_within_half_a_grid_step(seed, bits, scale, theta):
     _, gain, _ = alpha_kernel(NEURON.tau_sr, "tau_sr")
     for p, q in zip(network.projections, quantized.projections, strict=True):
         population = quantized.population(p.target)
-        exact = p.weights * gain * population.scale / (64 * 2.0**q.exponent)
-        assert (np.abs(exact - q.mantissa) <= q.step / 2 * (1 + 1e-9)).all() or q.mantissa_max * 1.01 < np.abs(
-            exact
-        ).max()
+        exact = p.weights * gain * population.scale[0] / (64 * 2.0**q.exponent)
+        step = 1 << (8 - bits)
+        assert (np.abs(exact - q.mantissa) <= step / 2 * (1 + 1e-9)).all() or (256 - step) * 1.01 < np.abs(exact).max()
         assert (np.sign(q.mantissa) * np.sign(p.weights) >= 0).all()
-        assert 64 * HEADROOM * population.threshold <= CHIP.registers.voltage_max
+        assert 64 * HEADROOM * population.neuron.threshold[0] <= CHIP.registers.voltage_max
 
 
 @given(theta=st.floats(0.1, 100), v=st.integers(-(2**23), 2**23))
@@ -43,8 +44,8 @@ def test_every_weight_is_within_half_a_grid_step(seed, bits, scale, theta):
 def test_the_threshold_rule_is_exact(theta, v):
     """``u >= theta`` in float units is ``v > 64 * threshold`` in integers, for every v: the scale is made for it."""
     population = quantize(hybrid(neuron=replace(NEURON, theta=theta)), CHIP).populations[0]
-    exact = v * 1.0 >= population.scale * theta * (1 - 1e-12)
-    assert exact == (v > 64 * population.threshold)
+    exact = v * 1.0 >= population.scale[0] * theta * (1 - 1e-12)
+    assert exact == (v > 64 * population.neuron.threshold[0])
 
 
 @pytest.mark.parametrize(("tau", "decay"), [(10.0, 390), (1.0, 2589), (0.05, 4096), (100.0, 41), (4000.0, 1)])

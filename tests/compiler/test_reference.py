@@ -8,8 +8,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from networks import hybrid, recordings
 
-from locsnn_compile.network import SrmAlpha
-from locsnn_compile.reference import evaluate, srm_response
+from locsnn_compile.float_neurons import SrmSteps
+from locsnn_compile.neurons import SrmAlpha
+from locsnn_compile.reference import evaluate
+
+
+def srm_response(drive, neuron):
+    """Spikes and potentials (batch, steps, n) of weighted input spikes, each of which acts one step later."""
+    state = SrmSteps(neuron, len(drive), drive.shape[2])
+    arriving = np.concatenate((np.zeros_like(drive[:, :1]), drive[:, :-1]), axis=1)
+    both = [state.step(arriving[:, t]) for t in range(drive.shape[1])]
+    return tuple(np.stack(part, axis=1) for part in zip(*both, strict=True))
 
 
 def brute_force(drive, neuron):

@@ -111,12 +111,17 @@ def document() -> dict[str, Any]:
         "skipped": {"steps": 7, "events_dropped": 0, "synapses_pruned": 5, "compartments_pruned": 0},
         "quantization": {
             name: {
+                "strategy": "dendrite",
                 "scale": 44236.9,
                 "threshold_mantissa": 6912,
-                "decay": 390,
-                "refractory_decay": 2589,
-                "kernel_error": 0.0005,
-                "refractory_weight_error": 6.25e-05,
+                "decay_u": 390,
+                "decay_v": 390,
+                "kernel_fit": {
+                    "input_max": 0.0004,
+                    "input_rms": 0.0005,
+                    "refractory_max": 6.25e-05,
+                    "refractory_rms": 0.0001,
+                },
                 "weight_exponents": [0, 1],
             }
             for name in ("time_output", "location_output")

@@ -1,0 +1,58 @@
+"""Choose integers for leaky integrate-and-fire neurons: one threshold for all, a scale for each."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hw_model.chip_description import Chip
+from hw_model.fixed_point import IntArray
+from hw_model.weights import WeightGrid
+from locsnn_compile.neurons import Cuba, FloatArray
+from locsnn_compile.on_grid import ChipCuba
+from locsnn_compile.passes.kernels import best_gain, keeps, nearest_decays
+from locsnn_compile.passes.scaling import Scaled, check_threshold, exponent_and_threshold
+
+
+def quantize_cuba(neuron: Cuba, largest: FloatArray, grid: WeightGrid, chip: Chip, where: str) -> Scaled:
+    """Return the neurons in integers, given the largest weight (n,) onto each.
+
+    All get the threshold mantissa T and the scale ``64 T / threshold``, or ``(64 T + 1) / threshold`` for the rule
+    ``>=``: the comparison is then exact for every neuron, and a core needs one threshold profile for all.
+    """
+    size = len(neuron.threshold)
+    decay_u = nearest_decays(neuron.decay_u, f"{where}: decay_u")
+    decay_v = nearest_decays(neuron.decay_v, f"{where}: decay_v")
+    gain = best_gain(1 - neuron.decay_u, 1 - neuron.decay_v, keeps(decay_u), keeps(decay_v))
+    # A bias acts on the voltage alone; what it settles at is kept.
+    bias = neuron.bias * np.divide(decay_v / 4096, neuron.decay_v, out=np.ones(size), where=neuron.decay_v > 0)
+    over = 1 if neuron.rule == ">=" else 0
+    heaviest = float((largest * gain / neuron.threshold).max())
+    strongest = float((np.abs(bias) / neuron.threshold).max())
+    bias_max = ((1 << chip.registers.bias_mantissa_bits) - 1) << chip.registers.bias_exponent_max
+    cap = int(bias_max / strongest) // 64 - 1 if strongest else chip.registers.threshold_mantissa_max
+    exponent, threshold = exponent_and_threshold(heaviest, grid, chip, cap, over)
+    check_threshold(threshold, max(heaviest, strongest), where)
+    scale = (64 * threshold + over) / neuron.threshold
+    bias_mantissa, bias_exponent = _bias(bias * scale, chip)
+    made = ChipCuba.of(
+        size,
+        decay_u=decay_u,
+        decay_v=decay_v,
+        threshold=threshold,
+        bias_mantissa=bias_mantissa,
+        bias_exponent=bias_exponent,
+        refractory=neuron.refractory,
+    )
+    return Scaled(made, scale, gain, exponent)
+
+
+def _bias(values: FloatArray, chip: Chip) -> tuple[IntArray, IntArray]:
+    """Round to mantissas (n,) times powers of two, the smallest that hold them."""
+    most = (1 << chip.registers.bias_mantissa_bits) - 1
+    exponent = np.zeros(len(values), dtype=np.int64)
+    for i, value in enumerate(np.abs(values)):
+        exponent[i] = max(0, math.ceil(math.log2(value / most))) if value > most else 0
+    mantissa = np.clip(np.rint(values / 2.0**exponent), -most, most).astype(np.int64)
+    return mantissa, exponent

@@ -1,0 +1,57 @@
+"""Choose integers for SRM neurons, strategy by strategy.
+
+The threshold is exact, rule included: ``u >= theta`` holds where ``v > 64 * threshold``. The gain of the alpha kernel
+makes up for its rounded decay.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from hw_model.chip_description import Chip
+from hw_model.weights import WeightGrid
+from locsnn_compile.neurons import SrmAlpha
+from locsnn_compile.on_grid import ChipNeuron
+from locsnn_compile.passes import srm_dendrite
+from locsnn_compile.passes.kernels import alpha_kernel
+from locsnn_compile.passes.scaling import HEAVIEST, Scaled, check_threshold, exponent_and_threshold
+
+SCALE_SLACK = 0.99
+"""A scale may be up to one percent below the largest, if own weights round better there."""
+
+
+@dataclass(frozen=True)
+class Strategy:
+    """How SRM neurons are laid out: both functions are told the decay of the alpha kernel, and where they are.
+
+    ``heaviest_charge`` of a neuron's own spike, in thresholds; ``lay_out`` for so many neurons, at one of the threshold
+    mantissas.
+    """
+
+    heaviest_charge: Callable[[SrmAlpha, int, str], float]
+    lay_out: Callable[[SrmAlpha, int, int, Iterable[int], str], ChipNeuron]
+
+
+STRATEGIES: dict[str, Strategy] = {
+    "dendrite": Strategy(srm_dendrite.heaviest_charge, srm_dendrite.lay_out),
+}
+
+
+def quantize_srm(
+    neuron: SrmAlpha, size: int, largest: float, grid: WeightGrid, chip: Chip, strategy: str, where: str
+) -> Scaled:
+    """Return neurons in integers, given the largest weight onto any of them."""
+    layout = STRATEGIES[strategy]
+    decay, gain, _ = alpha_kernel(neuron.tau_sr, f"{where}: tau_sr")
+    own = layout.heaviest_charge(neuron, decay, where)
+    cap = int(HEAVIEST / own) - 1 if own else chip.registers.threshold_mantissa_max
+    exponent, most = exponent_and_threshold(largest * gain / neuron.theta, grid, chip, cap, 1)
+    check_threshold(most, largest * gain / neuron.theta, where)
+    candidates = range(most, max(1, math.ceil(SCALE_SLACK * most)) - 1, -1)
+    made = layout.lay_out(neuron, size, decay, candidates, where)
+    scale = (64 * made.threshold + 1) / neuron.theta
+    return Scaled(made, scale, np.full(size, gain), exponent)

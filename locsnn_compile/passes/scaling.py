@@ -1,0 +1,54 @@
+"""How large the numbers of a population become in the chip's registers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from hw_model.chip_description import Chip
+from hw_model.weights import WEIGHT_EXPONENTS, WeightGrid
+from locsnn_compile.errors import TargetError
+from locsnn_compile.neurons import FloatArray
+from locsnn_compile.on_grid import ChipNeuron
+
+HEADROOM = 16
+"""The voltage register holds at least this many thresholds: potentials of trained networks go that far."""
+HEAVIEST = 255 * 2.0 ** WEIGHT_EXPONENTS[-1]
+"""The largest weight of any format, in units of the threshold mantissa."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scaled:
+    """Neurons in integers, and how weights onto them are rounded.
+
+    A potential of 1 is ``scale`` (n,) in the registers; a weight of 1 is an effective weight of ``gain * scale``, in a
+    format of this ``exponent``.
+    """
+
+    neuron: ChipNeuron
+    scale: FloatArray
+    gain: FloatArray
+    exponent: int
+
+
+def exponent_and_threshold(heaviest: float, grid: WeightGrid, chip: Chip, cap: int, over: int) -> tuple[int, int]:
+    """Return weight exponent and largest threshold mantissa: all weight bits in use, then most of the register.
+
+    ``heaviest``: the largest weight in thresholds. ``cap``: a limit of the mantissa beside that of the register. A
+    threshold stands for ``64 * mantissa + over`` in the register.
+    """
+    cap = min(cap, chip.registers.voltage_max // (64 * HEADROOM))
+    fits = [grid.high * 2**e / heaviest - over / 64 if heaviest else math.inf for e in range(8)]
+    exponent = max((e for e, most in enumerate(fits) if most <= cap), default=0)
+    return exponent, int(min(fits[exponent], cap))
+
+
+def check_threshold(threshold: int, heaviest: float, where: str) -> None:
+    """Refuse a threshold mantissa of less than 1."""
+    if threshold < 1:
+        raise TargetError(
+            where,
+            "no scale holds both the threshold and the largest weight",
+            measured=f"one weight reaches {heaviest:.3g} thresholds against {HEAVIEST:.0f}",
+            fix="Train with smaller weights, or a higher threshold.",
+        )

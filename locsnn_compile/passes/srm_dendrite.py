@@ -1,0 +1,46 @@
+"""Strategy ``dendrite``: own spikes drive a refractory dendrite, the kernel nu by one self-synapse."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+
+from hw_model.weights import weight_grid
+from locsnn_compile.neurons import SrmAlpha
+from locsnn_compile.on_grid import ChipSrm
+from locsnn_compile.passes.kernels import alpha_kernel
+
+OWN_BITS = 8
+"""Bits of a self-synapse, one weight a population: nothing would be saved with fewer."""
+
+
+def heaviest_charge(neuron: SrmAlpha, decay: int, where: str) -> float:
+    """Return the largest own charge, in thresholds."""
+    return neuron.scale_ref * alpha_kernel(neuron.tau_ref, f"{where}: tau_ref")[1]
+
+
+def lay_out(neuron: SrmAlpha, size: int, decay: int, thresholds: Iterable[int], where: str) -> ChipSrm:
+    """Return the neurons at that of the threshold mantissas, best first, whose refractory weight rounds best."""
+    refractory_decay, gain, _ = alpha_kernel(neuron.tau_ref, f"{where}: tau_ref")
+    grid = weight_grid(OWN_BITS, "inhibitory")
+
+    def rounded(threshold: int) -> tuple[float, int, int]:
+        # v > 64 * threshold is v >= 64 * threshold + 1 for integers: this value stands for theta.
+        wanted = -neuron.scale_ref * gain * (64 * threshold + 1) / 64
+        exponent = max(0, math.ceil(math.log2(-wanted / 255))) if wanted < 0 else 0
+        mantissa = int(grid.round(np.array([wanted / 2**exponent]))[0])
+        error = abs(mantissa * 2**exponent - wanted) / -wanted if wanted < 0 else 0.0
+        return error, mantissa, exponent
+
+    threshold = min(thresholds, key=lambda t: rounded(t)[0])
+    _, mantissa, exponent = rounded(threshold)
+    return ChipSrm.with_dendrite(
+        size,
+        decay=decay,
+        threshold=threshold,
+        refractory_decay=refractory_decay,
+        refractory_mantissa=mantissa,
+        refractory_exponent=exponent,
+    )
