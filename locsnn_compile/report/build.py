@@ -72,9 +72,9 @@ def quantization(document: Document) -> Section:
     return Section(
         "quantization",
         "Quantisation",
-        "A potential of 1 in the float network is the scale in the chip's registers. Decays are of 4096. Two "
-        "numbers are the least and the largest of the population. The kernel fit is measured on the chip's integers: how far the "
-        "response to an input spike, and what an own spike takes away, are from the kernels, as shares of them: at "
+        "A potential of 1 in the float network is the scale in the chip's registers. Decays are of 4096. Two numbers "
+        "are the least and the largest of the population. The kernel fit is measured on the chip's integers: how far "
+        "the response to an input spike, and what an own spike takes away, are from the kernels, as shares of them: at "
         "most, and as root mean square (rms).",
         (table,),
     )
