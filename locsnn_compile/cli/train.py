@@ -13,6 +13,7 @@ from locsnn_compile.errors import InputError
 
 if TYPE_CHECKING:
     from locsnn_compile.data.recordings import Recordings
+    from locsnn_compile.models.checkpoint import Checkpoint
     from locsnn_compile.training.config import TrainingConfig
     from locsnn_compile.training.state import EpochRecord
     from locsnn_compile.training.train import Progress, TrainingResult
@@ -20,6 +21,11 @@ if TYPE_CHECKING:
 _EXAMPLE = """\
 example:
   locsnn train --data examples/recordings/motions.npz --epochs 20 -o motions.pt
+  locsnn train --data examples/recordings/motions.npz --from motions.pt --target loihi-sim -o motions-loihi.pt
+
+With --target the forward pass is the chip's integer arithmetic, so that the compiled program spikes exactly as the
+network did in training. --from goes on from a trained network: 60 epochs at a rate of 0.001 on the whole train part,
+which that network may have seen whole, unless the options say otherwise.
 
 The epoch is chosen on a validation part of the train part; the test part, where the data have one, is measured
 once at the end. Beside OUT.pt a log OUT.csv is written, and while it runs OUT.pt.state, for --resume.
@@ -55,6 +61,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="train again on the whole train part once the epoch is chosen (default: yes)",
     )
     add("--recordings", type=int, default=8, metavar="N", help="recordings to keep in the checkpoint (default 8)")
+    add("--target", metavar="CHIP", help="train on the integers of this chip (default: float)")
+    add("--strategy", metavar="NAME", help="with --target: dendrite (default), delay-line or reset")
+    add("--weight-bits", type=int, metavar="N", help="with --target: 1 to 6, or 8 (default)")
+    add("--from", dest="start", metavar="MODEL.pt", help="start from the weights of this checkpoint")
     add("--resume", action="store_true", help="go on from OUT.pt.state where a run was stopped")
     add("--quiet", action="store_true", help="print nothing")
     add("-o", "--output", default="model.pt", metavar="OUT.pt", help="checkpoint to write (default model.pt)")
@@ -70,7 +80,8 @@ def run(args: argparse.Namespace) -> int:
         )
     if output.suffix != ".pt" or output.is_dir() or not output.parent.is_dir():
         raise InputError(f"output {output.name!r}", "it is no .pt file in a folder that exists", fix="Correct -o.")
-    config = _config(args)
+    start = _start(args)
+    config = _config(args, start)
     recordings, test = _read(args.data)
 
     from locsnn_compile.training.export import export_checkpoint
@@ -86,6 +97,7 @@ def run(args: argparse.Namespace) -> int:
                 config,
                 name=output.stem,
                 classes=_classes(recordings, test),
+                start=start,
                 state_path=state_path,
                 log_path=output.with_suffix(".csv"),
                 progress=progress,
@@ -93,23 +105,35 @@ def run(args: argparse.Namespace) -> int:
         except KeyboardInterrupt:
             print("Stopped. Go on with the same command and --resume.", file=sys.stderr)
             return 130
-    accuracy = export_checkpoint(output, result, config, recordings, test, carried=args.recordings)
+    accuracy = export_checkpoint(output, result, config, recordings, test, carried=args.recordings, start=start)
     state_path.unlink(missing_ok=True)
     if not args.quiet:
         print(_summary(output, result, accuracy, test))
     return 0
 
 
-def _config(args: argparse.Namespace) -> TrainingConfig:
+def _start(args: argparse.Namespace) -> Checkpoint | None:
+    if args.start is None:
+        return None
+    from locsnn_compile.models.checkpoint_reader import read_checkpoint
+
+    return read_checkpoint(args.start)
+
+
+def _config(args: argparse.Namespace, start: Checkpoint | None) -> TrainingConfig:
     from locsnn_compile.training.config import config_from_mapping, read_config
+    from locsnn_compile.training.fine_tuning import FINE_TUNING, check_fits_start, fine_tuning_config
 
     values: dict[str, Any] = read_config(args.config) if args.config is not None else {}
     options = (
         *("model", "order", "epochs", "seed", "hidden", "loss", "location_weight", "learning_rate"),
-        *("event_dropout", "validation_fraction", "refit"),
+        *("event_dropout", "validation_fraction", "refit", "target", "strategy", "weight_bits"),
     )
-    given = {name: getattr(args, name) for name in options if getattr(args, name) is not None}
-    return config_from_mapping(values | given)
+    values |= {name: getattr(args, name) for name in options if getattr(args, name) is not None}
+    if start is None:
+        return config_from_mapping(values)
+    check_fits_start(values, start.description)
+    return fine_tuning_config(config_from_mapping(FINE_TUNING | values), start.description)
 
 
 def _read(data: str) -> tuple[Recordings, Recordings | None]:

@@ -8,9 +8,13 @@ import numpy as np
 
 from hw_model.graph import Axis, Readout
 from locsnn_compile.data.sensor import channel_walk
+from locsnn_compile.matrices import matrix
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
-from locsnn_compile.network import InputView, Network, Population, Projection, SrmAlpha
+from locsnn_compile.models.chip_numbers import ChipPopulation, OwnSynapse, Strategy
+from locsnn_compile.network import InputView, Network, Population, Projection
+from locsnn_compile.neurons import SrmAlpha
+from locsnn_compile.on_grid import ChipCuba, ChipNeuron, ChipProjection, ChipSrm
 
 VIEW_NAMES: dict[Axis, str] = {"time": "touch", "location": "touch_transposed"}
 
@@ -23,18 +27,15 @@ def load_checkpoint(path: Path) -> Network:
 def network_of(checkpoint: Checkpoint) -> Network:
     """Return the network of a checkpoint: one view, and two populations, for each of its branches."""
     description = checkpoint.description
-    n = description.neuron
-    neuron = SrmAlpha(theta=n.theta, tau_sr=n.tau_sr, tau_ref=n.tau_ref, scale_ref=n.scale_ref)
     views, populations, projections = [], [], []
     for axis in _axes(description.branches):
         view = _view(axis, checkpoint)
         hidden, output = f"{axis}_hidden", f"{axis}_output"
         views.append(view)
         for source, target in ((view.name, hidden), (hidden, output)):
-            weights = checkpoint.weights[target].astype(np.float64)
-            weights.setflags(write=False)
-            populations.append(Population(target, axis, len(weights), neuron))
-            projections.append(Projection(source, target, weights))
+            population, projection = _layer(checkpoint, axis, source, target)
+            populations.append(population)
+            projections.append(projection)
     outputs = tuple(f"{view.axis}_output" for view in views)
     return Network(
         name=description.name,
@@ -48,6 +49,42 @@ def network_of(checkpoint: Checkpoint) -> Network:
         readout=Readout(outputs, (1.0,) * len(outputs)),
         sha256=checkpoint.sha256,
         recordings=checkpoint.recordings,
+    )
+
+
+def _layer(
+    checkpoint: Checkpoint, axis: Axis, source: str, target: str
+) -> tuple[Population, Projection | ChipProjection]:
+    """Return a population and the weights onto it: in float, or in the integers that it was trained with."""
+    size = len(checkpoint.weights[target])
+    if checkpoint.chip is None:
+        n = checkpoint.description.neuron
+        neuron = SrmAlpha(theta=n.theta, tau_sr=n.tau_sr, tau_ref=n.tau_ref, scale_ref=n.scale_ref)
+        weights = matrix(checkpoint.weights[target], np.float64)
+        return Population(target, axis, size, neuron), Projection(source, target, weights)
+    numbers = checkpoint.chip.populations[target]
+    mantissa = matrix(checkpoint.weights[target], np.int64)
+    projection = ChipProjection(source, target, mantissa, numbers.exponent, numbers.weight_bits)
+    return Population(target, axis, size, _chip_neuron(numbers, checkpoint.chip.strategy, size)), projection
+
+
+def _chip_neuron(numbers: ChipPopulation, strategy: Strategy, size: int) -> ChipNeuron:
+    n = numbers
+    if strategy == "reset":
+        return ChipCuba.of(size, decay_u=n.decay, decay_v=n.decay, threshold=n.threshold, refractory=n.refractory)
+    if strategy == "delay-line":
+        delay, mantissa, exponent = ([getattr(s, name) for s in n.own] for name in ("delay", "mantissa", "exponent"))
+        return ChipSrm.with_taps(
+            size, decay=n.decay, threshold=n.threshold, delay=delay, mantissa=mantissa, exponent=exponent
+        )
+    own = n.own[0] if n.own else OwnSynapse(0, 0)
+    return ChipSrm.with_dendrite(
+        size,
+        decay=n.decay,
+        threshold=n.threshold,
+        refractory_decay=n.refractory_decay,
+        refractory_mantissa=own.mantissa,
+        refractory_exponent=own.exponent,
     )
 
 

@@ -1,12 +1,17 @@
-"""The trained checkpoint of this project: ``locsnn-checkpoint`` version 1, a plain dict in torch's own file
-format.
+"""The trained checkpoint of this project: ``locsnn-checkpoint``, a plain dict in torch's own file format.
 
     {"format", "version", "name", "architecture", "neuron": {...}, "input": {...}, "hidden", "classes",
      "location_order": None or {"name", "taxels"}, "weights": {population: float32 tensor [out, in]},
      "recordings": None or {"spikes": uint8 (samples, steps, channels), "labels": int64 (samples,) or None},
      "training": {plain numbers and strings}}
 
-Written here, read by :mod:`locsnn_compile.models.checkpoint_reader`, which never runs code of the file.
+That is version 1. A network trained on a chip's arithmetic is version 2: its weights are int16 mantissas, and
+
+    "chip": {"target", "strategy", "registers": {width: bits},
+             "populations": {population: {fields of ChipPopulation, "own": [[mantissa, exponent, delay], ...]}}}
+
+holds the other integers that the chip is loaded with. Written here, read by
+:mod:`locsnn_compile.models.checkpoint_reader`, which never runs code of the file.
 """
 
 from __future__ import annotations
@@ -23,10 +28,13 @@ from numpy.typing import NDArray
 from hw_model.files import replace_file
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
+from locsnn_compile.models.chip_entry import chip_entry
+from locsnn_compile.models.chip_numbers import ChipNumbers, ChipPopulation
 from locsnn_compile.models.description import NetworkDescription
 
 FORMAT = "locsnn-checkpoint"
-VERSION = 1
+VERSION = 2
+"""The newest version; a network in float is written as version 1."""
 
 #: What a training entry may be.
 Plain = str | int | float | bool | None
@@ -36,30 +44,40 @@ Plain = str | int | float | bool | None
 class Checkpoint:
     """A trained network as read from a file.
 
-    ``weights``: population name -> float32 [out, in], read-only, in evaluation order; ``recordings``: the
-    ones the checkpoint carries for checks, or None; ``training``: how it came about, plain values; ``sha256``
-    of the file.
+    ``weights``: population name -> float32 [out, in], or int64 mantissas where there is a ``chip``; read-only, in
+    evaluation order; ``recordings``: the ones the checkpoint carries for checks, or None; ``training``: how it came
+    about, plain values; ``sha256`` of the file; ``chip``: the integers of a network trained on a chip's arithmetic.
     """
 
     description: NetworkDescription
-    weights: dict[str, NDArray[np.float32]]
+    weights: dict[str, NDArray[Any]]
     recordings: Recordings | None
     training: dict[str, Plain]
     sha256: str
+    chip: ChipNumbers | None = None
+
+    @property
+    def float_weights(self) -> dict[str, NDArray[np.float32]]:
+        """Weights [out, in] in the float network's units."""
+        if self.chip is None:
+            return self.weights
+        units = {name: numbers.unit for name, numbers in self.chip.populations.items()}
+        return {name: (mantissa * units[name]).astype(np.float32) for name, mantissa in self.weights.items()}
 
 
 def save_checkpoint(
     path: Path | str,
     description: NetworkDescription,
-    weights: Mapping[str, NDArray[np.floating[Any]]],
+    weights: Mapping[str, NDArray[Any]],
     *,
     recordings: Recordings | None = None,
     training: Mapping[str, Plain] | None = None,
+    chip: ChipNumbers | None = None,
 ) -> None:
     """Write a checkpoint whole or not at all; equal arguments give equal bytes under one version of torch.
 
-    Raises ``InputError`` for weights that do not fit the description or are not finite, and where the folder
-    cannot be written.
+    With ``chip`` the weights are mantissas on the grid of its numbers, else floats. Raises ``InputError`` for weights
+    that do not fit the description, are not finite or not on the grid, and where the folder cannot be written.
     """
     import torch
 
@@ -74,11 +92,15 @@ def save_checkpoint(
                 measured=f"got {got} against {shape}",
                 fix="Save the weights of a network of this description.",
             )
-        check_finite(f"population {name!r}", weights[name])
-        tensors[name] = torch.from_numpy(np.array(weights[name], dtype=np.float32, order="C"))
+        if chip is None:
+            check_finite(f"population {name!r}", weights[name])
+        else:
+            check_on_grid(f"population {name!r}", weights[name], chip.populations[name])
+        kind = np.float32 if chip is None else np.int16
+        tensors[name] = torch.from_numpy(np.array(weights[name], dtype=kind, order="C"))
     values = {
         "format": FORMAT,
-        "version": VERSION,
+        "version": 1 if chip is None else VERSION,
         "name": description.name,
         "architecture": description.architecture,
         "neuron": asdict(description.neuron),
@@ -90,12 +112,14 @@ def save_checkpoint(
         "recordings": _recordings_entry(recordings),
         "training": dict(training or {}),
     }
+    if chip is not None:
+        values["chip"] = chip_entry(chip)
     content = io.BytesIO()
     torch.save(values, content)
     replace_file(path, content.getvalue(), f"checkpoint {path.name!r}")
 
 
-def check_finite(where: str, weights: NDArray[np.floating[Any]]) -> None:
+def check_finite(where: str, weights: NDArray[Any]) -> None:
     """Raise ``InputError`` naming the first weight that is NaN or infinite."""
     bad = np.argwhere(~np.isfinite(weights))
     if len(bad):
@@ -104,6 +128,20 @@ def check_finite(where: str, weights: NDArray[np.floating[Any]]) -> None:
             where,
             f"weight [{row}, {column}] is not finite",
             measured=f"got {weights[row, column]}, {len(bad)} such weights",
+            fix="Train the network again.",
+        )
+
+
+def check_on_grid(where: str, mantissas: NDArray[Any], numbers: ChipPopulation) -> None:
+    """Raise ``InputError`` naming the first mantissa that the population's weight format does not hold."""
+    off = (np.abs(mantissas) > numbers.mantissa_max) | (mantissas % numbers.mantissa_step != 0)
+    bad = np.argwhere(off)
+    if len(bad):
+        row, column = (int(index) for index in bad[0])
+        raise InputError(
+            where,
+            f"mantissa [{row}, {column}] is not on the grid of {numbers.weight_bits} bits",
+            measured=f"got {mantissas[row, column]}, {len(bad)} such mantissas",
             fix="Train the network again.",
         )
 

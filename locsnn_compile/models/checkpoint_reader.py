@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.torch_file import load_plain, read_bytes
 from locsnn_compile.errors import InputError, did_you_mean
-from locsnn_compile.models.checkpoint import FORMAT, VERSION, Checkpoint, Plain, check_finite
+from locsnn_compile.models.checkpoint import FORMAT, VERSION, Checkpoint, Plain, check_finite, check_on_grid
+from locsnn_compile.models.chip_entry import parse_chip_entry
+from locsnn_compile.models.chip_numbers import ChipNumbers
 from locsnn_compile.models.description import InputLayout, NetworkDescription, NeuronParameters
 
 if TYPE_CHECKING:
@@ -82,8 +84,9 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
             measured=f"version {version} against {VERSION}",
             fix="Update locsnn-compile.",
         )
-    _check_keys(where, "", values, _KEYS)
-    if version != VERSION:
+    on_chip = version == VERSION
+    _check_keys(where, "", values, _KEYS | {"chip": (dict,)} if on_chip else _KEYS)
+    if version not in (1, VERSION):
         raise InputError(
             where,
             "its version does not exist",
@@ -107,12 +110,14 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
         )
     except InputError as error:
         raise InputError(f"{where}, {error.where}", error.what, measured=error.measured, fix=error.fix) from None
+    chip = parse_chip_entry(where, values["chip"], description.weight_shapes) if on_chip else None
     return Checkpoint(
         description=description,
-        weights=_weights(where, values["weights"], description),
+        weights=_weights(where, values["weights"], description, chip),
         recordings=_recordings(where, values["recordings"], description, source),
         training=_training(where, values["training"]),
         sha256=sha256,
+        chip=chip,
     )
 
 
@@ -153,12 +158,16 @@ def _location_order(where: str, entry: dict[Any, Any] | None) -> tuple[str | Non
     return entry["name"], tuple(entry["taxels"])
 
 
-def _weights(where: str, entry: dict[Any, Any], description: NetworkDescription) -> dict[str, NDArray[np.float32]]:
+def _weights(
+    where: str, entry: dict[Any, Any], description: NetworkDescription, chip: ChipNumbers | None
+) -> dict[str, NDArray[Any]]:
+    """Return float32 weights, or int64 mantissas on the grid of ``chip``."""
     import torch
 
     shapes = description.weight_shapes
+    kind, word = (torch.float32, "float32") if chip is None else (torch.int16, "int16")
     _check_keys(where, "weights.", entry, dict.fromkeys(shapes, (torch.Tensor,)))
-    weights: dict[str, NDArray[np.float32]] = {}
+    weights: dict[str, NDArray[Any]] = {}
     for name, shape in shapes.items():
         place, tensor = f"{where}, population {name!r}", entry[name]
         if tuple(tensor.shape) != shape:
@@ -168,15 +177,18 @@ def _weights(where: str, entry: dict[Any, Any], description: NetworkDescription)
                 measured=f"got {tuple(tensor.shape)} against {shape} (out, in)",
                 fix=_WRITE_AGAIN,
             )
-        if tensor.dtype != torch.float32 or not _is_dense(tensor):
+        if tensor.dtype != kind or not _is_dense(tensor):
             raise InputError(
                 place,
-                "its weights are not dense float32",
+                f"its weights are not dense {word}",
                 measured=f"got {tensor.dtype}, {_storage(tensor)}",
                 fix=_WRITE_AGAIN,
             )
-        array = np.array(tensor.detach().numpy(), dtype=np.float32, order="C")
-        check_finite(place, array)
+        array = np.array(tensor.detach().numpy(), dtype=np.float32 if chip is None else np.int64, order="C")
+        if chip is None:
+            check_finite(place, array)
+        else:
+            check_on_grid(place, array, chip.populations[name])
         array.setflags(write=False)
         weights[name] = array
     return weights

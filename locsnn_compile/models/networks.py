@@ -7,7 +7,8 @@ floats 0 or 1, and return their spikes by population name: ``time_*`` (batch, st
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 
 import numpy as np
 import torch
@@ -16,6 +17,8 @@ from torch import Tensor, nn
 
 from locsnn_compile.data.sensor import channel_walk
 from locsnn_compile.errors import InputError
+from locsnn_compile.models.chip_layers import ChipLayer
+from locsnn_compile.models.chip_numbers import ChipNumbers
 from locsnn_compile.models.description import NetworkDescription
 from locsnn_compile.models.srm import INITIAL_SCALE, LSRM, TSRM, SRMLayer, transpose_recording
 
@@ -24,11 +27,22 @@ MAX_MATRIX_STEPS = 4_000
 
 
 class TouchNetwork(nn.Module):
-    """A network by its description; layers are named as the populations and start from ``seed``."""
+    """A network by its description; layers are named as the populations and start from ``seed``.
 
-    def __init__(self, description: NetworkDescription, *, seed: int = 0, initial_scale: float = INITIAL_SCALE) -> None:
+    With ``chip`` every population runs on the chip's integers, and its weights live on their grid.
+    """
+
+    def __init__(
+        self,
+        description: NetworkDescription,
+        *,
+        seed: int = 0,
+        initial_scale: float = INITIAL_SCALE,
+        chip: ChipNumbers | None = None,
+    ) -> None:
         super().__init__()
-        self.description = description
+        self.description, self.chip = description, chip
+        self._kept: dict[str, Tensor] = {}
         generator = torch.Generator().manual_seed(seed)
         layout = description.input
         longest = max(layout.steps, layout.channels)
@@ -49,14 +63,20 @@ class TouchNetwork(nn.Module):
             )
         self.register_buffer("walk", torch.from_numpy(walk.copy()), persistent=False)
         for name, (outputs, inputs) in description.weight_shapes.items():
-            kind, steps = (TSRM, layout.steps) if name.startswith("time") else (LSRM, layout.channels)
-            self.add_module(
-                name, kind(inputs, outputs, steps, description.neuron, generator=generator, initial_scale=initial_scale)
-            )
+            make: Callable[..., SRMLayer | ChipLayer]
+            if chip is not None:
+                make = partial(ChipLayer, numbers=chip.populations[name], strategy=chip.strategy)
+            elif name.startswith("time"):
+                make = partial(TSRM, steps=layout.steps)
+            else:
+                make = partial(LSRM, steps=layout.channels)
+            layer = make(inputs, outputs, neuron=description.neuron, generator=generator, initial_scale=initial_scale)
+            self.add_module(name, layer)
 
-    def _layer(self, name: str) -> SRMLayer:
+    def layer(self, name: str) -> SRMLayer | ChipLayer:
+        """Return the layer of a population."""
         layer = self.get_submodule(name)
-        assert isinstance(layer, SRMLayer)
+        assert isinstance(layer, SRMLayer | ChipLayer)
         return layer
 
     def forward(self, x: Tensor) -> dict[str, Tensor]:
@@ -74,7 +94,7 @@ class TouchNetwork(nn.Module):
             walk = self.get_buffer("walk")
             stream = x if branch == "time" else transpose_recording(x, walk)
             for name in (f"{branch}_hidden", f"{branch}_output"):
-                stream = self._layer(name)(stream)
+                stream = self.layer(name)(stream)
                 spikes[name] = stream
         return spikes
 
@@ -89,10 +109,41 @@ class TouchNetwork(nn.Module):
         """
         return torch.stack(list(self.branch_counts(x).values())).sum(dim=0)
 
+    def prune(self, share: float) -> None:
+        """Set a ``share`` 0..1 of each population's weights, the smallest, to 0; :meth:`hold` keeps them there."""
+        for name in self.description.weight_shapes:
+            weight = self.layer(name).weight.detach()
+            order = weight.abs().flatten().argsort(stable=True)
+            kept = torch.ones(weight.numel(), dtype=torch.bool)
+            kept[order[: int(share * len(order))]] = False
+            self._kept[name] = kept.reshape(weight.shape)
+        self.hold()
+
+    def hold(self) -> None:
+        """Bring weights back where they must be after a step: pruned ones to 0, a chip's into their format's range."""
+        for name in self.description.weight_shapes:
+            layer = self.layer(name)
+            if isinstance(layer, ChipLayer):
+                layer.hold()
+            if name in self._kept:
+                with torch.no_grad():
+                    layer.weight.mul_(self._kept[name])
+
+    def snap(self) -> None:
+        """Put a chip network's latent weights where they round to, so that no later rounding can differ."""
+        if self.chip is not None:
+            units = {name: numbers.unit for name, numbers in self.chip.populations.items()}
+            self.load_weights({name: mantissa * units[name] for name, mantissa in self.mantissas().items()})
+
+    def mantissas(self) -> dict[str, NDArray[np.int64]]:
+        """Return the mantissas [out, in] by population name, of a network on the chip's integers."""
+        layers = {name: self.layer(name) for name in self.description.weight_shapes}
+        return {name: layer.mantissas() for name, layer in layers.items() if isinstance(layer, ChipLayer)}
+
     def weights(self) -> dict[str, NDArray[np.float32]]:
         """Return copies of the weights [out, in] by population name."""
         return {
-            name: self._layer(name).weight.detach().to(torch.float32).numpy().copy()
+            name: self.layer(name).weight.detach().to(torch.float32).numpy().copy()
             for name in self.description.weight_shapes
         }
 
@@ -107,7 +158,7 @@ class TouchNetwork(nn.Module):
                     measured=f"got {got} against {shape}",
                     fix="Give the weights of a network of this description.",
                 )
-            layer = self._layer(name)
+            layer = self.layer(name)
             with torch.no_grad():
                 layer.weight.copy_(torch.from_numpy(np.array(weights[name])))
 
@@ -132,10 +183,14 @@ NETWORKS: dict[str, type[TouchNetwork]] = {
 
 
 def build_network(
-    description: NetworkDescription, *, seed: int = 0, initial_scale: float = INITIAL_SCALE
+    description: NetworkDescription,
+    *,
+    seed: int = 0,
+    initial_scale: float = INITIAL_SCALE,
+    chip: ChipNumbers | None = None,
 ) -> TouchNetwork:
     """Return the network of ``description.architecture`` with initial weights of ``seed``.
 
-    They are uniform within +-``initial_scale`` / sqrt(inputs of the layer).
+    They are uniform within +-``initial_scale`` / sqrt(inputs of the layer). With ``chip`` it runs on its integers.
     """
-    return NETWORKS[description.architecture](description, seed=seed, initial_scale=initial_scale)
+    return NETWORKS[description.architecture](description, seed=seed, initial_scale=initial_scale, chip=chip)

@@ -10,18 +10,22 @@ from typing import Any
 
 import yaml
 
+from hw_model.weights import WEIGHT_BITS
 from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.models.chip_numbers import STRATEGIES
 from locsnn_compile.models.description import BRANCHES
 
 LOSSES = ("cross-entropy", "spike-count")
 OPTIMIZERS = ("adamw", "rmsprop")
 SCHEDULES = ("cosine", "constant")
 
-_CHOICES: dict[str, tuple[str, ...]] = {
+_CHOICES: dict[str, tuple[str | int, ...]] = {
     "model": tuple(BRANCHES),
     "loss": LOSSES,
     "optimizer": OPTIMIZERS,
     "schedule": SCHEDULES,
+    "strategy": STRATEGIES,
+    "weight_bits": WEIGHT_BITS,
 }
 #: field -> (smallest, largest) accepted; whole numbers for fields annotated int.
 _RANGES: dict[str, tuple[float, float]] = {
@@ -48,6 +52,10 @@ _RANGES: dict[str, tuple[float, float]] = {
     "scale_ref": (0.0, 1e6),
     "tau_rho": (1e-6, 1e6),
     "scale_rho": (1e-6, 1e6),
+    "weight_room": (1e-3, 1e3),
+    "refractory": (1, 63),
+    "pruned": (0.0, 0.999),
+    "spike_cost": (0.0, 1e3),
 }
 
 
@@ -66,6 +74,12 @@ class TrainingConfig:
     - ``refit``: once the epoch is chosen, train afresh on the whole train part for as many epochs, on a
       schedule of that length.
     - time constants in steps; ``step_seconds`` is the width of a time bin, where the data do not say it.
+    - ``target``: ``float``, or the chip whose integers the forward pass computes; there neurons are laid out by
+      ``strategy``, weights have ``weight_bits``, and their range is ``weight_room`` times the largest weight of the
+      network that the run starts from (from scratch: :data:`locsnn_compile.training.target.USUAL_LARGEST`).
+      ``refractory`` is the chip's count, for strategy ``reset``.
+    - ``pruned``: this share of each population's weights, the smallest of the start, is 0 and stays so.
+    - ``spike_cost`` is added to the loss for every spike of a hidden neuron, averaged over neurons and recordings.
     """
 
     model: str = "hybrid"
@@ -97,6 +111,13 @@ class TrainingConfig:
     scale_ref: float = 2.0
     tau_rho: float = 1.0
     scale_rho: float = 1.0
+    target: str = "float"
+    strategy: str = "dendrite"
+    weight_bits: int = 8
+    weight_room: float = 1.25
+    refractory: int = 1
+    pruned: float = 0.0
+    spike_cost: float = 0.0
 
     def __post_init__(self) -> None:
         for item in fields(self):
@@ -150,7 +171,8 @@ def _check(name: str, kind: str, value: object) -> None:
         words = {"int": "a whole number", "float": "a number", "str": "text", "bool": "true or false"}
         raise InputError(where, f"it must be {words[kind]}", measured=f"got {value!r}", fix="Correct the value.")
     if name in _CHOICES and value not in _CHOICES[name]:
-        raise InputError(where, f"{value!r} is not known", fix=did_you_mean(str(value), _CHOICES[name]))
+        known = [str(choice) for choice in _CHOICES[name]]
+        raise InputError(where, f"{value!r} is not known", fix=did_you_mean(str(value), known))
     if name in _RANGES:
         low, high = _RANGES[name]
         assert isinstance(value, int | float)

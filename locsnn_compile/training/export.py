@@ -4,15 +4,17 @@ training.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
-from locsnn_compile.models.checkpoint import Plain, save_checkpoint
+from locsnn_compile.models.checkpoint import Checkpoint, Plain, save_checkpoint
 from locsnn_compile.training.config import TrainingConfig
 from locsnn_compile.training.measure import evaluate
 from locsnn_compile.training.train import TrainingResult
@@ -51,6 +53,10 @@ def training_entry(
     return figures | asdict(config)
 
 
+def _start_entry(start: Checkpoint | None) -> dict[str, Plain]:
+    return {} if start is None else {"start": start.description.name, "start_sha256": start.sha256}
+
+
 def spread_rows(available: int, wanted: int) -> NDArray[np.int64]:
     """Return min(wanted, available) row numbers, evenly spread, so that files sorted by class give many
     classes.
@@ -67,14 +73,16 @@ def export_checkpoint(
     test: Recordings | None,
     *,
     carried: int = 8,
+    start: Checkpoint | None = None,
 ) -> float | None:
     """Measure ``test`` once, write the checkpoint to ``path``, and return the test accuracy, None without a
     test part.
 
-    ``carried`` recordings of the test part (of the train part where there is none) go into the file, for
-    checks.
+    ``start`` is the checkpoint that the run began with. ``carried`` recordings of the test part (of the train part
+    where there is none) go into the file, for checks.
     """
-    weights = result.network.weights()
+    network = result.network
+    weights: Mapping[str, NDArray[Any]] = network.weights() if network.chip is None else network.mantissas()
     test_accuracy = None if test is None else measure(result, config, test)
     kept: Recordings | None = None
     if carried > 0:
@@ -82,9 +90,10 @@ def export_checkpoint(
         kept = pool.subset(spread_rows(len(pool), carried))
     save_checkpoint(
         path,
-        result.network.description,
+        network.description,
         weights,
         recordings=kept,
-        training=training_entry(result, config, recordings, test, test_accuracy),
+        training=training_entry(result, config, recordings, test, test_accuracy) | _start_entry(start),
+        chip=network.chip,
     )
     return test_accuracy

@@ -14,10 +14,19 @@ from locsnn_compile.training.losses import count_cross_entropy, spike_count_loss
 
 def batch_loss(network: TouchNetwork, config: TrainingConfig, x: Tensor, labels: Tensor) -> Tensor:
     """Return the scalar loss that ``config`` names for x (batch, steps, channels), labels (batch,)."""
-    counts = weighted_counts(network.branch_counts(x), config.location_weight)
+    spikes = network(x)
+    branches = {name: spikes[f"{name}_output"].sum(dim=1) for name in network.description.branches}
+    counts = weighted_counts(branches, config.location_weight)
     if config.loss == "spike-count":
-        return spike_count_loss(counts, labels, target_right=config.target_right, target_wrong=config.target_wrong)
-    return count_cross_entropy(counts, labels, count_scale=config.count_scale, label_smoothing=config.label_smoothing)
+        loss = spike_count_loss(counts, labels, target_right=config.target_right, target_wrong=config.target_wrong)
+    else:
+        loss = count_cross_entropy(
+            counts, labels, count_scale=config.count_scale, label_smoothing=config.label_smoothing
+        )
+    if config.spike_cost:
+        hidden = [spikes[f"{name}_hidden"].sum(dim=1).mean() for name in network.description.branches]
+        loss = loss + config.spike_cost * torch.stack(hidden).sum()
+    return loss
 
 
 def evaluate(

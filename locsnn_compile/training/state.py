@@ -17,6 +17,7 @@ from torch import Tensor
 from hw_model.files import replace_file
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
+from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.training.config import TrainingConfig
 
 _FORMAT, _VERSION = "locsnn-training-state", 1
@@ -47,9 +48,11 @@ class TrainingState:
     chosen_weights: dict[str, Tensor] = field(default_factory=dict)
 
 
-def run_key(config: TrainingConfig, recordings: Recordings) -> str:
-    """Return the sha256 over the configuration and the recordings: a state belongs to one such key."""
+def run_key(config: TrainingConfig, recordings: Recordings, start: Checkpoint | None = None) -> str:
+    """Return the sha256 over configuration, recordings and the checkpoint at the start: a state belongs to one key."""
     digest = hashlib.sha256(repr(sorted(asdict(config).items())).encode())
+    if start is not None:
+        digest.update(start.sha256.encode())
     digest.update(repr(recordings.spikes.shape).encode())
     digest.update(np.ascontiguousarray(recordings.spikes).tobytes())
     if recordings.labels is not None:

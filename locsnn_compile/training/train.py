@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,13 +21,17 @@ from hw_model.files import replace_file
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import POLARITIES, TAXELS, parse_location_order
 from locsnn_compile.errors import InputError
+from locsnn_compile.models.checkpoint import Checkpoint
+from locsnn_compile.models.chip_numbers import ChipNumbers
 from locsnn_compile.models.description import BRANCHES, InputLayout, NetworkDescription, NeuronParameters
 from locsnn_compile.models.networks import TouchNetwork, build_network
 from locsnn_compile.training.batches import batches, epoch_generator, stratified_split
 from locsnn_compile.training.config import TrainingConfig
+from locsnn_compile.training.fine_tuning import check_recordings
 from locsnn_compile.training.measure import batch_loss, evaluate
 from locsnn_compile.training.schedule import choose_epoch, learning_rate
 from locsnn_compile.training.state import EpochRecord, TrainingState, load_state, run_key, save_state
+from locsnn_compile.training.target import chip_numbers
 
 #: Called after every epoch with (epochs done in all phases, epochs in all as far as known, the epoch's
 #: record).
@@ -88,6 +92,7 @@ def train(
     *,
     name: str = "model",
     classes: int | None = None,
+    start: Checkpoint | None = None,
     state_path: Path | None = None,
     log_path: Path | None = None,
     save_every: int = 10,
@@ -95,9 +100,10 @@ def train(
 ) -> TrainingResult:
     """Train on the train part ``recordings`` and return the network, in float32.
 
-    ``classes`` is the number of classes where it is more than the labels show. With ``state_path`` the state is
-    written every ``save_every`` epochs and an existing one is taken up; removing it is the caller's. ``log_path``
-    gets a CSV line an epoch. Raises ``InputError`` for data without labels.
+    ``classes`` is the number of classes where it is more than the labels show. With ``start`` every phase begins with
+    the weights of that checkpoint, and the network is of its description, which ``config`` must fit. With
+    ``state_path`` the state is written every ``save_every`` epochs and an existing one is taken up; removing it is the
+    caller's. ``log_path`` gets a CSV line an epoch. Raises ``InputError`` for data without labels.
     """
     labels = recordings.labels
     if labels is None:
@@ -106,8 +112,13 @@ def train(
             "they have no labels to train on",
             fix="Give labelled recordings.",
         )
-    description = describe(recordings, config, classes or int(labels.max()) + 1, name)
-    key = run_key(config, recordings)
+    classes = max(classes or 0, int(labels.max()) + 1)
+    if start is None:
+        description = describe(recordings, config, classes, name)
+    else:
+        description = replace(start.description, name=name)
+        check_recordings(description, recordings, classes)
+    key = run_key(config, recordings, start)
     state = (load_state(state_path, key) if state_path is not None else None) or TrainingState()
 
     def saved() -> None:
@@ -116,7 +127,9 @@ def train(
         if log_path is not None:
             _write_log(log_path, state.history)
 
-    run = _Run(config, description, recordings, saved, save_every, progress)
+    weights_at_start = None if start is None else start.float_weights
+    chip = None if config.target == "float" else chip_numbers(config, description, weights_at_start)
+    run = _Run(config, description, recordings, chip, weights_at_start, saved, save_every, progress)
     with _one_thread():
         training, held = stratified_split(labels, config.validation_fraction, config.seed)
         if state.phase == "select":
@@ -129,8 +142,9 @@ def train(
             _run_phase(run, state, np.arange(len(labels)), held[:0], state.chosen_epoch)
             saved()
             weights = state.weights
-        network = build_network(description, seed=config.seed)
+        network = build_network(description, seed=config.seed, chip=chip)
         network.load_state_dict(weights)
+        network.snap()
     chosen = [row for row in state.history if row.phase == "select" and row.epoch == state.chosen_epoch]
     return TrainingResult(network, state.chosen_epoch, chosen[0].validation_accuracy, tuple(state.history))
 
@@ -142,9 +156,22 @@ class _Run:
     config: TrainingConfig
     description: NetworkDescription
     recordings: Recordings
+    chip: ChipNumbers | None
+    start: Mapping[str, NDArray[np.float32]] | None
     saved: Callable[[], None]
     save_every: int
     progress: Progress | None
+
+    def network(self) -> TouchNetwork:
+        """Return the network that a phase begins with."""
+        config = self.config
+        network = build_network(self.description, seed=config.seed, initial_scale=config.initial_scale, chip=self.chip)
+        if self.start is not None:
+            network.load_weights(self.start)
+        if config.pruned:
+            network.prune(config.pruned)
+        network.hold()
+        return network
 
 
 def _run_phase(run: _Run, state: TrainingState, rows: NDArray[np.int64], held: NDArray[np.int64], epochs: int) -> None:
@@ -152,7 +179,7 @@ def _run_phase(run: _Run, state: TrainingState, rows: NDArray[np.int64], held: N
     config, recordings = run.config, run.recordings
     assert recordings.labels is not None
     spikes, labels = recordings.spikes[rows], recordings.labels[rows]
-    network = build_network(run.description, seed=config.seed, initial_scale=config.initial_scale)
+    network = run.network()
     optimizer = _optimizer(network, config)
     if state.weights:
         network.load_state_dict(state.weights)
@@ -176,6 +203,7 @@ def _run_phase(run: _Run, state: TrainingState, rows: NDArray[np.int64], held: N
             optimizer.zero_grad()
             loss.backward()  # type: ignore[no-untyped-call]
             optimizer.step()
+            network.hold()
             total += float(loss.detach()) * len(y)
         record = EpochRecord(state.phase, epoch, rate, total / len(rows), None, None)
         if len(held):

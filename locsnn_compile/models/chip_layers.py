@@ -1,0 +1,130 @@
+"""Layers whose forward pass is the chip's integer arithmetic, and whose gradient is that of the float neuron.
+
+Forward: latent float weights are rounded to mantissas, their sums over spikes are exact, and a compiled scan takes the
+chip's steps. Backward: rounding passes the gradient straight through (Bengio et al. 2013), and the steps count as
+linear filters of the chip's decays, behind SLAYER's surrogate (Shrestha and Orchard 2018) at the integer potential.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from hw_model.fixed_point import DECAY_ONE, WEIGHT_SHIFT
+from locsnn_compile.models.chip_numbers import ChipPopulation, Strategy
+from locsnn_compile.models.chip_scan import charge_gradient, scan_delay_line, scan_dendrite, scan_reset
+from locsnn_compile.models.description import NeuronParameters
+
+
+class _Round(torch.autograd.Function):
+    """mantissa = step * round(w / (unit * step)), clipped to the range; d mantissa / d w = 1 / unit."""
+
+    @staticmethod
+    def forward(ctx: Any, weight: Tensor, numbers: ChipPopulation) -> Tensor:
+        ctx.unit = numbers.unit
+        steps = numbers.mantissa_max // numbers.mantissa_step
+        rounded = torch.round(weight / (numbers.unit * numbers.mantissa_step)).clamp_(-steps, steps)
+        return rounded.mul_(numbers.mantissa_step)
+
+    @staticmethod
+    def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor, None]:
+        return grads[0] / ctx.unit, None
+
+
+class _Steps(torch.autograd.Function):
+    """Spikes of sums of mantissas: the chip's steps forward, linear filters behind a surrogate backward."""
+
+    @staticmethod
+    def forward(ctx: Any, drive: Tensor, layer: ChipLayer) -> Tensor:
+        spikes, potential, live = layer.steps(drive.detach().numpy())
+        ctx.layer, ctx.potential, ctx.live, ctx.spikes = layer, potential, live, spikes
+        return torch.from_numpy(spikes).to(drive.dtype)
+
+    @staticmethod
+    def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor, None]:
+        layer: ChipLayer = ctx.layer
+        numbers, neuron = layer.numbers, layer.neuron
+        width = neuron.tau_rho * neuron.theta
+        u = torch.from_numpy(ctx.potential).to(grads[0].dtype).div_(numbers.scale)
+        slope = u.sub_(neuron.theta).abs_().mul_(-1.0 / width).exp_().mul_(neuron.scale_rho / width)
+        by_voltage = slope.mul_(grads[0])
+        carry = np.ones_like(ctx.spikes)
+        if layer.strategy == "reset":
+            by_voltage.mul_(torch.from_numpy(ctx.live))
+            carry = ctx.live & (1 - ctx.spikes)
+        gradient = by_voltage.numpy()
+        kind = gradient.dtype.type
+        keep = kind((DECAY_ONE - numbers.decay) / DECAY_ONE)
+        found = np.empty_like(gradient)
+        charge_gradient(gradient, carry, (keep, keep, kind(0)), found)
+        return torch.from_numpy(found).mul_((1 << (WEIGHT_SHIFT + numbers.exponent)) / numbers.scale), None
+
+
+class ChipLayer(nn.Module):
+    """A fully connected population as the chip runs it, recurring over the middle axis of its input.
+
+    Input (batch, steps, in_features), floats 0 or 1; output (batch, steps, out_features). ``weight`` [out, in] is
+    latent: what counts is :meth:`mantissas`. ``events``: charge wraps, current wraps and voltage clips so far.
+    """
+
+    def __init__(
+        self,
+        in_features: int,
+        out_features: int,
+        neuron: NeuronParameters,
+        numbers: ChipPopulation,
+        strategy: Strategy,
+        *,
+        generator: torch.Generator,
+        initial_scale: float,
+    ) -> None:
+        super().__init__()
+        self.neuron, self.numbers, self.strategy = neuron, numbers, strategy
+        bound = initial_scale / math.sqrt(in_features)
+        weight = torch.empty(out_features, in_features, dtype=torch.float32)
+        self.weight = nn.Parameter(weight.uniform_(-bound, bound, generator=generator))
+        self.events = np.zeros(3, dtype=np.int64)
+
+    def mantissas(self) -> NDArray[np.int64]:
+        """Return the mantissas [out, in] of the latent weights."""
+        rounded: Tensor = _Round.apply(self.weight.detach(), self.numbers)  # type: ignore[no-untyped-call]
+        return rounded.numpy().astype(np.int64)
+
+    def hold(self) -> None:
+        """Bring latent weights back into the range of the format: beyond it no gradient would be of use."""
+        largest = self.numbers.mantissa_max * self.numbers.unit
+        with torch.no_grad():
+            self.weight.clamp_(-largest, largest)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Return the spikes of this population for spikes ``x``.
+
+        Sums of mantissas are exact: at most 20,000 inputs of at most 255 each are far below the 2^24 of float32.
+        """
+        mantissa = _Round.apply(self.weight, self.numbers)  # type: ignore[no-untyped-call]
+        spikes: Tensor = _Steps.apply(torch.matmul(x, mantissa.T), self)  # type: ignore[no-untyped-call]
+        return spikes
+
+    def steps(self, drive: NDArray[Any]) -> tuple[NDArray[np.uint8], NDArray[np.int32], NDArray[np.uint8]]:
+        """Return spikes, potentials and live marks, (batch, steps, n), of sums of mantissas of that shape."""
+        n = self.numbers
+        charge = np.left_shift(drive.astype(np.int32, order="C"), n.exponent)
+        spikes, live = np.empty(charge.shape, np.uint8), np.empty(charge.shape, np.uint8)
+        potential = np.empty(charge.shape, np.int32)
+        out = (potential, spikes, live, self.events)
+        keep, threshold = np.int32(DECAY_ONE - n.decay), np.int32(n.threshold << WEIGHT_SHIFT)
+        if self.strategy == "dendrite":
+            pull_keep = np.int32(DECAY_ONE - n.refractory_decay)
+            own = np.int32(sum(synapse.charge for synapse in n.own))
+            scan_dendrite(charge, (keep, pull_keep, own, threshold), *out)
+        elif self.strategy == "delay-line":
+            taps = np.array([[s.delay for s in n.own], [s.charge for s in n.own]], dtype=np.int32)
+            scan_delay_line(charge, (keep, threshold), taps, *out)
+        else:
+            scan_reset(charge, (keep, keep, threshold, np.int32(n.refractory)), *out)
+        return spikes, potential, live

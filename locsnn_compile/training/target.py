@@ -1,0 +1,100 @@
+"""The chip's numbers that a run keeps while its weights learn: scale, threshold, decays and synapse formats.
+
+They are those that the compiler's ``quantize`` chooses for the network at the start, with room for its weights to grow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+import hw_model as hw
+from locsnn_compile.errors import TargetError
+from locsnn_compile.frontends.checkpoint import network_of
+from locsnn_compile.models.checkpoint import Checkpoint
+from locsnn_compile.models.chip_numbers import REGISTERS, ChipNumbers, ChipPopulation, OwnSynapse, Strategy
+from locsnn_compile.models.description import NetworkDescription
+from locsnn_compile.on_grid import ChipCuba, ChipNeuron, RefractoryDendrite
+from locsnn_compile.passes.kernels import alpha_kernel
+from locsnn_compile.passes.quantize import quantize
+from locsnn_compile.training.config import TrainingConfig
+
+USUAL_LARGEST = 0.3
+"""Largest weight of trained networks in thresholds, what a run from scratch expects: Objects and Containers have 0.12
+to 0.37, population by population."""
+
+
+def chip_numbers(
+    config: TrainingConfig, description: NetworkDescription, start: Mapping[str, NDArray[np.float32]] | None
+) -> ChipNumbers:
+    """Return the numbers for a network that starts from weights [out, in] by population name, or from scratch.
+
+    Raises ``InputError`` for a chip that is not known, ``TargetError`` for one of other registers and for a network
+    that no scale fits.
+    """
+    chip = hw.chip(config.target)
+    _check_registers(chip)
+    neuron = description.neuron
+    largest = {}
+    for name, shape in description.weight_shapes.items():
+        most = USUAL_LARGEST * neuron.theta if start is None else float(np.abs(start[name]).max())
+        largest[name] = np.full(shape, config.weight_room * most, dtype=np.float32)
+    network = network_of(Checkpoint(description, largest, recordings=None, training={}, sha256=""))
+    quantized = quantize(network, chip, config.weight_bits, config.strategy)
+    gain = alpha_kernel(neuron.tau_sr, "neuron: tau_sr")[1]
+    populations = {}
+    for projection in quantized.projections:
+        found = quantized.population(projection.target)
+        scale = float(found.scale[0])
+        populations[projection.target] = _population(
+            found.neuron,
+            exponent=projection.exponent,
+            refractory=config.refractory,
+            weight_bits=config.weight_bits,
+            scale=scale,
+            unit=64 * 2**projection.exponent / (gain * scale),
+        )
+    return ChipNumbers(config.target, cast(Strategy, config.strategy), populations)
+
+
+def _check_registers(chip: hw.Chip) -> None:
+    widths = {name: getattr(chip.registers, name) for name in REGISTERS}
+    if widths != REGISTERS:
+        raise TargetError(
+            f"target {chip.name!r}",
+            "networks are not trained on registers of these widths",
+            measured=f"{widths} against {REGISTERS}",
+            fix="Train for loihi-sim.",
+        )
+
+
+def _population(
+    neuron: ChipNeuron, *, exponent: int, refractory: int, weight_bits: int, scale: float, unit: float
+) -> ChipPopulation:
+    """Return a population's numbers; all neurons of it have the same."""
+    refractory_decay = 0
+    own: tuple[OwnSynapse, ...] = ()
+    if isinstance(neuron, ChipCuba):
+        pass
+    elif isinstance(neuron.refractory, RefractoryDendrite):
+        dendrite = neuron.refractory
+        refractory_decay = int(dendrite.decay[0])
+        own = (OwnSynapse(int(dendrite.mantissa[0]), dendrite.exponent),)
+    else:
+        taps = neuron.refractory
+        rows = zip(taps.mantissa[:, 0].tolist(), taps.exponent.tolist(), taps.delay.tolist(), strict=True)
+        own = tuple(OwnSynapse(*row) for row in rows)
+    return ChipPopulation(
+        threshold=int(neuron.threshold[0]),
+        decay=int(neuron.decay_u[0]),
+        refractory_decay=refractory_decay,
+        refractory=refractory if isinstance(neuron, ChipCuba) else 1,
+        own=own,
+        exponent=exponent,
+        weight_bits=weight_bits,
+        scale=scale,
+        unit=unit,
+    )

@@ -1,0 +1,179 @@
+"""Checkpoints of networks trained on the chip's integers: what they hold, and what is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from locsnn_compile.data.sensor import parse_location_order
+from locsnn_compile.errors import InputError
+from locsnn_compile.models.checkpoint import save_checkpoint
+from locsnn_compile.models.checkpoint_reader import read_checkpoint
+from locsnn_compile.models.chip_numbers import ChipNumbers, ChipPopulation, OwnSynapse
+from locsnn_compile.models.description import InputLayout, NetworkDescription
+from locsnn_compile.models.networks import build_network
+
+AGAIN = "Write it again with 'locsnn train'."
+ORDER, TAXELS = parse_location_order("loop")
+DESCRIPTION = NetworkDescription(
+    "hybrid", InputLayout(1, 12, 0.02), classes=3, hidden=4, location_order=ORDER, location_taxels=TAXELS, name="small"
+)
+POPULATION = ChipPopulation(
+    threshold=6560,
+    decay=390,
+    refractory_decay=2589,
+    refractory=1,
+    own=(OwnSynapse(-205, 6),),
+    exponent=1,
+    weight_bits=4,
+    scale=41984.1,
+    unit=0.0125,
+)
+CHIP = ChipNumbers("loihi-sim", "dendrite", dict.fromkeys(DESCRIPTION.weight_shapes, POPULATION))
+
+
+def save(path: Path, chip: ChipNumbers = CHIP) -> Path:
+    save_checkpoint(path, DESCRIPTION, build_network(DESCRIPTION, chip=chip).mantissas(), chip=chip)
+    return path
+
+
+def test_round_trip(tmp_path: Path) -> None:
+    found = read_checkpoint(save(tmp_path / "small.pt"))
+    assert found.chip == CHIP
+    network = build_network(DESCRIPTION, chip=CHIP)
+    for name, mantissas in network.mantissas().items():
+        assert np.array_equal(found.weights[name], mantissas)
+        assert not found.weights[name].flags.writeable
+    network.load_weights(found.float_weights)
+    assert all(np.array_equal(network.mantissas()[name], found.weights[name]) for name in found.weights)
+    network.double()
+    assert all(np.array_equal(network.mantissas()[name], found.weights[name]) for name in found.weights)
+
+
+def test_taps_survive(tmp_path: Path) -> None:
+    taps = tuple(OwnSynapse(-100 + k, k - 5, 2 * k) for k in range(13))
+    chip = replace(
+        CHIP,
+        strategy="delay-line",
+        populations={name: replace(POPULATION, own=taps) for name in DESCRIPTION.weight_shapes},
+    )
+    assert read_checkpoint(save(tmp_path / "taps.pt", chip)).chip == chip
+
+
+def put(*keys: Any, value: Any) -> Callable[[dict[Any, Any]], None]:
+    def change(values: dict[Any, Any]) -> None:
+        for key in keys[:-1]:
+            values = values[key]
+        values[keys[-1]] = value
+
+    return change
+
+
+HIDDEN = ("chip", "populations", "time_hidden")
+PLACE = "chip.populations.time_hidden"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        pytest.param(lambda v: v.pop("chip"), f": entry 'chip' is missing. {AGAIN}", id="no numbers"),
+        pytest.param(put("version", value=1), ": entry 'chip' is not known. Choose one of: ", id="older version"),
+        pytest.param(
+            put("chip", value={}),
+            f": entry 'chip' must hold target, strategy, registers, populations (got {{}}). {AGAIN}",
+            id="empty",
+        ),
+        pytest.param(put("chip", "target", value=3), f": entry 'chip.target' is no plain name. {AGAIN}", id="target"),
+        pytest.param(
+            put("chip", "strategy", value="fast"),
+            f": entry 'chip.strategy' is not known (got 'fast'). {AGAIN}",
+            id="strategy",
+        ),
+        pytest.param(
+            put("chip", "registers", value={"charge_bits": 9}),
+            ": it was trained for registers of other widths (got {'charge_bits': 9} against "
+            "{'charge_bits': 21, 'current_bits': 23, 'voltage_bits': 23}). Train it again with this version.",
+            id="registers",
+        ),
+        pytest.param(
+            put(*HIDDEN, "decay", value=0),
+            f": entry '{PLACE}.decay' must be a whole number in range (got 0 against 1..4096). {AGAIN}",
+            id="decay",
+        ),
+        pytest.param(
+            put(*HIDDEN, "threshold", value=True),
+            f": entry '{PLACE}.threshold' must be a whole number in range (got True against 0..131071). {AGAIN}",
+            id="no number",
+        ),
+        pytest.param(
+            put(*HIDDEN, "weight_bits", value=7),
+            f": entry '{PLACE}.weight_bits' is a width that no format has. {AGAIN}",
+            id="weight bits",
+        ),
+        pytest.param(
+            put(*HIDDEN, "unit", value=float("nan")),
+            f": entry '{PLACE}.unit' must be a number above 0 (got nan). {AGAIN}",
+            id="unit",
+        ),
+        pytest.param(
+            put(*HIDDEN, "own", value=[[1, 2]]),
+            f": entry '{PLACE}.own' must be a list of synapses (got [[1, 2]]). {AGAIN}",
+            id="own synapses",
+        ),
+        pytest.param(
+            put(*HIDDEN, "own", value=[[1, 2, 63]]),
+            f": entry '{PLACE}.own' must be a whole number in range (got 63 against 0..62). {AGAIN}",
+            id="delay",
+        ),
+        pytest.param(
+            put(*HIDDEN, "own", value=[[1, 2, 3]] * 2),
+            f": entry '{PLACE}.own' does not fit strategy 'dendrite' (2 synapses against 0..1). {AGAIN}",
+            id="too many own synapses",
+        ),
+        pytest.param(
+            put("weights", "time_hidden", value=torch.zeros(4, 78)),
+            f", population 'time_hidden': its weights are not dense int16 (got torch.float32, strided on cpu). {AGAIN}",
+            id="float weights",
+        ),
+        pytest.param(
+            put("weights", "time_hidden", value=torch.full((4, 78), 5, dtype=torch.int16)),
+            ", population 'time_hidden': mantissa [0, 0] is not on the grid of 4 bits (got 5, 312 such mantissas). "
+            "Train the network again.",
+            id="off the grid",
+        ),
+        pytest.param(
+            put("weights", "time_hidden", value=torch.full((4, 78), -256, dtype=torch.int16)),
+            ", population 'time_hidden': mantissa [0, 0] is not on the grid of 4 bits (got -256, 312 such mantissas). "
+            "Train the network again.",
+            id="too large",
+        ),
+    ],
+)
+def test_what_is_refused(tmp_path: Path, change: Callable[[dict[Any, Any]], None], message: str) -> None:
+    path = save(tmp_path / "small.pt")
+    values = torch.load(path, weights_only=True)
+    change(values)
+    torch.save(values, path)
+    with pytest.raises(InputError) as caught:
+        read_checkpoint(path)
+    if message.endswith(": "):
+        assert str(caught.value).startswith(f"checkpoint 'small.pt'{message}")
+    else:
+        assert str(caught.value) == f"checkpoint 'small.pt'{message}"
+
+
+def test_only_mantissas_of_the_grid_are_written(tmp_path: Path) -> None:
+    mantissas = {name: np.full(shape, 16) for name, shape in DESCRIPTION.weight_shapes.items()}
+    mantissas["location_output"] = mantissas["location_output"] + 1
+    with pytest.raises(InputError) as caught:
+        save_checkpoint(tmp_path / "small.pt", DESCRIPTION, mantissas, chip=CHIP)
+    assert str(caught.value) == (
+        "population 'location_output': mantissa [0, 0] is not on the grid of 4 bits (got 17, 12 such mantissas). "
+        "Train the network again."
+    )

@@ -1,0 +1,198 @@
+"""Layers on the chip's integers against the chip itself, and their gradient against finite filters."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import hw_model as hw
+from hw_model.weights import WEIGHT_BITS, weight_grid
+from locsnn_compile.models.chip_layers import ChipLayer
+from locsnn_compile.models.chip_numbers import ChipPopulation, OwnSynapse, Strategy
+from locsnn_compile.models.description import NeuronParameters
+
+CHIP = hw.chip("loihi-sim")
+EVENTS = ("charge_wraps", "current_wraps", "voltage_clips")
+NUMBERS = ChipPopulation(
+    threshold=6560,
+    decay=390,
+    refractory_decay=2589,
+    refractory=1,
+    own=(OwnSynapse(-205, 6),),
+    exponent=1,
+    weight_bits=8,
+    scale=41984.1,
+    unit=0.0125,
+)
+
+
+def layer_of(
+    numbers: ChipPopulation, strategy: Strategy, weights: np.ndarray, neuron: NeuronParameters | None = None
+) -> ChipLayer:
+    layer = ChipLayer(
+        weights.shape[1],
+        weights.shape[0],
+        neuron or NeuronParameters(),
+        numbers,
+        strategy,
+        generator=torch.Generator(),
+        initial_scale=1.0,
+    )
+    with torch.no_grad():
+        layer.weight.copy_(torch.from_numpy(weights))
+    return layer
+
+
+def program_of(numbers: ChipPopulation, strategy: Strategy, mantissas: np.ndarray) -> hw.ChipProgram:
+    """The same population written by hand for the chip: an independent way to its integers."""
+    n, inputs = mantissas.shape
+    builder = hw.ProgramBuilder(CHIP)
+    touch = builder.add_input("touch", inputs)
+    filters = {"decay_u": numbers.decay, "decay_v": numbers.decay}
+    soma_filters = {"decay_u": 4096, "decay_v": 4096, "threshold": numbers.threshold}
+    if strategy == "reset":
+        target = soma = builder.add_compartments(
+            "out", n, **filters, threshold=numbers.threshold, refractory=numbers.refractory
+        )
+    else:
+        soma = builder.add_compartments("out", n, **soma_filters)
+        target = builder.add_compartments("out/dendrite", n, **filters, threshold=0, joined_to=soma)
+    for sign, mode in ((1, "excitatory"), (-1, "inhibitory")):
+        part = np.where(np.sign(mantissas) == sign, mantissas, 0)
+        if part.any():
+            builder.connect(
+                touch, target, part, exponent=numbers.exponent, weight_bits=numbers.weight_bits, sign_mode=mode
+            )
+    own_target = target
+    if strategy == "dendrite":
+        decay = numbers.refractory_decay
+        own_target = builder.add_compartments(
+            "out/refractory", n, decay_u=decay, decay_v=decay, threshold=0, joined_to=soma
+        )
+    for synapse in numbers.own:
+        if synapse.mantissa:
+            mode = "excitatory" if synapse.mantissa > 0 else "inhibitory"
+            weights = np.eye(n, dtype=np.int64) * synapse.mantissa
+            builder.connect(soma, own_target, weights, exponent=synapse.exponent, delay=synapse.delay, sign_mode=mode)
+    return builder.build()
+
+
+def draw_numbers(rng: np.random.Generator, strategy: Strategy) -> ChipPopulation:
+    """Numbers anywhere on the chip, large ones often: registers wrap and clip."""
+    count = {"dendrite": 1, "delay-line": int(rng.integers(1, 8)), "reset": 0}[strategy]
+    own = tuple(
+        OwnSynapse(int(rng.integers(-255, 256)), int(rng.integers(-8, 8)), int(rng.integers(0, 63)))
+        for _ in range(count)
+    )
+    if strategy == "dendrite":
+        own = (replace(own[0], delay=0),)
+    return ChipPopulation(
+        threshold=int(2 ** rng.uniform(0, 17)) - 1,
+        decay=int(rng.choice([1, 390, 2589, 4095, 4096, rng.integers(1, 4097)])),
+        refractory_decay=int(rng.integers(1, 4097)),
+        refractory=int(rng.choice([1, 1, 2, 5, 63])),
+        own=own,
+        exponent=int(rng.integers(0, 8)),
+        weight_bits=int(rng.choice(WEIGHT_BITS)),
+        scale=100.0,
+        unit=0.01,
+    )
+
+
+@pytest.mark.parametrize("strategy", ["dendrite", "delay-line", "reset"])
+@given(seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=25, deadline=None)
+def test_layers_are_the_chip(strategy: Strategy, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    numbers = draw_numbers(rng, strategy)
+    n, inputs, steps = rng.integers(1, 6), rng.integers(1, 40), rng.integers(1, 90)
+    largest = numbers.mantissa_max * numbers.unit
+    layer = layer_of(numbers, strategy, rng.uniform(-largest, largest, size=(n, inputs)))
+    x = (rng.random((2, steps, inputs)) < rng.choice([0.05, 0.5, 1.0])).astype(np.uint8)
+
+    found = layer(torch.from_numpy(x).float()).detach().numpy()
+    potential = layer.steps((x @ layer.mantissas().T).astype(np.float64))[1]
+    wanted = hw.simulate(
+        program_of(numbers, strategy, layer.mantissas()), x, engine="reference", probe=("spikes", "potential")
+    )
+    assert np.array_equal(found, wanted.spikes["out"])
+    assert np.array_equal(potential, wanted.potential["out"])
+    # Both plays above counted.
+    events = [sum(group[event] for group in wanted.events.values()) for event in EVENTS]
+    assert layer.events.tolist() == [2 * count for count in events]
+
+
+def test_the_draw_wraps_clips_and_fires() -> None:
+    for strategy in ("dendrite", "delay-line", "reset"):
+        events, spikes = np.zeros(3, dtype=np.int64), 0.0
+        for seed in range(40):
+            rng = np.random.default_rng(seed)
+            numbers = draw_numbers(rng, strategy)
+            largest = numbers.mantissa_max * numbers.unit
+            layer = layer_of(numbers, strategy, rng.uniform(-largest, largest, size=(4, 30)))
+            drive = (rng.random((1, 60, 30)) < 0.5).astype(np.float64) @ layer.mantissas().T
+            spikes += float(layer.steps(drive)[0].sum())
+            events += layer.events
+        assert (events > 0).all()
+        assert spikes > 100
+
+
+@pytest.mark.parametrize("bits", WEIGHT_BITS)
+def test_mantissas_are_the_grids(bits: int) -> None:
+    numbers = replace(NUMBERS, weight_bits=bits)
+    weights = np.random.default_rng(bits).normal(0, 1.5, size=(20, 30)).astype(np.float32)
+    grid = weight_grid(bits, "excitatory")
+    wanted = np.sign(weights) * grid.round(np.abs(weights / np.float32(numbers.unit)))
+    assert np.array_equal(layer_of(numbers, "dendrite", weights).mantissas(), wanted)
+
+
+@pytest.mark.parametrize("strategy", ["dendrite", "delay-line", "reset"])
+def test_gradient_is_the_surrogate_through_the_filters(strategy: Strategy) -> None:
+    """Every path written out: a weight acts through each input spike on all later potentials before a reset."""
+    rng = np.random.default_rng(4)
+    neuron = NeuronParameters(tau_rho=0.7, scale_rho=1.3)
+    numbers = replace(NUMBERS, refractory=3 if strategy == "reset" else 1)
+    if strategy != "dendrite":
+        numbers = replace(numbers, own=(OwnSynapse(-200, 5, 2),) if strategy == "delay-line" else ())
+    weights, steps = rng.normal(0.8, 1.0, size=(3, 5)), 40
+    layer = layer_of(numbers, strategy, weights, neuron).double()
+    x = torch.from_numpy((rng.random((1, steps, 5)) < 0.4).astype(np.float64)).requires_grad_()
+    out = rng.normal(size=(1, steps, 3))
+    (layer(x) * torch.from_numpy(out)).sum().backward()
+
+    mantissas = layer.mantissas()
+    spikes, potential, live = (a[0] for a in layer.steps(x.detach().numpy() @ mantissas.T))
+    assert spikes.sum() > 5
+    width = neuron.tau_rho * neuron.theta
+    slope = neuron.scale_rho / width * np.exp(-np.abs(potential / numbers.scale - neuron.theta) / width)
+    keep = (4096 - numbers.decay) / 4096
+    charge = 64 * 2**numbers.exponent / numbers.scale
+    sent = np.zeros((steps, 3))
+    for s, i in np.ndindex(steps, 3):
+        u, v = charge, 0.0
+        for t in range(s + 1, steps):
+            v = v * keep + u
+            u *= keep
+            if strategy == "reset" and not live[t, i]:
+                v = 0.0
+            sent[s, i] += out[0, t, i] * slope[t, i] * v
+            if strategy == "reset" and spikes[t, i]:
+                v = 0.0
+    by_weight = sent.T @ x.detach().numpy()[0] / numbers.unit
+    assert layer.weight.grad is not None
+    assert x.grad is not None
+    np.testing.assert_allclose(layer.weight.grad.numpy(), by_weight, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(x.grad.numpy()[0], sent @ mantissas, rtol=1e-9, atol=1e-12)
+
+
+def test_weights_beyond_the_range_are_held_at_it() -> None:
+    layer = layer_of(NUMBERS, "dendrite", np.array([[100.0, -100.0, 0.5]]))
+    layer.hold()
+    largest = np.float32(255 * NUMBERS.unit)
+    assert layer.weight.detach().numpy().tolist() == [[largest, -largest, 0.5]]
+    assert layer.mantissas().tolist() == [[255, -255, 40]]

@@ -1,0 +1,189 @@
+"""Training on the chip's integers: runs from scratch and from a float network, and what the program then does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+import hw_model as hw
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.synthetic import synthetic_touches
+from locsnn_compile.errors import InputError, TargetError
+from locsnn_compile.frontends import load
+from locsnn_compile.models.checkpoint import Checkpoint
+from locsnn_compile.models.checkpoint_reader import read_checkpoint
+from locsnn_compile.models.chip_numbers import STRATEGIES
+from locsnn_compile.models.networks import build_network
+from locsnn_compile.pipeline import lower
+from locsnn_compile.training.config import TrainingConfig
+from locsnn_compile.training.export import export_checkpoint
+from locsnn_compile.training.fine_tuning import check_fits_start, fine_tuning_config
+from locsnn_compile.training.state import EpochRecord
+from locsnn_compile.training.target import chip_numbers
+from locsnn_compile.training.train import train
+
+CHIP = hw.chip("loihi-sim")
+FLOAT = TrainingConfig(hidden=8, epochs=6, batch_size=4, validation_fraction=0.25, learning_rate=0.01)
+ON_CHIP = replace(FLOAT, target="loihi-sim", epochs=3, validation_fraction=0.0)
+
+
+def touches(samples: int = 12) -> Recordings:
+    return synthetic_touches(samples, steps=60, classes=3, seed=1)
+
+
+@pytest.fixture(scope="module")
+def start(tmp_path_factory: pytest.TempPathFactory) -> Checkpoint:
+    path = tmp_path_factory.mktemp("start") / "start.pt"
+    export_checkpoint(path, train(touches(), FLOAT, name="start"), FLOAT, touches(), None, carried=0)
+    return read_checkpoint(path)
+
+
+@pytest.mark.parametrize("strategy", STRATEGIES)
+@pytest.mark.parametrize("bits", [8, 4])
+def test_the_program_spikes_as_the_network_did(tmp_path: Path, start: Checkpoint, strategy: str, bits: int) -> None:
+    config = replace(ON_CHIP, strategy=strategy, weight_bits=bits)
+    result = train(touches(), config, name="tuned", start=start)
+    path = tmp_path / "tuned.pt"
+    export_checkpoint(path, result, config, touches(), touches(), start=start)
+
+    network = load(path)
+    program = lower(network, CHIP, 8).program
+    test = touches(30).spikes
+    with torch.no_grad():
+        wanted = result.network(torch.from_numpy(test.copy()).double())
+    found = hw.simulate(program, test)
+    assert sum(int(spikes.sum()) for spikes in wanted.values()) > 1000
+    for name, spikes in wanted.items():
+        assert np.array_equal(found.spikes[name], spikes.numpy()), name
+    # From the file alone, in single precision.
+    again = build_network(result.network.description, chip=read_checkpoint(path).chip)
+    again.load_weights(read_checkpoint(path).float_weights)
+    with torch.no_grad():
+        assert all(
+            torch.equal(spikes.double(), wanted[n])
+            for n, spikes in again(torch.from_numpy(test.copy()).float()).items()
+        )
+
+
+@pytest.mark.parametrize("strategy", STRATEGIES)
+def test_training_from_scratch_learns(strategy: str) -> None:
+    config = replace(ON_CHIP, strategy=strategy, epochs=30, validation_fraction=0.25)
+    result = train(touches(24), replace(config, refit=False))
+    assert result.validation_accuracy is not None
+    assert result.validation_accuracy >= 0.9
+
+
+def test_fine_tuning_begins_where_the_network_was(start: Checkpoint) -> None:
+    losses = [train(touches(), replace(ON_CHIP, epochs=1), start=at).history[0].loss for at in (start, None)]
+    assert losses[0] < losses[1]
+
+
+class KilledError(Exception):
+    """Stands for a run that is killed."""
+
+
+def test_a_killed_run_goes_on_to_the_same_bits(tmp_path: Path, start: Checkpoint) -> None:
+    config = replace(ON_CHIP, pruned=0.3, spike_cost=0.01)
+    whole = train(touches(), config, start=start)
+
+    def killer(done: int, expected: int, record: EpochRecord) -> None:
+        if done > 1:
+            raise KilledError
+
+    state = tmp_path / "run.state"
+    with pytest.raises(KilledError):
+        train(touches(), config, start=start, state_path=state, save_every=1, progress=killer)
+    resumed = train(touches(), config, start=start, state_path=state)
+    assert whole.history == resumed.history
+    assert all(np.array_equal(value, resumed.network.mantissas()[n]) for n, value in whole.network.mantissas().items())
+    with pytest.raises(InputError) as caught:
+        train(touches(), config, state_path=state)
+    assert str(caught.value) == (
+        "training state 'run.state': it belongs to a run with other options or other data. "
+        "Delete it, or train without --resume."
+    )
+
+
+def test_pruned_weights_stay_pruned(start: Checkpoint) -> None:
+    found = train(touches(), replace(ON_CHIP, pruned=0.4), start=start).network.mantissas()
+    for name, mantissas in found.items():
+        smallest = np.sort(np.abs(start.float_weights[name]).ravel())
+        pruned = np.abs(start.float_weights[name]) < smallest[int(0.4 * len(smallest))]
+        assert pruned.sum() == int(0.4 * len(smallest))
+        assert not mantissas[pruned].any()
+
+
+def test_a_cost_of_spikes_saves_spikes(start: Checkpoint) -> None:
+    x = torch.from_numpy(touches().spikes.copy()).float()
+    spikes = []
+    for cost in (0.0, 0.3):
+        network = train(touches(), replace(ON_CHIP, epochs=10, spike_cost=cost), start=start).network
+        with torch.no_grad():
+            spikes.append(float(network(x)["time_hidden"].sum()))
+    assert spikes[1] < 0.8 * spikes[0]
+
+
+def test_there_is_room_for_weights_to_grow(start: Checkpoint) -> None:
+    for room in (0.5, 1.25, 4.0):
+        numbers = chip_numbers(replace(ON_CHIP, weight_room=room), start.description, start.float_weights)
+        for name, population in numbers.populations.items():
+            largest = float(np.abs(start.float_weights[name]).max())
+            assert population.mantissa_max * population.unit >= room * largest
+
+
+def test_options_that_the_start_decides(start: Checkpoint) -> None:
+    config = fine_tuning_config(TrainingConfig(hidden=99, theta=3.0, model="tactile-snn"), start.description)
+    assert (config.hidden, config.theta, config.model, config.order) == (8, 10.0, "hybrid", "loop")
+    check_fits_start({"hidden": 8, "epochs": 5}, start.description)
+    with pytest.raises(InputError) as caught:
+        check_fits_start({"hidden": 16}, start.description)
+    assert str(caught.value) == (
+        "training option 'hidden': the network to start from has another value (got 16 against 8). "
+        "Leave the option out."
+    )
+
+
+@pytest.mark.parametrize(
+    ("recordings", "message"),
+    [
+        pytest.param(
+            Recordings(np.zeros((1, 61, 78)), np.zeros(1), None, "x.npy"),
+            "recordings 'x.npy': their steps are not those of the network to start from (61 against 60). "
+            "Give recordings like those that it was trained on.",
+            id="steps",
+        ),
+        pytest.param(
+            Recordings(np.zeros((1, 60, 156)), np.zeros(1), None, "x.npy"),
+            "recordings 'x.npy': their channels are not those of the network to start from (156 against 78). "
+            "Give recordings like those that it was trained on.",
+            id="channels",
+        ),
+        pytest.param(
+            Recordings(np.zeros((1, 60, 78)), np.full(1, 3), None, "x.npy"),
+            "recordings 'x.npy': they have more classes than the network to start from (4 against 3). "
+            "Give recordings like those that it was trained on.",
+            id="classes",
+        ),
+    ],
+)
+def test_recordings_that_do_not_fit_the_start(start: Checkpoint, recordings: Recordings, message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        train(recordings, ON_CHIP, start=start)
+    assert str(caught.value) == message
+
+
+def test_chips_that_are_not_trained_for(tmp_path: Path, start: Checkpoint) -> None:
+    source = Path(hw.__file__).parent / "chips" / "loihi-sim.yaml"
+    text = source.read_text().replace("name: loihi-sim", "name: narrow").replace("voltage_bits: 23", "voltage_bits: 20")
+    (tmp_path / "narrow.yaml").write_text(text)
+    with pytest.raises(TargetError) as caught:
+        train(touches(), replace(ON_CHIP, target=str(tmp_path / "narrow.yaml")), start=start)
+    assert str(caught.value) == (
+        "target 'narrow': networks are not trained on registers of these widths "
+        "({'charge_bits': 21, 'current_bits': 23, 'voltage_bits': 20} against "
+        "{'charge_bits': 21, 'current_bits': 23, 'voltage_bits': 23}). Train for loihi-sim."
+    )
