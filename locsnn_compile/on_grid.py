@@ -75,7 +75,7 @@ class RefractoryTaps:
     """Own spikes come back to the alpha dendrite through delayed self-synapses, one row a tap.
 
     Tap k has a ``delay[k]`` in steps and an ``exponent[k]``, both (taps,), and mantissas ``mantissa[k]``, (taps, n),
-    -255..255; no two taps have the same delay and exponent.
+    -255..255. The weights of one delay add up.
     """
 
     delay: IntArray

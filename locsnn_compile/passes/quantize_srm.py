@@ -16,7 +16,7 @@ from hw_model.chip_description import Chip
 from hw_model.weights import WeightGrid
 from locsnn_compile.neurons import SrmAlpha
 from locsnn_compile.on_grid import ChipNeuron
-from locsnn_compile.passes import srm_dendrite
+from locsnn_compile.passes import srm_delay_line, srm_dendrite, srm_reset
 from locsnn_compile.passes.kernels import alpha_kernel
 from locsnn_compile.passes.scaling import HEAVIEST, Scaled, check_threshold, exponent_and_threshold
 
@@ -38,6 +38,8 @@ class Strategy:
 
 STRATEGIES: dict[str, Strategy] = {
     "dendrite": Strategy(srm_dendrite.heaviest_charge, srm_dendrite.lay_out),
+    "delay-line": Strategy(srm_delay_line.heaviest_charge, srm_delay_line.lay_out),
+    "reset": Strategy(srm_reset.heaviest_charge, srm_reset.lay_out),
 }
 
 
