@@ -12,7 +12,7 @@ import numpy.typing as npt
 import hw_model as hw
 from hw_model.fixed_point import IntArray
 from hw_model.graph import Phase
-from hw_model.playing import Spikes, play, read_streams
+from hw_model.playing import Spikes, read_streams
 from hw_model.program import Core
 from hw_model.simulation import SimulationResult
 from hw_model.trace import ByteArray, Register
@@ -85,10 +85,27 @@ def play_recording(program: hw.ChipProgram, spikes: Spikes, title: str = "record
     streams, batched = read_streams(program, spikes)
     if batched:
         raise InputError("recording", "several recordings were given", fix="Give one, of shape (steps, channels).")
-    result = hw.simulate(
-        program,
-        {name: array[0] for name, array in streams.items()},
-        probe=("spikes", "u", "v", "potential", "activity"),
-    )
-    lines = {phase.name: play(program, phase, streams, None).lines[0] for phase in program.phases}
+    recording = {name: array[0] for name, array in streams.items()}
+    result = hw.simulate(program, recording, probe=("spikes", "u", "v", "potential", "activity"))
+    rows = len(next(iter(recording.values())))
+    lines = {
+        phase.name: _lines(program, phase.name, recording, rows if phase.steps is None else phase.steps)
+        for phase in program.phases
+    }
     return Played(program, title, lines, result)
+
+
+def _lines(program: hw.ChipProgram, phase: str, recording: Mapping[str, ByteArray], steps: int) -> ByteArray:
+    """Return the spikes of a phase's input lines, (steps, lines), inputs one after the other."""
+    parts = [np.zeros((steps, 0), dtype=np.uint8)]
+    for item in program.inputs_of(phase):
+        events = np.argwhere(recording[item.stream])
+        if item.positions is None:
+            at, line = events[:, 0], events[:, 1]
+        else:  # the transpose buffer: an event (step t, channel c) is played as line t at step positions[c]
+            at, line = item.positions[events[:, 1]], events[:, 0]
+        kept = (at < steps) & (line < item.size)
+        part = np.zeros((steps, item.size), dtype=np.uint8)
+        part[at[kept], line[kept]] = 1
+        parts.append(part)
+    return np.concatenate(parts, axis=1)

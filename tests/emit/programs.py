@@ -7,6 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 import hw_model as hw
+from hw_model.graph import CompartmentGraph, Compartments, Input, Phase, Synapses, read_only
+from hw_model.placement import place_cores
+from hw_model.program import assemble
+from hw_model.routing import route_axons
 
 CHIP = hw.chip("loihi-sim")
 
@@ -69,3 +73,30 @@ def played_streams(program, steps=40, rate=0.3, seed=0):
     """Return random spikes for every stream of a program, (steps, channels)."""
     r = np.random.default_rng(seed)
     return {name: (r.random((steps, n)) < rate).astype(np.uint8) for name, n in program.streams.items()}
+
+
+def two_phases():
+    """Return a program of a time phase and a location phase, a neuron each; four channels, five time steps."""
+    axes = ("time", "location")
+
+    def column(value):
+        return read_only([value])
+
+    groups = tuple(
+        Compartments(
+            name, axis, 1, column(4096), column(128), column(100), column(0), column(0), column(1),
+            column(-CHIP.registers.voltage_max), column(CHIP.registers.voltage_max),
+        )
+        for name, axis in zip("ab", axes, strict=True)
+    )  # fmt: skip
+    inputs = (Input("x", 4, "time", "x"), Input("xt", 5, "location", "x", read_only([3, 1, 0, 2])))
+    synapses = tuple(
+        Synapses(
+            item.name, group.name, read_only(range(item.size)), read_only([0] * item.size),
+            read_only([60] * item.size), read_only([0] * item.size), 0, 8, "mixed",
+        )
+        for item, group in zip(inputs, groups, strict=True)
+    )  # fmt: skip
+    phases = (Phase("time", "time", 5), Phase("location", "location", 4))
+    graph = CompartmentGraph("two phases", phases, inputs, groups, synapses)
+    return assemble(route_axons(place_cores(graph, CHIP)))

@@ -1,0 +1,20 @@
+"""XML files out of texts that may hold anything."""
+
+from __future__ import annotations
+
+import re
+from xml.etree import ElementTree
+
+_NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def xml_text(text: str) -> str:
+    """Return a text with a replacement character for each one that XML 1.0 has no way to write."""
+    return _NOT_XML.sub("\ufffd", text)
+
+
+def xml_file(root: ElementTree.Element) -> bytes:
+    """Return an element as an indented UTF-8 file."""
+    ElementTree.indent(root)
+    content: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+    return content + b"\n"

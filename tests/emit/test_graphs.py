@@ -1,0 +1,94 @@
+"""The placed program as a graph: GraphML read by networkx, dot by pydot, counts equal to the program's tables."""
+
+from __future__ import annotations
+
+import io
+
+import networkx as nx
+import numpy as np
+import pydot
+import pytest
+from programs import CHIP, everything, two_phases
+
+import hw_model as hw
+from locsnn_compile.emit.graph_files import dot_file, graphml_file
+
+# pydot calls pyparsing by names that it deprecates.
+pytestmark = pytest.mark.filterwarnings("ignore:.*deprecated:DeprecationWarning")
+
+
+def read_graphml(program):
+    return nx.read_graphml(io.BytesIO(graphml_file(program)["program.graphml"]))
+
+
+def read_dot(program):
+    (graph,) = pydot.graph_from_dot_data(dot_file(program)["program.dot"].decode())
+    return graph
+
+
+def of_kind(items, kind):
+    return [item for item in items if item[-1]["kind"] == kind]
+
+
+@pytest.mark.parametrize(
+    "program", [everything(), everything(chip=CHIP), two_phases()], ids=["cores", "core", "phases"]
+)
+def test_counts_are_the_programs(program):
+    graph = read_graphml(program)
+    assert graph.is_directed()
+    assert (graph.graph["name"], graph.graph["target"]) == (program.name, "loihi-sim")
+    nodes, edges = list(graph.nodes(data=True)), list(graph.edges(data=True))
+    assert sum(data["size"] for _, data in of_kind(nodes, "compartments")) == sum(program.populations.values())
+    assert {data["name"]: data["size"] for _, data in of_kind(nodes, "input")} == {
+        i.name: i.size for i in program.inputs
+    }
+    for core in program.cores:
+        mine = [data for _, data in of_kind(nodes, "compartments") if data["core"] == core.number]
+        assert sum(data["size"] for data in mine) == core.compartments
+        assert {(data["tile_x"], data["tile_y"]) for data in mine} == {program.chip.tile_of(core.slot)}
+        into = {node for node, data in nodes if data.get("core") == core.number}
+        synapses = [data["synapses"] for _, target, data in of_kind(edges, "synapses") if target in into]
+        assert sum(synapses) == len(core.axons.target)
+        joined = [data["compartments"] for _, target, data in of_kind(edges, "joined") if target in into]
+        assert sum(joined) == (core.parent >= 0).sum()
+
+
+def test_edges_of_a_tiny_program():
+    """x -> a on one core, a -> b on the next tile: written out by hand."""
+    b = hw.ProgramBuilder(CHIP, name="tiny")
+    x = b.add_input("x", 3)
+    first = b.add_compartments("a", 2, threshold=1)
+    second = b.add_compartments("b", 1, threshold=1, vmin=-1)  # other voltage limits, so another core
+    b.connect(x, first, [[2, 0, 4], [2, 0, 0]])
+    b.connect(first, second, [[2, 0]])
+    graph = read_graphml(b.build())
+    names = {node: data["name"] for node, data in graph.nodes(data=True)}
+    edges = {(names[s], names[t]): (d["synapses"], d["axons"]) for s, t, d in graph.edges(data=True)}
+    assert edges == {("x", "a"): (3, 2), ("a", "b"): (1, 1)}
+
+
+def test_dot_has_the_same_nodes_and_edges():
+    program = everything()
+    graph, dot = read_graphml(program), read_dot(program)
+    clusters = dot.get_subgraphs()
+    assert [cluster.get_name() for cluster in clusters] == [f"cluster_core{core.number}" for core in program.cores]
+    named = [node.get_name() for part in (dot, *clusters) for node in part.get_nodes()]
+    assert sorted(set(named) - {"node"}) == sorted(graph.nodes)
+    edges = sorted((edge.get_source(), edge.get_destination()) for edge in dot.get_edges())
+    assert edges == sorted(graph.edges)
+
+
+HOSTILE = '<script>"\\n&]]>\x00\n$end -> {é}'
+
+
+def test_hostile_names_stay_text():
+    b = hw.ProgramBuilder(CHIP, name=HOSTILE)
+    b.connect(b.add_input("x", 1), b.add_compartments(HOSTILE, 1, threshold=1), np.array([[2]]))
+    program = b.build()
+    graph = read_graphml(program)
+    shown = HOSTILE.replace("\x00", "\ufffd")
+    assert graph.graph["name"] == shown
+    assert graph.nodes["c0s0"]["name"] == shown
+    (cluster,) = read_dot(program).get_subgraphs()
+    label = cluster.get_node("c0s0")[0].get_label()
+    assert label == '"<script>\\"\\\\n&]]>\ufffd\ufffd$end -> {é}\\n0 to 0"'

@@ -1,0 +1,154 @@
+"""The value change dump, read back by the reader of pyvcd and equal to the simulator; and what probes name."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+from programs import CHIP, everything, played_streams, two_phases
+from vcd.reader import TokenKind, tokenize
+
+import hw_model as hw
+from locsnn_compile.emit.played import play_recording
+from locsnn_compile.emit.probed import Compartment, probed
+from locsnn_compile.emit.vcd import vcd_file
+from locsnn_compile.errors import InputError
+
+
+def read(content):
+    """Return ``{path: [(time, text of the value)]}`` and the last time."""
+    paths, scopes, codes, time = {}, [], {}, 0
+    for token in tokenize(io.BytesIO(content)):
+        if token.kind is TokenKind.SCOPE:
+            scopes.append(token.scope.ident)
+        elif token.kind is TokenKind.UPSCOPE:
+            scopes.pop()
+        elif token.kind is TokenKind.VAR:
+            path = ".".join([*scopes, token.var.reference])
+            assert path not in paths
+            codes[token.var.id_code] = (path, token.var.size)
+            paths[path] = []
+        elif token.kind is TokenKind.CHANGE_TIME:
+            time = token.time_change
+        elif token.kind in (TokenKind.CHANGE_SCALAR, TokenKind.CHANGE_VECTOR):
+            change = token.data
+            path, size = codes[change.id_code]
+            value = change.value
+            if token.kind is TokenKind.CHANGE_VECTOR and isinstance(value, int) and size < 32 and value >> size - 1:
+                value -= 1 << size
+            paths[path].append((time, value))
+    assert not scopes
+    return paths, time
+
+
+def values(changes, start, steps):
+    """Return a signal step by step, from its changes."""
+    found, at = [], dict(changes)
+    value = None
+    for time in range(start + steps):
+        value = at.get(time, value)
+        found.append(value)
+    return [int(value) for value in found[start:]]
+
+
+def test_every_value_is_the_simulators():
+    program = everything()
+    played = play_recording(program, played_streams(program))
+    paths, end = read(vcd_file(played, ["h", "o[1:3]"])["waves.vcd"])
+    assert end == 40
+    result, checked = played.result, 0
+    for group, indices, name in (("h", range(7), "h"), ("o", (1, 2), "o"), ("o/dendrite", (1, 2), "o_dendrite")):
+        for i in indices:
+            for kind in ("u", "v", "potential"):
+                wanted = getattr(result, kind)[group][:, i].tolist()
+                assert values(paths[f"time.{name}.n{i}.{kind}"], 0, 40) == wanted
+                checked += 1
+            if group in result.spikes:
+                assert values(paths[f"time.{name}.n{i}.spike"], 0, 40) == result.spikes[group][:, i].tolist()
+            else:
+                assert f"time.{name}.n{i}.spike" not in paths
+    assert checked == 33
+    assert min(int(array.min()) for array in result.v.values()) < 0
+    assert values(paths["time.step"], 0, 40) == list(range(40))
+
+
+def test_phases_follow_each_other():
+    program = two_phases()
+    played = play_recording(program, np.eye(5, 4, dtype=np.uint8))
+    paths, end = read(vcd_file(played, ())["waves.vcd"])
+    assert end == 5 + 4
+    assert paths["time.running"] == [(0, "1"), (5, "0")]
+    assert paths["location.running"] == [(0, "0"), (5, "1"), (9, "0")]
+    assert paths["location.b.n0.u"][0] == (0, "x")
+    assert values(paths["location.b.n0.u"], 5, 4) == played.result.u["b"][:, 0].tolist()
+    assert values(paths["time.a.n0.v"], 0, 5) == played.result.v["a"][:, 0].tolist()
+
+
+def test_names_that_are_no_identifiers():
+    b = hw.ProgramBuilder(CHIP, name="odd $end\n#0")
+    x = b.add_input("x", 1)
+    for name in ("a b", "a.b", "0", "$end", "é"):
+        b.connect(x, b.add_compartments(name, 1, threshold=1), [[2]])
+    content = vcd_file(play_recording(b.build(), [[1], [0]]), ())["waves.vcd"]
+    paths, _ = read(content)
+    assert {path.split(".")[1] for path in paths} - {"running", "step"} == {"a_b", "a_b_2", "_0", "_end", "_"}
+    assert b"$comment odd _end #0, recording 0; 1 us is one step $end" in content
+
+
+def test_identifier_codes_beyond_the_first_94():
+    many = hw.ProgramBuilder(CHIP)
+    many.connect(many.add_input("x", 1), many.add_compartments("h", 60, threshold=1), np.full((60, 1), 2))
+    paths, _ = read(vcd_file(play_recording(many.build(), [[1], [0]]), ["h"])["waves.vcd"])
+    assert len(paths) == 2 + 4 * 60
+
+
+# Probes ---------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def played():
+    program = everything()
+    return play_recording(program, played_streams(program))
+
+
+@pytest.mark.parametrize(
+    ("probes", "found"),
+    [
+        (["h[3]"], [("h", 3)]),
+        (["o[2]"], [("o/dendrite", 2), ("o", 2)]),
+        (["o/dendrite[2]"], [("o/dendrite", 2)]),
+        (["h[5:7]", "h[6]"], [("h", 5), ("h", 6)]),
+        (["o"], [(name, i) for name in ("o/dendrite", "o") for i in range(5)]),
+    ],
+    ids=["neuron", "with its dendrite", "dendrite alone", "range, once each", "population"],
+)
+def test_probes(played, probes, found):
+    assert probed(played, probes) == tuple(Compartment(*item) for item in found)
+
+
+def test_the_most_active_neuron_is_shown_by_default(played):
+    spikes = played.result.spikes
+    most = {name: int(spikes[name].sum(axis=0).argmax()) for name in ("h", "o")}
+    assert probed(played, ()) == (
+        Compartment("h", most["h"]),
+        Compartment("o/dendrite", most["o"]),
+        Compartment("o", most["o"]),
+    )
+
+
+BAD_PROBES = [
+    ("unknown", "hh[0]", "probe 'hh[0]': there is no population 'hh'. Did you mean 'h'?"),
+    ("unknown population", "hh", "probe 'hh': there is no population 'hh'. Did you mean 'h'?"),
+    ("form", "h[a]", "probe 'h[a]': not an index. Write population[index] or population[first:stop]."),
+    ("far", "h[7]", "probe 'h[7]': 'h' has no such compartment (7 compartments). Count from 0 to 6."),
+    ("empty", "h[3:3]", "probe 'h[3:3]': 'h' has no such compartment (7 compartments). Count from 0 to 6."),
+    ("negative", "h[-1]", "probe 'h[-1]': not an index. Write population[index] or population[first:stop]."),
+]
+
+
+@pytest.mark.parametrize(("probe", "line"), [row[1:] for row in BAD_PROBES], ids=[row[0] for row in BAD_PROBES])
+def test_bad_probes(played, probe, line):
+    with pytest.raises(InputError) as caught:
+        probed(played, [probe])
+    assert str(caught.value) == line
