@@ -35,30 +35,52 @@ class Latency:
     """The core that decided most of the time."""
 
 
+@dataclass(frozen=True, eq=False)
+class StepTimes:
+    """Where the time of one phase goes, arrays (steps, cores) in nanoseconds.
+
+    ``work_ns[count]``: what a core works on each operation; ``way_ns``: the longest way of its packets, which begins when
+    its work is done. A step ends ``barrier_ns`` after the last core.
+    """
+
+    work_ns: Mapping[str, FloatArray]
+    way_ns: FloatArray
+    barrier_ns: float
+
+    @property
+    def core_ns(self) -> FloatArray:
+        """Time from the start of a step until the last packet of each core has arrived."""
+        working: FloatArray = sum(self.work_ns.values(), start=np.zeros_like(self.way_ns))
+        return working + self.way_ns
+
+
 def latency(program: ChipProgram, activity: Mapping[str, StepActivity], profile: Profile) -> Latency:
     """Return the time of one recording from its activity by phase."""
     critical = np.zeros(len(program.cores))
     by_phase = {}
     for phase, steps in activity.items():
-        cores = program.cores_of(phase)
-        core_ns = _core_ns(steps, profile) + _longest_way_ns(program, phase, profile) * (steps.count("hops") > 0)
+        times = step_times(program, phase, steps, profile)
+        core_ns = times.core_ns
         slowest = core_ns.argmax(axis=1)
         step_ns = core_ns.max(axis=1)
-        tiles = {program.chip.tile_of(core.slot) for core in cores}
-        barrier_ns = profile.barrier_ns.ns(len(tiles), program.chip.mesh.tiles)
-        by_phase[phase] = float(step_ns.sum() + barrier_ns * len(step_ns))
-        numbers = np.array([core.number for core in cores])
+        by_phase[phase] = float(step_ns.sum() + times.barrier_ns * len(step_ns))
+        numbers = np.array([core.number for core in program.cores_of(phase)])
         np.add.at(critical, numbers[slowest], step_ns)
     return Latency(sum(by_phase.values()), by_phase, int(critical.argmax()))
 
 
-def _core_ns(steps: StepActivity, profile: Profile) -> FloatArray:
-    """Return the time that each core works in each step, (steps, cores): counts times times."""
-    working = np.zeros(steps.count("spikes").shape)
-    for name, cost in profile.time_ns.items():
-        if name not in ("hops_x", "hops_y"):
-            working += steps.count(name) * cost
-    return working
+def step_times(program: ChipProgram, phase: str, steps: StepActivity, profile: Profile) -> StepTimes:
+    """Return the times of every step and core of a phase: counts times times."""
+    tiles = {program.chip.tile_of(core.slot) for core in program.cores_of(phase)}
+    return StepTimes(
+        work_ns={
+            name: steps.count(name).astype(np.float64) * cost
+            for name, cost in profile.time_ns.items()
+            if name not in ("hops_x", "hops_y")
+        },
+        way_ns=_longest_way_ns(program, phase, profile) * (steps.count("hops") > 0),
+        barrier_ns=profile.barrier_ns.ns(len(tiles), program.chip.mesh.tiles),
+    )
 
 
 def _longest_way_ns(program: ChipProgram, phase: str, profile: Profile) -> FloatArray:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import hw_model as hw
-from hw_model.cost import energy_pj, latency
+from hw_model.cost import energy_pj, latency, step_times
 
 CHIP = hw.chip("loihi-sim")
 
@@ -80,3 +80,13 @@ def test_hops_are_counted_from_tile_to_tile():
 )
 def test_hops_table(slots, hops):
     assert CHIP.hops(*slots) == CHIP.hops(*reversed(slots)) == hops
+
+
+def test_times_of_every_step_and_core_of_a_chain():
+    program = chain()
+    result = hw.simulate(program, [[1], [0], [0], [0]], probe=("activity",))
+    times = step_times(program, "time", result.activity["time"][0], CHIP.profile("davies2018"))
+    assert times.work_ns["synaptic_ops"].ravel().tolist() == [3.5, 3.5, 0, 0]
+    assert times.work_ns["neuron_updates_active"].ravel().tolist() == [0, 8.4, 2 * 8.4, 8.4]
+    assert times.way_ns.ravel().tolist() == [0, 0, 0, 0]
+    assert times.barrier_ns == 113.0
