@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 from hw_model.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from locsnn_compile.api import CompiledModel, compile, verify
+    from locsnn_compile.api import CompiledModel, compile, diagnose, verify
     from locsnn_compile.data.read import read_recordings
+    from locsnn_compile.diagnosis import Diagnosis
     from locsnn_compile.errors import InputError, LocsnnError, TargetError
     from locsnn_compile.frontends import load
     from locsnn_compile.matching import Match
@@ -23,12 +24,14 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CompiledModel",
+    "Diagnosis",
     "InputError",
     "LocsnnError",
     "Match",
     "Network",
     "TargetError",
     "compile",
+    "diagnose",
     "load",
     "read_recordings",
     "verify",
@@ -40,6 +43,8 @@ __getattr__ = lazy_names(
     {
         "CompiledModel": "locsnn_compile.api",
         "compile": "locsnn_compile.api",
+        "diagnose": "locsnn_compile.api",
+        "Diagnosis": "locsnn_compile.diagnosis",
         "verify": "locsnn_compile.api",
         "InputError": "locsnn_compile.errors",
         "LocsnnError": "locsnn_compile.errors",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from locsnn_compile.report.accuracy import cause
 from locsnn_compile.report.content import Bar, Block, Document, Paragraph, Section, Table
 from locsnn_compile.report.format import NONE, any_value, count, plural, ratio, share, told_apart
 from locsnn_compile.report.words import words
@@ -15,8 +16,11 @@ _SCORE = 1.959964
 def agreement(document: Document) -> Section:
     """Agreement by population, the first spike that differs, wraps and clips."""
     match = document["match"]
-    blocks: list[Block] = [Paragraph(_first_divergence(document)), Paragraph(_interval(document))]
-    blocks.append(_populations(document))
+    blocks: list[Block] = [Paragraph(_first_divergence(document))]
+    why = cause(document)
+    if why:
+        blocks.append(Paragraph(why))
+    blocks += [Paragraph(_interval(document)), _populations(document)]
     events = match["wraps_and_clips_by_population"]
     if any(n for counts in events.values() for n in counts.values()):
         blocks.append(_wraps_and_clips(document))

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from locsnn_compile.report import behaviour, build, cost
-from locsnn_compile.report.content import Document, Report
+from collections.abc import Callable
+
+from locsnn_compile.report import accuracy, behaviour, build, cost
+from locsnn_compile.report.content import Document, Report, Section
 from locsnn_compile.report.format import plural
 from locsnn_compile.report.verdict import costs, fits, matches, notices
 
-SECTIONS = (
+SECTIONS: tuple[Callable[[Document], Section | None], ...] = (
     behaviour.agreement,
+    accuracy.error_budget,
+    accuracy.margins,
     behaviour.operations,
     cost.energy_section,
     cost.latency_section,
@@ -28,7 +32,7 @@ def compose(document: Document) -> Report:
         subtitle=subtitle(document),
         verdicts=(matches(document), costs(document), fits(document)),
         notices=notices(document),
-        sections=tuple(section(document) for section in SECTIONS),
+        sections=tuple(made for section in SECTIONS if (made := section(document))),
     )
 
 

@@ -110,7 +110,26 @@ class Span:
     values: tuple[float, float, float, float]
 
 
-Block = Paragraph | Facts | Bullets | Table | Stack | Span
+@dataclass(frozen=True)
+class Curve:
+    """A line through points (x, y), both 0..1 from the lower left corner of its plot; ``label`` says what it shows."""
+
+    label: str
+    points: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class Plot:
+    """Curves over common axes; ticks are (place 0..1, text). A table of the section has its figures too."""
+
+    title: str
+    x_label: str
+    x_ticks: tuple[tuple[float, str], ...]
+    y_ticks: tuple[tuple[float, str], ...]
+    curves: tuple[Curve, ...]
+
+
+Block = Paragraph | Facts | Bullets | Table | Stack | Span | Plot
 
 MANY_ROWS = 12
 

@@ -11,10 +11,12 @@ import numpy.typing as npt
 import hw_model as hw
 from hw_model.counts import Counts, total
 from hw_model.program import ChipProgram, Core
+from locsnn_compile.diagnosis import Diagnosis
 from locsnn_compile.matching import Match
 from locsnn_compile.network import Network
 from locsnn_compile.operations import ANN_NAMES, ann_operations
 from locsnn_compile.pipeline import Levels
+from locsnn_compile.report.diagnosis_document import budget_entry, cause_entry, margins_entry
 
 SCHEMA = "locsnn-report/1"
 OPERATION_KEYS = ("synaptic_ops", "neuron_updates", "spikes", "input_events", "transpose_events")
@@ -22,8 +24,11 @@ OPERATION_KEYS = ("synaptic_ops", "neuron_updates", "spikes", "input_events", "t
 Document = dict[str, Any]
 
 
-def report_document(levels: Levels, match: Match) -> Document:
-    """Return the report; every ``per_sample`` figure is a mean over the recordings of the check."""
+def report_document(levels: Levels, match: Match, diagnosis: Diagnosis | None = None) -> Document:
+    """Return the report; every ``per_sample`` figure is a mean over the recordings of the check.
+
+    Without a diagnosis it has neither ``error_budget`` nor ``margins``, and the first divergence no cause.
+    """
     network, program = levels.network, levels.program
     counts = total(match.counts)
     return {
@@ -32,7 +37,7 @@ def report_document(levels: Levels, match: Match) -> Document:
         "target": program.chip.name,
         "strategy": program.provenance["strategy"],
         "weight_bits": levels.quantized.projections[0].weight_bits,
-        "match": _match(match, counts),
+        "match": _match(match, counts, None if diagnosis is None else cause_entry(diagnosis.cause)),
         "accuracy": match.accuracy,
         "operations": {
             "per_sample": _per_sample(counts, match.samples),
@@ -52,10 +57,15 @@ def report_document(levels: Levels, match: Match) -> Document:
         },
         "quantization": _quantization(levels),
         "range": _range(program),
+        **({} if diagnosis is None else _diagnosis(diagnosis)),
     }
 
 
-def _match(match: Match, counts: Counts) -> Document:
+def _diagnosis(diagnosis: Diagnosis) -> Document:
+    return {"error_budget": budget_entry(diagnosis), "margins": margins_entry(diagnosis)}
+
+
+def _match(match: Match, counts: Counts, cause: Document | None) -> Document:
     first = match.first_divergence
     return {
         "samples": match.samples,
@@ -84,6 +94,7 @@ def _match(match: Match, counts: Counts) -> Document:
             "reference_potential": first.reference_potential,
             "chip_potential": first.chip_potential,
             "threshold": first.threshold,
+            "cause": cause,
         },
         "wraps": counts.wraps,
         "clips": counts.clips,

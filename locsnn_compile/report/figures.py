@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from html import escape
 
-from locsnn_compile.report.content import Bar, Span, Stack
+from locsnn_compile.report.content import Bar, Plot, Span, Stack
 from locsnn_compile.report.format import plain
 
 _PATTERNS = (
@@ -19,6 +19,8 @@ _PATTERNS = (
     '<rect width="8" height="8" class="paper"/><path d="M-2 -2L10 10M-2 10L10 -2" class="line"/>',
     '<rect width="8" height="8" class="paper"/><path d="M2 0V8M6 0V8" class="line"/>',
 )
+_PLOT_TOP, _PLOT_HEIGHT = 16, 150
+"""Pixels above the curves of a plot, and of the curves."""
 _FIRST, _LENGTH = 1.0, 98.0
 """Percent: where zero lies in a span drawing, and how far its largest value lies from there."""
 
@@ -69,6 +71,45 @@ def span(drawn: Span) -> str:
         f'<line class="median" x1="{median}" x2="{median}" y1="4" y2="30"/>'
         f'<circle class="mean" cx="{mean}" cy="17" r="5.5"/></svg>'
     )
+
+
+def plot(drawn: Plot) -> str:
+    """Return curves over a grid: each with its own dash, labels of the vertical axis above its lines.
+
+    The curves are drawn in a square of 100 by 100 that is stretched to its place; their strokes are not.
+    """
+    parts = []
+    for at, label in drawn.y_ticks:
+        y = _PLOT_TOP + (1.0 - at) * _PLOT_HEIGHT
+        parts.append(f'<line class="grid" x1="0%" x2="100%" y1="{y:.1f}" y2="{y:.1f}"/>')
+        parts.append(f'<text class="tick" x="0%" y="{y - 3:.1f}">{_label(label)}</text>')
+    bottom = _PLOT_TOP + _PLOT_HEIGHT
+    for at, label in drawn.x_ticks:
+        anchor = "start" if at <= 0 else "end" if at >= 1 else "middle"
+        x = _percent(100 * at)
+        parts.append(f'<line class="axis" x1="{x}" x2="{x}" y1="{bottom}" y2="{bottom + 4}"/>')
+        parts.append(f'<text class="tick" text-anchor="{anchor}" x="{x}" y="{bottom + 17}">{_label(label)}</text>')
+    parts.append(f'<text class="tick" text-anchor="middle" x="50%" y="{bottom + 33}">{_label(drawn.x_label)}</text>')
+    curves = "".join(_curve(i, curve.points) for i, curve in enumerate(drawn.curves))
+    parts.append(
+        f'<svg x="0%" y="{_PLOT_TOP}" width="100%" height="{_PLOT_HEIGHT}" viewBox="0 0 100 100" '
+        f'preserveAspectRatio="none" aria-hidden="true">{curves}</svg>'
+    )
+    label = _label(f"{drawn.title}: {'; '.join(curve.label for curve in drawn.curves)}")
+    return (
+        f'<svg class="plot" width="100%" height="{bottom + 38}" role="img" aria-label="{label}">{"".join(parts)}</svg>'
+    )
+
+
+def curve_mark(index: int) -> str:
+    """Return a piece of the curve of a plot, to stand beside its label."""
+    line = f'<line class="curve c{index}" x1="0" x2="26" y1="7" y2="7"/>'
+    return f'<svg class="mark" width="26" height="14" aria-hidden="true" focusable="false">{line}</svg>'
+
+
+def _curve(index: int, points: tuple[tuple[float, float], ...]) -> str:
+    path = " ".join(f"{100 * x:.4g},{100 * (1 - y):.4g}" for x, y in points)
+    return f'<polyline class="curve c{index}" vector-effect="non-scaling-stroke" points="{path}"/>' if points else ""
 
 
 def mark(kind: str) -> str:

@@ -58,6 +58,15 @@ def share(value: float) -> str:
     return f"{percent:.{decimals}f} %"
 
 
+def short(value: float) -> str:
+    """Return a magnitude with two significant digits, without an exponent; what is below a millionth, as that."""
+    if value == 0:
+        return "0"
+    if value < 1e-6:
+        return "< 0.000001"
+    return f"{value:.{max(0, 1 - math.floor(math.log10(float(f'{value:.1e}'))))}f}"
+
+
 def points(difference: float) -> str:
     """Return a difference of two shares in percentage points, with its sign."""
     if difference == 0:

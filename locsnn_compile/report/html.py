@@ -16,6 +16,7 @@ from locsnn_compile.report.content import (
     Facts,
     Notice,
     Paragraph,
+    Plot,
     Report,
     Section,
     Span,
@@ -119,6 +120,8 @@ def _block(block: Block) -> str:
             return f"<figure><figcaption>{text(block.label)}</figcaption>{figures.stack(block)}</figure>"
         case Span():
             return _span(block)
+        case Plot():
+            return _plot(block)
 
 
 def _facts(facts: tuple[Fact, ...]) -> str:
@@ -139,6 +142,17 @@ def _span(block: Span) -> str:
     return (
         f"<figure><figcaption>{text(block.title)}</figcaption>{figures.span(block)}"
         f'<dl class="stats">{facts}</dl></figure>'
+    )
+
+
+def _plot(block: Plot) -> str:
+    curves = "".join(
+        f"<div><dt>{figures.curve_mark(i)}</dt><dd>{text(curve.label)}</dd></div>"
+        for i, curve in enumerate(block.curves)
+    )
+    return (
+        f"<figure><figcaption>{text(block.title)}</figcaption>{figures.plot(block)}"
+        f'<dl class="curves">{curves}</dl></figure>'
     )
 
 

@@ -67,7 +67,7 @@ th,td{padding:.5rem 0 .5rem 1.1rem;text-align:right;vertical-align:baseline;font
 border-top:1px solid var(--rule)}
 th:first-child{text-align:left;padding-left:0}
 thead th{color:var(--soft);font-size:.8rem;line-height:1.3;border-top:0;vertical-align:bottom;padding-top:.2rem}
-tbody th{overflow-wrap:anywhere;min-width:7rem}
+tbody th{overflow-wrap:anywhere;min-width:8.5rem}
 thead th{overflow-wrap:normal}
 td{white-space:nowrap}
 .wide{font-size:.82rem}
@@ -94,6 +94,9 @@ svg{display:block;overflow:visible}
 .axis{stroke:var(--soft);stroke-width:1}.band{stroke:var(--tint);stroke-width:10}
 .end{stroke:var(--accent);stroke-width:2}.median{stroke:var(--ink);stroke-width:2}
 .mean{stroke:var(--paper);stroke-width:2}
+.grid{stroke:var(--rule);stroke-width:1}.tick{fill:var(--soft);font-size:11px}
+.curve{fill:none;stroke-width:2}.c0{stroke:var(--accent)}.c1{stroke:var(--ink);stroke-dasharray:5 4}
+.curves div{display:flex;gap:.6rem;align-items:center;font-size:.85rem}.curves dd{color:var(--soft)}
 """
 
 _NARROW = """

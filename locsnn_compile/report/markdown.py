@@ -13,6 +13,7 @@ from locsnn_compile.report.content import (
     Fact,
     Facts,
     Paragraph,
+    Plot,
     Span,
     Stack,
     Table,
@@ -59,8 +60,8 @@ def _block(block: Block) -> str:
             return _table(block)
         case Span():
             return f"{text(block.title)}:\n\n{_facts((block.least, block.median, block.mean, block.most))}"
-        case Stack():
-            return ""  # the table that follows has the same shares
+        case Stack() | Plot():
+            return ""  # a table of the section has the same figures
 
 
 def _facts(facts: tuple[Fact, ...]) -> str:

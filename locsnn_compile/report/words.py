@@ -33,6 +33,22 @@ _WORDS = {
     "gru-mlp": "GRU-MLP",
 }
 
+STAGES = {
+    "kernel": "neuron model",
+    "weights": "rounding of weights",
+    "decays": "rounding of decays",
+    "states": "truncation of states",
+    "thresholds": "thresholds",
+    "delays": "delays",
+    "wraps_clips": "wraps and clips",
+}
+"""Stages of the error budget, in the order of the compiler."""
+
+
+def stage_words(stage: str) -> str:
+    """Return a stage of the error budget in words."""
+    return STAGES.get(stage, stage)
+
 
 def words(key: str) -> str:
     """Return a key of the document in words; one that is not known here, with its underscores as spaces."""

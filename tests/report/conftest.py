@@ -5,6 +5,80 @@ from typing import Any
 import pytest
 
 
+def error_budget() -> dict[str, Any]:
+    """Two stages, of which one explains most of the difference."""
+
+    def deviation(agreement: float, mismatches: int, changed: int) -> dict[str, Any]:
+        spikes = {"spike_agreement": agreement, "spike_mismatches": mismatches}
+        half = {"spike_agreement": agreement, "spike_mismatches": mismatches // 2}
+        return {
+            **spikes,
+            "predictions_changed": changed,
+            "by_population": {"time_output": half, "location_output": dict(half)},
+        }
+
+    return {
+        "recordings": [0, 6, 13, 19],
+        "recordings_available": 20,
+        "alone": {
+            "weights": deviation(0.91, 18, 1),
+            "decays": deviation(0.99, 2, 0),
+            "states": deviation(0.995, 1, 0),
+            "thresholds": deviation(1.0, 0, 0),
+            "wraps_clips": deviation(1.0, 0, 0),
+        },
+        "all_but": {
+            "weights": deviation(0.985, 3, 0),
+            "decays": deviation(0.905, 19, 1),
+            "states": deviation(0.9, 20, 1),
+            "thresholds": deviation(0.9, 20, 1),
+            "wraps_clips": deviation(0.9, 20, 1),
+        },
+        "together": deviation(0.9, 20, 1),
+        "unexplained_spikes": 0,
+        "kernel_tail": deviation(0.96, 8, 0),
+    }
+
+
+def margins() -> dict[str, Any]:
+    """Bins from a thousandth of a threshold to ten, one a decade."""
+    population = {
+        "neuron_steps": 1000,
+        "nearest": {"0.001": 0.0021, "0.01": 0.019, "0.5": 1.0},
+        "error": {"0.5": 0.012, "0.95": 0.055, "1": 1.5},
+        "within_error": 0.006,
+        "decided_otherwise": 0.003,
+        "distance_histogram": [1, 19, 480, 500],
+        "error_histogram": [100, 700, 20, 2],
+    }
+    return {
+        "recordings": [0, 6, 13, 19],
+        "recordings_available": 20,
+        "histogram_edges": [0.001, 0.01, 0.1, 1.0, 10.0],
+        "by_population": {"time_output": population, "location_output": dict(population)},
+        "registers": {
+            "time_output/dendrite": {
+                "peak_u": 1048576,
+                "share_u": 0.125,
+                "peak_v": 8388607,
+                "share_v": 1.0,
+                "headroom_bits": 0.0,
+                "wraps": 0,
+                "clips": 4,
+            },
+            "time_output": {
+                "peak_u": 0,
+                "share_u": 0.0,
+                "peak_v": 0,
+                "share_v": 0.0,
+                "headroom_bits": None,
+                "wraps": 0,
+                "clips": 0,
+            },
+        },
+    }
+
+
 @pytest.fixture
 def document() -> dict[str, Any]:
     """A small report in which every number can be followed by hand; the check played 20 recordings."""
@@ -44,6 +118,13 @@ def document() -> dict[str, Any]:
                 "reference_potential": 10.00000002,
                 "chip_potential": 9.97762002,
                 "threshold": 10.0,
+                "cause": {
+                    "moved_by": {"weights": -0.03, "decays": 0.0075, "thresholds": 0.0},
+                    "moved_by_interaction": 0.00012,
+                    "moved_together": -0.02238,
+                    "largest": "weights",
+                    "enough_alone": ["weights"],
+                },
             },
             "wraps": 0,
             "clips": 4,
@@ -53,6 +134,8 @@ def document() -> dict[str, Any]:
             },
         },
         "accuracy": {"reference": 0.9, "chip": 0.85},
+        "error_budget": error_budget(),
+        "margins": margins(),
         "operations": {
             "per_sample": {
                 "synaptic_ops": 2000.0,

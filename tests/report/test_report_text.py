@@ -39,6 +39,8 @@ def _bare(document: dict[str, Any]) -> dict[str, Any]:
     document["latency"]["recording_ns"] = None
     document["energy"]["other_profiles_pj"] = {}
     document["energy"]["not_included"] = []
+    document["error_budget"] = None
+    del document["margins"]
     match = document["match"]
     match |= {"first_divergence": None, "clips": 0, "wraps_and_clips_by_population": {}, "spike_mismatches": 0}
     match |= {"prediction_agreement": 1.0, "spike_agreement": 1.0, "events_source": "synthetic touches"}

@@ -1,0 +1,122 @@
+"""What each stage alone, all but each, and all together change against the float network, spike by spike."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+import hw_model as hw
+from hw_model.trace import ByteArray
+from locsnn_compile.error_budget.stages import STAGES, Phase, Stage, lines_of, phases_of, twin_with, working
+from locsnn_compile.error_budget.tail import has_tails, with_cut_tails
+from locsnn_compile.error_budget.twin import Twin, run_twin
+from locsnn_compile.matching import CHUNK, PopulationMatch, Progress
+from locsnn_compile.network import Network
+from locsnn_compile.pipeline import Levels
+from locsnn_compile.reference import ReferenceResult, evaluate
+
+
+@dataclass(frozen=True, eq=False)
+class Deviation:
+    """How a variant of the network differs from the float network: spikes by population, and predicted classes."""
+
+    by_population: Mapping[str, PopulationMatch]
+    predictions_changed: int
+
+    @property
+    def spikes(self) -> PopulationMatch:
+        """All populations together."""
+        return sum(self.by_population.values(), start=PopulationMatch())
+
+
+@dataclass(frozen=True, eq=False)
+class StageErrors:
+    """The difference between float network and chip over ``samples`` recordings, taken apart.
+
+    ``alone[stage]``: the float network with this stage as on the chip. ``without[stage]``: the chip with this stage
+    exact. Stages that change no number are in neither. ``together``: all of them, which is the chip. ``unexplained``
+    counts the spikes that the float reference has differently with no stage, and the simulator with all: 0 if nothing
+    was forgotten. ``kernel_tail``: the float network with its kernels cut where slayerPytorch cuts them; that is no
+    part of the chip, but matters to a network that was trained so. None without such kernels.
+    """
+
+    samples: int
+    alone: Mapping[Stage, Deviation]
+    without: Mapping[Stage, Deviation]
+    together: Deviation
+    unexplained: int
+    kernel_tail: Deviation | None
+
+
+def error_budget(levels: Levels, recordings: ByteArray, progress: Progress | None = None) -> StageErrors:
+    """Take the difference apart over recordings (samples, steps, channels), of the network's own steps and channels."""
+    network, phases = levels.network, phases_of(levels)
+    stages = [stage for stage in STAGES if working(phases, stage)]
+    alone = {stage: _Tally(network, phases, _with(stage)) for stage in stages}
+    without = {
+        stage: _Tally(network, phases, _with(*(other for other in stages if other != stage))) for stage in stages
+    }
+    none, together = _Tally(network, phases, _with()), _Tally(network, phases, _with(*stages))
+    tail = _Tally(network, phases, lambda phase: with_cut_tails(twin_with(phase, ()), network))
+    others = [*alone.values(), *without.values(), *([tail] if has_tails(network) else [])]
+    unexplained = 0
+    for start in range(0, len(recordings), CHUNK):
+        chunk = recordings[start : start + CHUNK]
+        wanted = evaluate(network, chunk, registers=levels.program.chip.registers)
+        unexplained += _different(none.add(chunk, wanted), wanted.spikes)
+        unexplained += _different(together.add(chunk, wanted), hw.simulate(levels.program, chunk).spikes)
+        for tally in others:
+            tally.add(chunk, wanted)
+        if progress:
+            progress(start + len(chunk), len(recordings))
+    return StageErrors(
+        samples=len(recordings),
+        alone={stage: tally.result() for stage, tally in alone.items()},
+        without={stage: tally.result() for stage, tally in without.items()},
+        together=together.result(),
+        unexplained=unexplained,
+        kernel_tail=tail.result() if has_tails(network) else None,
+    )
+
+
+class _Tally:
+    """Runs one variant chunk by chunk, and adds up how it differs."""
+
+    def __init__(self, network: Network, phases: tuple[Phase, ...], variant: Callable[[Phase], Twin]) -> None:
+        self._network = network
+        self._twins = [(phase, variant(phase)) for phase in phases]
+        self._by_population = {p.name: PopulationMatch() for p in network.populations}
+        self._changed = 0
+
+    def add(self, recordings: ByteArray, wanted: ReferenceResult) -> dict[str, ByteArray]:
+        """Play a chunk; return the variant's spikes."""
+        spikes: dict[str, ByteArray] = {}
+        for phase, twin in self._twins:
+            spikes |= run_twin(twin, lines_of(self._network, phase, recordings)).spikes
+        for name in self._by_population:
+            self._by_population[name] += PopulationMatch.of(wanted.spikes[name], spikes[name])
+        self._changed += int((_predicted(self._network, spikes) != wanted.prediction).sum())
+        return spikes
+
+    def result(self) -> Deviation:
+        return Deviation(dict(self._by_population), self._changed)
+
+
+def _with(*stages: Stage) -> Callable[[Phase], Twin]:
+    return lambda phase: twin_with(phase, stages)
+
+
+def _different(spikes: Mapping[str, ByteArray], others: Mapping[str, ByteArray]) -> int:
+    return sum(int((array != others[name]).sum()) for name, array in spikes.items())
+
+
+def _predicted(network: Network, spikes: Mapping[str, ByteArray]) -> npt.NDArray[np.int64]:
+    """Return the class with the highest score, the first of equals, (batch,)."""
+    names, weights = network.readout.populations, network.readout.weights
+    scores = np.sum(
+        [w * spikes[name].sum(axis=1, dtype=np.float64) for name, w in zip(names, weights, strict=True)], axis=0
+    )
+    return np.asarray(np.argmax(scores, axis=1), dtype=np.int64)

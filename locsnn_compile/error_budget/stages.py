@@ -1,0 +1,102 @@
+"""The stages in which a float network becomes a chip program, and a twin with any of them as on the chip."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+from hw_model.chip_description import Registers
+from hw_model.graph import Axis
+from hw_model.trace import ByteArray
+from locsnn_compile.error_budget.numbers import GroupNumbers, Numbers, SynapseNumbers, numbers_of
+from locsnn_compile.error_budget.twin import Twin, TwinGroup, TwinSynapses
+from locsnn_compile.matrices import Matrix, of_target, values_of, with_values
+from locsnn_compile.network import Network
+from locsnn_compile.neurons import FloatArray
+from locsnn_compile.pipeline import Levels
+
+Stage = Literal["kernel", "weights", "decays", "states", "thresholds", "delays", "wraps_clips"]
+"""What is as on the chip, and not exact:
+
+- ``kernel``: the neuron model, where the strategy has another one than the network
+- ``weights``: weights and biases, rounded onto the grid; those of refractory kernels too
+- ``decays``: multiples of 1/4096, and the gain of each kernel is the one that fits best with them
+- ``states``: what a decay leaves of a register is cut to an integer
+- ``thresholds``: a spike where v > 64 * threshold, in place of v >= theta
+- ``delays``: whole steps, as they are in the network already
+- ``wraps_clips``: charge and current wrap, the voltage clips
+"""
+STAGES: tuple[Stage, ...] = get_args(Stage)
+
+
+@dataclass(frozen=True, eq=False)
+class Phase:
+    """The populations of one axis, in exact numbers and in the chip's: by the float neurons, and by the program's."""
+
+    axis: Axis
+    registers: Registers
+    float_neurons: Numbers
+    program_neurons: Numbers
+
+
+def phases_of(levels: Levels) -> tuple[Phase, ...]:
+    """Return every axis of a lowered network."""
+    registers = levels.program.chip.registers
+    phases = []
+    for axis in levels.network.axes:
+        numbers = numbers_of(levels, axis)
+        phases.append(Phase(axis, registers, numbers, numbers))
+    return tuple(phases)
+
+
+def lines_of(network: Network, phase: Phase, recordings: ByteArray) -> dict[str, ByteArray]:
+    """Return the spikes (batch, steps, lines) of the inputs of a phase."""
+    return {view.name: view.play(recordings) for view in network.views if view.axis == phase.axis}
+
+
+def twin_with(phase: Phase, stages: Collection[Stage]) -> Twin:
+    """Return the twin of a phase with some stages as on the chip and the others exact."""
+    numbers = phase.program_neurons if "kernel" in stages else phase.float_neurons
+    return Twin(
+        tuple(_group(pair, stages) for pair in numbers.groups),
+        tuple(_synapses(pair, stages) for pair in numbers.synapses),
+        phase.registers,
+    )
+
+
+def working(phases: Collection[Phase], stage: Stage) -> bool:
+    """Return whether a stage changes any number of these phases; one that changes none need not be run."""
+    if stage == "kernel":
+        return any(phase.float_neurons is not phase.program_neurons for phase in phases)
+    return stage != "delays"
+
+
+def _group(pair: GroupNumbers, stages: Collection[Stage]) -> TwinGroup:
+    exact, chip = pair.exact, pair.chip
+    decays = chip if "decays" in stages else exact
+    return replace(
+        exact,
+        keep_u=decays.keep_u,
+        keep_v=decays.keep_v,
+        threshold=(chip if "thresholds" in stages else exact).threshold,
+        bias=_fitted(exact.bias, chip.bias, pair.bias_ratio, stages),
+        truncates=(chip if "states" in stages else exact).truncates,
+        limited=(chip if "wraps_clips" in stages else exact).limited,
+    )
+
+
+def _synapses(pair: SynapseNumbers, stages: Collection[Stage]) -> TwinSynapses:
+    weights = _fitted(pair.exact.weights, pair.chip.weights, pair.gain_ratio, stages)
+    return replace(pair.exact, weights=weights)
+
+
+def _fitted(exact: Matrix, chip: Matrix, ratio: FloatArray, stages: Collection[Stage]) -> Matrix:
+    """Return exact or rounded weights, fitted to exact or rounded decays; ``ratio`` (n_target,)."""
+    weights = chip if "weights" in stages else exact
+    if ("weights" in stages) == ("decays" in stages):
+        return weights
+    factor = ratio if "decays" in stages else 1.0 / ratio
+    if weights.ndim == 1:
+        return weights * factor
+    return with_values(weights, values_of(weights) * of_target(weights, factor))

@@ -1,0 +1,234 @@
+"""Sections on where the error comes from: the budget of the stages, and the margins that errors meet."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from locsnn_compile.report.content import Bar, Block, Curve, Document, Fact, Facts, Paragraph, Plot, Section, Table
+from locsnn_compile.report.format import NONE, any_value, count, plural, share, short
+from locsnn_compile.report.words import STAGES, listed, stage_words
+
+_DRAWN = 8
+"""Populations whose margins are drawn; a table holds those of all."""
+_LEAST_SHARE = 1e-5
+"""Where the vertical axis of the margins begins."""
+
+
+def error_budget(document: Document) -> Section | None:
+    """What each stage changes by itself, and what is left where only it is exact; None where nobody asked."""
+    if "error_budget" not in document:
+        return None
+    budget, title = document["error_budget"], "Error budget"
+    if budget is None:
+        lead = (
+            "Nothing was rounded: every number of the network is an integer of the chip. There is no error to divide."
+        )
+        return Section("error-budget", title, lead, ())
+    lead = (
+        "What each stage changes alone: the float network, with only this stage as on the chip. And what is equal "
+        "without it: the chip, with only this stage exact. Differences are carried along, from spike to spike."
+    )
+    blocks: list[Block] = [Paragraph(_checked(budget)), _stages(budget), _by_population(budget)]
+    if budget["kernel_tail"] is not None:
+        blocks.append(Paragraph(_kernel_tail(budget["kernel_tail"])))
+    blocks.append(Facts((Fact("recordings", sample(budget)),)))
+    return Section("error-budget", title, lead, tuple(blocks))
+
+
+def margins(document: Document) -> Section | None:
+    """How near potentials come to threshold beside the error, how full registers get; None where nobody asked."""
+    if "margins" not in document:
+        return None
+    found = document["margins"]
+    populations = found["by_population"]
+    lead = (
+        "The distance of every neuron's potential to its threshold at every step, in thresholds, beside the error of "
+        "the chip's arithmetic where all earlier spikes are equal. A spike can differ only where the error is larger."
+    )
+    edges = found["histogram_edges"]
+    blocks: list[Block] = [_distances(populations), _errors(populations)]
+    blocks += [_plot(name, one, edges) for name, one in list(populations.items())[:_DRAWN]]
+    blocks += [_registers(found["registers"]), Facts((Fact("recordings", sample(found)),))]
+    return Section("margins", "Margins", lead, tuple(blocks))
+
+
+def cause(document: Document) -> str | None:
+    """Return what moved the potential that decided the first spike that differs, in a sentence or two."""
+    first = document["match"]["first_divergence"]
+    found = first and first["cause"]
+    if not found:
+        return None
+    parts = [f"{stage_words(stage)} {_signed(moved)}" for stage, moved in found["moved_by"].items() if moved]
+    parts.append(f"their interplay {_signed(found['moved_by_interaction'])}")
+    distance = first["reference_potential"] - first["threshold"]
+    where = (
+        f"{abs(distance):.3g} {'below' if distance < 0 else 'above'} the threshold" if distance else "at the threshold"
+    )
+    enough = listed([stage_words(stage) for stage in found["enough_alone"]] or ["no stage"])
+    return (
+        f"Cause: the float potential lies {where}, and the chip's arithmetic moves it by "
+        f"{_signed(found['moved_together'])}: {listed(parts)}. Enough alone: {enough}."
+    )
+
+
+def sample(entry: Document) -> str:
+    """Return which recordings a diagnosis was made on."""
+    numbers, available = entry["recordings"], entry["recordings_available"]
+    if len(numbers) == available:
+        return f"all {count(available)}"
+    return f"{count(len(numbers))} of {count(available)}, evenly spread: {any_value(numbers)}"
+
+
+def _checked(budget: Document) -> str:
+    exact = [stage_words(stage) for stage in STAGES if stage not in budget["alone"]]
+    idle = f" By construction {listed(exact)} change nothing here." if exact else ""
+    left = budget["unexplained_spikes"]
+    if left:
+        return f"All stages together leave {plural(left, 'spike')} unexplained.{idle}"
+    return (
+        "The division is complete: without any stage every spike is the float network's, and with all of them every "
+        f"spike is the chip's.{idle}"
+    )
+
+
+def _stages(budget: Document) -> Table:
+    rows = [
+        _stage_row(stage_words(stage), alone, share(budget["all_but"][stage]["spike_agreement"]))
+        for stage, alone in budget["alone"].items()
+    ]
+    rows.append(_stage_row("all together", budget["together"], NONE))
+    return Table(
+        f"Each stage alone, over {plural(len(budget['recordings']), 'recording')}",
+        ("stage", "", "spikes equal", "only on one side", "predictions changed", "equal without it"),
+        tuple(rows),
+        total=True,
+    )
+
+
+def _stage_row(name: str, found: Document, without: str) -> tuple[str | Bar, ...]:
+    equal = share(found["spike_agreement"])
+    return (
+        name,
+        Bar(found["spike_agreement"], f"{equal} of spikes equal"),
+        equal,
+        count(found["spike_mismatches"]),
+        count(found["predictions_changed"]),
+        without,
+    )
+
+
+def _by_population(budget: Document) -> Table:
+    variants = {stage_words(stage): found for stage, found in budget["alone"].items()}
+    variants["all together"] = budget["together"]
+    rows = tuple(
+        (name, *(share(found["by_population"][name]["spike_agreement"]) for found in variants.values()))
+        for name in budget["together"]["by_population"]
+    )
+    return Table("Spikes equal by population, each stage alone", ("population", *variants), rows)
+
+
+def _kernel_tail(tail: Document) -> str:
+    return (
+        "slayerPytorch cuts kernels where they fall below 0.01; this program has their tails in full. To cut them in "
+        f"the float network, and change nothing else, leaves {share(tail['spike_agreement'])} of its spikes equal and "
+        f"changes {plural(tail['predictions_changed'], 'prediction')}: a network that was trained with cut kernels "
+        "differs by so much before anything is rounded."
+    )
+
+
+def _distances(populations: Document) -> Table:
+    shares = list(next(iter(populations.values()))["nearest"])
+    return Table(
+        "Distance of potentials to the threshold, in thresholds",
+        ("population", "neurons times steps", *(f"nearest {100 * float(key):g} %" for key in shares)),
+        tuple(
+            (name, count(one["neuron_steps"]), *(short(one["nearest"][key]) for key in shares))
+            for name, one in populations.items()
+        ),
+    )
+
+
+def _errors(populations: Document) -> Table:
+    return Table(
+        "Error of the chip's arithmetic, in thresholds, and what comes within it",
+        ("population", "median error", "95 % below", "largest", "nearer than the error", "decided otherwise"),
+        tuple(
+            (
+                name,
+                *(short(one["error"][key]) for key in ("0.5", "0.95", "1")),
+                share(one["within_error"]),
+                share(one["decided_otherwise"]),
+            )
+            for name, one in populations.items()
+        ),
+    )
+
+
+def _plot(name: str, one: Document, edges: Sequence[float]) -> Plot:
+    """Draw both distributions, added up from their two ends, on logarithmic axes."""
+    total = one["neuron_steps"]
+    nearer = _running(one["distance_histogram"], total)
+    larger = _running(one["error_histogram"][::-1], total)[::-1]
+    first, last = math.log10(edges[0]), math.log10(edges[-1])
+    x = [(math.log10(edge) - first) / (last - first) for edge in edges]
+    floor = math.log10(_LEAST_SHARE)
+    decades = [(power - first) / (last - first) for power in range(round(first), round(last) + 1)]
+    return Plot(
+        title=f"{name}: distance to the threshold, and error",
+        x_label="thresholds",
+        x_ticks=tuple(
+            (at, _power(power)) for at, power in zip(decades, range(round(first), round(last) + 1), strict=True)
+        ),
+        y_ticks=tuple(((power - floor) / -floor, f"{100 * 10.0**power:g} %") for power in range(round(floor) + 1, 1)),
+        curves=(
+            Curve("neurons and steps nearer to the threshold than that", tuple(_points(x, nearer, floor))),
+            Curve("neurons and steps with a larger error than that", tuple(_points(x, larger, floor))),
+        ),
+    )
+
+
+def _power(exponent: int) -> str:
+    """Return a power of ten; a small one with its exponent above."""
+    if exponent >= -3:
+        return f"{10.0**exponent:g}"
+    return f"10⁻{'⁰¹²³⁴⁵⁶⁷⁸⁹'[-exponent]}"
+
+
+def _running(counts: Sequence[int], total: int) -> list[float]:
+    """Return the shares that come before each edge, and all."""
+    shares, so_far = [0.0], 0
+    for n in counts:
+        so_far += n
+        shares.append(so_far / total)
+    return shares
+
+
+def _points(x: Sequence[float], shares: Sequence[float], floor: float) -> list[tuple[float, float]]:
+    """Return points of the drawing; what lies below its lower edge is left out."""
+    return [(at, 1.0 - math.log10(part) / floor) for at, part in zip(x, shares, strict=True) if part >= _LEAST_SHARE]
+
+
+def _registers(groups: Document) -> Table:
+    return Table(
+        "Registers of the chip: largest magnitudes against what they hold",
+        ("compartments", "", "current u", "voltage v", "headroom in bits", "wraps", "clips"),
+        tuple(
+            (
+                name,
+                Bar(
+                    min(1.0, max(one["share_u"], one["share_v"])), f"{share(max(one['share_u'], one['share_v']))} used"
+                ),
+                share(one["share_u"]),
+                share(one["share_v"]),
+                NONE if one["headroom_bits"] is None else f"{one['headroom_bits']:.1f}",
+                count(one["wraps"]),
+                count(one["clips"]),
+            )
+            for name, one in groups.items()
+        ),
+    )
+
+
+def _signed(value: float) -> str:
+    return f"{value:+.3g}".replace("-", "−")  # noqa: RUF001 - a minus sign, as wide as the plus
