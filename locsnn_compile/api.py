@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 import hw_model as hw
+from locsnn_compile.choose_strategy import Choice, ErrorBudget, choose_strategy
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.synthetic import synthetic_touches
@@ -19,6 +20,7 @@ from locsnn_compile.network import Network
 from locsnn_compile.passes.quantize import check_weight_bits
 from locsnn_compile.passes.quantize_srm import STRATEGIES as SRM_STRATEGIES
 from locsnn_compile.pipeline import Levels, lower
+from locsnn_compile.report.choice import choice_document
 from locsnn_compile.report.document import report_document
 
 Events = str | Path | Recordings | npt.ArrayLike
@@ -36,6 +38,8 @@ class CompiledModel:
     match: Match
     report: dict[str, Any]
     """The content of report.json."""
+    choice: Choice | None = None
+    """What ``auto`` compared; None where the strategy was given, or there was nothing to choose."""
 
     @property
     def program(self) -> hw.ChipProgram:
@@ -56,12 +60,17 @@ def compile(
     events: Events | None = None,
     labels: npt.ArrayLike | None = None,
     progress: Progress | None = None,
+    calibration: Events | None = None,
+    budget: ErrorBudget | None = None,
 ) -> CompiledModel:
     """Compile a network for a chip and check it against the float reference.
 
     ``target``: a chip's name, or the path of a chip YAML. ``events``: recordings to check on - a file, archive or
     folder, or an array (samples, steps, channels) of 0 and 1; by default those that the model carries, else synthetic
-    touches. ``labels`` (samples,) where ``events`` is an array. Raises ``InputError`` for what cannot be used and
+    touches. ``labels`` (samples,) where ``events`` is an array. ``strategy``:
+    how SRM neurons are lowered; ``auto`` takes the cheapest that keeps the ``budget`` on ``calibration``, given like
+    ``events`` - by default what the model carries, else synthetic touches, so that the program does not depend on the
+    recordings that it is checked on; else ``events``. Raises ``InputError`` for what cannot be used and
     ``TargetError`` for a model that the chip cannot hold.
     """
     if strategy not in STRATEGIES:
@@ -71,9 +80,10 @@ def compile(
     check_weight_bits(weight_bits)
     chip = hw.chip(target)
     recordings = recordings_for(network, events, labels)
-    levels = lower(network, chip, weight_bits)
+    levels, choice = _lower(network, chip, weight_bits, strategy, recordings, calibration, budget)
     match = _compare(levels, recordings, progress)
-    return CompiledModel(levels, match, report_document(levels, match))
+    report = report_document(levels, match) | {"strategy_choice": choice_document(choice)}
+    return CompiledModel(levels, match, report, choice)
 
 
 def verify(
@@ -108,6 +118,40 @@ def recordings_for(network: Network, events: Events | None, labels: npt.ArrayLik
         step_seconds=network.step_seconds,
         source="array",
     )
+
+
+def _lower(
+    network: Network,
+    chip: hw.Chip,
+    weight_bits: int,
+    strategy: str,
+    recordings: Recordings,
+    calibration: Events | None,
+    budget: ErrorBudget | None,
+) -> tuple[Levels, Choice | None]:
+    """Lower by the strategy that was asked for, or the one that ``auto`` chooses; refuse one that no neuron has."""
+    if strategy == "auto":
+        on = _calibration(network, recordings, calibration)
+        choice = choose_strategy(network, chip, weight_bits, on, budget or ErrorBudget())
+        return (choice.levels, choice) if choice else (lower(network, chip, weight_bits), None)
+    levels = lower(network, chip, weight_bits, strategy)
+    found = {population.strategy for population in levels.quantized.populations}
+    # Neurons that have a reset of their own are what ``reset`` makes of others.
+    if strategy not in found and not (strategy == "reset" and found == {"native"}):
+        raise InputError(
+            f"strategy {strategy!r}",
+            "no neuron of this model is lowered so",
+            measured=f"its neurons are {levels.quantized.strategy}",
+            fix="Leave the strategy out.",
+        )
+    return levels, None
+
+
+def _calibration(network: Network, recordings: Recordings, calibration: Events | None) -> Recordings:
+    """Return the recordings that choices are made on: never those of the check, where there are others."""
+    if calibration is not None or network.recordings is not None or network.fingertips is not None:
+        return recordings_for(network, calibration)
+    return recordings
 
 
 def _compare(levels: Levels, recordings: Recordings, progress: Progress | None) -> Match:

@@ -22,6 +22,10 @@ example:
 Without --events the check plays recordings that the model carries, else synthetic touches, and the report says so.
 Exit codes: 0 done; 1 the chip cannot hold the model; 2 wrong usage or unreadable input; 3 a gate failed.
 """
+_STRATEGY = (
+    "lowering of SRM neurons: dendrite, delay-line, reset, or auto, the cheapest within --min-agreement and "
+    "--max-spike-error, by default what dendrite keeps (default auto)"
+)
 EMIT_KINDS = ("network", "quantized", "compartments", "placed", "routed", "program")
 
 
@@ -38,13 +42,15 @@ def parser() -> Parser:
     add("--target", default="loihi-sim", metavar="CHIP", help="chip name or chip file (default loihi-sim)")
     add("-o", "--output", metavar="DIR", help="folder to write (default build/<model name>)")
     add("--events", metavar="FILE", help="recordings to check on: .zip, folder, .npy, .npz, .pt, .tact")
-    add("--strategy", default="auto", metavar="NAME", help="lowering of SRM neurons: auto or dendrite (default auto)")
+    add("--strategy", default="auto", metavar="NAME", help=_STRATEGY)
+    add("--calibration", metavar="FILE", help="recordings that auto decides on; default: the model's own, or synthetic")
     add("--weight-bits", type=int, default=8, metavar="BITS", help="1 to 6, or 8 (default 8)")
     add("--config", metavar="FILE", help="network description, for model formats that need one; a checkpoint does not")
     add("--emit", action="extend", nargs="+", default=[], metavar="KIND", help=f"also write: {', '.join(EMIT_KINDS)}")
     add("--json", action="store_true", help="print report.json to standard output, and nothing else there")
     add("--quiet", action="store_true", help="print nothing")
     add("--min-agreement", type=float, metavar="X", help="exit 3 where prediction agreement is below X (0..1)")
+    add("--max-spike-error", type=float, metavar="X", help="exit 3 where more than this share of spikes differs (0..1)")
     add("--max-energy-nj", type=float, metavar="X", help="exit 3 where a recording takes more nanojoules on average")
     add("--max-cores", type=int, metavar="N", help="exit 3 where more cores are used")
     return made
@@ -67,6 +73,7 @@ def run(args: Namespace) -> int:
     check_folder(folder)
 
     from locsnn_compile.api import compile, recordings_for
+    from locsnn_compile.choose_strategy import ErrorBudget
     from locsnn_compile.frontends import load
 
     network = load(args.model, config=args.config)
@@ -79,6 +86,8 @@ def run(args: Namespace) -> int:
             weight_bits=args.weight_bits,
             events=recordings,
             progress=progress,
+            calibration=args.calibration,
+            budget=ErrorBudget(args.min_agreement, args.max_spike_error),
         )
     files = build_files(compiled, args.emit)
     write_build(folder, files)
@@ -119,11 +128,14 @@ def _print_summary(report: dict[str, Any], folder: Path, files: dict[str, bytes]
 def _gates(args: Namespace, report: dict[str, Any]) -> int:
     """Say each gate that failed in a line; return 3 where one did."""
     agreement = report["match"]["prediction_agreement"]
+    spike_error = 1 - report["match"]["spike_agreement"]
     energy_nj = report["energy"]["per_sample_pj"] / 1000
     cores = report["resources"]["cores"]
     failed = []
     if args.min_agreement is not None and agreement < args.min_agreement:
         failed.append(f"--min-agreement: prediction agreement is {agreement:.4f}, below {args.min_agreement:g}")
+    if args.max_spike_error is not None and spike_error > args.max_spike_error:
+        failed.append(f"--max-spike-error: {spike_error:.4f} of the spikes differ, above {args.max_spike_error:g}")
     if args.max_energy_nj is not None and energy_nj > args.max_energy_nj:
         failed.append(f"--max-energy-nj: a recording takes {energy_nj:.1f} nJ, above {args.max_energy_nj:g}")
     if args.max_cores is not None and cores > args.max_cores:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from locsnn_compile.report.choice import choice_blocks
 from locsnn_compile.report.content import Bar, Bullets, Document, Fact, Facts, Paragraph, Section, Table
 from locsnn_compile.report.format import NONE, any_value, count, memory, share
 from locsnn_compile.report.verdict import fullness
@@ -11,8 +12,9 @@ _STRATEGIES = {
     "dendrite": "three joined compartments a neuron: alpha dendrite, refractory dendrite, memoryless soma",
     "delay-line": "two joined compartments a neuron, the refractory kernel through delayed self-synapses",
     "reset": "one compartment a neuron with the chip's own reset, an approximation",
+    "native": "one compartment a neuron, as the model has it",
 }
-_WITHOUT_JOINED = ("reset",)
+_WITHOUT_JOINED = {"reset", "native"}
 
 
 def resources(document: Document) -> Section:
@@ -107,8 +109,8 @@ def ranges(document: Document) -> Section:
 
 def provenance(document: Document) -> Section:
     """What was compiled for what, with which options, checked on what; what is assumed."""
-    strategy = document["strategy"]
-    meaning = f"{strategy}: {_STRATEGIES[strategy]}" if strategy in _STRATEGIES else strategy
+    strategies = document["strategy"].split(", ")
+    meaning = "; ".join(f"{name}: {_STRATEGIES[name]}" if name in _STRATEGIES else name for name in strategies)
     facts = (
         Fact("model", document["model"]["name"]),
         Fact("model sha256", document["model"]["sha256"] or NONE),
@@ -119,16 +121,15 @@ def provenance(document: Document) -> Section:
         Fact("schema", document["schema"]),
     )
     notes = ["Energy and latency are models: counts times published costs. No board was used."]
-    if strategy not in _WITHOUT_JOINED:
+    if not _WITHOUT_JOINED.issuperset(strategies):
         notes.append(
             "Joined compartments (dendrites) are an assumption about the chip: public sources name them, and none "
             "gives their integer timing."
         )
     notes.append("Where public sources on the chip are silent or disagree, the target's description decides.")
     lead = "Enough to make this report again; the same input gives the same bytes."
-    return Section(
-        "provenance", "Provenance", lead, (Facts(facts), Bullets("To be read with these figures", tuple(notes)))
-    )
+    blocks = (Facts(facts), *choice_blocks(document), Bullets("To be read with these figures", tuple(notes)))
+    return Section("provenance", "Provenance", lead, blocks)
 
 
 def _by_core(document: Document) -> Table | Paragraph:
