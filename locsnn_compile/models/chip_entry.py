@@ -30,7 +30,7 @@ _OWN_RANGES: dict[str, tuple[int, int]] = {
     "exponent": (WEIGHT_EXPONENTS[0], WEIGHT_EXPONENTS[-1]),
     "delay": (0, 62),
 }
-_OWN_MOST = 63
+_OWN_MOST = 126
 #: strategy -> fewest and most synapses of a neuron to itself.
 _OWN_COUNT: dict[str, tuple[int, int]] = {"dendrite": (0, 1), "delay-line": (0, _OWN_MOST), "reset": (0, 0)}
 

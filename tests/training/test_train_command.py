@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -88,6 +89,23 @@ def test_options_lie_over_the_configuration(tmp_path: Path, data: str, capsys: p
     assert capsys.readouterr() == ("", "")
 
 
+def test_a_float_network_goes_on_to_the_chip(tmp_path: Path, data: str, capsys: pytest.CaptureFixture[str]) -> None:
+    start, output = tmp_path / "float.pt", tmp_path / "chip.pt"
+    run("--data", data, "--epochs", "2", "--hidden", "6", "--order", "whorl", "-o", str(start))
+    capsys.readouterr()
+    options = ("--target", "loihi-sim", "--strategy", "reset", "--weight-bits", "4", "--epochs", "2")
+    assert run("--data", data, "--from", str(start), *options, "-o", str(output)) == 0
+    found = read_checkpoint(output)
+    assert found.chip is not None
+    assert (found.chip.target, found.chip.strategy) == ("loihi-sim", "reset")
+    assert {numbers.weight_bits for numbers in found.chip.populations.values()} == {4}
+    assert found.description == replace(read_checkpoint(start).description, name="chip")
+    names = ("start", "start_sha256", "hidden", "order", "epochs", "learning_rate", "validation_fraction")
+    sha256 = read_checkpoint(start).sha256
+    assert [found.training[name] for name in names] == ["float", sha256, 6, "whorl", 2, 0.001, 0.0]
+    assert capsys.readouterr().out == f"epoch 2 chosen\nwrote {output}\n"
+
+
 def test_a_stopped_run_resumes(
     tmp_path: Path, data: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -138,6 +156,26 @@ def test_a_stopped_run_resumes(
             ("--model", "hybird"),
             "training option 'model': 'hybird' is not known. Did you mean 'hybrid'?",
             id="misspelt model",
+        ),
+        pytest.param(
+            ("--strategy", "delayline"),
+            "training option 'strategy': 'delayline' is not known. Did you mean 'delay-line'?",
+            id="misspelt strategy",
+        ),
+        pytest.param(
+            ("--weight-bits", "7"),
+            "training option 'weight_bits': 7 is not known. Choose one of: 1, 2, 3, 4, 5, 6, 8.",
+            id="weight bits",
+        ),
+        pytest.param(
+            ("--target", "loihi-3"),
+            "target 'loihi-3': no chip of this name ships. Did you mean 'loihi-sim'? A chip file of your own ends in .yaml.",
+            id="unknown chip",
+        ),
+        pytest.param(
+            ("--from", "none.pt"),
+            "checkpoint 'none.pt': it cannot be read (No such file or directory). Check the path.",
+            id="nothing to start from",
         ),
         pytest.param(
             ("--order", "1,2,3"),

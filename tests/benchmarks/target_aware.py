@@ -1,0 +1,237 @@
+"""Train on the chip's integers, five seeds, both data sets, every strategy, and measure what the programs do.
+
+    python tests/benchmarks/target_aware.py --data FOLDER --page docs/accuracy.md
+
+``FOLDER`` holds Ev-Objects.zip and Ev-Containers.zip. Every network and its figures are a file under ``--work``; what is
+there is not made again, so the script goes on where it was stopped. With ``--validate`` it tries the settings on
+validation recordings instead, with float networks that have not seen these, and prints a line each.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import statistics
+import time
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+import hw_model as hw
+import locsnn_compile as lc
+from locsnn_compile.data.read import read_recordings
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.models.checkpoint import Checkpoint, save_checkpoint
+from locsnn_compile.models.checkpoint_reader import read_checkpoint
+from locsnn_compile.training.config import TrainingConfig, config_from_mapping, read_config
+from locsnn_compile.training.export import export_checkpoint, training_entry
+from locsnn_compile.training.fine_tuning import FINE_TUNING, fine_tuning_config
+from locsnn_compile.training.state import load_state, run_key
+from locsnn_compile.training.train import train
+
+ROOT = Path(__file__).parents[2]
+DATASETS = ("objects", "containers")
+SEEDS = range(5)
+VALIDATION_SEEDS = range(3)
+BEGIN, END = "<!-- target-aware: begin -->", "<!-- target-aware: end -->"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of the table: what is trained, and its options for each data set."""
+
+    name: str
+    strategy: str
+    weight_bits: int = 8
+    pruned: float = 0.0
+
+    def options(self) -> dict[str, Any]:
+        return {"target": "loihi-sim"} | {key: value for key, value in asdict(self).items() if key != "name"}
+
+
+ROWS = (
+    Row("dendrite-8", "dendrite"),
+    Row("reset-8-pruned", "reset", pruned=0.4),
+    Row("dendrite-4", "dendrite", weight_bits=4),
+    Row("delay-line-8", "delay-line"),
+    Row("reset-8", "reset"),
+    Row("dendrite-8-pruned", "dendrite", pruned=0.4),
+    Row("delay-line-4", "delay-line", weight_bits=4),
+    Row("reset-4", "reset", weight_bits=4),
+)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, required=True)
+    parser.add_argument("--work", type=Path, default=ROOT / "build" / "target-aware")
+    parser.add_argument("--page", type=Path, help="write the table into this page")
+    parser.add_argument("--validate", action="store_true", help="try the settings on validation recordings")
+    parser.add_argument("--rows", nargs="*", default=[row.name for row in ROWS], metavar="NAME")
+    args = parser.parse_args()
+    torch.set_num_threads(1)
+    (args.work / "float").mkdir(parents=True, exist_ok=True)
+    (args.work / "tuned").mkdir(exist_ok=True)
+    rows = [row for row in ROWS if row.name in args.rows]
+    for row in rows:
+        for seed in VALIDATION_SEEDS if args.validate else SEEDS:
+            for dataset in DATASETS:
+                (validate if args.validate else measure)(args, row, dataset, seed)
+    if args.page is not None:
+        write_page(args.page, page(args.work))
+
+
+def float_network(args: argparse.Namespace, dataset: str, seed: int, *, seen_all: bool) -> Checkpoint:
+    """Return the float network of a seed: refitted on the whole train part, or from before, without the validation part."""
+    path = args.work / "float" / f"{dataset}-{seed}{'' if seen_all else '-select'}.pt"
+    if not path.exists():
+        train_float(args, dataset, seed)
+    return read_checkpoint(path)
+
+
+def train_float(args: argparse.Namespace, dataset: str, seed: int) -> None:
+    folder = args.work / "float"
+    config = replace(base_config(dataset), seed=seed)
+    recordings, test = parts(args.data, dataset)
+    state_path = folder / f"{dataset}-{seed}.state"
+    result = train(
+        recordings, config, name=f"{dataset}-hybrid", classes=classes_of(recordings, test), state_path=state_path
+    )
+    state = load_state(state_path, run_key(config, recordings))
+    assert state is not None
+    selected = {name.removesuffix(".weight"): weight.numpy() for name, weight in state.chosen_weights.items()}
+    entry = training_entry(result, replace(config, refit=False), recordings, None, None)
+    save_checkpoint(folder / f"{dataset}-{seed}-select.pt", result.network.description, selected, training=entry)
+    export_checkpoint(folder / f"{dataset}-{seed}.pt", result, config, recordings, test, carried=0)
+    state_path.unlink()
+
+
+def measure(args: argparse.Namespace, row: Row, dataset: str, seed: int) -> None:
+    """Fine-tune on the whole train part, then compile, and play all test recordings to network and program."""
+    path = args.work / "tuned" / f"{dataset}-{row.name}-{seed}.pt"
+    if path.with_suffix(".json").exists():
+        return
+    start = float_network(args, dataset, seed, seen_all=True)
+    recordings, test = parts(args.data, dataset)
+    config = fine_tuning(row, dataset, seed, start)
+    before = time.perf_counter()
+    result = train(recordings, config, name=f"{dataset}-hybrid-loihi", start=start)
+    seconds = time.perf_counter() - before
+    export_checkpoint(path, result, config, recordings, test, carried=0, start=start)
+
+    compiled = lc.compile(lc.load(path), target="loihi-sim", events=test, diagnosis=False)
+    with torch.no_grad():
+        own = result.network(torch.from_numpy(test.spikes.copy()).double())
+    played = hw.simulate(compiled.program, test.spikes)
+    report = compiled.report
+    figures = {
+        "dataset": dataset,
+        "row": row.name,
+        "seed": seed,
+        "float_accuracy": start.training["test_accuracy"],
+        "accuracy": report["accuracy"]["chip"],
+        "mismatches": sum(int((played.spikes[name] != spikes.numpy()).sum()) for name, spikes in own.items()),
+        "spikes": sum(int(spikes.sum()) for spikes in own.values()),
+        "energy_pj": report["energy"]["per_sample_pj"],
+        "synapses": report["resources"]["synapses"],
+        "compartments": report["resources"]["compartments"],
+        "at_limit": sum(
+            int((np.abs(mantissas) == result.network.chip.populations[name].mantissa_max).sum())
+            for name, mantissas in result.network.mantissas().items()
+        ),
+        "wraps": report["match"]["wraps"],
+        "clips": report["match"]["clips"],
+        "seconds": round(seconds, 1),
+    }
+    path.with_suffix(".json").write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+    print(json.dumps(figures), flush=True)
+
+
+def validate(args: argparse.Namespace, row: Row, dataset: str, seed: int) -> None:
+    """Fine-tune a network that has not seen the validation part, and print what that part says of it."""
+    start = float_network(args, dataset, seed, seen_all=False)
+    recordings, test = parts(args.data, dataset)
+    fraction = base_config(dataset).validation_fraction
+    config = replace(fine_tuning(row, dataset, seed, start), validation_fraction=fraction, refit=False)
+    history = train(recordings, config, start=start, classes=classes_of(recordings, test)).history
+    last = history[-10:]
+    figures = {
+        "dataset": dataset,
+        "row": row.name,
+        "seed": seed,
+        "accuracy": statistics.mean(epoch.validation_accuracy or 0.0 for epoch in last),
+        "loss": statistics.mean(epoch.validation_loss or 0.0 for epoch in last),
+        "float_accuracy": start.training["validation_accuracy"],
+    }
+    print(json.dumps(figures), flush=True)
+
+
+def fine_tuning(row: Row, dataset: str, seed: int, start: Checkpoint) -> TrainingConfig:
+    base = read_config(ROOT / f"examples/configs/{dataset}-hybrid-loihi.yaml")
+    config = config_from_mapping(FINE_TUNING | base | row.options() | {"seed": seed})
+    return fine_tuning_config(config, start.description)
+
+
+def base_config(dataset: str) -> TrainingConfig:
+    return config_from_mapping(read_config(ROOT / f"examples/configs/{dataset}-hybrid.yaml"))
+
+
+def parts(data: Path, dataset: str) -> tuple[Recordings, Recordings]:
+    archive = data / f"Ev-{dataset.title()}.zip"
+    return read_recordings(archive, split="train"), read_recordings(archive, split="test")
+
+
+def classes_of(*recordings: Recordings) -> int:
+    return 1 + max(int(part.labels.max()) for part in recordings if part.labels is not None)
+
+
+def page(work: Path) -> str:
+    """Return the section's table from the figures that are there."""
+    found = [json.loads(path.read_text(encoding="utf-8")) for path in sorted((work / "tuned").glob("*.json"))]
+    head = (
+        "| network | strategy | bits | accuracy | less float | spike mismatches | energy, µJ | of `dendrite` | compartments | synapses |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
+    )
+    lines = [*head]
+    for dataset in DATASETS:
+        floats = {f["seed"]: f["float_accuracy"] for f in found if f["dataset"] == dataset}
+        if floats:
+            lines.append(f"| {dataset.title()} | float | 32 | {spread(list(floats.values()))} | | | | | | |")
+        whole = [f["energy_pj"] for f in found if (f["dataset"], f["row"]) == (dataset, "dendrite-8")]
+        for row in ROWS:
+            mine = [f for f in found if (f["dataset"], f["row"]) == (dataset, row.name)]
+            if mine:
+                lines.append(line(dataset, row, mine, whole))
+    return "\n".join(lines)
+
+
+def line(dataset: str, row: Row, mine: list[dict[str, Any]], whole: list[float]) -> str:
+    def mean(key: str) -> float:
+        return statistics.mean(f[key] for f in mine)
+
+    lost = statistics.mean(f["accuracy"] - f["float_accuracy"] for f in mine)
+    share = f"{mean('energy_pj') / statistics.mean(whole):.2f}" if whole else ""
+    what = row.strategy + (f", {row.pruned:.0%} pruned" if row.pruned else "")
+    return (
+        f"| {dataset.title()} | {what} | {row.weight_bits} | {spread([f['accuracy'] for f in mine])} | {lost:+.3f} "
+        f"| {sum(f['mismatches'] for f in mine)} of {sum(f['spikes'] for f in mine):,} | {mean('energy_pj') / 1e6:.2f} "
+        f"| {share} | {mean('compartments'):.0f} | {mean('synapses'):,.0f} |"
+    )
+
+
+def spread(values: list[float]) -> str:
+    deviation = f" ± {statistics.stdev(values):.3f}" if len(values) > 1 else ""
+    return f"{statistics.mean(values):.3f}{deviation}"
+
+
+def write_page(path: Path, table: str) -> None:
+    text = path.read_text(encoding="utf-8")
+    before, rest = text.split(BEGIN)
+    path.write_text(f"{before}{BEGIN}\n{table}\n{END}{rest.split(END)[1]}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
