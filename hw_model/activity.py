@@ -85,7 +85,7 @@ def count_steps(program: ChipProgram, phase: str, played: PhaseInput, trace: Pha
     found = []
     for i in range(len(trace.spikes)):
         spikes = trace.spikes[i].astype(np.float64)
-        synapses = played.lines[i].astype(np.float64) @ fan.synapses[:lines] + spikes @ fan.synapses[lines:]
+        synapses = played.lines(i).astype(np.float64) @ fan.synapses[:lines] + spikes @ fan.synapses[lines:]
         by_core = {
             "synaptic_ops": _whole(synapses),
             "neuron_updates": np.broadcast_to(sizes, (played.steps, cores)),
@@ -106,9 +106,16 @@ def _whole(sums: npt.NDArray[np.float64]) -> IntArray:
 
 def _due_after_end(played: PhaseInput, spikes: ByteArray, due_late: IntArray) -> IntArray:
     """A spike d rows before the end is too late for the synapses whose delay is at least d."""
-    rows = min(len(due_late), played.steps)
-    last = np.concatenate((played.lines[:, -rows:], spikes[:, -rows:]), axis=2)[:, ::-1]
-    late: IntArray = np.einsum("brs,rs->b", last.astype(np.int64), due_late[:rows])
+    lines = sum(played.sizes)
+    late = np.zeros(len(spikes), dtype=np.int64)
+    for d in range(min(len(due_late), played.steps)):
+        row = played.steps - 1 - d
+        late += spikes[:, row].astype(np.int64) @ due_late[d, lines:]
+        offset = 0
+        for events, size in zip(played.events, played.sizes, strict=True):
+            recording, channel = events.at(row)
+            np.add.at(late, recording, due_late[d, offset + channel])
+            offset += size
     return late
 
 

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import llvmlite.binding
 import numba
+import numpy as np
+from llvmlite import ir
+from numba.core import types
+from numba.extending import intrinsic
 
 # Many arrays take part in an update; without this the compiler gives up proving that they do not overlap, and the loop
 # does not run in vectors.
@@ -23,8 +29,58 @@ def inlined(function: Callable[..., Any]) -> Any:
     return _compile(function, inline="always")
 
 
+def absorbed(function: Callable[..., Any]) -> Any:
+    """Compile a function that its callers take in as machine code: passing many arrays costs more than a short loop."""
+    return _compile(function, forceinline=True)
+
+
 def _compile(function: Callable[..., Any], **options: Any) -> Any:
     try:
         return numba.njit(cache=True, nogil=True, boundscheck=False, **options)(function)
     except RuntimeError:  # neither the package's folder nor the user's cache can be written: compile every time
         return numba.njit(nogil=True, boundscheck=False, **options)(function)
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def borrowed(typing: Any, value: Any) -> Any:
+    """Return an array, or a tuple of some, as it is but for its owner, so that no reference to it is ever counted.
+
+    Counting, with a locked instruction for each array at each call, took most of the time of short loops. The owner
+    must outlive the loop: so only for arrays that the caller was given by Python.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return _without_owner(context, builder, value, arguments[0])
+
+    return value(value), generate
+
+
+def _without_owner(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    if isinstance(kind, types.Array):
+        array = context.make_array(kind)(context, builder, value=value)
+        array.meminfo = ir.Constant(array.meminfo.type, None)
+        array.parent = ir.Constant(array.parent.type, None)
+        return array._getvalue()
+    if isinstance(kind, types.BaseTuple):  # type: ignore[attr-defined]
+        parts = [_without_owner(context, builder, part, builder.extract_value(value, i)) for i, part in enumerate(kind)]
+        return context.make_tuple(builder, kind, parts)
+    return value
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def trailing_zeros(typing: Any, word: Any) -> Any:
+    """Count the zeros below the lowest one of a uint64, which must not be 0."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
+
+    return types.int64(types.uint64), generate
+
+
+def in_parts(work: Callable[[int, int], Any], batch: int) -> list[Any]:
+    """Run ``work(start, stop)`` on even parts of a batch, one a core, in threads, and return what they return."""
+    bounds = [int(bound) for bound in np.linspace(0, batch, min(batch, os.cpu_count() or 1) + 1)]
+    if len(bounds) == 2:
+        return [work(0, batch)]
+    with ThreadPoolExecutor(len(bounds) - 1) as pool:
+        return list(pool.map(work, bounds[:-1], bounds[1:]))

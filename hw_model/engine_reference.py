@@ -15,9 +15,11 @@ from hw_model.trace import EVENTS, ByteArray, PhaseInput, PhaseTrace, Register, 
 
 def run_phase(program: ChipProgram, phase: str, played: PhaseInput, windows: dict[Register, Window]) -> PhaseTrace:
     """Run a batch through one phase, recording by recording; keep of the registers what the windows ask for."""
-    traces = [_run_recording(program, phase, lines, windows) for lines in played.lines]
+    recordings = [played.lines(b) for b in range(len(played.input_events))]
+    traces = [_run_recording(program, phase, lines, windows) for lines in recordings]
     spikes = np.stack([trace[0] for trace in traces])
-    sent = np.concatenate((played.lines.sum(axis=1, dtype=np.int64), spikes.sum(axis=1, dtype=np.int64)), axis=1)
+    lines_sent = np.stack([lines.sum(axis=0, dtype=np.int64) for lines in recordings])
+    sent = np.concatenate((lines_sent, spikes.sum(axis=1, dtype=np.int64)), axis=1)
     return PhaseTrace(
         spikes,
         sent,

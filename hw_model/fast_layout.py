@@ -1,15 +1,18 @@
-"""A phase laid out for the fast engine: segments, blocks in the order of data flow, and links between groups.
+"""How the fast engine sees a phase: chunks of compartments, bundles, blocks, nodes and links.
 
-A *segment* is a range of columns of one group on one core, updated in one sweep. A *block* is a set of groups that
-drive each other (a strongly connected component of synapses and joins): blocks can run one after the other over many
-steps, only inside a block must steps be taken one by one. A *link* holds the synapses from one *node* - an input, or a
-group - to one group, as a dense matrix of weights where that is quicker, else as lists.
+A *chunk* is :data:`LANES` compartments that are updated together, in vectors; a group fills the chunks of its *node*,
+and starts anew on every core. A chunk's *slots* are its places in the accumulators. Chunks that add their voltages into
+one another, children first, make a *bundle*. A *block* is a strongly connected part of the groups: blocks can be run
+one after the other over many steps, and only within a block that feeds itself must steps be taken one by one. A *link*
+holds the synapses from one node - an input, or a group - to one group, as a dense matrix of weights where that is
+quicker, else as lists.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import networkx as nx
 import numpy as np
@@ -20,49 +23,54 @@ from hw_model.program import ChipProgram
 
 Int32Array = npt.NDArray[np.int32]
 
+LANES = 16
+"""Compartments of a chunk: 32-bit numbers of one or two vector registers."""
+FIELDS = 15
+KEEP_U, KEEP_V, THRESHOLD, BIAS, REFRACTORY, VMIN, VMAX = range(7)
+U, V, POTENTIAL, BLOCKED, JOINED = range(7, 12)
+CHARGE_WRAPS, CURRENT_WRAPS, VOLTAGE_CLIPS = range(12, FIELDS)
+"""Registers of a compartment: seven parameters, the state with what its children add, and a count of each event."""
+NEVER = (1 << 31) - 1
+"""The threshold of what cannot spike."""
+
 DENSE_SHARE = 0.25
 """A link with at least this share of all pairs is a matrix: adding zeros in a row is cheaper than following a list."""
 DENSE_MOST = 1 << 27
 """Entries of the largest matrix, 256 MiB."""
 
 
-@dataclass(frozen=True, eq=False)
-class Columns:
-    """Parameters of every compartment, (columns,); ``keep`` is 4096 less the decay, ``threshold`` a voltage."""
+class Chunks(NamedTuple):
+    """Chunk k holds columns ``first_column[k]`` on, ``width[k]`` of them; its slots are ``LANES * k`` on.
 
-    keep_u: Int32Array
-    keep_v: Int32Array
-    threshold: Int32Array
-    bias: Int32Array
-    refractory: Int32Array
-    vmin: Int32Array
-    vmax: Int32Array
-    spiking: npt.NDArray[np.uint8]
-
-
-@dataclass(frozen=True, eq=False)
-class Segments:
-    """Columns ``first..stop``, on the phase's core ``core``, of node ``node``; ``parent``: where v is added, or -1.
-
-    Block k is segments ``of_block[k]..of_block[k + 1]``; in it children come before their parents.
+    ``node`` and ``core`` (of the phase) say where it is; ``parent``: the chunk that its voltages are added to, or -1;
+    ``sums``: it keeps nothing and no synapse reaches it, so that it only adds up its children. ``registers`` (chunks,
+    FIELDS, LANES) are its parameters, with a state of 0. Bundle i is ``member[bundle[i]:bundle[i + 1]]``, and
+    ``begins`` marks the first member of each. Block k is bundles ``of_block[k]`` to the next; it feeds itself where
+    ``feeds_itself[k]``, and the nodes in it that can spike are ``spiking_node[of_node[k]:of_node[k + 1]]``.
     """
 
-    first: IntArray
-    stop: IntArray
-    core: IntArray
     node: IntArray
+    core: IntArray
     parent: IntArray
-    parent_node: IntArray
+    first_column: IntArray
+    width: IntArray
+    sums: npt.NDArray[np.uint8]
+    registers: Int32Array
+    member: IntArray
+    begins: npt.NDArray[np.bool_]
+    bundle: IntArray
     of_block: IntArray
+    feeds_itself: npt.NDArray[np.uint8]
+    spiking_node: IntArray
+    of_node: IntArray
 
 
-@dataclass(frozen=True, eq=False)
-class Links:
+class Links(NamedTuple):
     """Synapses between nodes. Weights are in units of 64.
 
-    Link l of source s adds, if ``dense[l]``, ``matrix[offset[l] + s * width[l] + j]`` to column ``target[l] + j``,
-    ``delay[l]`` steps late; else, for rows k of ``list_start[offset[l] + s]`` to the next, ``weight[k]`` to column
-    ``column[k]``, ``late[k]`` steps late. Links into block k from other nodes are rows ``into_block[k]`` to the next;
+    Link l of source s adds, if ``dense[l]``, ``matrix[offset[l] + s * width[l] + j]`` to slot ``target[l] + j``,
+    ``delay[l]`` steps late; else, for rows k of ``list_start[offset[l] + s]`` to the next, ``weight[k]`` to slot
+    ``slot[k]``, ``late[k]`` steps late. Links into block k from other nodes are rows ``into_block[k]`` to the next;
     those from node n into its own block are rows ``from_node[n]`` to the next.
     """
 
@@ -75,54 +83,70 @@ class Links:
     delay: IntArray
     matrix: npt.NDArray[np.int16]
     list_start: IntArray
-    column: Int32Array
+    slot: Int32Array
     weight: Int32Array
     late: Int32Array
     into_block: IntArray
     from_node: IntArray
 
 
+class Nodes(NamedTuple):
+    """Inputs, then groups: node n has ``size[n]`` sources from ``first[n]`` on, lines or columns.
+
+    A group's node has the chunks ``chunk[n]`` to the next.
+    """
+
+    first: IntArray
+    size: IntArray
+    chunk: IntArray
+
+
 @dataclass(frozen=True, eq=False)
 class FastLayout:
-    """A phase: nodes are its inputs, then its groups; node n has ``node_size[n]`` sources from ``node_first[n]`` on.
+    """A phase, of which the first ``inputs`` nodes are inputs; the named tuples are what the compiled loops take.
 
-    Sources of inputs are lines, those of groups columns. ``wide`` tells that the charge of a step may not fit 32 bits.
+    ``slot`` (columns,) tells the slot of every column. ``wide`` tells that the charge of a step may not fit 32 bits.
     """
 
     inputs: int
-    node_first: IntArray
-    node_size: IntArray
     cores: int
-    columns: Columns
-    segments: Segments
+    nodes: Nodes
+    chunks: Chunks
     links: Links
+    slot: IntArray
     longest_delay: int
     wide: bool
+
+    @property
+    def columns(self) -> int:
+        """Compartments of the phase."""
+        return len(self.slot)
 
 
 @lru_cache(maxsize=8)
 def fast_layout(program: ChipProgram, phase: str) -> FastLayout:
     """Follow every axon to its synapses and lay them out by node. Programs are hashed by identity."""
-    nodes = _Nodes(program, phase)
+    nodes = _Numbering(program, phase)
     synapses = _synapses(program, phase, nodes)
     blocks = _blocks(program, phase, nodes, synapses)
-    links = _links(nodes, synapses, blocks)
+    pieces = _pieces(program, phase, nodes)
+    slot, chunk_first = _slots(pieces, nodes)
+    links = _links(nodes, synapses, blocks, slot, chunk_first)
     charge = np.zeros(max(nodes.columns, 1))
     np.add.at(charge, synapses.column, np.abs(synapses.weight))
     return FastLayout(
         inputs=nodes.inputs,
-        node_first=nodes.first,
-        node_size=nodes.size,
         cores=len(program.cores_of(phase)),
-        columns=_columns(program, phase),
-        segments=_segments(program, phase, nodes, blocks),
+        nodes=Nodes(nodes.first, nodes.size, chunk_first),
+        chunks=_chunks(program, phase, nodes, synapses, blocks, pieces, links),
         links=links,
+        slot=slot,
         longest_delay=int(synapses.delay.max(initial=0)),
         wide=bool(charge.max() >= 2**31),
     )
 
 
-class _Nodes:
+class _Numbering:
     """Inputs, then groups, with their names, first lines or columns, and sizes."""
 
     def __init__(self, program: ChipProgram, phase: str) -> None:
@@ -156,7 +180,7 @@ class _Synapses:
     delay: IntArray
 
 
-def _synapses(program: ChipProgram, phase: str, nodes: _Nodes) -> _Synapses:
+def _synapses(program: ChipProgram, phase: str, nodes: _Numbering) -> _Synapses:
     cores = program.cores_of(phase)
     columns = {core.number: program.columns_of_core(core) for core in cores}
     source, to_core, to_axon = [], [], []
@@ -189,24 +213,26 @@ def _synapses(program: ChipProgram, phase: str, nodes: _Nodes) -> _Synapses:
     return _Synapses(node, source_there, nodes.of_column(column), column, weight, delay)
 
 
-def _blocks(program: ChipProgram, phase: str, nodes: _Nodes, synapses: _Synapses) -> list[list[int]]:
+def _blocks(program: ChipProgram, phase: str, nodes: _Numbering, synapses: _Synapses) -> list[list[int]]:
     """Return the groups' nodes block by block, sources before targets, children before parents."""
     graph = nx.DiGraph()
     graph.add_nodes_from(range(nodes.inputs, len(nodes.names)))
     pairs = np.unique(np.stack((synapses.node, synapses.target_node)), axis=1).T
     graph.add_edges_from((int(a), int(b)) for a, b in pairs if a >= nodes.inputs)
-    children = _parents(program, phase, nodes)
-    graph.add_edges_from(children.items())
+    parents = _parents(program, phase, nodes)
+    # Both ways, for what is joined is updated together.
+    graph.add_edges_from(parents.items())
+    graph.add_edges_from((parent, child) for child, parent in parents.items())
     whole = nx.condensation(graph)
     order = nx.lexicographical_topological_sort(whole, key=lambda block: min(whole.nodes[block]["members"]))
 
     def depth(node: int) -> int:
-        return 1 + depth(children[node]) if node in children else 0
+        return 1 + depth(parents[node]) if node in parents else 0
 
     return [sorted(whole.nodes[block]["members"], key=lambda node: (-depth(node), node)) for block in order]
 
 
-def _parents(program: ChipProgram, phase: str, nodes: _Nodes) -> dict[int, int]:
+def _parents(program: ChipProgram, phase: str, nodes: _Numbering) -> dict[int, int]:
     """Return the node that each joined node is joined to."""
     number = {name: i for i, name in enumerate(nodes.names)}
     found = {}
@@ -219,25 +245,112 @@ def _parents(program: ChipProgram, phase: str, nodes: _Nodes) -> dict[int, int]:
     return found
 
 
-def _segments(program: ChipProgram, phase: str, nodes: _Nodes, blocks: list[list[int]]) -> Segments:
+@dataclass(frozen=True)
+class _Piece:
+    """What one core holds of a group: columns ``first..stop``; ``parent``: the node it is joined to, or -1."""
+
+    first: int
+    stop: int
+    core: int
+    parent: int
+
+
+def _pieces(program: ChipProgram, phase: str, nodes: _Numbering) -> dict[int, list[_Piece]]:
+    """Return the pieces of every group's node, in the order of their columns."""
     first_column = {name: columns.start for name, columns in program.columns_of(phase).items()}
     number = {name: i for i, name in enumerate(nodes.names)}
     parents = _parents(program, phase, nodes)
-    by_node: dict[int, list[tuple[int, int, int, int, int, int]]] = {}
+    found: dict[int, list[_Piece]] = {node: [] for node in range(nodes.inputs, len(nodes.names))}
     for index, core in enumerate(program.cores_of(phase)):
-        for piece in core.slices:
-            node = number[piece.group]
-            first = first_column[piece.group] + piece.start
-            parent_node = parents.get(node, -1)
-            parent = -1 if parent_node < 0 else int(nodes.first[parent_node]) + piece.start
-            by_node.setdefault(node, []).append((first, first + piece.size, index, node, parent, parent_node))
-    rows = [row for block in blocks for node in block for row in by_node[node]]
-    starts = np.cumsum([0, *(sum(len(by_node[node]) for node in block) for block in blocks)])
-    first_of, stop, core_of, node_of, parent_of, parent_node_of = np.array(rows, dtype=np.int64).T.copy()
-    return Segments(first_of, stop, core_of, node_of, parent_of, parent_node_of, of_block=starts)
+        for part in core.slices:
+            node = number[part.group]
+            first = first_column[part.group] + part.start
+            found[node].append(_Piece(first, first + part.size, index, parents.get(node, -1)))
+    return {node: sorted(pieces, key=lambda piece: piece.first) for node, pieces in found.items()}
 
 
-def _links(nodes: _Nodes, synapses: _Synapses, blocks: list[list[int]]) -> Links:
+def _slots(pieces: dict[int, list[_Piece]], nodes: _Numbering) -> tuple[IntArray, IntArray]:
+    """Return the slot of every column, and the first chunk of every node, with the end."""
+    slot = np.empty(nodes.columns, dtype=np.int64)
+    chunk_first = np.zeros(len(nodes.names) + 1, dtype=np.int64)
+    chunk = 0
+    for node, parts in pieces.items():
+        chunk_first[node] = chunk
+        for piece in parts:
+            slot[piece.first : piece.stop] = LANES * chunk + np.arange(piece.stop - piece.first)
+            chunk += -(-(piece.stop - piece.first) // LANES)
+    chunk_first[len(nodes.names)] = chunk
+    return slot, chunk_first
+
+
+def _chunks(
+    program: ChipProgram,
+    phase: str,
+    nodes: _Numbering,
+    synapses: _Synapses,
+    blocks: list[list[int]],
+    pieces: dict[int, list[_Piece]],
+    links: Links,
+) -> Chunks:
+    slot, chunk_first = _slots(pieces, nodes)
+    count = int(chunk_first[-1])
+    registers = np.zeros((count, FIELDS, LANES), dtype=np.int32)
+    registers[:, THRESHOLD] = NEVER
+    for field, values in _parameters(program, phase).items():
+        registers[slot // LANES, field, slot % LANES] = values
+    reached = np.zeros(count, dtype=np.bool_)
+    reached[slot[synapses.column] // LANES] = True
+    keeps = registers[:, [KEEP_U, KEEP_V, BIAS]].any(axis=(1, 2))
+    rows = [
+        (node, piece.core, first, min(LANES, piece.stop - first), piece.parent)
+        for node, parts in pieces.items()
+        for piece in parts
+        for first in range(piece.first, piece.stop, LANES)
+    ]
+    node, core, first_column, width, parent_node = np.array(rows, dtype=np.int64).reshape(-1, 5).T.copy()
+    # A child lies beside its parent on the same core, so both are cut into chunks at the same places.
+    joined = parent_node >= 0
+    parent = np.full(count, -1, dtype=np.int64)
+    beside = (nodes.first[parent_node] + first_column - nodes.first[node])[joined]
+    parent[joined] = slot[beside] // LANES
+    children: dict[int, list[int]] = {}
+    for chunk in np.flatnonzero(joined).tolist():
+        children.setdefault(int(parent[chunk]), []).append(chunk)
+
+    def bundle(root: int) -> list[int]:
+        return [c for child in children.get(root, []) for c in bundle(child)] + [root]
+
+    bundles = [
+        [bundle(c) for n in block for c in range(chunk_first[n], chunk_first[n + 1]) if parent[c] < 0]
+        for block in blocks
+    ]
+    member = [chunk for block in bundles for each in block for chunk in each]
+    starts = np.cumsum([0, *(len(each) for block in bundles for each in block)])
+    parents = _parents(program, phase, nodes)
+    spiking = [[n for n in block if n not in parents] for block in blocks]
+    return Chunks(
+        node=node,
+        core=core,
+        parent=parent,
+        first_column=first_column,
+        width=width,
+        sums=(~keeps & ~reached).astype(np.uint8),
+        registers=registers,
+        member=np.array(member, dtype=np.int64),
+        begins=np.isin(np.arange(len(member)), starts),
+        bundle=starts,
+        of_block=np.cumsum([0, *map(len, bundles)]),
+        feeds_itself=np.array(
+            [any(links.from_node[n] < links.from_node[n + 1] for n in block) for block in blocks], dtype=np.uint8
+        ),
+        spiking_node=np.array([n for block in spiking for n in block], dtype=np.int64),
+        of_node=np.cumsum([0, *map(len, spiking)]),
+    )
+
+
+def _links(
+    nodes: _Numbering, synapses: _Synapses, blocks: list[list[int]], slot: IntArray, chunk_first: IntArray
+) -> Links:
     count = len(nodes.names)
     pair = synapses.node * count + synapses.target_node
     order = np.lexsort((synapses.column, synapses.source, pair))
@@ -250,22 +363,23 @@ def _links(nodes: _Nodes, synapses: _Synapses, blocks: list[list[int]]) -> Links
         inside = source >= nodes.inputs and block_of[source] == block_of[target]
         (internal[source] if inside else external[block_of[target]]).append(i)
     listed = [i for part in (*external, *internal) for i in part]
-    rows, matrices, starts_of_lists, columns, weights, delays = [], [], [], [], [], []
+    rows, matrices, starts_of_lists, slots, weights, delays = [], [], [], [], [], []
     matrix_size = lists_size = list_rows = 0
     for i in listed:
         mine = order[bounds[i] : bounds[i + 1]]
         node, to = divmod(int(pairs[i]), count)
-        matrix = _matrix(synapses, mine, nodes, node, to)
+        low, high = LANES * int(chunk_first[to]), LANES * int(chunk_first[to + 1])
+        matrix = _matrix(synapses, mine, slot[synapses.column[mine]] - low, (int(nodes.size[node]), high - low))
         if matrix is not None:
             late = int(synapses.delay[mine[0]])
-            rows.append((node, to, 1, matrix_size, int(nodes.size[to]), int(nodes.first[to]), late))
+            rows.append((node, to, 1, matrix_size, high - low, low, late))
             matrices.append(matrix.ravel())
             matrix_size += matrix.size
         else:
             rows.append((node, to, 0, list_rows, 0, 0, 0))
             sources = np.arange(nodes.size[node] + 1)
             starts_of_lists.append(np.searchsorted(synapses.source[mine], sources) + lists_size)
-            columns.append(synapses.column[mine])
+            slots.append(slot[synapses.column[mine]])
             weights.append(synapses.weight[mine])
             delays.append(synapses.delay[mine])
             list_rows += len(sources)
@@ -284,7 +398,7 @@ def _links(nodes: _Nodes, synapses: _Synapses, blocks: list[list[int]]) -> Links
         delay=heads[6],
         matrix=np.concatenate([np.empty(0, dtype=np.int16), *matrices]),
         list_start=np.concatenate([empty, *starts_of_lists]),
-        column=np.concatenate([empty, *columns]).astype(np.int32),
+        slot=np.concatenate([empty, *slots]).astype(np.int32),
         weight=np.concatenate([empty, *weights]).astype(np.int32),
         late=np.concatenate([empty, *delays]).astype(np.int32),
         into_block=np.cumsum([0, *map(len, external)]),
@@ -293,32 +407,29 @@ def _links(nodes: _Nodes, synapses: _Synapses, blocks: list[list[int]]) -> Links
 
 
 def _matrix(
-    synapses: _Synapses, mine: IntArray, nodes: _Nodes, source: int, target: int
+    synapses: _Synapses, mine: IntArray, target: IntArray, shape: tuple[int, int]
 ) -> npt.NDArray[np.int16] | None:
-    """Return synapses as a matrix (sources, targets); None where lists are better, or weights or delays forbid it."""
-    shape = (int(nodes.size[source]), int(nodes.size[target]))
+    """Return synapses as a matrix (sources, slots); None where lists are better, or weights or delays forbid it."""
     delay = synapses.delay[mine]
     if len(mine) < DENSE_SHARE * shape[0] * shape[1] or shape[0] * shape[1] > DENSE_MOST or (delay != delay[0]).any():
         return None
     matrix = np.zeros(shape, dtype=np.int64)
-    np.add.at(matrix, (synapses.source[mine], synapses.column[mine] - nodes.first[target]), synapses.weight[mine])
+    np.add.at(matrix, (synapses.source[mine], target), synapses.weight[mine])
     if np.abs(matrix).max() >= 1 << 15:
         return None
     return matrix.astype(np.int16)
 
 
-def _columns(program: ChipProgram, phase: str) -> Columns:
+def _parameters(program: ChipProgram, phase: str) -> dict[int, IntArray]:
+    """Return the parameters of every column by field."""
     n = sum(core.compartments for core in program.cores_of(phase))
-    names = ("keep_u", "keep_v", "threshold", "bias", "refractory", "vmin", "vmax")
-    table: dict[str, Int32Array] = {name: np.zeros(n, dtype=np.int32) for name in names}
-    spiking = np.zeros(n, dtype=np.uint8)
+    found = {field: np.zeros(n, dtype=np.int64) for field in range(KEEP_U, VMAX + 1)}
     for core in program.cores_of(phase):
         here = program.columns_of_core(core)
-        table["keep_u"][here] = DECAY_ONE - core.setting("decay_u")
-        table["keep_v"][here] = DECAY_ONE - core.setting("decay_v")
-        table["threshold"][here] = core.threshold_voltage
-        table["bias"][here] = core.bias
-        table["refractory"][here] = core.setting("refractory")
-        table["vmin"][here], table["vmax"][here] = core.vmin, core.vmax
-        spiking[here] = core.setting("joined") == 0
-    return Columns(spiking=spiking, **table)
+        found[KEEP_U][here] = DECAY_ONE - core.setting("decay_u")
+        found[KEEP_V][here] = DECAY_ONE - core.setting("decay_v")
+        found[THRESHOLD][here] = np.where(core.setting("joined") == 0, core.threshold_voltage, NEVER)
+        found[BIAS][here] = core.bias
+        found[REFRACTORY][here] = core.setting("refractory")
+        found[VMIN][here], found[VMAX][here] = core.vmin, core.vmax
+    return found

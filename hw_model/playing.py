@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +12,7 @@ from hw_model.errors import InputError
 from hw_model.fixed_point import IntArray
 from hw_model.graph import Phase
 from hw_model.program import ChipProgram
-from hw_model.trace import ByteArray, PhaseInput
+from hw_model.trace import ByteArray, EventLists, PhaseInput
 
 Spikes = npt.ArrayLike | Mapping[str, npt.ArrayLike]
 
@@ -52,39 +53,62 @@ def _stream(name: str, given: npt.ArrayLike, channels: int) -> ByteArray:
     return array.astype(np.uint8, copy=False)
 
 
-def play(program: ChipProgram, phase: Phase, streams: dict[str, ByteArray], steps: int | None) -> PhaseInput:
+def list_events(recordings: ByteArray) -> EventLists:
+    """Return the spikes of recordings (batch, rows, channels) as lists."""
+    batch, rows, channels = recordings.shape
+    row, channel = divmod(np.flatnonzero(recordings), max(channels, 1))
+    starts = np.searchsorted(row, np.arange(batch * rows + 1))
+    first = starts[np.add.outer(np.arange(batch) * rows, np.arange(rows + 1))]
+    return EventLists(first, channel.astype(np.int32))
+
+
+def transpose(events: EventLists, positions: IntArray, lines: int) -> EventLists:
+    """Return what the buffer plays: an event (step t, channel c) becomes line t at step ``positions[c]``."""
+    steps, many = len(positions), min(lines, events.rows)
+    first = np.zeros((len(events.first), steps + 1), dtype=np.int64)
+    parts, so_far = [np.empty(0, dtype=np.int32)], 0
+    for b, starts in enumerate(events.first):
+        line = np.repeat(np.arange(many, dtype=np.int32), np.diff(starts[: many + 1]))
+        step = positions[events.channel[starts[0] : starts[many]]]
+        order = np.argsort(step, kind="stable")
+        first[b] = so_far + np.searchsorted(step[order], np.arange(steps + 1))
+        parts.append(line[order])
+        so_far += len(order)
+    return EventLists(first, np.concatenate(parts))
+
+
+@dataclass(frozen=True)
+class Player:
+    """How events are listed and transposed; the two engines bring their own, which give the same lists."""
+
+    list_events: Callable[[ByteArray], EventLists] = list_events
+    transpose: Callable[[EventLists, IntArray, int], EventLists] = transpose
+
+
+def play(
+    program: ChipProgram, phase: Phase, streams: Mapping[str, EventLists], steps: int | None, player: Player
+) -> PhaseInput:
     """Lay recordings out as the lines of a phase; ``steps`` where the phase does not fix them, else all rows."""
-    batch, rows = next(iter(streams.values())).shape[:2]
+    rows, batch = next((events.rows, len(events.first)) for events in streams.values())
     length = phase.steps if phase.steps is not None else (steps if steps is not None else rows)
     played, transposed, dropped = (np.zeros(batch, dtype=np.int64) for _ in range(3))
-    lines = []
-    for item in program.inputs_of(phase.name):
-        recordings = streams[item.stream]
+    inputs = program.inputs_of(phase.name)
+    lists = []
+    for item in inputs:
+        recorded = streams[item.stream]
         if item.positions is None:
-            lines.append(_fit(recordings, length))
-            played += _events(lines[-1])
-            dropped += _events(recordings[:, length:])
+            lists.append(_fit(recorded, length))
+            played += recorded.until(length)
+            dropped += recorded.until(rows) - recorded.until(length)
         else:
-            lines.append(transpose(recordings, item.positions, item.size))
-            transposed += _events(lines[-1])
-            dropped += _events(recordings[:, item.size :])
-    together = lines[0] if len(lines) == 1 else np.concatenate(lines, axis=2)
-    return PhaseInput(np.ascontiguousarray(together), played, transposed, dropped)
+            lists.append(player.transpose(recorded, item.positions, item.size))
+            transposed += recorded.until(item.size)
+            dropped += recorded.until(rows) - recorded.until(item.size)
+    return PhaseInput(length, tuple(item.size for item in inputs), tuple(lists), played, transposed, dropped)
 
 
-def transpose(recordings: ByteArray, positions: IntArray, lines: int) -> ByteArray:
-    """Return what the buffer plays: an event (step t, channel c) becomes line t at step ``positions[c]``."""
-    played = np.zeros((len(recordings), len(positions), lines), dtype=np.uint8)
-    played[:, positions] = _fit(recordings, lines).transpose(0, 2, 1)
-    return played
-
-
-def _events(spikes: ByteArray) -> IntArray:
-    return np.array([np.count_nonzero(recording) for recording in spikes], dtype=np.int64)
-
-
-def _fit(recordings: ByteArray, length: int) -> ByteArray:
-    """Cut recordings, or pad them with silence, to a length in steps."""
-    kept = recordings[:, :length]
-    missing = length - kept.shape[1]
-    return np.pad(kept, ((0, 0), (0, missing), (0, 0))) if missing else kept
+def _fit(events: EventLists, length: int) -> EventLists:
+    """Cut lists, or follow them by silence, to a length in steps."""
+    missing = length - events.rows
+    first = np.pad(events.first, ((0, 0), (0, missing)), mode="edge") if missing > 0 else events.first[:, : length + 1]
+    return EventLists(first, events.channel)

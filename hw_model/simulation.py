@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -14,7 +14,7 @@ from hw_model.activity import StepActivity, count_steps, count_totals
 from hw_model.counts import Counts, total
 from hw_model.errors import InputError, did_you_mean
 from hw_model.fixed_point import IntArray
-from hw_model.playing import Spikes, play, read_streams
+from hw_model.playing import Player, Spikes, play, read_streams
 from hw_model.probes import KINDS, Kind, PhaseProbes, Probe, read_probes
 from hw_model.program import ChipProgram
 from hw_model.trace import EVENTS, ByteArray, PhaseInput, PhaseTrace, Register, Window
@@ -77,6 +77,7 @@ def simulate(
     steps: int | None = None,
     engine: Engine = "fast",
     probe: Sequence[Kind | Probe] = ("spikes",),
+    skip: bool = True,
 ) -> SimulationResult:
     """Run recordings through a program.
 
@@ -84,8 +85,9 @@ def simulate(
     several inputs. An input spike of row t acts at step t + 1. ``steps`` of phases that the program does not fix; by
     default the rows given. ``probe``: what to keep, each a kind (``"spikes"``, ``"u"``, ``"v"``, ``"potential"``) of
     all populations and steps, or a :class:`hw_model.Probe` of chosen ones; nothing else is held. ``"activity"`` keeps
-    the counts of every step and core, which latency needs. Both engines give the same integers. Bad arguments are an
-    ``InputError``.
+    the counts of every step and core, which latency needs. Both engines give the same integers. ``skip``: leave out
+    what cannot change anything, which the fast engine does; without it every compartment is updated in every step, and
+    nothing but ``skipped_steps`` differs. Bad arguments are an ``InputError``.
     """
     if engine not in ENGINES:
         raise InputError(f"engine {engine!r}", "does not exist", fix=did_you_mean(engine, ENGINES))
@@ -93,7 +95,7 @@ def simulate(
         raise InputError("steps", "nothing to simulate", measured=f"{steps} against at least 1", fix="Raise steps.")
     probes = read_probes(program, probe)
     streams, batched = read_streams(program, spikes)
-    run_phase = _engine(engine)
+    run_phase, player = _engine(engine, skip)
     batch, rows = next(iter(streams.values())).shape[:2]
     if batch == 0 or (rows == 0 and steps is None):
         raise InputError(
@@ -110,10 +112,11 @@ def simulate(
     events: dict[str, IntArray] = {}
     scores: list[FloatArray] = []
     for start in range(0, batch, together):
-        part = {name: array[start : start + together] for name, array in streams.items()}
-        score = np.zeros((len(next(iter(part.values()))), _classes(program)))
+        stop = min(start + together, batch)
+        part = {name: player.list_events(array[start:stop]) for name, array in streams.items()}
+        score = np.zeros((stop - start, _classes(program)))
         for phase in program.phases:
-            played = play(program, phase, part, steps)
+            played = play(program, phase, part, steps, player)
             wanted = PhaseProbes(program, phase.name, probes, played.steps)
             trace = run_phase(program, phase.name, played, wanted.windows())
             counts[phase.name].append(count_totals(program, phase.name, played, trace))
@@ -157,14 +160,18 @@ def _classes(program: ChipProgram) -> int:
     return 1 if program.readout is None else program.populations[program.readout.populations[0]]
 
 
-def _engine(engine: Engine) -> Callable[[ChipProgram, str, PhaseInput, dict[Register, Window]], PhaseTrace]:
+Run = Callable[[ChipProgram, str, PhaseInput, dict[Register, Window]], PhaseTrace]
+
+
+def _engine(engine: Engine, skip: bool) -> tuple[Run, Player]:
     if engine == "reference":
         from hw_model.engine_reference import run_phase
 
-        return run_phase
-    from hw_model.engine_fast import run_phase as run_phase_fast  # numba: imported only when it is used
+        return run_phase, Player()
+    from hw_model import engine_fast  # numba: imported only when it is used
+    from hw_model.event_scan import list_events, transpose
 
-    return run_phase_fast
+    return partial(engine_fast.run_phase, skip=skip), Player(list_events, transpose)
 
 
 def _add_events(program: ChipProgram, phase: str, trace: PhaseTrace, events: dict[str, IntArray]) -> None:

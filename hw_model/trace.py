@@ -14,6 +14,7 @@ import numpy.typing as npt
 from hw_model.fixed_point import IntArray
 
 ByteArray = npt.NDArray[np.uint8]
+Int32Array = npt.NDArray[np.int32]
 
 Register = Literal["u", "v", "potential"]
 REGISTERS: tuple[Register, ...] = get_args(Register)
@@ -39,22 +40,57 @@ NOTHING = Window(np.empty(0, dtype=np.int64), 0, 0)
 
 
 @dataclass(frozen=True, eq=False)
-class PhaseInput:
-    """Spikes of a phase's input lines, (batch, steps, lines), inputs one after the other, as the buffer leaves them.
+class EventLists:
+    """Spikes of a batch as lists: those of recording b in row r are channels ``channel[first[b, r]:first[b, r + 1]]``.
 
-    ``input_events``, ``transpose_events`` and ``events_dropped`` (batch,) count what was played as it came, what went
-    through the transpose buffer, and what lay in rows after the last step.
+    ``first`` (batch, rows + 1), ``channel`` (events,), ascending within a row.
     """
 
-    lines: ByteArray
+    first: IntArray
+    channel: Int32Array
+
+    @property
+    def rows(self) -> int:
+        """Rows of every recording."""
+        return int(self.first.shape[1]) - 1
+
+    def until(self, rows: int) -> IntArray:
+        """Count the events of every recording before a row, (batch,)."""
+        return self.first[:, min(rows, self.rows)] - self.first[:, 0]
+
+    def at(self, row: int) -> tuple[IntArray, Int32Array]:
+        """Return the recording and the channel of every spike of a row."""
+        counts = self.first[:, row + 1] - self.first[:, row]
+        recording = np.repeat(np.arange(len(counts)), counts)
+        within = np.arange(len(recording)) - np.repeat(np.cumsum(counts) - counts, counts)
+        return recording, self.channel[self.first[recording, row] + within]
+
+
+@dataclass(frozen=True, eq=False)
+class PhaseInput:
+    """Spikes of a phase's input lines, as the buffer leaves them, one :class:`EventLists` of ``steps`` rows an input.
+
+    ``sizes``: lines of each input. ``input_events``, ``transpose_events`` and ``events_dropped`` (batch,) count what
+    was played as it came, what went through the transpose buffer, and what lay in rows after the last step.
+    """
+
+    steps: int
+    sizes: tuple[int, ...]
+    events: tuple[EventLists, ...]
     input_events: IntArray
     transpose_events: IntArray
     events_dropped: IntArray
 
-    @property
-    def steps(self) -> int:
-        """Steps of the phase."""
-        return int(self.lines.shape[1])
+    def lines(self, recording: int, start: int = 0) -> ByteArray:
+        """Return rows ``start`` and later of a recording, (steps, lines) of 0 and 1, inputs one after the other."""
+        dense = np.zeros((self.steps - start, sum(self.sizes)), dtype=np.uint8)
+        offset = 0
+        for events, size in zip(self.events, self.sizes, strict=True):
+            first = events.first[recording, start:]
+            rows = np.repeat(np.arange(self.steps - start), np.diff(first))
+            dense[rows, offset + events.channel[first[0] : first[-1]]] = 1
+            offset += size
+        return dense
 
 
 @dataclass(frozen=True, eq=False)

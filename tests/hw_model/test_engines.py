@@ -106,6 +106,21 @@ def test_engines_agree_on_every_probe_and_count(seed):
 
 @settings(max_examples=20, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 2**32 - 1))
+def test_skipping_changes_nothing(seed):
+    program, _, _, spikes = random_program(seed, SMALL)
+    spikes[:15] = 0
+    probe = ("spikes", "u", "v", "potential", "activity")
+    on, off = (hw.simulate(program, spikes, probe=probe, skip=skip) for skip in (True, False))
+    for name in program.populations:
+        for kind in ("u", "v", "potential"):
+            assert np.array_equal(getattr(on, kind)[name], getattr(off, kind)[name]), (kind, name)
+    assert off.counts.skipped_steps == 0
+    assert replace(on.counts, skipped_steps=0) == off.counts
+    assert on.events == off.events
+
+
+@settings(max_examples=20, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 2**32 - 1))
 def test_results_do_not_depend_on_placement(seed):
     one, _, _, spikes = random_program(seed, CHIP)
     many, *_ = random_program(seed, SMALL)

@@ -1,0 +1,388 @@
+"""The compiled loops of the fast engine: a chunk, a link, a block over a tile of steps.
+
+Charges are kept in units of 64, the least that a weight can be: wrapping q to 21 bits plus sign is then taking the low
+16 bits. A chunk that is all zero, and on which nothing arrives, is skipped: nothing could change in it.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from hw_model.compiled import absorbed, compiled, trailing_zeros
+from hw_model.fast_layout import (
+    BIAS,
+    BLOCKED,
+    CHARGE_WRAPS,
+    CURRENT_WRAPS,
+    FIELDS,
+    JOINED,
+    KEEP_U,
+    KEEP_V,
+    LANES,
+    POTENTIAL,
+    REFRACTORY,
+    THRESHOLD,
+    VMAX,
+    VMIN,
+    VOLTAGE_CLIPS,
+    FastLayout,
+    U,
+    V,
+)
+from hw_model.registers32 import rz, wrap24
+
+TILE = 64
+"""Steps that one block runs before the next does: their charges stay in the cache."""
+
+AnyArray = npt.NDArray[Any]
+
+
+class State(NamedTuple):
+    """A phase at a step: registers; charges due in a tile of steps and after it; the chunks that they touch, by row.
+
+    ``at_rest`` marks the chunks that are all zero; the last two are registers and marks before the first step.
+    """
+
+    registers: AnyArray
+    charge: AnyArray
+    touched: AnyArray
+    at_rest: AnyArray
+    first_registers: AnyArray
+    first_at_rest: AnyArray
+
+
+class Workspace(NamedTuple):
+    """The spikes of a tile, as bits by row and chunk and as lists by node and row; and which rows were updated."""
+
+    masks: AnyArray
+    event: AnyArray
+    begin: AnyArray
+    updated: AnyArray
+
+
+class KeptRegister(NamedTuple):
+    """Rows (batch, rows, columns) of a register from step ``start`` on; column c goes to ``place[c]`` if not -1."""
+
+    place: AnyArray
+    start: int
+    rows: AnyArray
+
+
+class Kept(NamedTuple):
+    """What to keep of registers; ``watched``: anything at all."""
+
+    watched: bool
+    u: KeptRegister
+    v: KeptRegister
+    potential: KeptRegister
+
+
+NO_REGISTER = KeptRegister(np.empty(0, dtype=np.int64), 0, np.empty((1, 0, 0), dtype=np.int64))
+NOTHING_KEPT = Kept(False, NO_REGISTER, NO_REGISTER, NO_REGISTER)
+
+
+def first_state(layout: FastLayout, tile: int = TILE) -> State:
+    """Return the state before the first step."""
+    registers = layout.chunks.registers.reshape(-1)
+    at_rest = (layout.chunks.registers[:, BIAS] == 0).min(axis=1)
+    chunks, rows = len(at_rest), tile + layout.longest_delay + 1
+    charge = np.zeros((rows, chunks * LANES), dtype=np.int64 if layout.wide else np.int32)
+    touched = np.zeros((rows, chunks), dtype=np.uint8)
+    return State(registers.copy(), charge, touched, at_rest.copy(), registers, at_rest)
+
+
+def workspace(layout: FastLayout, tile: int = TILE) -> Workspace:
+    """Return room for the spikes of a tile."""
+    return Workspace(
+        masks=np.zeros((tile, len(layout.chunks.node)), dtype=np.int32),
+        event=np.empty(tile * layout.columns, dtype=np.int32),
+        begin=np.zeros((len(layout.nodes.first), tile + 1), dtype=np.int64),
+        updated=np.zeros(tile, dtype=np.uint8),
+    )
+
+
+# Offsets of the registers from the first of a chunk; unsigned, or each index would be tested for being negative.
+_LANES = np.uint64(LANES)
+_KEEP_U, _KEEP_V = np.uint64(KEEP_U * LANES), np.uint64(KEEP_V * LANES)
+_THRESHOLD, _BIAS, _REFRACTORY = np.uint64(THRESHOLD * LANES), np.uint64(BIAS * LANES), np.uint64(REFRACTORY * LANES)
+_VMIN, _VMAX = np.uint64(VMIN * LANES), np.uint64(VMAX * LANES)
+_U, _V, _POTENTIAL = np.uint64(U * LANES), np.uint64(V * LANES), np.uint64(POTENTIAL * LANES)
+_BLOCKED, _JOINED = np.uint64(BLOCKED * LANES), np.uint64(JOINED * LANES)
+_CHARGE_WRAPS, _CURRENT_WRAPS = np.uint64(CHARGE_WRAPS * LANES), np.uint64(CURRENT_WRAPS * LANES)
+_VOLTAGE_CLIPS = np.uint64(VOLTAGE_CLIPS * LANES)
+
+
+@absorbed
+def update(registers, at, charge, row, slot):  # type: ignore[no-untyped-def]
+    """Update a chunk, whose registers begin at ``at``; return its spikes as bits, how many were busy, how many stay so.
+
+    Its charges are taken and set to 0. The loop has no branches and a fixed length, so that it runs in vectors.
+    """
+    spikes = np.int32(0)
+    busy_lanes = np.int32(0)
+    restless = np.int32(0)
+    for i in range(_LANES):
+        k = at + i
+        arrived = charge[row, slot + i]
+        charge[row, slot + i] = 0
+        added = registers[k + _JOINED]
+        registers[k + _JOINED] = 0
+        u, v, bias = registers[k + _U], registers[k + _V], registers[k + _BIAS]
+        busy = (arrived != 0) | (u != 0) | (v != 0) | (bias != 0) | (added != 0)
+
+        q = np.int32(np.int16(arrived))
+        unwrapped = np.int32(rz(u, registers[k + _KEEP_U]) + np.int32(q << np.int32(6)))
+        u = wrap24(unwrapped)
+        drive = np.int32(u + bias)
+        wrapped = wrap24(drive)
+        unclipped = np.int32(np.int32(rz(v, registers[k + _KEEP_V]) + wrapped) + added)
+        clipped = np.int32(min(max(unclipped, registers[k + _VMIN]), registers[k + _VMAX]))
+
+        blocked = registers[k + _BLOCKED]
+        live = blocked == 0
+        seen = np.int32(clipped if live else np.int32(0))
+        fired = live & (clipped > registers[k + _THRESHOLD])
+        held = np.int32(0) if live else np.int32(blocked - np.int32(1))
+        blocked = np.int32(registers[k + _REFRACTORY] - np.int32(1)) if fired else held
+        registers[k + _U] = u
+        registers[k + _V] = np.int32(0) if fired else seen
+        registers[k + _POTENTIAL] = seen
+        registers[k + _BLOCKED] = blocked
+        registers[k + _CHARGE_WRAPS] += np.int32(q != arrived)
+        registers[k + _CURRENT_WRAPS] += np.int32(u != unwrapped) + np.int32(live & (wrapped != drive))
+        registers[k + _VOLTAGE_CLIPS] += np.int32(live & (clipped != unclipped))
+        spikes |= np.int32(fired) << np.int32(i)
+        busy_lanes += np.int32(busy)
+        restless += np.int32(busy | (blocked != 0))
+    return spikes, busy_lanes, restless
+
+
+@absorbed
+def add_up(registers, at):  # type: ignore[no-untyped-def]
+    """Do the same for a chunk that keeps nothing, and that no synapse reaches: its v is what its children add."""
+    spikes = np.int32(0)
+    busy_lanes = np.int32(0)
+    restless = np.int32(0)
+    for i in range(_LANES):
+        k = at + i
+        unclipped = registers[k + _JOINED]
+        registers[k + _JOINED] = 0
+        busy = (registers[k + _V] != 0) | (unclipped != 0)
+        clipped = np.int32(min(max(unclipped, registers[k + _VMIN]), registers[k + _VMAX]))
+        blocked = registers[k + _BLOCKED]
+        live = blocked == 0
+        seen = np.int32(clipped if live else np.int32(0))
+        fired = live & (clipped > registers[k + _THRESHOLD])
+        held = np.int32(0) if live else np.int32(blocked - np.int32(1))
+        blocked = np.int32(registers[k + _REFRACTORY] - np.int32(1)) if fired else held
+        registers[k + _V] = np.int32(0) if fired else seen
+        registers[k + _POTENTIAL] = seen
+        registers[k + _BLOCKED] = blocked
+        registers[k + _VOLTAGE_CLIPS] += np.int32(live & (clipped != unclipped))
+        spikes |= np.int32(fired) << np.int32(i)
+        busy_lanes += np.int32(busy)
+        restless += np.int32(busy | (blocked != 0))
+    return spikes, busy_lanes, restless
+
+
+@absorbed
+def pass_on(registers, child, parent):  # type: ignore[no-untyped-def]
+    """Add the voltages of a chunk to its parent's."""
+    for i in range(_LANES):
+        registers[parent + _JOINED + i] += registers[child + _V + i]
+
+
+@absorbed
+def deliver(  # type: ignore[no-untyped-def]
+    link, rows_from, rows_to, event, base, begin, m, charge, touched, nodes, links
+):
+    """Add the synapses of a link's spikes to the rows in which they are due: the next one, and later.
+
+    The spikes of row r are ``event[base + e]`` for e in ``begin[m, r]..begin[m, r + 1]``.
+    """
+    offset = links.offset[link]
+    if links.dense[link]:
+        node = links.target_node[link]
+        many = np.uint64(links.width[link])
+        low = np.uint64(links.target[link])
+        for r in range(rows_from, rows_to):
+            if begin[m, r + 1] > begin[m, r]:
+                at = np.uint64(r + 1 + links.delay[link])
+                for e in range(begin[m, r], begin[m, r + 1]):
+                    start = np.uint64(offset + event[base + e] * links.width[link])
+                    for j in range(many):
+                        charge[at, low + j] += links.matrix[start + j]
+                for chunk in range(nodes.chunk[node], nodes.chunk[node + 1]):
+                    touched[at, np.uint64(chunk)] = 1
+    else:
+        for r in range(rows_from, rows_to):
+            for e in range(begin[m, r], begin[m, r + 1]):
+                source = offset + event[base + e]
+                for k in range(links.list_start[source], links.list_start[source + 1]):
+                    at = r + 1 + links.late[k]
+                    charge[at, links.slot[k]] += links.weight[k]
+                    touched[at, links.slot[k] // LANES] = 1
+
+
+@compiled
+def _keep(registers, at, first_column, width, step, recording, kept):  # type: ignore[no-untyped-def]
+    """Copy the lanes of a chunk that are to be kept, if this step is."""
+    row = step - kept.start
+    if 0 <= row < kept.rows.shape[1]:
+        for i in range(width):
+            if kept.place[first_column + i] >= 0:
+                kept.rows[recording, row, kept.place[first_column + i]] = registers[at + np.uint64(i)]
+
+
+@absorbed
+def reset(state):  # type: ignore[no-untyped-def]
+    """Go back to before the first step."""
+    state.registers[:] = state.first_registers
+    state.charge[:] = 0
+    state.touched[:] = 0
+    state.at_rest[:] = state.first_at_rest
+
+
+@compiled
+def run_tile(  # type: ignore[no-untyped-def]
+    step, rows, first, line, nodes, chunks, links, state, work, skip, spikes, sent, active, recording, kept
+):
+    """Run ``rows`` steps from ``step`` on; return how many of them nothing had to be updated in.
+
+    ``first`` (inputs, rows + 1 or more) and ``line``: the lists of the tile's input events. ``spikes`` (rows, n) and
+    ``active`` (rows, cores) are written, ``sent`` (lines + n,) is added to, and registers are kept for ``recording``.
+    """
+    for m in range(len(first)):
+        low = np.uint64(nodes.first[m])
+        for e in range(np.uint64(first[m, 0]), np.uint64(first[m, rows])):
+            sent[low + np.uint64(line[e])] += 1
+    work.updated[:] = 0
+    for block in range(len(chunks.feeds_itself)):
+        _run_block(
+            block,
+            step,
+            rows,
+            first,
+            line,
+            nodes,
+            chunks,
+            links,
+            state,
+            work,
+            skip,
+            spikes,
+            sent,
+            active,
+            recording,
+            kept,
+        )
+    _move_on(state.charge, state.touched, rows)
+    return rows - work.updated.sum()
+
+
+@absorbed
+def _move_on(charge, touched, rows):  # type: ignore[no-untyped-def]
+    """Move what is due after a tile to the front; the rows behind it start empty. Those of the tile are empty."""
+    late = len(charge) - rows
+    for r in range(late):
+        if touched[r + rows].any():
+            charge[r] = charge[r + rows]
+            charge[r + rows] = 0
+        touched[r] = touched[r + rows]
+    touched[late:] = 0
+
+
+@compiled
+def _run_block(  # type: ignore[no-untyped-def]
+    block, step, rows, first, line, nodes, chunks, links, state, work, skip, spikes, sent, active, recording, kept
+):
+    """Run one block over the rows of a tile: at once, or, if it feeds itself, row by row."""
+    charge, touched = state.charge, state.touched
+    event, begin = work.event, work.begin
+    tile = len(work.masks)
+    for link in range(links.into_block[block], links.into_block[block + 1]):
+        m = links.source[link]
+        if m < len(first):
+            deliver(link, 0, rows, line, 0, first, m, charge, touched, nodes, links)
+        else:
+            deliver(link, 0, rows, event, nodes.first[m] * tile, begin, m, charge, touched, nodes, links)
+
+    # A block that feeds itself is updated row by row; any other, bundle by bundle, with its registers in the cache.
+    by_row = chunks.feeds_itself[block]
+    stride = 1 if by_row else rows
+    for low in range(0, rows, stride):
+        fired = np.int32(0)
+        next_bundle = chunks.of_block[block]
+        while next_bundle < chunks.of_block[block + 1]:
+            start = chunks.bundle[next_bundle]
+            next_bundle = chunks.of_block[block + 1] if by_row else next_bundle + 1
+            for r in range(low, low + stride):
+                fired |= _update_members(
+                    start, chunks.bundle[next_bundle], r, step, chunks, state, work, skip, active, recording, kept
+                )
+        for index in range(chunks.of_node[block], chunks.of_node[block + 1]):
+            m = chunks.spiking_node[index]
+            _list_spikes(m, low, low + stride, fired, nodes, chunks, work, spikes, sent)
+            if fired:
+                for link in range(links.from_node[m], links.from_node[m + 1]):
+                    base = nodes.first[m] * tile
+                    deliver(link, low, low + stride, event, base, begin, m, charge, touched, nodes, links)
+
+
+@absorbed
+def _update_members(start, stop, r, step, chunks, state, work, skip, active, recording, kept):  # type: ignore[no-untyped-def]
+    """Update whole bundles, members ``start..stop``, in row r; return the spikes of all of them as bits."""
+    step += r
+    registers, at_rest = state.registers, state.at_rest
+    fired = np.int32(0)
+    stirred = False
+    for index in range(start, stop):
+        k = np.uint64(chunks.member[index])
+        stirred &= not chunks.begins[index]
+        if skip and at_rest[k] and not state.touched[r, k] and not stirred:
+            continue
+        at = np.uint64(k * np.uint64(FIELDS * LANES))
+        if chunks.sums[k]:
+            mask, busy, restless = add_up(registers, at)
+        else:
+            mask, busy, restless = update(registers, at, state.charge, np.uint64(r), k * _LANES)
+        at_rest[k] = restless == 0
+        work.masks[r, k] = mask
+        fired |= mask
+        active[r, chunks.core[k]] += busy
+        work.updated[r] = 1
+        stirred = True
+        if chunks.parent[k] >= 0:
+            pass_on(registers, at, np.uint64(chunks.parent[k] * FIELDS * LANES))
+        if kept.watched:
+            first, width = chunks.first_column[k], chunks.width[k]
+            _keep(registers, at + _U, first, width, step, recording, kept.u)
+            _keep(registers, at + _V, first, width, step, recording, kept.v)
+            _keep(registers, at + _POTENTIAL, first, width, step, recording, kept.potential)
+    return fired
+
+
+@absorbed
+def _list_spikes(m, low, high, fired, nodes, chunks, work, spikes, sent):  # type: ignore[no-untyped-def]
+    """Turn the bits of node m in rows ``low..high`` into its lists, into 0 and 1, and into counts."""
+    masks, event, begin = work.masks, work.event, work.begin
+    base = nodes.first[m] * len(masks)
+    lines = len(sent) - spikes.shape[1]
+    found = begin[m, low] if low else 0
+    begin[m, low] = found
+    for r in range(low, high):
+        if fired:
+            for k in range(nodes.chunk[m], nodes.chunk[m + 1]):
+                mask = np.uint64(np.uint32(masks[r, k]))
+                masks[r, k] = 0
+                while mask:
+                    column = chunks.first_column[k] + trailing_zeros(mask)
+                    mask &= mask - np.uint64(1)
+                    event[base + found] = column - nodes.first[m]
+                    found += 1
+                    spikes[r, column] = 1
+                    sent[lines + column] += 1
+        begin[m, r + 1] = found
