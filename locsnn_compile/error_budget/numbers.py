@@ -1,4 +1,4 @@
-"""The compartments of a lowered network twice over, in exact numbers and in the chip's, side by side.
+"""Groups and synapses twice over, side by side: in exact numbers and in the chip's.
 
 Exact numbers are in units of the registers too, but real: a float weight times the scale and the gain of its kernel,
 what a decay keeps as ``exp(-1 / tau)``, a threshold of theta times the scale.
@@ -6,27 +6,19 @@ what a decay keeps as ``exp(-1 / tau)``, a threshold of theta times the scale.
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
 from hw_model.fixed_point import DECAY_ONE, effective_weight
-from hw_model.graph import Axis, CompartmentGraph, Compartments
+from hw_model.graph import CompartmentGraph, Compartments
 from locsnn_compile.error_budget.twin import TwinGroup, TwinSynapses
 from locsnn_compile.matrices import Matrix, of_target, values_of, with_values
 from locsnn_compile.network import Network, Projection
-from locsnn_compile.neurons import Cuba, FloatArray, SrmAlpha
+from locsnn_compile.neurons import FloatArray
 from locsnn_compile.passes.kernels import best_gain
-from locsnn_compile.pipeline import Levels
-from locsnn_compile.quantized import QuantizedPopulation
-
-DENSE_ENTRIES = 1 << 22
-"""A matrix of no more entries is kept dense."""
-SLACK = 1e-14
-"""Relative: an exact threshold is taken this much on the safe side, so that a tie stays one after scaling."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,10 +30,7 @@ class GroupNumbers:
 
     @property
     def gain_ratio(self) -> FloatArray:
-        """The gain that makes up for the rounding of both decays, (n,).
-
-        Chip weights carry it: those of one side fit the decays of the other after multiplying or dividing by it.
-        """
+        """The gain that makes up for the rounding of both decays, (n,); weights for the chip's decays carry it."""
         exact, chip = self.exact, self.chip
         return best_gain(exact.keep_u, exact.keep_v, chip.keep_u, chip.keep_v)
 
@@ -54,102 +43,48 @@ class GroupNumbers:
 
 @dataclass(frozen=True, eq=False)
 class SynapseNumbers:
-    """Synapses of one delay between two groups, of which only the weights differ; the gain ratio is the target's."""
+    """Synapses of one delay between two groups, exact or rounded, each for exact decays and for the chip's.
+
+    ``exact.weights`` are for exact decays, ``exact_fitted`` make up for rounded ones; ``chip`` are the weights that the
+    chip has, and ``chip_fitted`` have the same rounding errors for exact decays.
+    """
 
     exact: TwinSynapses
-    chip: TwinSynapses
-    gain_ratio: FloatArray
+    exact_fitted: Matrix
+    chip: Matrix
+    chip_fitted: Matrix
+
+    def weights(self, *, rounded: bool, chip_decays: bool) -> Matrix:
+        """Return one of the four."""
+        if rounded:
+            return self.chip if chip_decays else self.chip_fitted
+        return self.exact_fitted if chip_decays else self.exact.weights
 
 
 @dataclass(frozen=True, eq=False)
 class Numbers:
-    """All groups, children before their parents, and all synapses of one axis."""
+    """Groups, children before their parents, and synapses."""
 
     groups: tuple[GroupNumbers, ...]
     synapses: tuple[SynapseNumbers, ...]
 
 
-def numbers_of(levels: Levels, axis: Axis) -> Numbers:
-    """Return the numbers of every population of an axis."""
-    groups: list[GroupNumbers] = []
-    synapses: list[SynapseNumbers] = []
-    for q in levels.quantized.populations:
-        if q.population.axis == axis:
-            made = _numbers(levels, q)
-            groups += made.groups
-            synapses += made.synapses
-    return Numbers(tuple(groups), tuple(synapses))
-
-
-def _numbers(levels: Levels, q: QuantizedPopulation) -> Numbers:
-    neuron = q.population.neuron
-    if isinstance(neuron, SrmAlpha):
-        return _dendrite(levels, q, neuron)
-    if isinstance(neuron, Cuba):
-        return _native(levels, q, neuron)
-    return _on_grid(levels, q)
-
-
-def _dendrite(levels: Levels, q: QuantizedPopulation, neuron: SrmAlpha) -> Numbers:
-    """An SRM neuron as alpha dendrite, refractory dendrite and memoryless soma."""
-    graph, name, n = levels.compartments, q.population.name, q.population.size
-    threshold = neuron.theta * q.scale * (1 - SLACK)
-
-    def group(part: str, keep: float) -> GroupNumbers:
-        chip = chip_group(graph.group(part))
-        every = np.full(n, keep)
-        return GroupNumbers(replace(_real(chip), keep_u=every, keep_v=every, threshold=threshold), chip)
-
-    a, gain = kernel_recursion(neuron.tau_sr)
-    refractory_a, refractory_gain = kernel_recursion(neuron.tau_ref)
-    dendrite, refractory = group(f"{name}/dendrite", a), group(f"{name}/refractory", refractory_a)
-    onto_dendrite = exact_synapses(levels.network, name, dendrite.exact.name, gain * q.scale)
-    own = TwinSynapses(name, refractory.exact.name, -neuron.scale_ref * neuron.theta * refractory_gain * q.scale)
-    return Numbers(
-        (dendrite, refractory, group(name, 0.0)),
-        (*_pairs(graph, onto_dendrite, dendrite), *_pairs(graph, [own], refractory)),
-    )
-
-
-def _native(levels: Levels, q: QuantizedPopulation, neuron: Cuba) -> Numbers:
-    """A leaky integrate-and-fire neuron in one compartment."""
-    name = q.population.name
-    chip = chip_group(levels.compartments.group(name))
-    exact = replace(
-        _real(chip),
-        keep_u=1.0 - neuron.decay_u,
-        keep_v=1.0 - neuron.decay_v,
-        threshold=neuron.threshold * q.scale * (1 + (SLACK if neuron.rule == ">" else -SLACK)),
-        bias=neuron.bias * q.scale,
-    )
-    group = GroupNumbers(exact, chip)
-    synapses = exact_synapses(levels.network, name, name, q.scale)
-    return Numbers((group,), _pairs(levels.compartments, synapses, group))
-
-
-def _on_grid(levels: Levels, q: QuantizedPopulation) -> Numbers:
-    """A population whose reference is the chip's own arithmetic: both sides are the same."""
-    graph, name = levels.compartments, q.population.name
-    parts = [g for g in graph.groups if g.joined_to == name] + [graph.group(name)]
-    groups, synapses = [], []
-    for part in parts:
-        same = chip_group(part)
-        groups.append(GroupNumbers(same, same))
-        for (source, delay), weights in chip_weights(graph, part.name).items():
-            s = TwinSynapses(source, part.name, _plain(weights), delay)
-            synapses.append(SynapseNumbers(s, s, np.ones(part.size)))
-    return Numbers(tuple(groups), tuple(synapses))
-
-
-def kernel_recursion(tau: float) -> tuple[float, float]:
-    """Return ``a`` and ``c`` of the kernel ``(k / tau) exp(1 - k / tau) = c * k * a^(k-1)``."""
-    a = math.exp(-1.0 / tau)
-    return a, math.e * a / tau
-
-
-def _real(group: TwinGroup) -> TwinGroup:
-    """Return a group whose registers hold any real number."""
-    return replace(group, truncates=False, limited=False)
+def beside_chip(
+    graph: CompartmentGraph, exact: list[TwinSynapses], target: GroupNumbers, held_by: str
+) -> tuple[SynapseNumbers, ...]:
+    """Set the weights that the chip has onto a group beside exact ones onto ``target``; what rounded to 0 is 0."""
+    pairs, ratio = [], target.gain_ratio
+    held_by_chip = chip_weights(graph, held_by)
+    for s in exact:
+        weights = held_by_chip.get((s.source, s.delay))
+        if weights is None:
+            chip = s.weights * 0
+        elif sparse.issparse(s.weights):
+            chip = weights
+        else:
+            chip = weights.diagonal() if s.weights.ndim == 1 else weights.toarray()
+        pairs.append(SynapseNumbers(s, times(s.weights, ratio), chip, times(chip, 1.0 / ratio)))
+    return tuple(pairs)
 
 
 def exact_synapses(network: Network, population: str, target: str, gain: FloatArray) -> list[TwinSynapses]:
@@ -158,8 +93,7 @@ def exact_synapses(network: Network, population: str, target: str, gain: FloatAr
     for projection in network.into(population):
         assert isinstance(projection, Projection)  # the network's own check: float weights reach float neurons
         for delay, weights in _by_delay(projection):
-            scaled = with_values(weights, values_of(weights) * of_target(weights, gain))
-            key = (projection.source, delay)
+            key, scaled = (projection.source, delay), times(weights, gain)
             found[key] = found[key] + scaled if key in found else scaled
     return [TwinSynapses(source, target, weights, delay) for (source, delay), weights in found.items()]
 
@@ -170,22 +104,6 @@ def _by_delay(projection: Projection) -> list[tuple[int, Matrix]]:
         return [(int(delay), weights)]
     values = values_of(weights)
     return [(int(d), with_values(weights, np.where(delay == d, values, 0.0))) for d in np.unique(delay)]
-
-
-def _pairs(graph: CompartmentGraph, exact: list[TwinSynapses], onto: GroupNumbers) -> tuple[SynapseNumbers, ...]:
-    """Set the chip's weights onto a group beside exact ones; those that rounded to 0 are 0."""
-    pairs, ratio = [], onto.gain_ratio
-    held_by_chip = chip_weights(graph, onto.chip.name)
-    for s in exact:
-        weights = held_by_chip.get((s.source, s.delay))
-        if weights is None:
-            held = s.weights * 0
-        elif sparse.issparse(s.weights):
-            held = weights
-        else:
-            held = weights.diagonal() if s.weights.ndim == 1 else weights.toarray()
-        pairs.append(SynapseNumbers(s, replace(s, weights=held), ratio))
-    return tuple(pairs)
 
 
 def chip_weights(graph: CompartmentGraph, target: str) -> dict[tuple[str, int], Matrix]:
@@ -204,9 +122,11 @@ def chip_weights(graph: CompartmentGraph, target: str) -> dict[tuple[str, int], 
     return found
 
 
-def _plain(weights: Matrix) -> Matrix:
-    """Return a sparse matrix dense, unless it is large."""
-    return weights.toarray() if weights.shape[0] * weights.shape[1] <= DENSE_ENTRIES else weights
+def times(weights: Matrix, factor: FloatArray) -> Matrix:
+    """Return weights (n_target, n_source), or (n,), times a factor a target, (n_target,)."""
+    if weights.ndim == 1:
+        return weights * factor
+    return with_values(weights, values_of(weights) * of_target(weights, factor))
 
 
 def chip_group(group: Compartments) -> TwinGroup:

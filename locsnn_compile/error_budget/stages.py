@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 from hw_model.chip_description import Registers
 from hw_model.graph import Axis
 from hw_model.trace import ByteArray
-from locsnn_compile.error_budget.numbers import GroupNumbers, Numbers, SynapseNumbers, numbers_of
+from locsnn_compile.error_budget.forms import forms_of
+from locsnn_compile.error_budget.numbers import GroupNumbers, Numbers, SynapseNumbers
 from locsnn_compile.error_budget.twin import Twin, TwinGroup, TwinSynapses
-from locsnn_compile.matrices import Matrix, of_target, values_of, with_values
+from locsnn_compile.matrices import values_of
 from locsnn_compile.network import Network
 from locsnn_compile.neurons import FloatArray
 from locsnn_compile.pipeline import Levels
@@ -45,9 +46,19 @@ def phases_of(levels: Levels) -> tuple[Phase, ...]:
     registers = levels.program.chip.registers
     phases = []
     for axis in levels.network.axes:
-        numbers = numbers_of(levels, axis)
-        phases.append(Phase(axis, registers, numbers, numbers))
+        forms = [forms_of(levels, q) for q in levels.quantized.populations if q.population.axis == axis]
+        numbers = _joined([float_neurons for float_neurons, _ in forms])
+        exact = all(float_neurons is program_neurons for float_neurons, program_neurons in forms)
+        program = numbers if exact else _joined([program_neurons for _, program_neurons in forms])
+        phases.append(Phase(axis, registers, numbers, program))
     return tuple(phases)
+
+
+def _joined(populations: Sequence[Numbers]) -> Numbers:
+    return Numbers(
+        tuple(group for numbers in populations for group in numbers.groups),
+        tuple(synapses for numbers in populations for synapses in numbers.synapses),
+    )
 
 
 def lines_of(network: Network, phase: Phase, recordings: ByteArray) -> dict[str, ByteArray]:
@@ -60,7 +71,7 @@ def twin_with(phase: Phase, stages: Collection[Stage]) -> Twin:
     numbers = phase.program_neurons if "kernel" in stages else phase.float_neurons
     return Twin(
         tuple(_group(pair, stages) for pair in numbers.groups),
-        tuple(_synapses(pair, stages) for pair in numbers.synapses),
+        tuple(s for pair in numbers.synapses if values_of((s := _synapses(pair, stages)).weights).any()),
         phase.registers,
     )
 
@@ -80,23 +91,20 @@ def _group(pair: GroupNumbers, stages: Collection[Stage]) -> TwinGroup:
         keep_u=decays.keep_u,
         keep_v=decays.keep_v,
         threshold=(chip if "thresholds" in stages else exact).threshold,
-        bias=_fitted(exact.bias, chip.bias, pair.bias_ratio, stages),
+        bias=_bias(pair, stages),
         truncates=(chip if "states" in stages else exact).truncates,
         limited=(chip if "wraps_clips" in stages else exact).limited,
     )
 
 
 def _synapses(pair: SynapseNumbers, stages: Collection[Stage]) -> TwinSynapses:
-    weights = _fitted(pair.exact.weights, pair.chip.weights, pair.gain_ratio, stages)
+    weights = pair.weights(rounded="weights" in stages, chip_decays="decays" in stages)
     return replace(pair.exact, weights=weights)
 
 
-def _fitted(exact: Matrix, chip: Matrix, ratio: FloatArray, stages: Collection[Stage]) -> Matrix:
-    """Return exact or rounded weights, fitted to exact or rounded decays; ``ratio`` (n_target,)."""
-    weights = chip if "weights" in stages else exact
+def _bias(pair: GroupNumbers, stages: Collection[Stage]) -> FloatArray:
+    """Return exact or rounded biases, fitted to exact or rounded decays."""
+    bias = (pair.chip if "weights" in stages else pair.exact).bias
     if ("weights" in stages) == ("decays" in stages):
-        return weights
-    factor = ratio if "decays" in stages else 1.0 / ratio
-    if weights.ndim == 1:
-        return weights * factor
-    return with_values(weights, values_of(weights) * of_target(weights, factor))
+        return bias
+    return bias * pair.bias_ratio if "decays" in stages else bias / pair.bias_ratio

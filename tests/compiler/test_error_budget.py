@@ -14,7 +14,6 @@ from hw_model.graph import Readout
 from locsnn_compile.diagnosis import SAMPLE, diagnose, spread_sample
 from locsnn_compile.error_budget.budget import error_budget
 from locsnn_compile.error_budget.cause import find_cause
-from locsnn_compile.error_budget.numbers import numbers_of
 from locsnn_compile.error_budget.stages import STAGES, lines_of, phases_of, twin_with
 from locsnn_compile.error_budget.tail import kept_taps, with_cut_tails
 from locsnn_compile.error_budget.twin import run_twin
@@ -95,16 +94,16 @@ def spikes_with(levels, stages, played):
     return found
 
 
-def check_both_ends(network, bits, played):
+def check_both_ends(network, bits, played, strategy="dendrite"):
     """Without stages the float reference, with all of them the simulator, register for register."""
-    levels = lower(network, CHIP, bits)
+    levels = lower(network, CHIP, bits, strategy)
     wanted = evaluate(network, played, potentials=True)
     chip = hw.simulate(levels.program, played, probe=("spikes", "potential"))
     for phase in phases_of(levels):
-        names = tuple(group.exact.name for group in numbers_of(levels, phase.axis).groups)
+        names = tuple(group.exact.name for group in phase.program_neurons.groups)
         lines = lines_of(network, phase, played)
         whole = run_twin(twin_with(phase, STAGES), lines, potentials=names)
-        exact = run_twin(twin_with(phase, ()), lines, potentials=names)
+        exact = run_twin(twin_with(phase, ()), lines, potentials=tuple(whole.spikes))
         for name in names:
             assert np.array_equal(whole.potential[name], chip.potential[name]), name
         for name, spikes in whole.spikes.items():
@@ -114,16 +113,17 @@ def check_both_ends(network, bits, played):
             np.testing.assert_allclose(exact.potential[name] / scale, wanted.potential[name], rtol=1e-9, atol=1e-9)
 
 
-@settings(max_examples=12, deadline=None, derandomize=True)
+@settings(max_examples=24, deadline=None, derandomize=True)
 @given(
     seed=st.integers(0, 2**32 - 1),
     bits=st.sampled_from([1, 3, 8]),
     tau_sr=st.sampled_from([1.0, 10.0, 80.0]),
     scale=st.sampled_from([0.5, 8.0, 300.0]),
+    strategy=st.sampled_from(["dendrite", "delay-line", "reset"]),
 )
-def test_srm_twins_meet_reference_and_chip(seed, bits, tau_sr, scale):
+def test_srm_twins_meet_reference_and_chip(seed, bits, tau_sr, scale, strategy):
     network = hybrid(seed, steps=40, hidden=5, neuron=replace(SRM, tau_sr=tau_sr), scale=scale)
-    check_both_ends(network, bits, recordings(network, samples=2, seed=seed))
+    check_both_ends(network, bits, recordings(network, samples=2, seed=seed), strategy)
 
 
 @settings(max_examples=12, deadline=None, derandomize=True)
