@@ -9,15 +9,41 @@ import numpy as np
 import pytest
 import torch
 
+import hw_model as hw
 from locsnn_compile.data.read import read_recordings
-from locsnn_compile.models.checkpoint import save_checkpoint
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.synthetic import synthetic_touches
+from locsnn_compile.frontends import load
+from locsnn_compile.models.checkpoint import Checkpoint, save_checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
+from locsnn_compile.models.chip_numbers import STRATEGIES
 from locsnn_compile.models.networks import build_network
+from locsnn_compile.network import Network
+from locsnn_compile.pipeline import lower
 from locsnn_compile.training.config import TrainingConfig, config_from_mapping, read_config
+from locsnn_compile.training.target import chip_numbers
 
 ROOT = Path(__file__).parents[2]
 REAL = ROOT.parent / "shared/data/neutouch"
 NAMES = ("objects", "containers")
+CHIP = hw.chip("loihi-sim")
+real = pytest.mark.skipif(not REAL.is_dir(), reason="the real recordings are not beside the repository")
+
+
+def model(name: str) -> Path:
+    return ROOT / f"examples/models/{name}.pt"
+
+
+def mismatches(found: Checkpoint, network: Network, recordings: Recordings) -> tuple[int, int]:
+    """Return the spikes that only one of the torch network and the compiled program has, and all of the first."""
+    assert found.chip is not None
+    own = build_network(found.description, chip=found.chip)
+    own.load_weights(found.float_weights)
+    with torch.no_grad():
+        wanted = own(torch.from_numpy(recordings.spikes.copy()).float())
+    played = hw.simulate(lower(network, CHIP, 8).program, recordings.spikes)
+    differing = sum(int((played.spikes[name] != spikes.numpy()).sum()) for name, spikes in wanted.items())
+    return differing, sum(int(spikes.sum()) for spikes in wanted.values())
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -57,7 +83,7 @@ def test_model_cards_agree_with_their_networks(name: str) -> None:
     assert f"mean {tests.mean():.3f}, sample standard deviation {tests.std(ddof=1):.3f}" in card
 
 
-@pytest.mark.skipif(not REAL.is_dir(), reason="the real recordings are not beside the repository")
+@real
 @pytest.mark.parametrize("name", NAMES)
 def test_shipped_networks_reach_their_test_accuracy(name: str) -> None:
     found = read_checkpoint(ROOT / f"examples/models/{name}-hybrid.pt")
@@ -78,3 +104,69 @@ def test_shipped_networks_survive_a_round_trip(tmp_path: Path, name: str) -> Non
     again = read_checkpoint(tmp_path / "again.pt")
     assert again.description == found.description
     assert all(np.array_equal(again.weights[key], found.weights[key]) for key in found.weights)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_networks_on_the_chips_integers_are_whole(name: str) -> None:
+    found = read_checkpoint(model(f"{name}-hybrid-loihi"))
+    assert found.description.name == f"{name}-hybrid-loihi"
+    assert found.recordings is None
+    assert found.chip is not None
+    assert (found.chip.target, found.chip.strategy) == ("loihi-sim", "dendrite")
+    assert {numbers.weight_bits for numbers in found.chip.populations.values()} == {8}
+    assert found.training["start_sha256"] == read_checkpoint(model(f"{name}-hybrid")).sha256
+    config = vars(config_from_mapping(read_config(ROOT / f"examples/configs/{name}-hybrid-loihi.yaml")))
+    assert {key: found.training[key] for key in config} == config
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_cards_of_networks_on_the_chips_integers(name: str) -> None:
+    training = read_checkpoint(model(f"{name}-hybrid-loihi")).training
+    card = model(f"{name}-hybrid-loihi").with_suffix(".md").read_text(encoding="utf-8")
+    rows = {int(row[0]): row[1:] for row in re.findall(r"^\| (\d) \| ([\d.]+) \| ([\d.]+) \|$", card, re.M)}
+    assert sorted(rows) == [0, 1, 2, 3, 4]
+    assert f"{training['test_accuracy']:.3f}" == rows[int(training["seed"] or 0)][1]
+    tests = np.array([float(test) for _, test in rows.values()])
+    stated = re.search(r"Test: mean ([\d.]+), sample standard deviation ([\d.]+), over five seeds", card)
+    assert stated is not None
+    # Of the figures before they were rounded for the table.
+    assert [float(figure) for figure in stated.groups()] == pytest.approx([tests.mean(), tests.std(ddof=1)], abs=1e-3)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_programs_of_shipped_networks_spike_as_trained(name: str) -> None:
+    found, network = read_checkpoint(model(f"{name}-hybrid-loihi")), load(model(f"{name}-hybrid-loihi"))
+    touches = synthetic_touches(12, steps=found.description.input.steps, seed=3)
+    differing, spikes = mismatches(found, network, touches)
+    assert differing == 0
+    assert spikes > 10_000
+
+
+@real
+@pytest.mark.parametrize("name", NAMES)
+def test_shipped_networks_on_the_chip_reach_their_test_accuracy(name: str) -> None:
+    found, network = read_checkpoint(model(f"{name}-hybrid-loihi")), load(model(f"{name}-hybrid-loihi"))
+    test = read_recordings(REAL / f"Ev-{name.title()}.zip", split="test")
+    assert mismatches(found, network, test)[0] == 0
+    prediction = hw.simulate(lower(network, CHIP, 8).program, test.spikes).prediction
+    assert float((prediction == test.labels).mean()) == found.training["test_accuracy"]
+
+
+@real
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("strategy", STRATEGIES)
+@pytest.mark.parametrize("bits", [8, 4])
+def test_every_strategy_spikes_as_trained_on_all_recordings(
+    tmp_path: Path, name: str, strategy: str, bits: int
+) -> None:
+    start = read_checkpoint(model(f"{name}-hybrid"))
+    config = TrainingConfig(target="loihi-sim", strategy=strategy, weight_bits=bits)
+    chip = chip_numbers(config, start.description, start.weights)
+    own = build_network(start.description, chip=chip)
+    own.load_weights(start.weights)
+    save_checkpoint(tmp_path / "on-chip.pt", start.description, own.mantissas(), chip=chip)
+    found, network = read_checkpoint(tmp_path / "on-chip.pt"), load(tmp_path / "on-chip.pt")
+    for split in ("test", "train"):
+        recordings = read_recordings(REAL / f"Ev-{name.title()}.zip", split=split)
+        assert mismatches(found, network, recordings)[0] == 0
