@@ -39,8 +39,8 @@ class Latency:
 class StepTimes:
     """Where the time of one phase goes, arrays (steps, cores) in nanoseconds.
 
-    ``work_ns[count]``: what a core works on each operation; ``way_ns``: the longest way of its packets, which begins when
-    its work is done. A step ends ``barrier_ns`` after the last core.
+    ``work_ns[count]``: what a core works on each operation; ``way_ns``: the longest way of its packets, after its work.
+    A step ends ``barrier_ns`` after the last core.
     """
 
     work_ns: Mapping[str, FloatArray]

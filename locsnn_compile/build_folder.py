@@ -23,7 +23,10 @@ def check_folder(folder: Path) -> None:
 
 
 def write_build(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write the files into a stage beside the folder, then move them: a new folder at once, an old one file by file."""
+    """Write the files into a stage beside the folder, then move them: a new folder at once, an old one entry by entry.
+
+    A name may lie in a folder, ``vectors/manifest.yaml``; such a folder replaces the one before as a whole.
+    """
     stage = folder.absolute().parent / f".{folder.name}.partial-{os.getpid()}"
     try:
         stage.parent.mkdir(parents=True, exist_ok=True)
@@ -32,10 +35,14 @@ def write_build(folder: Path, files: Mapping[str, bytes]) -> None:
         raise _unwritable(folder, error.strerror or "unknown") from error
     try:
         for name, content in files.items():
+            (stage / name).parent.mkdir(parents=True, exist_ok=True)
             (stage / name).write_bytes(content)
         if folder.exists():
-            for name in sorted(files, key=lambda name: name == LAST):
-                os.replace(stage / name, folder / name)
+            entries = dict.fromkeys(name.split("/")[0] for name in files)
+            for entry in sorted(entries, key=lambda entry: entry == LAST):
+                if (folder / entry).is_dir():
+                    os.rename(folder / entry, stage / f".old-{entry}")
+                os.replace(stage / entry, folder / entry)
         else:
             os.rename(stage, folder)
     except OSError as error:

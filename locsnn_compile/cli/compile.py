@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from argparse import Namespace, RawDescriptionHelpFormatter
 from collections.abc import Sequence
@@ -10,10 +11,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.cli.shell import EXIT_GATE, Parser, guarded, progress_bar
+from locsnn_compile.emit import BENCH_KINDS
 from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.gates import GATES, Gate, check_gates, junit_file
 
 if TYPE_CHECKING:
     from locsnn_compile.api import CompiledModel
+    from locsnn_compile.data.recordings import Recordings
 
 _EXAMPLE = """\
 example:
@@ -26,7 +30,8 @@ _STRATEGY = (
     "lowering of SRM neurons: dendrite, delay-line, reset, or auto, the cheapest within --min-agreement and "
     "--max-spike-error, by default what dendrite keeps (default auto)"
 )
-EMIT_KINDS = ("network", "quantized", "compartments", "placed", "routed", "program")
+LEVEL_KINDS = ("network", "quantized", "compartments", "placed", "routed", "program")
+EMIT_KINDS = (*LEVEL_KINDS, *BENCH_KINDS)
 
 
 def parser() -> Parser:
@@ -47,12 +52,26 @@ def parser() -> Parser:
     add("--weight-bits", type=int, default=8, metavar="BITS", help="1 to 6, or 8 (default 8)")
     add("--config", metavar="FILE", help="network description, for model formats that need one; a checkpoint does not")
     add("--emit", action="extend", nargs="+", default=[], metavar="KIND", help=f"also write: {', '.join(EMIT_KINDS)}")
+    add("--recording", type=int, default=0, metavar="K", help="the recording to emit, counted from 0 (default 0)")
+    add("--probe", action="append", default=[], metavar="POPULATION[INDEX]", help="a neuron to show with --emit vcd")
     add("--json", action="store_true", help="print report.json to standard output, and nothing else there")
     add("--quiet", action="store_true", help="print nothing")
-    add("--min-agreement", type=float, metavar="X", help="exit 3 where prediction agreement is below X (0..1)")
-    add("--max-spike-error", type=float, metavar="X", help="exit 3 where more than this share of spikes differs (0..1)")
-    add("--max-energy-nj", type=float, metavar="X", help="exit 3 where a recording takes more nanojoules on average")
+    add("--min-agreement", type=number, metavar="X", help="exit 3 where prediction agreement is below X (0..1)")
+    add(
+        "--max-spike-error",
+        type=number,
+        metavar="X",
+        help="exit 3 where more than this share of spikes differs (0..1)",
+    )
+    add("--max-energy-nj", type=number, metavar="X", help="exit 3 where a recording takes more nanojoules on average")
+    add(
+        "--max-latency-us",
+        type=number,
+        metavar="X",
+        help="exit 3 where a recording takes more microseconds on average",
+    )
     add("--max-cores", type=int, metavar="N", help="exit 3 where more cores are used")
+    add("--junit", metavar="FILE", help="write the gates as JUnit XML")
     return made
 
 
@@ -64,20 +83,20 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def run(args: Namespace) -> int:
     """Compile as ``args`` ask. Raises ``InputError`` and ``TargetError``."""
-    for kind in args.emit:
-        if kind not in EMIT_KINDS:
-            raise InputError(f"--emit {kind}", "no level has this name", fix=did_you_mean(kind, EMIT_KINDS))
+    _check_options(args)
     from locsnn_compile.build_folder import check_folder, write_build
 
     folder = Path(args.output) if args.output else Path("build") / Path(args.model).stem
     check_folder(folder)
 
+    from hw_model.files import replace_file
     from locsnn_compile.api import compile, recordings_for
     from locsnn_compile.choose_strategy import ErrorBudget
     from locsnn_compile.frontends import load
 
     network = load(args.model, config=args.config)
     recordings = recordings_for(network, args.events)
+    _check_recording(args.recording, recordings)
     with progress_bar("checking against the float reference", show=not args.quiet) as progress:
         compiled = compile(
             network,
@@ -89,17 +108,20 @@ def run(args: Namespace) -> int:
             calibration=args.calibration,
             budget=ErrorBudget(args.min_agreement, args.max_spike_error),
         )
-    files = build_files(compiled, args.emit)
+    files = build_files(compiled, args.emit) | _emitted(args, compiled, recordings)
+    gates = check_gates(compiled.report, _bounds(args))
     write_build(folder, files)
+    if args.junit:
+        replace_file(Path(args.junit), junit_file(gates, compiled.network.name), where="--junit")
     if args.json:
         sys.stdout.write(files["report.json"].decode())
     elif not args.quiet:
         _print_summary(compiled.report, folder, files)
-    return _gates(args, compiled.report)
+    return _say_gates(gates)
 
 
 def build_files(compiled: CompiledModel, emit: Sequence[str]) -> dict[str, bytes]:
-    """Return every file of a build as bytes, by name; the same input gives the same bytes."""
+    """Return the program, the reports and the levels asked for as bytes, by name; equal input gives equal bytes."""
     from hw_model.program_file import program_files
     from locsnn_compile.level_text import LEVEL_TEXTS
     from locsnn_compile.report.html import render_html
@@ -110,7 +132,7 @@ def build_files(compiled: CompiledModel, emit: Sequence[str]) -> dict[str, bytes
         "report.json": json.dumps(report, indent=2, allow_nan=False, ensure_ascii=False) + "\n",
         "report.md": render_markdown(report),
         "report.html": render_html(report),
-        **{f"{kind}.txt": LEVEL_TEXTS[kind](compiled.levels) for kind in emit},
+        **{f"{kind}.txt": LEVEL_TEXTS[kind](compiled.levels) for kind in LEVEL_KINDS if kind in emit},
     }
     return {**program_files(compiled.program), **{name: text.encode() for name, text in texts.items()}}
 
@@ -122,27 +144,66 @@ def _print_summary(report: dict[str, Any], folder: Path, files: dict[str, bytes]
 
     console = Console()
     render_terminal(report, console)
-    console.print(f"wrote {folder}/: {', '.join(files)}", markup=False, highlight=False, soft_wrap=True)
+    names = dict.fromkeys(f"{name.split('/')[0]}/" if "/" in name else name for name in files)
+    console.print(f"wrote {folder}/: {', '.join(names)}", markup=False, highlight=False, soft_wrap=True)
 
 
-def _gates(args: Namespace, report: dict[str, Any]) -> int:
+def _check_options(args: Namespace) -> None:
+    """Refuse options that could only fail after the work is done."""
+    for kind in args.emit:
+        if kind not in EMIT_KINDS:
+            raise InputError(f"--emit {kind}", "there is no such kind", fix=did_you_mean(kind, EMIT_KINDS))
+    if args.probe and "vcd" not in args.emit:
+        raise InputError("--probe", "nothing that is emitted shows it", fix="Add --emit vcd.")
+    if args.junit:
+        if not _bounds(args):
+            raise InputError("--junit", "no gate is asked for", fix=f"Add one of {', '.join(GATES)}.")
+        if not Path(args.junit).parent.is_dir():
+            raise InputError(f"--junit {args.junit!r}", "its folder does not exist", fix="Make the folder first.")
+
+
+def _check_recording(number: int, recordings: Recordings) -> None:
+    count = len(recordings.spikes)
+    if not 0 <= number < count:
+        raise InputError(
+            f"--recording {number}",
+            "there is no such recording",
+            measured=f"{count} in {recordings.source}",
+            fix=f"Count from 0 to {count - 1}.",
+        )
+
+
+def _emitted(args: Namespace, compiled: CompiledModel, recordings: Recordings) -> dict[str, bytes]:
+    """Return the files for other tools, of the program and of one recording."""
+    kinds = [kind for kind in BENCH_KINDS if kind in args.emit]
+    if not kinds:
+        return {}
+    from locsnn_compile.emit.files import bench_files
+
+    title = f"recording {args.recording} of {recordings.source}"
+    return bench_files(compiled.program, kinds, recordings.spikes[args.recording], title, args.probe)
+
+
+def _bounds(args: Namespace) -> dict[str, float]:
+    """Return the bounds that were given, by option."""
+    given = {option: getattr(args, option.strip("-").replace("-", "_")) for option in GATES}
+    return {option: bound for option, bound in given.items() if bound is not None}
+
+
+def _say_gates(gates: Sequence[Gate]) -> int:
     """Say each gate that failed in a line; return 3 where one did."""
-    agreement = report["match"]["prediction_agreement"]
-    spike_error = 1 - report["match"]["spike_agreement"]
-    energy_nj = report["energy"]["per_sample_pj"] / 1000
-    cores = report["resources"]["cores"]
-    failed = []
-    if args.min_agreement is not None and agreement < args.min_agreement:
-        failed.append(f"--min-agreement: prediction agreement is {agreement:.4f}, below {args.min_agreement:g}")
-    if args.max_spike_error is not None and spike_error > args.max_spike_error:
-        failed.append(f"--max-spike-error: {spike_error:.4f} of the spikes differ, above {args.max_spike_error:g}")
-    if args.max_energy_nj is not None and energy_nj > args.max_energy_nj:
-        failed.append(f"--max-energy-nj: a recording takes {energy_nj:.1f} nJ, above {args.max_energy_nj:g}")
-    if args.max_cores is not None and cores > args.max_cores:
-        failed.append(f"--max-cores: {cores} cores are used, above {args.max_cores}")
-    for line in failed:
-        print(f"gate failed: {line}.", file=sys.stderr)
+    failed = [gate for gate in gates if not gate.holds]
+    for gate in failed:
+        print(f"gate failed: {gate.option}: {gate.found}.", file=sys.stderr)
     return EXIT_GATE if failed else 0
+
+
+def number(text: str) -> float:
+    """Read a bound; a gate whose bound is not a number would never fail."""
+    value = float(text)
+    if math.isnan(value):
+        raise ValueError(text)
+    return value
 
 
 if __name__ == "__main__":

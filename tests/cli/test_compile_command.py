@@ -6,6 +6,7 @@ import pickle
 import subprocess
 import sys
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -13,11 +14,12 @@ import torch
 import yaml
 
 import hw_model as hw
-from locsnn_compile.cli.compile import EMIT_KINDS, main
+from locsnn_compile.cli.compile import EMIT_KINDS, LEVEL_KINDS, main
 
 ROOT = Path(__file__).parents[2]
 MODEL = ROOT / "examples/models/objects-hybrid.pt"
 FILES = {"program.yaml", "program.npz", "report.json", "report.md", "report.html"}
+EMITTED = {"vectors", "waves.vcd", "trace.json", "sanafe", "program.graphml", "program.dot"}
 
 
 @pytest.fixture(scope="module")
@@ -82,10 +84,13 @@ def test_two_runs_write_the_same_bytes(few, tmp_path):
             command, env={**os.environ, "PYTHONHASHSEED": seed}, capture_output=True, text=True, check=False
         )
         assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
-    written = {path.name for path in (tmp_path / "one").iterdir()}
-    assert written == FILES | {f"{kind}.txt" for kind in EMIT_KINDS}
+    one, two = tmp_path / "one", tmp_path / "two"
+    levels = {f"{kind}.txt" for kind in LEVEL_KINDS}
+    assert {path.name for path in one.iterdir()} == FILES | levels | EMITTED
+    written = {path.relative_to(one) for path in one.rglob("*")}
+    assert written == {path.relative_to(two) for path in two.rglob("*")}
     for name in written:
-        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes(), name
+        assert (one / name).is_dir() or (one / name).read_bytes() == (two / name).read_bytes(), name
 
 
 def test_without_events_the_check_is_on_synthetic_touches_and_says_so(tmp_path, capsys):
@@ -112,6 +117,8 @@ def test_a_build_replaces_the_one_before_and_leaves_other_files(few, tmp_path):
         ("--max-cores", "2", 0, ""),
         ("--max-cores", "1", 3, "gate failed: --max-cores: 2 cores are used, above 1.\n"),
         ("--max-energy-nj", "1", 3, "gate failed: --max-energy-nj: a recording takes "),
+        ("--max-latency-us", "1e6", 0, ""),
+        ("--max-latency-us", "1", 3, "gate failed: --max-latency-us: a recording takes "),
     ],
 )
 def test_gates(few, tmp_path, capsys, gate, value, code, line):
@@ -120,6 +127,39 @@ def test_gates(few, tmp_path, capsys, gate, value, code, line):
     assert captured.err.startswith(line)
     assert captured.err.count("\n") == (code != 0)
     assert (tmp_path / "report.json").exists()
+
+
+def test_gates_as_junit_xml(few, tmp_path, capsys):
+    gates = ("--max-cores", "1", "--max-latency-us", "1e9", "--min-agreement", "0", "--max-energy-nj", "1")
+    assert run(MODEL, "--events", few, "-o", tmp_path / "out", "--quiet", *gates, "--junit", tmp_path / "g.xml") == 3
+    root = ElementTree.parse(tmp_path / "g.xml").getroot()
+    (suite,) = root
+    for element in (root, suite):
+        assert {k: element.get(k) for k in ("tests", "failures", "errors")} == {
+            "tests": "4",
+            "failures": "2",
+            "errors": "0",
+        }
+    cases = {case.get("name"): case for case in suite}
+    assert list(cases) == ["--min-agreement", "--max-energy-nj", "--max-latency-us", "--max-cores"]
+    assert {case.get("classname") for case in suite} == {"objects-hybrid"}
+    failed = {
+        name: case.find("failure").get("message") for name, case in cases.items() if case.find("failure") is not None
+    }
+    assert failed["--max-cores"] == "2 cores are used, above 1"
+    lines = [f"gate failed: {name}: {message}.\n" for name, message in failed.items()]
+    assert capsys.readouterr().err == "".join(lines)
+    assert cases["--max-latency-us"].find("system-out").text.startswith("a recording takes ")
+
+
+def test_a_build_with_fewer_vectors_leaves_none_of_the_old(few, tmp_path):
+    (tmp_path / "vectors").mkdir()
+    (tmp_path / "vectors" / "stale.hex").write_text("")
+    assert run(MODEL, "--events", few, "-o", tmp_path, "--quiet", "--emit", "vectors", "--recording", "2") == 0
+    assert not (tmp_path / "vectors" / "stale.hex").exists()
+    manifest = yaml.safe_load((tmp_path / "vectors" / "manifest.yaml").read_text())
+    assert manifest["recording"] == "recording 2 of few.npy"
+    assert [path.name for path in tmp_path.iterdir() if path.name.startswith(".")] == []
 
 
 # Bad input ------------------------------------------------------------------------------------------------------------
@@ -211,7 +251,13 @@ BAD_OPTIONS = [
     ("strategy", lambda t: ("--strategy", "dendrites"), "strategy 'dendrites': SRM neurons are not lowered so. Did you mean 'dendrite'?"),
     ("bits", lambda t: ("--weight-bits", "7"), "--weight-bits: no synapse format has 7 bits. Choose one of 1, 2, 3, 4, 5, 6, 8."),
     ("config", lambda t: ("--config", "net.yaml"), "model 'objects-hybrid.pt': config was given, but a checkpoint says this itself. Leave config out."),
-    ("emit", lambda t: ("--emit", "programm"), "--emit programm: no level has this name. Did you mean 'program'?"),
+    ("emit", lambda t: ("--emit", "programm"), "--emit programm: there is no such kind. Did you mean 'program'?"),
+    ("probe", lambda t: ("--probe", "time_output[3]"), "--probe: nothing that is emitted shows it. Add --emit vcd."),
+    ("probed", lambda t: ("--emit", "vcd", "--probe", "time_outptu[3]"), "probe 'time_outptu[3]': there is no population 'time_outptu'. Did you mean 'time_output'?"),
+    ("recording", lambda t: ("--recording", "16"), "--recording 16: there is no such recording (16 in synthetic touches). Count from 0 to 15."),
+    ("before the first", lambda t: ("--recording", "-1"), "--recording -1: there is no such recording (16 in synthetic touches). Count from 0 to 15."),
+    ("junit alone", lambda t: ("--junit", str(t / "gates.xml")), "--junit: no gate is asked for. Add one of --min-agreement, --max-spike-error, --max-energy-nj, --max-latency-us, --max-cores."),
+    ("junit folder", lambda t: ("--junit", "gone/gates.xml", "--max-cores", "2"), "--junit 'gone/gates.xml': its folder does not exist. Make the folder first."),
 ]  # fmt: skip
 
 
@@ -231,8 +277,12 @@ def test_bad_options_are_one_line_and_exit_code_2(options, line, tmp_path, capsy
             ["m.pt", "--weight-bits", "x"],
             "locsnn-compile: argument --weight-bits: invalid int value: 'x'. See locsnn-compile --help.",
         ),
+        (
+            ["m.pt", "--max-energy-nj", "nan"],
+            "locsnn-compile: argument --max-energy-nj: invalid number value: 'nan'. See locsnn-compile --help.",
+        ),
     ],
-    ids=["nothing", "unknown", "type"],
+    ids=["nothing", "unknown", "type", "nan"],
 )
 def test_wrong_usage_is_one_line_and_exit_code_2(arguments, line, capsys):
     with pytest.raises(SystemExit) as caught:

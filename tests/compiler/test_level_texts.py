@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import hw_model as hw
-from locsnn_compile.cli.compile import EMIT_KINDS
+from locsnn_compile.cli.compile import LEVEL_KINDS
 from locsnn_compile.level_text import LEVEL_TEXTS
 from locsnn_compile.pipeline import lower
 
@@ -21,13 +21,13 @@ def levels():
     return lower(hybrid(), hw.chip("loihi-sim"), 8)
 
 
-@pytest.mark.parametrize("kind", EMIT_KINDS)
+@pytest.mark.parametrize("kind", LEVEL_KINDS)
 def test_level_text(kind):
     assert LEVEL_TEXTS[kind](levels()) == (GOLDEN / f"{kind}.txt").read_text()
 
 
 def test_every_level_has_a_text():
-    assert tuple(LEVEL_TEXTS) == EMIT_KINDS
+    assert tuple(LEVEL_TEXTS) == LEVEL_KINDS
 
 
 if __name__ == "__main__":
