@@ -14,8 +14,10 @@ from locsnn_compile.choose_strategy import Choice, ErrorBudget, choose_strategy
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.synthetic import synthetic_touches
+from locsnn_compile.diagnosis import SAMPLE, Diagnosis
+from locsnn_compile.diagnosis import diagnose as find_diagnosis
 from locsnn_compile.errors import InputError, did_you_mean
-from locsnn_compile.matching import Match, Progress, compare
+from locsnn_compile.matching import Match, Progress, compare, fit_recordings
 from locsnn_compile.network import Network
 from locsnn_compile.passes.quantize import check_weight_bits
 from locsnn_compile.passes.quantize_srm import STRATEGIES as SRM_STRATEGIES
@@ -60,6 +62,7 @@ def compile(
     events: Events | None = None,
     labels: npt.ArrayLike | None = None,
     progress: Progress | None = None,
+    diagnosis: bool = True,
     calibration: Events | None = None,
     budget: ErrorBudget | None = None,
 ) -> CompiledModel:
@@ -67,10 +70,10 @@ def compile(
 
     ``target``: a chip's name, or the path of a chip YAML. ``events``: recordings to check on - a file, archive or
     folder, or an array (samples, steps, channels) of 0 and 1; by default those that the model carries, else synthetic
-    touches. ``labels`` (samples,) where ``events`` is an array. ``strategy``:
-    how SRM neurons are lowered; ``auto`` takes the cheapest that keeps the ``budget`` on ``calibration``, given like
-    ``events`` - by default what the model carries, else synthetic touches, so that the program does not depend on the
-    recordings that it is checked on; else ``events``. Raises ``InputError`` for what cannot be used and
+    touches. ``labels`` (samples,) where ``events`` is an array. ``diagnosis``: take the error apart too, on some of
+    the recordings. ``strategy``: how SRM neurons are lowered; ``auto`` takes the cheapest that keeps the ``budget`` on
+    ``calibration``, given like ``events`` - by default what the model carries, else synthetic touches, so that the
+    program does not depend on the recordings that it is checked on; else ``events``. Raises ``InputError`` for what cannot be used and
     ``TargetError`` for a model that the chip cannot hold.
     """
     if strategy not in STRATEGIES:
@@ -82,7 +85,8 @@ def compile(
     recordings = recordings_for(network, events, labels)
     levels, choice = _lower(network, chip, weight_bits, strategy, recordings, calibration, budget)
     match = _compare(levels, recordings, progress)
-    report = report_document(levels, match) | {"strategy_choice": choice_document(choice)}
+    found = _diagnose(levels, recordings, match) if diagnosis else None
+    report = report_document(levels, match, found) | {"strategy_choice": choice_document(choice)}
     return CompiledModel(levels, match, report, choice)
 
 
@@ -91,6 +95,19 @@ def verify(
 ) -> Match:
     """Compare a compiled model with its float reference on other recordings, spike by spike."""
     return _compare(compiled.levels, recordings_for(compiled.network, events, labels), progress)
+
+
+def diagnose(
+    compiled: CompiledModel,
+    events: Events,
+    labels: npt.ArrayLike | None = None,
+    samples: int | None = None,
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """Take the error of a compiled model apart on other recordings, on all of them or at most ``samples``."""
+    recordings = recordings_for(compiled.network, events, labels)
+    match = _compare(compiled.levels, recordings, None)
+    return _diagnose(compiled.levels, recordings, match, samples, progress)
 
 
 def recordings_for(network: Network, events: Events | None, labels: npt.ArrayLike | None = None) -> Recordings:
@@ -118,6 +135,17 @@ def recordings_for(network: Network, events: Events | None, labels: npt.ArrayLik
         step_seconds=network.step_seconds,
         source="array",
     )
+
+
+def _diagnose(
+    levels: Levels,
+    recordings: Recordings,
+    match: Match,
+    samples: int | None = SAMPLE,
+    progress: Progress | None = None,
+) -> Diagnosis:
+    played = fit_recordings(levels.network, recordings.spikes, recordings.source)
+    return find_diagnosis(levels, played, match.first_divergence, samples=samples, progress=progress)
 
 
 def _lower(

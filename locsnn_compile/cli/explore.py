@@ -43,7 +43,9 @@ def run(args: argparse.Namespace) -> int:
     rows = []
     with progress_bar("compiling", show=True) as progress:
         for done, bits in enumerate(args.weight_bits, 1):
-            rows.append(_row(compile(network, args.target, weight_bits=bits, events=recordings).report))
+            rows.append(
+                _row(compile(network, args.target, weight_bits=bits, events=recordings, diagnosis=False).report)
+            )
             if progress:
                 progress(done, len(args.weight_bits))
     for row in rows:

@@ -1,5 +1,6 @@
 """The budget of every stage: its twin against the float reference on one side and the simulator on the other."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 from networks import hybrid, recordings
 
 import hw_model as hw
+import locsnn_compile as lc
 from hw_model.fixed_point import effective_weight
 from hw_model.graph import Readout
 from locsnn_compile.diagnosis import SAMPLE, diagnose, spread_sample
@@ -23,6 +25,7 @@ from locsnn_compile.neurons import Cuba, SrmAlpha
 from locsnn_compile.on_grid import ChipCuba, ChipProjection
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference import evaluate
+from locsnn_compile.report.markdown import render_markdown
 
 CHIP = hw.chip("loihi-sim")
 SRM = SrmAlpha(10.0, 10.0, 2.0, 2.0)
@@ -306,3 +309,27 @@ def test_an_integer_network_has_no_budget():
     found = diagnose(levels, played, compare(levels.quantized, levels.program, played).first_divergence)
     assert (found.budget, found.cause) == (None, None)
     assert found.margins.populations["only"].error == {0.5: 0.0, 0.95: 0.0, 1.0: 0.0}
+
+
+def test_compile_reports_the_diagnosis_unless_told_not_to(network, played):
+    compiled = lc.compile(network, events=played, strategy="dendrite", weight_bits=3)
+    report = compiled.report
+    assert report["error_budget"]["recordings"] == list(range(6))
+    assert report["error_budget"]["together"]["spike_mismatches"] == report["match"]["spike_mismatches"]
+    assert report["error_budget"]["unexplained_spikes"] == 0
+    assert report["match"]["first_divergence"]["cause"]["largest"] == "weights"
+    assert list(report["margins"]["by_population"]) == [p.name for p in network.populations]
+    json.dumps(report, allow_nan=False)
+    bare = lc.compile(network, events=played, strategy="dendrite", weight_bits=3, diagnosis=False).report
+    assert not {"error_budget", "margins"} & bare.keys()
+    assert bare["match"]["first_divergence"]["cause"] is None
+    assert "Error budget" not in render_markdown(bare)
+
+
+def test_diagnose_takes_all_recordings_or_as_many_as_asked(network, played):
+    compiled = lc.compile(network, events=played, strategy="reset", weight_bits=8, diagnosis=False)
+    found = lc.diagnose(compiled, played)
+    assert (found.recordings, found.available) == ((0, 1, 2, 3, 4, 5), 6)
+    assert found.cause.largest == "kernel"
+    assert found.budget.alone["kernel"].spikes.mismatches > 0
+    assert lc.diagnose(compiled, played, samples=2).recordings == (0, 5)
