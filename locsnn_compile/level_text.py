@@ -56,14 +56,16 @@ def _neuron_text(n: Neuron, axis: Axis) -> str:
         )
     decays = f"decay_u {_number_text(n.decay_u)}, decay_v {_number_text(n.decay_v)}"
     if isinstance(n, Cuba):
+        bias = f"bias {_number_text(n.bias)}, " if n.bias.any() else ""
         return (
-            f"LIF neurons along {axis}, {decays}, threshold {n.rule} {_number_text(n.threshold)}, "
-            f"bias {_number_text(n.bias)}, refractory {array_text(n.refractory)}"
+            f"LIF neurons along {axis}, {decays}, threshold {n.rule} {_number_text(n.threshold)}, {bias}"
+            f"refractory {array_text(n.refractory)}"
         )
     if isinstance(n, ChipCuba):
-        bias = f"{array_text(n.bias_mantissa)} * 2^{array_text(n.bias_exponent)}"
+        mantissa, exponent = array_text(n.bias_mantissa), array_text(n.bias_exponent)
+        bias = f"bias {mantissa} * 2^{exponent}, " if n.bias_mantissa.any() else ""
         return (
-            f"integer LIF neurons along {axis}, {decays}, threshold {array_text(n.threshold)}, bias {bias}, "
+            f"integer LIF neurons along {axis}, {decays}, threshold {array_text(n.threshold)}, {bias}"
             f"refractory {array_text(n.refractory)}"
         )
     return (

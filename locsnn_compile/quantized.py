@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from locsnn_compile.network import Network, Population
 from locsnn_compile.neurons import FloatArray, SrmAlpha
@@ -61,6 +61,11 @@ class QuantizedNetwork:
     def strategy(self) -> str:
         """The strategies of its populations, each named once, in order."""
         return ", ".join(dict.fromkeys(q.strategy for q in self.populations))
+
+    def on_grid(self) -> Network:
+        """Return the network with these integers for its own: evaluated, it spikes as the program must, bit for bit."""
+        populations = tuple(replace(q.population, neuron=q.neuron) for q in self.populations)
+        return replace(self.network, populations=populations, projections=self.projections)
 
     def population(self, name: str) -> QuantizedPopulation:
         """Return a population by name."""

@@ -34,7 +34,8 @@ def kernel_fit(neuron: SrmAlpha | Cuba, scaled: Scaled, registers: Registers) ->
     input_errors = _errors(found, theta * kernel(neuron.tau_sr, k), theta)
     if isinstance(scaled.neuron, ChipSrm) and neuron.scale_ref == 0:
         return KernelFit(*input_errors, None, None)
-    k = np.arange(1, _steps(neuron.tau_ref) + 1, dtype=np.float64)[:, None]
+    # Taps and resets leave something in the input's own filters, which outlasts nu.
+    k = np.arange(1, _steps(max(neuron.tau_sr, neuron.tau_ref)) + 1, dtype=np.float64)[:, None]
     wanted = -neuron.scale_ref * theta * kernel(neuron.tau_ref, k)
     if isinstance(scaled.neuron, ChipSrm):
         taken = own_spike_response(scaled.neuron, registers, len(k))

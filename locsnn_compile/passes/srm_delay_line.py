@@ -31,8 +31,8 @@ EXPONENTS_MAX = 3
 MANTISSA_MAX = 255
 FINE = 2.0**-11
 """A charge that rounds by more than this share of the kernel's largest value gets a second synapse for the rest."""
-ENOUGH = 1.25
-"""The fewest taps are taken whose error is within so much of the least that any number of them leaves."""
+ENOUGH, EXACT = 1.25, 2.0**-12
+"""The fewest taps are taken whose error is at most ``EXACT``, or ``ENOUGH`` times the least of any number of taps."""
 ERROR_MAX = 0.1
 """Largest relative root mean square error; beyond, the kernel outlasts the delays, or drowns in rounding."""
 HORIZON = 12
@@ -60,7 +60,7 @@ def lay_out(neuron: SrmAlpha, size: int, decay: int, thresholds: Iterable[int], 
     # v > 64 * threshold is v >= 64 * threshold + 1 for integers: this value stands for theta.
     found = _round_taps(neuron, decay, 64.0 * candidates + 1)
     best = found.error.min(axis=1)
-    last = int(np.flatnonzero(best <= ENOUGH * best.min())[0])
+    last = int(np.flatnonzero(best <= max(ENOUGH * best.min(), EXACT))[0])
     chosen = int(found.error[last].argmin())
     error = float(found.error[last, chosen])
     if error > ERROR_MAX:

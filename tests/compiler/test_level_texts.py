@@ -1,4 +1,4 @@
-"""Every level of one small network as text, compared with golden files.
+"""Every level of one small network as text, compared with golden files; of other strategies the levels that differ.
 
 After a wanted change: ``python tests/compiler/test_level_texts.py`` writes them anew; read the difference.
 """
@@ -13,17 +13,38 @@ from locsnn_compile.level_text import LEVEL_TEXTS
 from locsnn_compile.pipeline import lower
 
 GOLDEN = Path(__file__).parent / "golden"
+OWN_LEVELS = ("network", "quantized", "compartments")
 
 
-def levels():
-    from networks import hybrid
+def levels(case):
+    from networks import hybrid, on_grid, single
 
-    return lower(hybrid(), hw.chip("loihi-sim"), 8)
+    from locsnn_compile.neurons import Cuba
+
+    if case == "cuba":
+        neuron = Cuba.of(3, decay_u=0.3, decay_v=0.1, threshold=[0.5, 1.0, 2.0], bias=[0.0, 0.1, -0.2], refractory=2)
+        network = single(
+            neuron, [[0.1, -0.5], [0.7, 0.25], [0.0, 1.0]], recurrent=[[0.0] * 3] * 2 + [[0.5] * 3], delay=3
+        )
+    else:
+        network = on_grid(1) if case == "on-grid" else hybrid()
+    return lower(network, hw.chip("loihi-sim"), 8, case if case in ("delay-line", "reset") else "dendrite")
 
 
-@pytest.mark.parametrize("kind", LEVEL_KINDS)
-def test_level_text(kind):
-    assert LEVEL_TEXTS[kind](levels()) == (GOLDEN / f"{kind}.txt").read_text()
+CASES = [
+    *(("dendrite", kind, f"{kind}.txt") for kind in LEVEL_KINDS),
+    *(
+        (case, kind, f"{case}-{kind}.txt")
+        for case in ("delay-line", "reset", "cuba", "on-grid")
+        for kind in OWN_LEVELS
+        if kind != "network" or case in ("cuba", "on-grid")
+    ),
+]
+
+
+@pytest.mark.parametrize(("case", "kind", "file"), CASES, ids=[file for *_, file in CASES])
+def test_level_text(case, kind, file):
+    assert LEVEL_TEXTS[kind](levels(case)) == (GOLDEN / file).read_text()
 
 
 def test_every_level_has_a_text():
@@ -31,5 +52,5 @@ def test_every_level_has_a_text():
 
 
 if __name__ == "__main__":
-    for kind, text in LEVEL_TEXTS.items():
-        (GOLDEN / f"{kind}.txt").write_text(text(levels()))
+    for case, kind, file in CASES:
+        (GOLDEN / file).write_text(LEVEL_TEXTS[kind](levels(case)))

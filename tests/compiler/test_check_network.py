@@ -1,0 +1,123 @@
+"""The rules of the first level, each with its whole message; and weight matrices of both forms."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from networks import NEURON, hybrid, on_grid, single
+from scipy import sparse
+
+from locsnn_compile.check_network import check_network
+from locsnn_compile.errors import InputError
+from locsnn_compile.matrices import charge, connections, fan_out, matrix, of_target, row_maxima, values_of, with_values
+from locsnn_compile.network import Projection
+from locsnn_compile.neurons import Cuba
+from locsnn_compile.on_grid import ChipCuba, ChipProjection, ChipSrm
+
+
+def lif(**changes):
+    return single(replace(Cuba.of(2, decay_v=0.1, threshold=1.0), **changes), np.ones((2, 3)))
+
+
+def integers(neuron, mantissa=((2, 4), (0, 6)), **changes):
+    projection = ChipProjection("touch", "n", matrix(mantissa, np.int64), 0, 8, **changes)
+    return replace(single(neuron, np.ones((2, 2))), projections=(projection,))
+
+
+def chip_cuba(**changes):
+    return replace(ChipCuba.of(2, decay_u=4096, decay_v=100, threshold=10), **changes)
+
+
+def tapped(**changes):
+    neuron = ChipSrm.with_taps(2, decay=390, threshold=10, delay=[0, 1], mantissa=[-3, 2], exponent=[1, 1])
+    return replace(neuron, refractory=replace(neuron.refractory, **changes))
+
+
+def joined(**changes):
+    neuron = ChipSrm.with_dendrite(
+        2, decay=390, threshold=10, refractory_decay=1, refractory_mantissa=-3, refractory_exponent=0
+    )
+    return replace(neuron, refractory=replace(neuron.refractory, **changes))
+
+
+def moved(axis):
+    network = hybrid()
+    first, *others = network.populations
+    return replace(network, populations=(replace(first, axis=axis), *others))
+
+
+PAIR, THREE = np.array([0.1, 0.2]), np.array([1, 2, 3])
+NEW_RULES = [
+    ("theta", lambda: single(replace(NEURON, theta=0.0)), "population 'n': theta must be above 0 (0.0). Correct it."),
+    ("tau", lambda: single(replace(NEURON, tau_ref=np.nan)), "population 'n': tau_ref must be above 0 (nan). Correct it."),
+    ("scale_ref", lambda: single(replace(NEURON, scale_ref=-1.0)), "population 'n': scale_ref must be at least 0 (-1.0). Correct it."),
+    ("decay", lambda: lif(decay_u=np.array([0.5, 1.5])), "population 'n': decay_u must be a fraction from 0 to 1 (1.5). Correct it."),
+    ("threshold", lambda: lif(threshold=np.array([1.0, np.inf])), "population 'n': threshold must be above 0 (inf). Correct it."),
+    ("bias", lambda: lif(bias=np.array([1.0, np.nan])), "population 'n': bias must be a finite number (nan). Correct it."),
+    ("refractory", lambda: lif(refractory=np.array([0, 1])), "population 'n': refractory must be at least 1 (0). Correct it."),
+    ("float shape", lambda: lif(decay_v=np.full(3, 0.1)), "population 'n': decay_v has the wrong shape ((3,) against (2,)). Give one number a neuron."),
+    ("integer shape", lambda: integers(chip_cuba(refractory=THREE)), "population 'n': refractory has the wrong shape ((3,) against (2,)). Give one number a neuron."),
+    ("taps", lambda: integers(tapped(exponent=THREE)), "population 'n': tap exponent has the wrong shape ((3,) against (2,)). Give one number a neuron."),
+    ("tap mantissas", lambda: integers(tapped(mantissa=THREE)), "population 'n': tap mantissa has the wrong shape ((3,) against (2, 2)). Give one number a neuron."),
+    ("dendrite", lambda: integers(joined(decay=THREE)), "population 'n': refractory decay has the wrong shape ((3,) against (2,)). Give one number a neuron."),
+    ("end", lambda: replace(hybrid(), projections=(Projection("touch", "no", np.ones((1, 1))),)), "projection 'touch' -> 'no': an end does not exist. Name an input or a population."),
+    ("axes", lambda: moved("location"), "projection 'touch' -> 'time_hidden': joins the time axis to the location axis. Keep to one axis."),
+    ("float onto integers", lambda: replace(integers(chip_cuba()), projections=(Projection("touch", "n", np.ones((2, 2))),)), "projection 'touch' -> 'n': float weights reach integer neurons. Give a population and the weights onto it in one kind of number."),
+    ("integers onto float", lambda: replace(integers(chip_cuba()), populations=lif().populations), "projection 'touch' -> 'n': integer weights reach float neurons. Give a population and the weights onto it in one kind of number."),
+    ("weights", lambda: integers(chip_cuba(), mantissa=((2, 4),)), "projection 'touch' -> 'n': the weights have the wrong shape ((1, 2) against (2, 2)). Give one row a target and one column a source."),
+    ("finite", lambda: single(NEURON, [[np.inf]]), "projection 'touch' -> 'n': a weight is not a finite number. Train again, with a lower learning rate."),
+    ("delays", lambda: integers(chip_cuba(), delay=THREE), "projection 'touch' -> 'n': the delays have the wrong shape ((3,) against (2, 2)). Give one delay, or one for each weight that is held."),
+    ("sparse delays", lambda: single(NEURON, sparse.csr_array([[1.0, 0.0]]), delay=np.array([[1, 2]])), "projection 'touch' -> 'n': the delays have the wrong shape ((1, 2) against (1,)). Give one delay, or one for each weight that is held."),
+    ("broken delay", lambda: single(NEURON, delay=0.5), "projection 'touch' -> 'n': a delay is not a whole number of steps from 0 on. Round the delays."),
+    ("early delay", lambda: single(NEURON, delay=-1), "projection 'touch' -> 'n': a delay is not a whole number of steps from 0 on. Round the delays."),
+    ("walk", lambda: replace(hybrid(), channels=5), "input 'touch_transposed': its location order is not a permutation of the channels. Visit every channel exactly once."),
+    ("name", lambda: replace(hybrid(), populations=hybrid().populations[:1] * 2), "population 'time_hidden': the name is taken. Rename it."),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("make", "message"), [row[1:] for row in NEW_RULES], ids=[row[0] for row in NEW_RULES])
+def test_a_broken_rule(make, message):
+    with pytest.raises(InputError) as caught:
+        check_network(make())
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(
+    "make",
+    [hybrid, lambda: on_grid(1), lif, lambda: integers(chip_cuba()), lambda: integers(tapped()), lambda: integers(joined())],
+    ids=["hybrid", "on grid", "lif", "chip cuba", "taps", "dendrite"],
+)  # fmt: skip
+def test_sound_networks(make):
+    check_network(make())
+
+
+GIVEN = np.array([[0.0, 2.0, 0.0], [-3.0, 0.0, 1.0]])
+
+
+@pytest.mark.parametrize("form", [np.array, sparse.csr_array, sparse.coo_array], ids=["dense", "csr", "coo"])
+@pytest.mark.parametrize("dtype", [np.int64, np.float64])
+def test_both_forms_of_a_matrix_mean_the_same(form, dtype):
+    m = matrix(form(GIVEN), dtype)
+    target, source, index = connections(m)
+    assert list(zip(target.tolist(), source.tolist(), values_of(m).ravel()[index].tolist(), strict=True)) == [
+        (1, 0, -3.0), (0, 1, 2.0), (1, 2, 1.0)
+    ]  # fmt: skip
+    assert fan_out(m).tolist() == [1, 1, 1]
+    assert row_maxima(m).tolist() == [2.0, 3.0]
+    spikes = np.array([[[1, 0, 1], [0, 1, 0]]], dtype=np.uint8)
+    assert charge(spikes, m).tolist() == [[[0, -2], [2, 0]]]
+    assert charge(spikes, m).dtype == dtype
+    doubled = with_values(m, values_of(m) * of_target(m, [2, 10]).astype(dtype))
+    assert charge(spikes, doubled).tolist() == [[[0, -20], [4, 0]]]
+
+
+@pytest.mark.parametrize("form", [np.array, sparse.csr_array], ids=["dense", "sparse"])
+def test_a_matrix_cannot_be_written_to(form):
+    m = matrix(form(GIVEN), np.float64)
+    with pytest.raises(ValueError, match="read-only"):
+        values_of(m)[...] = 1
+
+
+def test_entries_given_twice_are_added():
+    m = matrix(sparse.coo_array(([1.0, 2.0], ([0, 0], [1, 1])), shape=(1, 2)), np.float64)
+    assert values_of(m).tolist() == [3.0]

@@ -1,0 +1,138 @@
+"""Strategy ``auto``: what it takes within which budget, on which recordings."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from networks import NEURON, hybrid, on_grid, recordings, single
+
+import hw_model as hw
+import locsnn_compile as lc
+from locsnn_compile.choose_strategy import SPIKE_TOLERANCE, ErrorBudget, choose_strategy
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.errors import InputError, TargetError
+from locsnn_compile.passes.quantize import quantize
+
+CHIP = hw.chip("loihi-sim")
+
+
+@pytest.fixture(scope="module")
+def network():
+    return hybrid(1, steps=60, hidden=8)
+
+
+def played(network, seed=0):
+    return Recordings(recordings(network, samples=6, seed=seed), None, None, "made up")
+
+
+@pytest.fixture(scope="module")
+def choose(network):
+    return lambda budget, chip=CHIP: choose_strategy(network, chip, 8, played(network), budget)
+
+
+def test_candidates_are_measured_on_the_calibration_recordings(network, choose):
+    choice = choose(ErrorBudget())
+    assert [candidate.strategy for candidate in choice.candidates] == ["dendrite", "delay-line", "reset"]
+    assert (choice.samples, choice.source) == (6, "made up")
+    for candidate in choice.candidates:
+        report = lc.compile(network, strategy=candidate.strategy, events=played(network), diagnosis=False).report
+        assert report["energy"]["per_sample_pj"] == pytest.approx(candidate.energy_pj)
+        assert report["match"]["prediction_agreement"] == candidate.prediction_agreement
+        assert report["match"]["spike_agreement"] == pytest.approx(1 - candidate.spike_error)
+
+
+def test_without_a_budget_no_more_is_lost_than_with_dendrites(choose):
+    choice = choose(ErrorBudget())
+    dendrite, delay_line, reset = choice.candidates
+    assert choice.budget == ErrorBudget(dendrite.prediction_agreement, dendrite.spike_error + SPIKE_TOLERANCE)
+    assert not reset.keeps(choice.budget)
+    kept = [candidate for candidate in (dendrite, delay_line) if candidate.keeps(choice.budget)]
+    assert choice.taken == min(kept, key=lambda candidate: candidate.energy_pj)
+
+
+@pytest.mark.parametrize(
+    ("budget", "taken"),
+    [
+        (ErrorBudget(min_agreement=0.0), "reset"),
+        (ErrorBudget(max_spike_error=1.0), "reset"),
+        (ErrorBudget(max_spike_error=0.25), "dendrite"),
+    ],
+    ids=["any prediction", "any spike", "a quarter of the spikes"],
+)
+def test_the_cheapest_within_the_budget_is_taken(choose, budget, taken):
+    choice = choose(budget)
+    assert choice.taken.strategy == choice.levels.quantized.strategy == taken
+    assert choice.taken == min(
+        (c for c in choice.candidates if c.keeps(budget)), key=lambda candidate: candidate.energy_pj
+    )
+
+
+def test_where_nothing_keeps_the_budget_the_most_accurate_is_taken(choose):
+    choice = choose(ErrorBudget(max_spike_error=-1.0))
+    best = max(choice.candidates, key=lambda c: (c.prediction_agreement, -c.spike_error))
+    assert choice.taken == best
+
+
+def test_a_strategy_that_the_chip_cannot_hold_is_passed_over(network):
+    slow = replace(NEURON, tau_ref=40.0)
+    patient = replace(network, populations=tuple(replace(p, neuron=slow) for p in network.populations))
+    choice = choose_strategy(patient, CHIP, 8, played(patient), ErrorBudget())
+    assert [candidate.strategy for candidate in choice.candidates] == ["dendrite", "reset"]
+
+
+def test_where_none_fits_the_first_error_is_the_answer(choose):
+    small = replace(CHIP, limits=replace(CHIP.limits, compartments_per_core=0))
+    with pytest.raises(TargetError) as caught:
+        choose(ErrorBudget(), small)
+    assert str(caught.value).startswith("population 'time_hidden': 3 compartments of neuron 0 do not fit one core")
+
+
+def test_integers_leave_nothing_to_choose():
+    network = on_grid(1)
+    compiled = lc.compile(network, events=recordings(network, samples=2), diagnosis=False)
+    assert compiled.choice is None
+    assert compiled.report["strategy_choice"] is None
+    assert compiled.report["match"]["spike_mismatches"] == 0
+
+
+def test_the_report_says_what_was_compared(network):
+    compiled = lc.compile(network, events=recordings(network, samples=4), diagnosis=False)
+    found = compiled.report["strategy_choice"]
+    assert found["taken"] == compiled.report["strategy"] == compiled.choice.taken.strategy
+    assert found["calibration_samples"] == 4
+    assert [row["strategy"] for row in found["candidates"]] == ["dendrite", "delay-line", "reset"]
+    assert {row["strategy"]: row["within_budget"] for row in found["candidates"]}["dendrite"]
+
+
+def test_what_chooses_is_not_what_reports():
+    """A model that carries recordings, or whose input is a fingertip's, compiles to one program whatever is played."""
+    network = hybrid(2, channels=78, steps=30, fingertips=1)
+    first, second = (
+        lc.compile(network, events=recordings(network, samples=2, seed=seed), diagnosis=False) for seed in (0, 1)
+    )
+    assert first.choice.source == second.choice.source == "synthetic touches"
+    assert first.choice.candidates == second.choice.candidates
+    own = lc.compile(replace(network, recordings=played(network)), events=recordings(network), diagnosis=False)
+    assert own.choice.source == "made up"
+    given = lc.compile(network, events=recordings(network), calibration=recordings(network, samples=3), diagnosis=False)
+    assert (given.choice.source, given.choice.samples) == ("array", 3)
+
+
+@pytest.mark.parametrize(
+    ("make", "strategy", "message"),
+    [
+        (lambda: hybrid(), "resets", "strategy 'resets': SRM neurons are not lowered so. Did you mean 'reset'?"),
+        (
+            lambda: quantize(single(NEURON), CHIP, 8, "delay-line").on_grid(),
+            "dendrite",
+            "strategy 'dendrite': no neuron of this model is lowered so (its neurons are delay-line). "
+            "Leave the strategy out.",
+        ),
+    ],
+    ids=["unknown", "laid out otherwise"],
+)
+def test_strategies_that_cannot_be(make, strategy, message):
+    network = make()
+    with pytest.raises(InputError) as caught:
+        lc.compile(network, strategy=strategy, events=np.zeros((1, network.steps, network.channels), dtype=np.uint8))
+    assert str(caught.value) == message
