@@ -14,11 +14,13 @@ if TYPE_CHECKING:
     from hw_model.chip_description import Chip, chip, chip_names
     from hw_model.cost import energy_pj, latency
     from hw_model.counts import Counts
+    from hw_model.early_stop import calibrate_margin, stop_at_margin, stop_when_proven, timestep_scores
     from hw_model.errors import InputError, LocsnnError, TargetError
     from hw_model.probes import Probe
     from hw_model.program import ChipProgram
     from hw_model.program_file import load_program
     from hw_model.range_proof import prove_range
+    from hw_model.session import Session
     from hw_model.simulation import SimulationResult, simulate
 
 __all__ = [
@@ -29,8 +31,10 @@ __all__ = [
     "LocsnnError",
     "Probe",
     "ProgramBuilder",
+    "Session",
     "SimulationResult",
     "TargetError",
+    "calibrate_margin",
     "chip",
     "chip_names",
     "energy_pj",
@@ -38,6 +42,9 @@ __all__ = [
     "load_program",
     "prove_range",
     "simulate",
+    "stop_at_margin",
+    "stop_when_proven",
+    "timestep_scores",
 ]
 
 __getattr__ = lazy_names(
@@ -50,8 +57,13 @@ __getattr__ = lazy_names(
         "LocsnnError": "hw_model.errors",
         "Probe": "hw_model.probes",
         "ProgramBuilder": "hw_model.builder",
+        "Session": "hw_model.session",
         "SimulationResult": "hw_model.simulation",
         "TargetError": "hw_model.errors",
+        "calibrate_margin": "hw_model.early_stop",
+        "stop_at_margin": "hw_model.early_stop",
+        "stop_when_proven": "hw_model.early_stop",
+        "timestep_scores": "hw_model.early_stop",
         "chip": "hw_model.chip_description",
         "chip_names": "hw_model.chip_description",
         "energy_pj": "hw_model.cost",

@@ -189,6 +189,37 @@ def add_up(registers, at):  # type: ignore[no-untyped-def]
 
 
 @absorbed
+def advance(registers, at, charge, row, slot):  # type: ignore[no-untyped-def]
+    """Do what :func:`update` does, but count nothing and leave the charge; return spikes as bits, and all state ored.
+
+    What no one will ask for need not be counted, in steps that are run only for their spikes.
+    """
+    spikes = np.int32(0)
+    remains = np.int32(0)
+    for i in range(_LANES):
+        k = at + i
+        added = registers[k + _JOINED]
+        registers[k + _JOINED] = 0
+        q = np.int32(np.int16(charge[row, slot + i]))
+        u = wrap24(rz(registers[k + _U], registers[k + _KEEP_U]) + np.int32(q << np.int32(6)))
+        wrapped = wrap24(np.int32(u + registers[k + _BIAS]))
+        v = np.int32(np.int32(rz(registers[k + _V], registers[k + _KEEP_V]) + wrapped) + added)
+        v = np.int32(min(max(v, registers[k + _VMIN]), registers[k + _VMAX]))
+        blocked = registers[k + _BLOCKED]
+        live = blocked == 0
+        fired = live & (v > registers[k + _THRESHOLD])
+        v = np.int32(v if live & (not fired) else np.int32(0))
+        held = np.int32(0) if live else np.int32(blocked - np.int32(1))
+        blocked = np.int32(registers[k + _REFRACTORY] - np.int32(1)) if fired else held
+        registers[k + _U] = u
+        registers[k + _V] = v
+        registers[k + _BLOCKED] = blocked
+        spikes |= np.int32(fired) << np.int32(i)
+        remains |= u | v | blocked
+    return spikes, remains
+
+
+@absorbed
 def pass_on(registers, child, parent):  # type: ignore[no-untyped-def]
     """Add the voltages of a chunk to its parent's."""
     for i in range(_LANES):
