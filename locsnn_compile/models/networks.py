@@ -22,7 +22,7 @@ from locsnn_compile.models.chip_numbers import ChipNumbers
 from locsnn_compile.models.description import NetworkDescription
 from locsnn_compile.models.srm import INITIAL_SCALE, LSRM, TSRM, SRMLayer, transpose_recording
 
-#: Longest step axis of a torch network: a matrix of this size squared takes 128 MB in double precision.
+#: Longest step axis of a torch network in float: a matrix of this size squared takes 128 MB in double precision.
 MAX_MATRIX_STEPS = 4_000
 
 
@@ -46,7 +46,7 @@ class TouchNetwork(nn.Module):
         generator = torch.Generator().manual_seed(seed)
         layout = description.input
         longest = max(layout.steps, layout.channels)
-        if longest > MAX_MATRIX_STEPS:
+        if chip is None and longest > MAX_MATRIX_STEPS:
             raise InputError(
                 f"network {description.name!r}",
                 "it has too many steps for torch layers, whose kernel is a matrix of steps by steps",

@@ -13,7 +13,8 @@ import argparse
 import json
 import statistics
 import time
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -41,26 +42,26 @@ BEGIN, END = "<!-- target-aware: begin -->", "<!-- target-aware: end -->"
 
 @dataclass(frozen=True)
 class Row:
-    """One row of the table: what is trained, and its options for each data set."""
+    """One row of the table: what is trained, and options of its own by data set."""
 
     name: str
     strategy: str
     weight_bits: int = 8
-    pruned: float = 0.0
+    own: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
-    def options(self) -> dict[str, Any]:
-        return {"target": "loihi-sim"} | {key: value for key, value in asdict(self).items() if key != "name"}
+    def options(self, dataset: str) -> dict[str, Any]:
+        same = {"target": "loihi-sim", "strategy": self.strategy, "weight_bits": self.weight_bits}
+        return same | dict(self.own.get(dataset, {}))
 
 
+PRUNED = {"objects": {"pruned": 0.28, "epochs": 150}, "containers": {"pruned": 0.4}}
 ROWS = (
     Row("dendrite-8", "dendrite"),
-    Row("reset-8-pruned", "reset", pruned=0.4),
-    Row("dendrite-4", "dendrite", weight_bits=4),
     Row("delay-line-8", "delay-line"),
     Row("reset-8", "reset"),
-    Row("dendrite-8-pruned", "dendrite", pruned=0.4),
-    Row("delay-line-4", "delay-line", weight_bits=4),
-    Row("reset-4", "reset", weight_bits=4),
+    Row("reset-8-pruned", "reset", own=PRUNED),
+    Row("dendrite-8-pruned", "dendrite", own=PRUNED),
+    Row("dendrite-4", "dendrite", weight_bits=4),
 )
 
 
@@ -171,7 +172,7 @@ def validate(args: argparse.Namespace, row: Row, dataset: str, seed: int) -> Non
 
 def fine_tuning(row: Row, dataset: str, seed: int, start: Checkpoint) -> TrainingConfig:
     base = read_config(ROOT / f"examples/configs/{dataset}-hybrid-loihi.yaml")
-    config = config_from_mapping(FINE_TUNING | base | row.options() | {"seed": seed})
+    config = config_from_mapping(FINE_TUNING | base | row.options(dataset) | {"seed": seed})
     return fine_tuning_config(config, start.description)
 
 
@@ -214,7 +215,8 @@ def line(dataset: str, row: Row, mine: list[dict[str, Any]], whole: list[float])
 
     lost = statistics.mean(f["accuracy"] - f["float_accuracy"] for f in mine)
     share = f"{mean('energy_pj') / statistics.mean(whole):.2f}" if whole else ""
-    what = row.strategy + (f", {row.pruned:.0%} pruned" if row.pruned else "")
+    pruned = row.options(dataset).get("pruned", 0.0)
+    what = row.strategy + (f", {pruned:.0%} pruned" if pruned else "")
     return (
         f"| {dataset.title()} | {what} | {row.weight_bits} | {spread([f['accuracy'] for f in mine])} | {lost:+.3f} "
         f"| {sum(f['mismatches'] for f in mine)} of {sum(f['spikes'] for f in mine):,} | {mean('energy_pj') / 1e6:.2f} "

@@ -82,6 +82,17 @@ def test_fine_tuning_begins_where_the_network_was(start: Checkpoint) -> None:
     assert losses[0] < losses[1]
 
 
+def test_a_network_on_the_chip_goes_on_with_fewer_bits(tmp_path: Path, start: Checkpoint) -> None:
+    first = train(touches(), ON_CHIP, start=start)
+    export_checkpoint(tmp_path / "eight.pt", first, ON_CHIP, touches(), None, carried=0)
+    eight = read_checkpoint(tmp_path / "eight.pt")
+    config = replace(ON_CHIP, weight_bits=5, epochs=1, learning_rate=1e-9)
+    for name, mantissas in train(touches(), config, start=eight).network.mantissas().items():
+        kept = np.corrcoef(mantissas.ravel(), eight.weights[name].ravel())[0, 1]
+        assert kept > 0.99
+        assert not (mantissas % 8).any()
+
+
 class KilledError(Exception):
     """Stands for a run that is killed."""
 
