@@ -1,4 +1,4 @@
-"""Names for formats that allow few characters."""
+"""Names for formats that allow few characters, and names of the user's in Markdown."""
 
 from __future__ import annotations
 
@@ -16,3 +16,8 @@ def unique_names(texts: Iterable[str]) -> dict[str, str]:
             name, number = f"{base}_{number}", number + 1
         names[text] = name
     return names
+
+
+def code_span(text: str) -> str:
+    """Return a text as a code span of Markdown, on one line and with nothing in it that means anything."""
+    return f"`{' '.join(text.replace('`', chr(39)).split())}`"

@@ -8,7 +8,7 @@ import yaml
 
 import hw_model as hw
 from hw_model.chip_description import Profile
-from locsnn_compile.emit.names import unique_names
+from locsnn_compile.emit.names import code_span, unique_names
 from locsnn_compile.emit.played import Played
 from locsnn_compile.emit.sanafe_arch import PROFILE, TileUse, architecture, priced_by, tile_number
 from locsnn_compile.emit.sanafe_network import PhaseNetwork
@@ -59,9 +59,9 @@ def sanafe_files(played: Played) -> dict[str, bytes]:
     }
     first = played.phases[0].name
     readme = README.format(
-        program=program.name,
-        title=played.title,
-        chip=program.chip.name,
+        program=code_span(program.name),
+        title=code_span(played.title),
+        chip=code_span(program.chip.name),
         profile=PROFILE,
         first=names[first],
         steps=played.steps(first),

@@ -16,6 +16,7 @@ from hw_model.fixed_point import DECAY_BITS, DECAY_ONE, WEIGHT_SHIFT, IntArray
 from hw_model.program import Core
 from hw_model.weights import SIGN_MODES
 from locsnn_compile.emit.memory_words import BitArray, Field, Layout, bits_for, bits_of, hex_words
+from locsnn_compile.emit.names import code_span
 from locsnn_compile.emit.played import Played
 from locsnn_compile.emit.synapse_image import synapse_image, synapse_layouts
 from locsnn_compile.errors import InputError
@@ -83,7 +84,9 @@ def vectors_files(played: Played) -> dict[str, bytes]:
         "cores": cores,
     }
     text = yaml.safe_dump(manifest, sort_keys=False, allow_unicode=True, width=120, default_flow_style=None)
-    readme = README.format(program=program.name, title=played.title, chip=program.chip.name)
+    readme = README.format(
+        program=code_span(program.name), title=code_span(played.title), chip=code_span(program.chip.name)
+    )
     files = {"manifest.yaml": text.encode(), "README.md": readme.encode(), **files}
     return {f"{FOLDER}/{name}": content for name, content in files.items()}
 

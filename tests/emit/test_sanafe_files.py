@@ -13,6 +13,7 @@ import hw_model as hw
 from locsnn_compile.emit.played import play_recording
 from locsnn_compile.emit.sanafe import sanafe_files
 from locsnn_compile.emit.sanafe_rules import obstacles
+from locsnn_compile.emit.vectors import vectors_files
 from locsnn_compile.errors import InputError
 
 
@@ -178,3 +179,16 @@ def test_cores_larger_than_its_units():
         "--emit sanafe: a core has more compartments than SANA-FE's units hold (1025 against 1024). "
         "Leave it out for this chip."
     )
+
+
+def test_hostile_names_are_code_in_the_readmes_and_plain_elsewhere():
+    name = "<script>`x`\n# y"
+    b = hw.ProgramBuilder(CHIP, name=name)
+    b.connect(b.add_input("a -> b.0: {", 1), b.add_compartments("[0..3]: x\n", 1, decay_u=4096, threshold=1), [[2]])
+    played = play_recording(b.build(), [[1], [0]])
+    for files, folder in ((sanafe_files(played), "sanafe"), (vectors_files(played), "vectors")):
+        heading = files[f"{folder}/README.md"].decode().splitlines()[0]
+        assert "`<script>'x' # y`" in heading
+    groups = [group["name"] for group in documents(played)["time.yaml"]["network"]["groups"]]
+    assert groups == ["a____b_0____tile0", "_0__3___x_"]
+    assert yaml.safe_load(vectors_files(played)["vectors/manifest.yaml"])["program"] == name

@@ -7,6 +7,7 @@ play its spikes back; then all that follows from spikes and mapping is compared:
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -281,6 +282,15 @@ def assert_found_as_written(case: Case) -> None:
     for expected, found in zip(case.expected, case.found, strict=True):
         assert found["counts"] == expected["counts"]
         assert energies_pj(found) == pytest.approx(expected["energy_pj"], rel=5e-7)
+
+
+def test_the_lines_of_the_readme_run(tmp_path):
+    case = run(delays(), tmp_path)
+    (code,) = re.findall(r"```python\n(.*?)```", (tmp_path / "sanafe/README.md").read_text(), flags=re.DOTALL)
+    call = [str(python_of("sanafe")), "-c", code]
+    done = subprocess.run(call, cwd=tmp_path / "sanafe", capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stderr
+    assert f"'neurons_fired': {case.expected[0]['counts']['neurons_fired']}" in done.stdout
 
 
 def test_its_rule_for_updates_differs_where_charges_cancel(tmp_path):
