@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test test-slow peers check check-rest examples format clean
+.PHONY: demo test test-slow peers bench check check-rest examples format clean
 
 demo: .venv/installed  ## install, then compile the example that ships, check it and write its reports
 	$(BIN)/locsnn-compile examples/models/objects-hybrid.pt --events examples/recordings/touches.npz
@@ -16,6 +16,9 @@ test-slow: .venv/installed-dev  ## the tests that take minutes
 peers: .venv/installed-dev  ## compare the engine with public simulators, each in an environment of its own
 	$(BIN)/python tests/peers/make_environments.py
 	$(BIN)/pytest tests/peers -m peers
+
+bench: .venv/installed-dev  ## measure speed and memory beside public simulators; writes docs/benchmarks.md (QUICK=1: only tries it)
+	$(BIN)/python tests/benchmarks/run.py $(if $(QUICK),--quick)
 
 check: test check-rest  ## all that must hold: format, lint, types, tests, examples
 
