@@ -73,8 +73,8 @@ def compile(
     touches. ``labels`` (samples,) where ``events`` is an array. ``diagnosis``: take the error apart too, on some of
     the recordings. ``strategy``: how SRM neurons are lowered; ``auto`` takes the cheapest that keeps the ``budget`` on
     ``calibration``, given like ``events`` - by default what the model carries, else synthetic touches, so that the
-    program does not depend on the recordings that it is checked on; else ``events``. Raises ``InputError`` for what cannot be used and
-    ``TargetError`` for a model that the chip cannot hold.
+    program does not depend on the recordings that it is checked on; else ``events``. Raises ``InputError`` for what
+    cannot be used and ``TargetError`` for a model that the chip cannot hold.
     """
     if strategy not in STRATEGIES:
         raise InputError(

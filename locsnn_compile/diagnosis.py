@@ -9,6 +9,7 @@ import numpy as np
 from hw_model.trace import ByteArray
 from locsnn_compile.error_budget.budget import StageErrors, error_budget
 from locsnn_compile.error_budget.cause import Cause, find_cause
+from locsnn_compile.error_budget.stages import neuron_steps
 from locsnn_compile.margins import Margins, margins
 from locsnn_compile.matching import Divergence, Progress
 from locsnn_compile.network import Network
@@ -65,6 +66,5 @@ def spread_sample(network: Network, available: int, samples: int | None) -> tupl
     """Return the numbers of the recordings to take, first and last among them where there are two."""
     if samples is None:
         return tuple(range(available))
-    a_recording = sum(population.size * network.steps_of(population.axis) for population in network.populations)
-    many = max(1, min(available, samples, NEURON_STEPS // a_recording))
+    many = max(1, min(available, samples, NEURON_STEPS // neuron_steps(network)))
     return tuple(int(i) for i in np.linspace(0, available - 1, many).round())

@@ -10,13 +10,25 @@ import numpy.typing as npt
 
 import hw_model as hw
 from hw_model.trace import ByteArray
-from locsnn_compile.error_budget.stages import STAGES, Phase, Stage, lines_of, phases_of, twin_with, working
+from locsnn_compile.error_budget.stages import (
+    STAGES,
+    Phase,
+    Stage,
+    lines_of,
+    neuron_steps,
+    phases_of,
+    twin_with,
+    working,
+)
 from locsnn_compile.error_budget.tail import has_tails, with_cut_tails
 from locsnn_compile.error_budget.twin import Twin, run_twin
-from locsnn_compile.matching import CHUNK, PopulationMatch, Progress
+from locsnn_compile.matching import PopulationMatch, Progress
 from locsnn_compile.network import Network
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference import ReferenceResult, evaluate
+
+NEURON_STEPS_AT_ONCE = 1 << 21
+"""Neurons times steps that are held at a time, so that memory does not grow with the recordings."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,8 +75,9 @@ def error_budget(levels: Levels, recordings: ByteArray, progress: Progress | Non
     tail = _Tally(network, phases, lambda phase: with_cut_tails(twin_with(phase, ()), network))
     others = [*alone.values(), *without.values(), *([tail] if has_tails(network) else [])]
     unexplained = 0
-    for start in range(0, len(recordings), CHUNK):
-        chunk = recordings[start : start + CHUNK]
+    at_once = max(1, NEURON_STEPS_AT_ONCE // neuron_steps(network))
+    for start in range(0, len(recordings), at_once):
+        chunk = recordings[start : start + at_once]
         wanted = evaluate(network, chunk, registers=levels.program.chip.registers)
         unexplained += _different(none.add(chunk, wanted), wanted.spikes)
         unexplained += _different(together.add(chunk, wanted), hw.simulate(levels.program, chunk).spikes)

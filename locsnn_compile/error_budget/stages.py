@@ -66,6 +66,11 @@ def lines_of(network: Network, phase: Phase, recordings: ByteArray) -> dict[str,
     return {view.name: view.play(recordings) for view in network.views if view.axis == phase.axis}
 
 
+def neuron_steps(network: Network) -> int:
+    """Return neurons times steps of one recording: what its evaluation takes."""
+    return sum(population.size * network.steps_of(population.axis) for population in network.populations)
+
+
 def twin_with(phase: Phase, stages: Collection[Stage]) -> Twin:
     """Return the twin of a phase with some stages as on the chip and the others exact."""
     numbers = phase.program_neurons if "kernel" in stages else phase.float_neurons

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from locsnn_compile.report.content import Document, Fact, Notice, Status, Verdict
 from locsnn_compile.report.format import count, energy, memory, plural, points, ratio, share, time
-from locsnn_compile.report.words import listed, words
+from locsnn_compile.report.words import listed, stage_words, words
 
 NEARLY = 0.95
 """Prediction agreement from which a program is said to match nearly; below it, not."""
@@ -165,7 +165,8 @@ def _first_difference(document: Document) -> str:
     first = document["match"]["first_divergence"]
     if first is None:
         return "none, every spike is equal"
-    return f"{first['population']}, neuron {first['neuron']}, step {first['step']} of recording {first['recording']}"
+    place = f"{first['population']}, neuron {first['neuron']}, step {first['step']} of recording {first['recording']}"
+    return f"{place}, by {stage_words(first['cause']['largest'])}" if first["cause"] else place
 
 
 def _registers(document: Document) -> str:

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,6 +29,8 @@ from locsnn_compile.reference import evaluate
 from locsnn_compile.report.markdown import render_markdown
 
 CHIP = hw.chip("loihi-sim")
+ROOT = Path(__file__).parents[2]
+REAL = ROOT.parent / "shared/data/neutouch"
 SRM = SrmAlpha(10.0, 10.0, 2.0, 2.0)
 ROUNDED = ("weights", "decays", "states", "thresholds", "wraps_clips")
 
@@ -333,3 +336,20 @@ def test_diagnose_takes_all_recordings_or_as_many_as_asked(network, played):
     assert found.cause.largest == "kernel"
     assert found.budget.alone["kernel"].spikes.mismatches > 0
     assert lc.diagnose(compiled, played, samples=2).recordings == (0, 5)
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason="the real recordings are not beside the repository")
+@pytest.mark.parametrize("strategy", ["dendrite", "delay-line", "reset"])
+@pytest.mark.parametrize("name", ["objects", "containers"])
+def test_the_shipped_networks_leave_nothing_unexplained(name, strategy):
+    """Real recordings, spread over the test part: with all stages every spike is the chip's, with none the network's."""
+    network = lc.load(ROOT / f"examples/models/{name}-hybrid.pt")
+    levels = lower(network, CHIP, 8, strategy)
+    spikes = lc.read_recordings(REAL / f"Ev-{name.title()}.zip").spikes
+    played = spikes[list(spread_sample(network, len(spikes), 4))]
+    match = compare(levels.quantized, levels.program, played)
+    found = diagnose(levels, played, match.first_divergence)
+    assert found.budget.unexplained == 0
+    assert found.budget.together.by_population == match.by_population
+    assert found.cause.largest == ("kernel" if strategy == "reset" else "weights")
+    assert found.cause.largest in found.cause.enough
