@@ -16,7 +16,6 @@ from hw_model.graph import Axis, Readout
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.matrices import Matrix, fan_out
 from locsnn_compile.neurons import Cuba, SrmAlpha
-from locsnn_compile.neurons import FloatArray as FloatArray
 from locsnn_compile.on_grid import ChipCuba, ChipProjection, ChipSrm
 
 Neuron = SrmAlpha | Cuba | ChipSrm | ChipCuba

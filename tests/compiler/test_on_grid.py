@@ -1,14 +1,19 @@
 """Networks of integers: kept exactly, and the reference's integers against both engines' on random networks."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from networks import on_grid, recordings
+from networks import on_grid, recordings, single
 
 import hw_model as hw
+from locsnn_compile.errors import TargetError
 from locsnn_compile.integer_neurons import effective, kept
 from locsnn_compile.matching import compare
+from locsnn_compile.matrices import matrix
+from locsnn_compile.on_grid import ChipCuba, ChipProjection
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference import evaluate
 
@@ -77,3 +82,36 @@ def test_what_is_kept_is_truncated_toward_zero(x, d):
 )
 def test_a_negative_exponent_floors_every_weight(mantissa, exponent, weight):
     assert int(effective(np.array(mantissa), exponent)) == weight
+
+
+def integers(*, mantissa=((4, -6),), exponent=0, delay=0, signs="apart", **changes):
+    """One integer neuron behind two channels."""
+    neuron = ChipCuba.of(1, **({"decay_u": 4096, "decay_v": 10, "threshold": 5} | changes))
+    projection = ChipProjection("touch", "n", matrix(mantissa, np.int64), exponent, 8, signs=signs, delay=delay)
+    return replace(single(neuron, [[1.0, 1.0]]), projections=(projection,))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"threshold": 1 << 17}, "compartments 'n': threshold of compartment 0 is out of range (131072 against 0..131071). The threshold is 64 times this mantissa: scale the weights down."),
+        ({"decay_u": 4097}, "compartments 'n': decay_u of compartment 0 is out of range (4097 against 0..4096). Give an effective decay, what is subtracted from 4096."),
+        ({"refractory": 64}, "compartments 'n': refractory of compartment 0 is out of range (64 against 1..63). Shorten the refractory period; 1 blocks no step."),
+        ({"bias_mantissa": 4096}, "compartments 'n': bias_mantissa of compartment 0 is out of range (4096 against -4096..4095). Raise the bias exponent or scale the bias down."),
+        ({"mantissa": ((4, -256),)}, "synapses 'touch' -> 'n': weight -256 is not on the grid of 8-bit inhibitory weights (multiples of 1 in -255..0; 1 of 1 off). Round the weights onto the grid first."),
+        ({"mantissa": ((4, -7),), "signs": "mixed"}, "synapses 'touch' -> 'n': weight -7 is not on the grid of 8-bit mixed weights (multiples of 2 in -256..254; 1 of 2 off). Round the weights onto the grid first."),
+        ({"exponent": 8}, "synapses 'touch' -> 'n': the weight exponent is out of range (8 against -8..7). Rescale the weights."),
+        ({"delay": 63}, "synapses 'touch' -> 'n': a delay is out of range (63 against 0..62 steps). Relay the spike through a compartment, or shorten the delay."),
+    ],
+    ids=["threshold", "decay", "refractory", "bias", "apart", "mixed", "exponent", "delay"],
+)  # fmt: skip
+def test_integers_that_the_chip_does_not_hold(changes, message):
+    with pytest.raises(TargetError) as caught:
+        lower(integers(**changes), CHIP, 8)
+    assert str(caught.value) == message
+
+
+def test_a_mixed_projection_is_one_format_and_holds_minus_256():
+    network = integers(mantissa=((254, -256),), signs="mixed")
+    (synapses,) = lower(network, CHIP, 8).compartments.synapses
+    assert (synapses.sign_mode, synapses.mantissa.tolist()) == ("mixed", [254, -256])

@@ -12,6 +12,7 @@ import locsnn_compile as lc
 from locsnn_compile.frontends import load
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.networks import build_network
+from locsnn_compile.pipeline import lower
 from locsnn_compile.reference import evaluate
 
 ROOT = Path(__file__).parents[2]
@@ -64,6 +65,19 @@ def test_operations_are_of_the_published_order(compiled):
     assert 1e5 < report["operations"]["published_method"]["operations"] < 5e5
     assert report["ann_comparison"]["cnn-3d"]["ratio"] > 9.8
     assert report["ann_comparison"]["gru-mlp"]["ratio"] > 9.8
+
+
+@pytest.mark.parametrize("strategy", ["dendrite", "delay-line", "reset"])
+def test_the_program_is_the_rounded_network(example, strategy):
+    """The reference on the integers of ``quantize``, which knows no compartments, has the spikes of the program."""
+    _, network, recordings = example
+    levels = lower(network, hw.chip("loihi-sim"), 8, strategy)
+    played = recordings.spikes[::12]
+    wanted = evaluate(levels.quantized.on_grid(), played)
+    found = hw.simulate(levels.program, played)
+    for population in network.populations:
+        assert np.array_equal(found.spikes[population.name], wanted.spikes[population.name])
+    assert np.array_equal(found.prediction, wanted.prediction)
 
 
 @pytest.mark.slow
