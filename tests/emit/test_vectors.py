@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
+import subprocess
 from dataclasses import replace
+from pathlib import Path
 
 import bench
 import numpy as np
@@ -76,6 +79,24 @@ def test_all_cores_together_give_what_is_expected(case):
         entries = [entry for entry in vectors.manifest["cores"] if entry["phase"] == phase["name"]]
         found = bench.run_cores(vectors, entries)
         assert found == {entry["number"]: bench.expected(vectors, entry) for entry in entries}
+
+
+@pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
+def test_each_core_gives_what_is_expected_in_verilog(case, tmp_path):
+    _, vectors = case
+    for entry in vectors.manifest["cores"]:
+        sizes = {name.upper(): file["rows"] for name, file in entry["files"].items()}
+        parameters = {name: sizes[name] for name in ("LISTS", "FORMATS", "PROFILES", "THRESHOLDS", "COMPARTMENTS")}
+        parameters |= {"WORDS": sizes["SYNAPSES"], "AXONS": entry["input_axons"], "STEPS": entry["steps"]}
+        parameters |= {"VMIN": entry["vmin"], "VMAX": entry["vmax"]}
+        given = [f"-Pcore_bench.{name}={value}" for name, value in parameters.items()]
+        built = tmp_path / f"core{entry['number']}"
+        source = Path(__file__).with_name("core_bench.v")
+        subprocess.run(["iverilog", "-g2012", "-Wall", *given, "-o", built, source], check=True, timeout=60)
+        call = ["vvp", "-n", built, f"+folder={vectors.folder}/core{entry['number']}"]
+        done = subprocess.run(call, capture_output=True, text=True, check=True, timeout=60)
+        values = 3 * entry["steps"] * entry["compartments"]
+        assert (done.stdout, done.stderr) == (f"0 of {values} values differ\n", "")
 
 
 def test_memory_takes_the_words_that_placement_counted(case):
