@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy import sparse
 
 from hw_model.chip_description import Registers
 from hw_model.trace import ByteArray
@@ -89,100 +90,130 @@ def run_twin(
     potentials are kept.
     """
     batch, steps = next(iter(lines.values())).shape[:2]
-    charge = _charges(twin, lines, batch, steps)
+    blocks = _blocks(twin, batch, steps)
+    home = {name: (block, columns) for block in blocks for name, columns in block.columns.items()}
+    joins = [(*home[group.name], *home[group.joined_to]) for group in twin.groups if group.joined_to]
     sent_from = {
         group.name: [s for s in twin.synapses if s.source == group.name] for group in twin.groups if not group.joined_to
     }
-    states = {group.name: _State(group, batch) for group in twin.groups}
-    spikes = {name: np.zeros((batch, steps, states[name].group.size), dtype=np.uint8) for name in sent_from}
-    potential = {name: np.empty((batch, steps, states[name].group.size)) for name in potentials}
+    for s in twin.synapses:
+        if s.source in lines:
+            block, columns = home[s.target]
+            early = lines[s.source][:, : max(0, steps - 1 - s.delay)].transpose(1, 0, 2)
+            block.charge[1 + s.delay :, :, columns] += _deliver_all(s, early)
+    spikes = {name: np.zeros((batch, steps, home[name][0].width(name)), dtype=np.uint8) for name in sent_from}
+    potential = {name: np.empty((batch, steps, home[name][0].width(name))) for name in potentials}
     for step in range(steps):
-        joined: dict[str, FloatArray] = {}
-        for name, state in states.items():
-            arrived = charge[name][:, step] if name in charge else 0.0
-            state.update(arrived, joined.pop(name, 0.0), twin.registers)
-            if name in potential:
-                potential[name][:, step] = state.v
-            parent = state.group.joined_to
-            if parent is not None:
-                joined[parent] = joined[parent] + state.v if parent in joined else state.v
-        for name, synapses in sent_from.items():
-            fired = states[name].fire()
-            spikes[name][:, step] = fired
-            acts = fired if forced is None else forced[name][:, step].astype(np.bool_)
-            states[name].reset(acts)
-            for s in synapses:
-                due = step + 1 + s.delay
-                if due < steps:
-                    charge[s.target][:, due] += _deliver(s, acts)
+        for block in blocks:
+            if block.spiking:
+                block.joined[:] = 0.0
+                for child, from_columns, parent, to_columns in joins:
+                    if parent is block:
+                        block.joined[:, to_columns] += child.v[:, from_columns]
+            block.update(step, twin.registers)
+        for name in potential:
+            block, columns = home[name]
+            potential[name][:, step] = block.v[:, columns]
+        for block in blocks:
+            if block.spiking:
+                fired = block.fire()
+                for name, columns in block.columns.items():
+                    spikes[name][:, step] = fired[:, columns]
+                    if forced is not None:
+                        fired[:, columns] = forced[name][:, step]
+                block.reset(fired)
+                for name, columns in block.columns.items():
+                    for s in sent_from[name]:
+                        if step + 1 + s.delay < steps:
+                            target, to_columns = home[s.target]
+                            target.charge[step + 1 + s.delay, :, to_columns] += _deliver(s, fired[:, columns])
     return TwinTrace(spikes, potential)
 
 
-def _charges(twin: Twin, lines: Mapping[str, ByteArray], batch: int, steps: int) -> dict[str, FloatArray]:
-    """Return the charge of every step, (batch, steps, n) by target, with what the input lines bring already in it."""
-    size = {group.name: group.size for group in twin.groups}
-    charge = {name: np.zeros((batch, steps, size[name])) for name in {s.target for s in twin.synapses}}
-    for s in twin.synapses:
-        if s.source in lines:
-            early = lines[s.source][:, : max(0, steps - 1 - s.delay)]
-            charge[s.target][:, 1 + s.delay :] += _deliver(s, early)
+def _blocks(twin: Twin, batch: int, steps: int) -> list[_Block]:
+    """Return the groups in blocks of one arithmetic each, those that are joined to others first."""
+    kinds: dict[tuple[bool, bool, bool], list[TwinGroup]] = {}
+    for group in twin.groups:
+        kinds.setdefault((group.joined_to is None, group.truncates, group.limited), []).append(group)
+    return [_Block(kinds[kind], batch, steps) for kind in sorted(kinds)]
+
+
+def _deliver(synapses: TwinSynapses, spikes: npt.NDArray[np.bool_]) -> FloatArray:
+    """Return the charge (batch, n_target) that the spikes (batch, n_source) of one step bring."""
+    sent, weights = spikes.astype(np.float64), synapses.weights
+    charge: FloatArray = sent * weights if weights.ndim == 1 else (weights @ sent.T).T
     return charge
 
 
-def _deliver(synapses: TwinSynapses, spikes: npt.NDArray[np.bool_] | ByteArray) -> FloatArray:
-    """Return the charge (..., n_target) that spikes (..., n_source) bring."""
-    weights = synapses.weights
-    sent = spikes.reshape(-1, spikes.shape[-1]).astype(np.float64)
-    charge: FloatArray = sent * weights if weights.ndim == 1 else (weights @ sent.T).T
-    return charge.reshape(*spikes.shape[:-1], weights.shape[0])
+def _deliver_all(synapses: TwinSynapses, spikes: ByteArray) -> FloatArray:
+    """Return the charge (steps, batch, n_target) that few spikes among many (steps, batch, n_source) bring."""
+    sent = sparse.csr_array(spikes.reshape(-1, spikes.shape[2]), dtype=np.float64)
+    found = sent @ synapses.weights.T
+    charge: FloatArray = found.toarray() if sparse.issparse(found) else found
+    return charge.reshape(*spikes.shape[:2], synapses.weights.shape[0])
 
 
-class _State:
-    """Registers of one group, arrays (batch, size)."""
+class _Block:
+    """Registers of groups of one arithmetic, side by side: arrays (batch, n); ``charge`` (steps, batch, n)."""
 
-    def __init__(self, group: TwinGroup, batch: int) -> None:
-        self.group = group
-        self.u, self.v = np.zeros((2, batch, group.size))
-        self.blocked = np.zeros((batch, group.size), dtype=np.int64)
-        self.blocks = bool((group.refractory > 1).any())
+    def __init__(self, groups: list[TwinGroup], batch: int, steps: int) -> None:
+        ends = np.cumsum([0, *(group.size for group in groups)]).tolist()
+        self.columns = {group.name: slice(*ends[i : i + 2]) for i, group in enumerate(groups)}
+        self.spiking = groups[0].joined_to is None
+        self._truncates, self._limited = groups[0].truncates, groups[0].limited
+        self._keep_u, self._keep_v, self._threshold, self._bias, self._refractory, self._vmin, self._vmax = (
+            np.concatenate([getattr(group, key) for group in groups])
+            for key in ("keep_u", "keep_v", "threshold", "bias", "refractory", "vmin", "vmax")
+        )
+        self._biased, self._blocks = bool(self._bias.any()), bool((self._refractory > 1).any())
+        self.charge = np.zeros((steps, batch, ends[-1]))
+        self._u, self.v, self.joined = np.zeros((3, batch, ends[-1]))
+        self._blocked = np.zeros((batch, ends[-1]), dtype=np.int64)
 
-    def update(self, arrived: FloatArray | float, joined: FloatArray | float, registers: Registers) -> None:
+    def width(self, name: str) -> int:
+        """Return the size of a group."""
+        columns = self.columns[name]
+        return int(columns.stop - columns.start)
+
+    def update(self, step: int, registers: Registers) -> None:
         """Accumulate, decay and join; v is then what the threshold sees."""
-        group = self.group
-        if group.limited:
+        arrived = self.charge[step]
+        if self._limited:
             arrived = _wrap(arrived, registers.charge_bits)
-        self.u = self._kept(self.u, group.keep_u) + arrived
-        if group.limited:
-            self.u = _wrap(self.u, registers.current_bits)
-        drive = self.u + group.bias
-        if group.limited:
-            drive = _wrap(drive, registers.current_bits)
-        self.v = self._kept(self.v, group.keep_v) + drive + joined
-        if group.limited:
-            self.v = np.clip(self.v, group.vmin, group.vmax)
-        if self.blocks:
-            self.v[self.blocked > 0] = 0.0
+        self._u = self._kept(self._u, self._keep_u) + arrived
+        if self._limited:
+            self._u = _wrap(self._u, registers.current_bits)
+        drive = self._u
+        if self._biased:
+            drive = _wrap(drive + self._bias, registers.current_bits) if self._limited else drive + self._bias
+        self.v = self._kept(self.v, self._keep_v) + drive
+        if self.spiking:
+            self.v += self.joined
+        if self._limited:
+            np.clip(self.v, self._vmin, self._vmax, out=self.v)
+        if self._blocks:
+            self.v[self._blocked > 0] = 0.0
 
     def fire(self) -> npt.NDArray[np.bool_]:
         """Return which compartments reach their threshold."""
-        fired: npt.NDArray[np.bool_] = self.v >= self.group.threshold
-        return fired & (self.blocked == 0) if self.blocks else fired
+        fired: npt.NDArray[np.bool_] = self.v >= self._threshold
+        return fired & (self._blocked == 0) if self._blocks else fired
 
     def reset(self, spikes: npt.NDArray[np.bool_]) -> None:
         """Reset what spiked, and count its refractory steps."""
         self.v = np.where(spikes, 0.0, self.v)
-        if self.blocks:
-            self.blocked = np.where(spikes, self.group.refractory - 1, np.maximum(self.blocked - 1, 0))
+        if self._blocks:
+            self._blocked = np.where(spikes, self._refractory - 1, np.maximum(self._blocked - 1, 0))
 
     def _kept(self, x: FloatArray, keep: FloatArray) -> FloatArray:
-        return np.trunc(x * keep) if self.group.truncates else x * keep
+        kept: FloatArray = x * keep
+        return np.trunc(kept, out=kept) if self._truncates else kept
 
 
-def _wrap(x: FloatArray | float, bits: int) -> FloatArray:
+def _wrap(x: FloatArray, bits: int) -> FloatArray:
     """Return ``x`` in two's complement of ``bits`` bits plus sign, its fraction kept."""
     half = float(1 << bits)
-    values = np.asarray(x)
-    if values.max(initial=0.0) < half and values.min(initial=0.0) >= -half:
-        return values  # nearly always, and a remainder takes long
-    wrapped: FloatArray = np.mod(values + half, 2 * half) - half
+    if x.max() < half and x.min() >= -half:
+        return x  # nearly always, and a remainder takes long
+    wrapped: FloatArray = np.mod(x + half, 2 * half) - half
     return wrapped
