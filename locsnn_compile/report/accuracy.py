@@ -181,9 +181,10 @@ def _plot(name: str, one: Document, edges: Sequence[float]) -> Plot:
             (at, _power(power)) for at, power in zip(decades, range(round(first), round(last) + 1), strict=True)
         ),
         y_ticks=tuple(((power - floor) / -floor, f"{100 * 10.0**power:g} %") for power in range(round(floor) + 1, 1)),
-        curves=(
-            Curve("neurons and steps nearer to the threshold than that", tuple(_points(x, nearer, floor))),
-            Curve("neurons and steps with a larger error than that", tuple(_points(x, larger, floor))),
+        curves=tuple(
+            Curve(f"neurons and steps {label} than that", points)
+            for label, shares in (("nearer to the threshold", nearer), ("with a larger error", larger))
+            if (points := tuple(_points(x, shares, floor)))
         ),
     )
 

@@ -94,6 +94,7 @@ def test_diff_names_what_changed(build, tmp_path, capsys):
     changed = json.loads(capsys.readouterr().out)
     assert changed["weight_bits"] == {"before": 8, "after": 4}
     assert "model.sha256" not in changed
+    assert not [key for key in changed if "histogram" in key]
     assert main(["diff", str(build / "out"), str(tmp_path / "four")]) == 0
     assert "weight_bits: 8 -> 4 (-50.0 %)" in capsys.readouterr().out.splitlines()
     assert main(["diff", str(build / "out"), str(build / "out")]) == 0

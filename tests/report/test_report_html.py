@@ -163,5 +163,28 @@ def test_many_cores_are_folded(document: dict[str, Any]) -> None:
     assert len(html.encode()) < 200_000
 
 
+def test_margins_are_drawn_with_the_error_where_there_is_any(document: dict[str, Any]) -> None:
+    nearer, larger = (
+        "neurons and steps nearer to the threshold than that",
+        "neurons and steps with a larger error than that",
+    )
+    page = Page(render_html(document))
+    assert (page.text.count(nearer), page.text.count(larger), len(page.named("polyline"))) == (2, 2, 4)
+    first, second = (curve["points"].split(" ") for curve in page.named("polyline")[:2])
+    # Shares on a logarithmic axis of five decades, upwards from the edges of the bins: 0.1 %, 2 %, 50 % and all.
+    assert first == ["25,60", "50,33.98", "75,6.021", "100,0"]
+    assert [point.split(",")[0] for point in second] == ["0", "25", "50", "75"]
+    document["margins"]["by_population"]["time_output"]["error_histogram"] = [0, 0, 0, 0]
+    page = Page(render_html(document))
+    assert (page.text.count(nearer), page.text.count(larger)) == (2, 1)
+
+
+def test_many_populations_are_not_all_drawn(document: dict[str, Any]) -> None:
+    one = document["margins"]["by_population"]["time_output"]
+    document["margins"]["by_population"] = {f"layer{i}": one for i in range(40)}
+    page = Page(render_html(document))
+    assert len([drawing for drawing in page.named("svg") if drawing.get("class") == "plot"]) == 8
+
+
 def test_the_same_document_gives_the_same_bytes(document: dict[str, Any]) -> None:
     assert render_html(document) == render_html(document)
