@@ -36,6 +36,10 @@ _RULES: dict[type, dict[str, tuple[Callable[[_Array], Any], str]]] = {
 }
 """What a float parameter must be; integers are checked against the chip that they are compiled for."""
 
+_LEAST, _MOST = 1e-100, 1e100
+"""Magnitudes that float numbers may have, those below 1 only where they divide: products of three stay in float64."""
+_DIVISORS = ("theta", "tau_sr", "tau_ref", "threshold")
+
 
 def check_network(network: Network) -> None:
     """Check the whole level."""
@@ -74,6 +78,20 @@ def _check_neuron(population: Population) -> None:
         bad = values[~(np.isfinite(values) & holds(values))]
         if bad.size:
             raise InputError(where, f"{key} must be {words}", measured=f"{bad.flat[0]}", fix="Correct it.")
+        _check_magnitude(where, key, values, _LEAST if key in _DIVISORS else 0.0)
+
+
+def _check_magnitude(where: str, key: str, values: _Array, least: float) -> None:
+    """Refuse numbers with which the float network itself overflows."""
+    size = np.abs(values)
+    bad = values[(size < least) | (size > _MOST)]
+    if bad.size:
+        raise InputError(
+            where,
+            f"{key} is too {'small' if abs(bad.flat[0]) < 1 else 'large'} a number to compute with",
+            measured=f"{bad.flat[0]:g} against {f'{least:g} to ' if least else ''}{_MOST:g}",
+            fix="Give it in other units.",
+        )
 
 
 def _parameters(population: Population) -> list[tuple[str, _Array, tuple[int, ...]]]:
@@ -121,6 +139,7 @@ def _check_values(projection: Projection | ChipProjection, shape: tuple[int, int
         )
     if not np.isfinite(values_of(weights)).all():
         raise InputError(where, "a weight is not a finite number", fix="Train again, with a lower learning rate.")
+    _check_magnitude(where, "a weight", values_of(weights), 0.0)
     delay, values = np.asarray(projection.delay), values_of(weights)
     if delay.shape not in ((), values.shape):
         raise InputError(

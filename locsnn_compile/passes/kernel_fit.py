@@ -21,6 +21,8 @@ from locsnn_compile.quantized import KernelFit
 LENGTHS = 12
 """Responses are compared over so many time constants: what comes later is below 2e-4 of a kernel's largest value."""
 STEPS_MAX = 4096
+FAINT = 0.5
+"""A kernel whose largest value is less than half a unit of the registers is none to them."""
 
 
 def kernel_fit(neuron: SrmAlpha | Cuba, scaled: Scaled, registers: Registers) -> KernelFit:
@@ -68,9 +70,9 @@ def _whole(charge: FloatArray) -> IntArray:
 
 def _errors(found: IntArray, wanted: FloatArray, theta: FloatArray) -> tuple[float, float]:
     """Return the largest relative error and the relative root mean square; where there is no kernel, in thresholds."""
-    difference = found - wanted
-    peak, energy = np.abs(wanted).max(axis=0), (wanted**2).sum(axis=0)
-    none = peak == 0
-    largest = np.abs(difference).max(axis=0) / np.where(none, theta, peak)
-    squares = (difference**2).sum(axis=0) / np.where(none, theta**2, energy)
-    return float(largest.max()), math.sqrt(float(squares.max()))
+    peak = np.abs(wanted).max(axis=0)
+    none = peak < FAINT
+    size = np.where(none, theta, peak)
+    difference = (found - wanted) / size
+    energy = np.where(none, 1.0, ((wanted / size) ** 2).sum(axis=0))
+    return float(np.abs(difference).max()), math.sqrt(float(((difference**2).sum(axis=0) / energy).max()))

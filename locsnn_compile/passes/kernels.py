@@ -15,13 +15,17 @@ from hw_model.fixed_point import DECAY_ONE, IntArray
 from locsnn_compile.errors import TargetError
 from locsnn_compile.neurons import FloatArray
 
+FADED = 1e-100
+"""A kernel whose first value is smaller has faded before any step; its squares would not be numbers."""
+
 
 def alpha_kernel(tau: float, where: str) -> tuple[int, float, float]:
     """Return the effective decay nearest to exp(-1 / tau), the gain that fits best with it, and the error left.
 
     The chip answers a spike with ``gain * k * b^(k-1)``, where ``b = (4096 - decay) / 4096``; the kernel is
     ``c * k * a^(k-1)``, where ``a = exp(-1 / tau)`` and ``c = e * a / tau``. The gain is the least-squares one. The
-    error is the root of the squared difference over the squared kernel, both summed over all k.
+    error is the root of the squared difference over the squared kernel, both summed over all k. The gain of a kernel
+    that is over before the first step is 0, without an error.
     """
     a = math.exp(-1.0 / tau)
     decay = round(DECAY_ONE * (1.0 - a))
@@ -29,6 +33,8 @@ def alpha_kernel(tau: float, where: str) -> tuple[int, float, float]:
         raise _never_fades(where, f"{tau:g} steps against at most {2 * DECAY_ONE - 1}")
     b = (DECAY_ONE - decay) / DECAY_ONE
     c = math.e * a / tau
+    if c < FADED:
+        return decay, 0.0, 0.0
     own, cross, kernel = _energy(b * b), c * _energy(a * b), c * c * _energy(a * a)
     gain = cross / own
     return decay, gain, math.sqrt(max(0.0, 1.0 - cross * cross / (own * kernel)))

@@ -9,6 +9,7 @@ import numpy as np
 from hw_model.chip_description import Chip
 from hw_model.fixed_point import IntArray
 from hw_model.weights import WeightGrid
+from locsnn_compile.errors import TargetError
 from locsnn_compile.neurons import Cuba, FloatArray
 from locsnn_compile.on_grid import ChipCuba
 from locsnn_compile.passes.kernels import best_gain, keeps, nearest_decays
@@ -31,9 +32,11 @@ def quantize_cuba(neuron: Cuba, largest: FloatArray, grid: WeightGrid, chip: Chi
     heaviest = float((largest * gain / neuron.threshold).max())
     strongest = float((np.abs(bias) / neuron.threshold).max())
     bias_max = ((1 << chip.registers.bias_mantissa_bits) - 1) << chip.registers.bias_exponent_max
-    cap = int(bias_max / strongest) // 64 - 1 if strongest else chip.registers.threshold_mantissa_max
+    mantissa_max = chip.registers.threshold_mantissa_max
+    _check_bias(strongest, bias_max / 128, where)
+    cap = int(min(bias_max / strongest / 64 - 1, mantissa_max)) if strongest else mantissa_max
     exponent, threshold = exponent_and_threshold(heaviest, grid, chip, cap, over)
-    check_threshold(threshold, max(heaviest, strongest), where)
+    check_threshold(threshold, heaviest, grid, over, where)
     scale = (64 * threshold + over) / neuron.threshold
     bias_mantissa, bias_exponent = _bias(bias * scale, chip)
     made = ChipCuba.of(
@@ -46,6 +49,17 @@ def quantize_cuba(neuron: Cuba, largest: FloatArray, grid: WeightGrid, chip: Chi
         refractory=neuron.refractory,
     )
     return Scaled(made, scale, gain, exponent)
+
+
+def _check_bias(strongest: float, limit: float, where: str) -> None:
+    """Refuse biases, the largest given in thresholds, beside which no threshold mantissa of 1 or more is left."""
+    if strongest > limit:
+        raise TargetError(
+            where,
+            "no scale holds both the threshold and the largest bias",
+            measured=f"one bias reaches {strongest:.3g} thresholds against {limit:.0f}",
+            fix="Train with smaller biases, or a higher threshold.",
+        )
 
 
 def _bias(values: FloatArray, chip: Chip) -> tuple[IntArray, IntArray]:

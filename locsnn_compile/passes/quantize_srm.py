@@ -14,6 +14,7 @@ import numpy as np
 
 from hw_model.chip_description import Chip
 from hw_model.weights import WeightGrid
+from locsnn_compile.errors import TargetError
 from locsnn_compile.neurons import SrmAlpha
 from locsnn_compile.on_grid import ChipNeuron
 from locsnn_compile.passes import srm_delay_line, srm_dendrite, srm_reset
@@ -47,13 +48,25 @@ def quantize_srm(
     neuron: SrmAlpha, size: int, largest: float, grid: WeightGrid, chip: Chip, strategy: str, where: str
 ) -> Scaled:
     """Return neurons in integers, given the largest weight onto any of them."""
-    layout = STRATEGIES[strategy]
+    layout, mantissa_max = STRATEGIES[strategy], chip.registers.threshold_mantissa_max
     decay, gain, _ = alpha_kernel(neuron.tau_sr, f"{where}: tau_sr")
     own = layout.heaviest_charge(neuron, decay, where)
-    cap = int(HEAVIEST / own) - 1 if own else chip.registers.threshold_mantissa_max
+    _check_own(own, where)
+    cap = int(min(HEAVIEST / own - 1, mantissa_max)) if own else mantissa_max
     exponent, most = exponent_and_threshold(largest * gain / neuron.theta, grid, chip, cap, 1)
-    check_threshold(most, largest * gain / neuron.theta, where)
+    check_threshold(most, largest * gain / neuron.theta, grid, 1, where)
     candidates = range(most, max(1, math.ceil(SCALE_SLACK * most)) - 1, -1)
     made = layout.lay_out(neuron, size, decay, candidates, where)
     scale = (64 * made.threshold + 1) / neuron.theta
     return Scaled(made, scale, np.full(size, gain), exponent)
+
+
+def _check_own(own: float, where: str) -> None:
+    """Refuse own charges, the largest given in thresholds, beside which no threshold mantissa of 1 or more is left."""
+    if own > HEAVIEST / 2:
+        raise TargetError(
+            where,
+            "no scale holds both the threshold and the refractory kernel",
+            measured=f"an own spike weighs {own:.3g} thresholds against {HEAVIEST / 2:.0f}",
+            fix="Use a smaller scale_ref, or strategy reset.",
+        )

@@ -43,12 +43,13 @@ def exponent_and_threshold(heaviest: float, grid: WeightGrid, chip: Chip, cap: i
     return exponent, int(min(fits[exponent], cap))
 
 
-def check_threshold(threshold: int, heaviest: float, where: str) -> None:
-    """Refuse a threshold mantissa of less than 1."""
+def check_threshold(threshold: int, heaviest: float, grid: WeightGrid, over: int, where: str) -> None:
+    """Refuse a threshold mantissa of less than 1: then a weight is heavier than the grid's largest beside it."""
     if threshold < 1:
+        most = grid.high * 2.0 ** WEIGHT_EXPONENTS[-1] / (1 + over / 64)
         raise TargetError(
             where,
             "no scale holds both the threshold and the largest weight",
-            measured=f"one weight reaches {heaviest:.3g} thresholds against {HEAVIEST:.0f}",
+            measured=f"one weight reaches {heaviest:.3g} thresholds against {most:.0f}",
             fix="Train with smaller weights, or a higher threshold.",
         )

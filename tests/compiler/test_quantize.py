@@ -76,7 +76,7 @@ def test_gain_and_error_are_those_of_the_kernels(tau):
         (
             hybrid(scale=1e9),
             "population 'time_hidden': no scale holds both the threshold and the largest weight "
-            "(one weight reaches 3.21e+07 thresholds against 32640). Train with smaller weights, or a higher threshold.",
+            "(one weight reaches 3.21e+07 thresholds against 32138). Train with smaller weights, or a higher threshold.",
         ),
     ],
     ids=["tau too long", "weights too large"],

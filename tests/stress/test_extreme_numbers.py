@@ -1,0 +1,107 @@
+"""Float numbers at the ends of what there is: represented, or refused in one line; never a crash, nan or infinity."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import hw_model as hw
+from hw_model.graph import Readout
+from locsnn_compile.errors import InputError, TargetError
+from locsnn_compile.matrices import matrix
+from locsnn_compile.network import InputView, Network, Population, Projection
+from locsnn_compile.neurons import Cuba, SrmAlpha
+from locsnn_compile.passes.kernels import alpha_kernel
+from locsnn_compile.pipeline import lower
+
+CHIP = hw.chip("loihi-sim")
+SRM = SrmAlpha(theta=10.0, tau_sr=10.0, tau_ref=1.0, scale_ref=2.0)
+LIF = Cuba.of(1, decay_v=0.1, threshold=1.0)
+WITHIN = "against 1e-100 to 1e+100). Give it in other units."
+
+
+def one(neuron, weight=1.0):
+    """A neuron behind one input."""
+    return Network(
+        name="one", channels=1, steps=30, step_seconds=None, fingertips=None,
+        views=(InputView("touch", "time", 1),),
+        populations=(Population("n", "time", 1, neuron),),
+        projections=(Projection("touch", "n", matrix([[weight]], np.float64)),),
+        readout=Readout(("n",), (1.0,)), sha256="0" * 64,
+    )  # fmt: skip
+
+
+REFUSED = [
+    ("least theta", one(replace(SRM, theta=5e-324)), "dendrite", f"population 'n': theta is too small a number to compute with (4.94066e-324 {WITHIN}"),
+    ("largest theta", one(replace(SRM, theta=1.7e308)), "reset", f"population 'n': theta is too large a number to compute with (1.7e+308 {WITHIN}"),
+    ("least tau", one(replace(SRM, tau_sr=1e-320)), "dendrite", f"population 'n': tau_sr is too small a number to compute with (9.99989e-321 {WITHIN}"),
+    ("largest tau", one(replace(SRM, tau_ref=1e300)), "reset", f"population 'n': tau_ref is too large a number to compute with (1e+300 {WITHIN}"),
+    ("least threshold", one(Cuba.of(1, decay_v=0.1, threshold=1e-300)), "dendrite", f"population 'n': threshold is too small a number to compute with (1e-300 {WITHIN}"),
+    ("largest weight", one(LIF, 1.7e308), "dendrite", "projection 'touch' -> 'n': a weight is too large a number to compute with (1.7e+308 against 1e+100). Give it in other units."),
+    ("largest bias", one(Cuba.of(1, decay_v=0.1, threshold=1.0, bias=-1e300)), "dendrite", "population 'n': bias is too large a number to compute with (-1e+300 against 1e+100). Give it in other units."),
+]  # fmt: skip
+TOO_MUCH = [
+    ("own spikes", one(replace(SRM, scale_ref=1e6)), "dendrite", "population 'n': no scale holds both the threshold and the refractory kernel (an own spike weighs 1e+06 thresholds against 16320). Use a smaller scale_ref, or strategy reset."),
+    ("own taps", one(replace(SRM, scale_ref=1e6)), "delay-line", "population 'n': no scale holds both the threshold and the refractory kernel (an own spike weighs 1.07e+06 thresholds against 16320). Use a smaller scale_ref, or strategy reset."),
+    ("bias", one(Cuba.of(1, decay_v=0.1, threshold=1.0, bias=1e5)), "dendrite", "population 'n': no scale holds both the threshold and the largest bias (one bias reaches 1e+05 thresholds against 4095). Train with smaller biases, or a higher threshold."),
+    ("weight of rule >=", one(Cuba.of(1, decay_v=1.0, threshold=1.0, rule=">="), 32200.0), "dendrite", "population 'n': no scale holds both the threshold and the largest weight (one weight reaches 3.22e+04 thresholds against 32138). Train with smaller weights, or a higher threshold."),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("network", "strategy", "message"), [row[1:] for row in REFUSED], ids=[row[0] for row in REFUSED]
+)
+def test_numbers_that_float64_cannot_compute_with(network, strategy, message):
+    with pytest.raises(InputError) as caught:
+        lower(network, CHIP, 8, strategy)
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(
+    ("network", "strategy", "message"), [row[1:] for row in TOO_MUCH], ids=[row[0] for row in TOO_MUCH]
+)
+def test_what_no_scale_holds_is_named(network, strategy, message):
+    with pytest.raises(TargetError) as caught:
+        lower(network, CHIP, 8, strategy)
+    assert str(caught.value) == message
+
+
+def test_few_bits_hold_smaller_weights():
+    with pytest.raises(TargetError) as caught:
+        lower(one(Cuba.of(1, decay_v=1.0, threshold=1.0), 2e4), CHIP, 1)
+    assert "(one weight reaches 2e+04 thresholds against 16384)" in str(caught.value)
+
+
+@pytest.mark.parametrize("strategy", ["dendrite", "delay-line", "reset"])
+@pytest.mark.parametrize(
+    "neuron",
+    [
+        replace(SRM, tau_sr=1e-3), replace(SRM, tau_sr=1e-100), replace(SRM, tau_ref=1e-3),
+        replace(SRM, scale_ref=5e-324), replace(SRM, scale_ref=1e-300), replace(SRM, theta=1e-100), replace(SRM, theta=1e100),
+    ],
+    ids=["tau_sr", "least tau_sr", "tau_ref", "least scale_ref", "small scale_ref", "least theta", "largest theta"],
+)  # fmt: skip
+def test_faint_kernels_are_none(neuron, strategy):
+    """A kernel that the registers cannot tell from none is lowered as none, and its fit is a number."""
+    levels = lower(one(neuron, neuron.theta), CHIP, 8, strategy)
+    fit = levels.quantized.population("n").fit
+    assert fit.input_max < 1e-2
+    assert fit.refractory_max is None or np.isfinite(fit.refractory_max)
+
+
+@pytest.mark.parametrize("bias", [5e-324, -1e-310, 1e-50])
+def test_denormal_biases_and_weights_are_0(bias):
+    levels = lower(one(Cuba.of(1, decay_v=0.1, threshold=1.0, bias=bias), bias), CHIP, 8)
+    assert levels.quantized.population("n").neuron.bias_mantissa.tolist() == [0]
+    assert levels.quantized.projections[0].mantissa.tolist() == [[0]]
+
+
+def test_the_strongest_reset_is_finite():
+    levels = lower(one(replace(SRM, scale_ref=1e100)), CHIP, 8, "reset")
+    assert levels.quantized.population("n").neuron.refractory.tolist() == [63]
+    assert np.isfinite(levels.quantized.population("n").fit.refractory_rms)
+
+
+@pytest.mark.parametrize("tau", [1e-3, 1e-100])
+def test_a_kernel_that_is_over_at_once_has_no_gain(tau):
+    assert alpha_kernel(tau, "tau") == (4096, 0.0, 0.0)
