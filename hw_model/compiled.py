@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 import llvmlite.binding
@@ -82,5 +84,12 @@ def in_parts(work: Callable[[int, int], Any], batch: int) -> list[Any]:
     bounds = [int(bound) for bound in np.linspace(0, batch, min(batch, os.cpu_count() or 1) + 1)]
     if len(bounds) == 2:
         return [work(0, batch)]
-    with ThreadPoolExecutor(len(bounds) - 1) as pool:
-        return list(pool.map(work, bounds[:-1], bounds[1:]))
+    first, *rest = pairwise(bounds)
+    others = [_threads(os.getpid()).submit(work, *part) for part in rest]
+    return [work(*first), *(other.result() for other in others)]
+
+
+@lru_cache(maxsize=1)
+def _threads(process: int) -> ThreadPoolExecutor:
+    """Return the threads of this process; a fork has none of its parent's."""
+    return ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="hw_model")

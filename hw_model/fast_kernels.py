@@ -117,7 +117,7 @@ _VOLTAGE_CLIPS = np.uint64(VOLTAGE_CLIPS * LANES)
 
 @absorbed
 def update(registers, at, charge, row, slot):  # type: ignore[no-untyped-def]
-    """Update a chunk, whose registers begin at ``at``; return its spikes as bits, how many were busy, how many stay so.
+    """Update a chunk, whose registers begin at ``at``; return its spikes as bits, how many were busy, 0 if all rest.
 
     Its charges are taken and set to 0. The loop has no branches and a fixed length, so that it runs in vectors.
     """
@@ -156,7 +156,7 @@ def update(registers, at, charge, row, slot):  # type: ignore[no-untyped-def]
         registers[k + _VOLTAGE_CLIPS] += np.int32(live & (clipped != unclipped))
         spikes |= np.int32(fired) << np.int32(i)
         busy_lanes += np.int32(busy)
-        restless += np.int32(busy | (blocked != 0))
+        restless |= u | registers[k + _V] | blocked | bias
     return spikes, busy_lanes, restless
 
 
@@ -184,7 +184,7 @@ def add_up(registers, at):  # type: ignore[no-untyped-def]
         registers[k + _VOLTAGE_CLIPS] += np.int32(live & (clipped != unclipped))
         spikes |= np.int32(fired) << np.int32(i)
         busy_lanes += np.int32(busy)
-        restless += np.int32(busy | (blocked != 0))
+        restless |= registers[k + _V] | blocked
     return spikes, busy_lanes, restless
 
 
