@@ -27,6 +27,8 @@ def draw(records: dict[str, Any], path: Path) -> None:
         tools(panels[0], [records[f"side_by_side_{name}"] for name in ("small", "large")])
         size(panels[1], records["sizes"]["sizes"])
         activity(panels[2], {kind: records[f"activity_{kind}"]["rates"] for kind in ("dense", "local")})
+        for panel in panels:
+            panel.minorticks_off()
         figure.savefig(path, transparent=True, metadata={"Date": None})
         plt.close(figure)
 

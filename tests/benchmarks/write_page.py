@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from machine import cache_kib
-from picture import draw
 from workloads import WORKLOADS
 
 Found = dict[str, Any]
@@ -23,6 +22,7 @@ GOALS: dict[str, dict[str, float]] = {
 }
 """How many times faster than a peer's first mode the engine is to be."""
 LIMIT_GOAL = 0.5
+PLACING = ("build", "place", "arrange", "route")
 UNBROKEN = {"break_long_words": False, "break_on_hyphens": False}
 
 
@@ -51,6 +51,11 @@ def times(seconds: float) -> str:
     """Return microseconds with about three digits."""
     microseconds = seconds * 1e6
     return f"{microseconds:,.1f}" if microseconds < 1000 else f"{microseconds:,.0f}"
+
+
+def percent(share: float, digits: int = 0) -> str:
+    """Return a share as it is printed everywhere."""
+    return f"{share * 100:.{digits}f} %"
 
 
 def ratio(value: float) -> str:
@@ -85,8 +90,8 @@ def summary(records: dict[str, Found]) -> str:
             found = peer(record, tool)
             cells.append(f"{ratio(found['seconds'] / ours)} ({goal:,.0f})" if found else "not installed")
         share = limit_seconds(record) / ours
-        cells.append(f"{share:.0%} ({LIMIT_GOAL:.0%})")
-        cells.append(f"{record['limits']['rows_and_state'] / ours:.0%}")
+        cells.append(f"{percent(share)} ({percent(LIMIT_GOAL)})")
+        cells.append(percent(record["limits"]["rows_and_state"] / ours))
         rows.append(cells)
     head = ["network", "nengo-loihi emulator", "SANA-FE, detailed timing", "lava-dl, batch of 32"]
     return table([*head, "of the limit, rows", "of the limit, rows and state"], rows)
@@ -104,7 +109,7 @@ def side_by_side(record: Found) -> str:
                 row["mode"],
                 times(row["seconds"]),
                 f"{times(low)} to {times(high)}",
-                "-" if "example itself" in row["mode"] else f"{record['synaptic_ops'] / row['seconds'] / 1e6:,.0f}",
+                "-" if "example itself" in row["mode"] else ratio(record["synaptic_ops"] / row["seconds"] / 1e6),
                 ratio(row["seconds"] / ours),
                 "-" if row["peak_mib"] is None else f"{row['peak_mib']:,.0f}",
                 "-" if row["spikes_differ"] is None else str(row["spikes_differ"]),
@@ -120,7 +125,7 @@ A recording has {record["synaptic_ops"]:,.0f} synaptic operations, {record["neur
 {table([*head, "other spikes"], rows, left=2)}
 
 The limit: adding the same rows takes {times(best)} µs ({record["synaptic_ops"] / best / 1e9:.1f} billion operations a second; one row at a
-time {times(limits["plain"])} µs), and with the state read and written {times(limits["rows_and_state"])} µs. hw_model reaches {best / ours:.0%} and {limits["rows_and_state"] / ours:.0%} of these.
+time {times(limits["plain"])} µs), and with the state read and written {times(limits["rows_and_state"])} µs. hw_model reaches {percent(best / ours)} and {percent(limits["rows_and_state"] / ours)} of these.
 """
 
 
@@ -131,7 +136,7 @@ def sizes(records: dict[str, Found]) -> str:
         layer = m["layer_synapse_mib"]
         rows.append(
             [
-                f"{m['compartments']:,}", f"{m['synapses']:,}", f"{layer:,.1f}", held_by(layer),
+                f"{m['compartments']:,}", f"{m['synapses']:,}", f"{layer:,.2f}", held_by(layer),
                 f"{m['seconds'] * 1e3:,.2f}", f"{m['synaptic_ops'] / 1e6:,.2f}",
                 f"{m['seconds'] / m['synaptic_ops'] * 1e9:.2f}", f"{m['seconds'] / m['neuron_updates'] * 1e9:.1f}",
                 f"{m['first call']:.2f}", f"{m['peak_mib']:,.0f}",
@@ -155,7 +160,7 @@ def activity(record: Found) -> str:
     for m, fitted in zip(record["rates"], start + slope * ops, strict=True):
         rows.append(
             [
-                f"{m['rate']:.1%}", f"{m['synaptic_ops'] / 1e6:,.2f}", f"{m['seconds'] * 1e3:.2f}",
+                percent(m['rate'], 1), f"{m['synaptic_ops'] / 1e6:,.2f}", f"{m['seconds'] * 1e3:.2f}",
                 f"{fitted * 1e3:.2f}", f"{m['synaptic_ops'] / m['seconds'] / 1e9:.2f}",
             ]
         )  # fmt: skip
@@ -221,15 +226,15 @@ def silence(record: Found) -> str:
     rows = [
         [
             f"{name} phase", f"{phase['steps']:,}", f"{phase['skipped_steps']:.1f}",
-            f"{phase['skipped_steps'] / phase['steps']:.1%}",
-            f"{phase['neuron_updates_skipped'] / phase['neuron_updates']:.1%}", f"{phase['at_rest']:.1%}",
+            percent(phase['skipped_steps'] / phase['steps'], 1),
+            percent(phase['neuron_updates_skipped'] / phase['neuron_updates'], 1), percent(phase['at_rest'], 1),
         ]
         for name, phase in record["phases"].items()
     ]  # fmt: skip
     saved = 1 - record["seconds"] / record["seconds_without"]
     return f"""The recordings of Ev-Containers begin with {record["silent_rows"]:.0f} silent rows on average, two seconds. The compiled
 `containers-hybrid` takes {times(record["seconds"])} µs a recording, and {times(record["seconds_without"])} µs if told to update everything
-(`hw.simulate(..., skip=False)`, the same spikes): skipping saves {saved:.0%} of the time.
+(`hw.simulate(..., skip=False)`, the same spikes): skipping saves {percent(saved)} of the time.
 
 {table(["", "steps", "steps skipped", "share", "updates in them", "updates at rest"], rows)}
 
@@ -259,10 +264,10 @@ def placement(records: dict[str, Found]) -> str:
     """Return placing and routing against size, and the hops saved."""
     size_rows = []
     for m in records["sizes"]["sizes"]:
-        parts = [m[part] for part in ("build", "place", "arrange", "route")]
+        parts = [m.get(part, 0.0) for part in PLACING]
         size_rows.append(
             [
-                f"{m['compartments']:,}", f"{m['synapses']:,}", str(m["cores"]), *(f"{part:.2f}" for part in parts),
+                f"{m['compartments']:,}", f"{m['synapses']:,}", str(m["cores"]), *(f"{m[part]:.2f}" if part in m else "-" for part in PLACING),
                 f"{sum(parts):.2f}", f"{sum(parts) / m['synapses'] * 1e6:.2f}", f"{m['placing_mib'] / 1024:.2f}",
             ]
         )  # fmt: skip
@@ -270,7 +275,7 @@ def placement(records: dict[str, Found]) -> str:
     hop_rows = [
         [
             m["name"], str(m["cores"]), f"{m['before']:,.0f}", f"{m['after']:,.0f}",
-            f"{1 - m['after'] / m['before']:.0%}", f"{m['seconds']:.2f}",
+            percent(1 - m['after'] / m['before']), f"{m['seconds']:.2f}",
         ]
         for m in records["hops"]["networks"]
     ]  # fmt: skip
@@ -355,7 +360,7 @@ Local, 10 layers of 1,000, 250 synapses each:
 {activity(records["activity_local"])}
 {recordings(records)}## Placing and routing against size
 
-{made_by("test_curves.py")} The networks of *cost against size* on a board of eight chips, above 100,000 compartments of sixteen.
+{made_by("test_curves.py")} The networks of *cost against size* on a board of eight chips; cores are arranged up to 100,000 compartments.
 
 {placement(records)}"""
 
@@ -407,6 +412,8 @@ def main() -> None:
     parser.add_argument("page", type=Path)
     parser.add_argument("picture", type=Path)
     args = parser.parse_args()
+    from picture import draw  # matplotlib: the rest of this file is tested without it
+
     records = read(args.results)
     draw(records, args.picture)
     args.page.write_text(wrapped(page(records, os.path.relpath(args.picture, args.page.parent))))
