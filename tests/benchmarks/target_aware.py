@@ -4,7 +4,8 @@
 
 ``FOLDER`` holds Ev-Objects.zip and Ev-Containers.zip. Every network and its figures are a file under ``--work``; what is
 there is not made again, so the script goes on where it was stopped. With ``--validate`` it tries the settings on
-validation recordings instead, with float networks that have not seen these, and prints a line each.
+validation recordings instead, with float networks that have not seen these, and prints a line each; with ``--speed`` it
+compares an epoch with one in float.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.models.checkpoint import Checkpoint, save_checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
+from locsnn_compile.models.chip_numbers import STRATEGIES
 from locsnn_compile.training.config import TrainingConfig, config_from_mapping, read_config
 from locsnn_compile.training.export import export_checkpoint, training_entry
 from locsnn_compile.training.fine_tuning import FINE_TUNING, fine_tuning_config
@@ -54,7 +56,7 @@ class Row:
         return same | dict(self.own.get(dataset, {}))
 
 
-PRUNED = {"objects": {"pruned": 0.28, "epochs": 150}, "containers": {"pruned": 0.4}}
+PRUNED = {"objects": {"pruned": 0.33, "epochs": 150}, "containers": {"pruned": 0.4}}
 ROWS = (
     Row("dendrite-8", "dendrite"),
     Row("delay-line-8", "delay-line"),
@@ -71,11 +73,15 @@ def main() -> None:
     parser.add_argument("--work", type=Path, default=ROOT / "build" / "target-aware")
     parser.add_argument("--page", type=Path, help="write the table into this page")
     parser.add_argument("--validate", action="store_true", help="try the settings on validation recordings")
+    parser.add_argument("--speed", action="store_true", help="compare an epoch with one in float instead")
     parser.add_argument("--rows", nargs="*", default=[row.name for row in ROWS], metavar="NAME")
     args = parser.parse_args()
     torch.set_num_threads(1)
     (args.work / "float").mkdir(parents=True, exist_ok=True)
     (args.work / "tuned").mkdir(exist_ok=True)
+    if args.speed:
+        compare_epochs(args)
+        return
     rows = [row for row in ROWS if row.name in args.rows]
     for row in rows:
         for seed in VALIDATION_SEEDS if args.validate else SEEDS:
@@ -168,6 +174,24 @@ def validate(args: argparse.Namespace, row: Row, dataset: str, seed: int) -> Non
         "float_accuracy": start.training["validation_accuracy"],
     }
     print(json.dumps(figures), flush=True)
+
+
+def compare_epochs(args: argparse.Namespace, repeats: int = 8) -> None:
+    """Print the processor time of one epoch of Objects, the best of some, over that of an epoch in float."""
+    start = read_checkpoint(ROOT / "examples/models/objects-hybrid.pt")
+    recordings = parts(args.data, "objects")[0]
+    recordings = recordings.subset(np.arange(0, len(recordings), 3))
+    base = fine_tuning_config(TrainingConfig(epochs=1, validation_fraction=0.0), start.description)
+    configs = {"float": base} | {
+        strategy: replace(base, target="loihi-sim", strategy=strategy) for strategy in STRATEGIES
+    }
+    best = dict.fromkeys(configs, float("inf"))
+    for _ in range(repeats):
+        for name, config in configs.items():
+            before = time.process_time()
+            train(recordings, config, start=start)
+            best[name] = min(best[name], time.process_time() - before)
+    print(json.dumps({name: round(seconds / best["float"], 2) for name, seconds in best.items()}))
 
 
 def fine_tuning(row: Row, dataset: str, seed: int, start: Checkpoint) -> TrainingConfig:
