@@ -45,9 +45,9 @@ class StepScores:
 class Session:
     """One recording, played to a program as it arrives. The integers are those of :func:`hw_model.simulate`.
 
-    ``psi``: weigh the time populations by 1 - w and the location populations by w = 1 / (1 + exp(-psi (t / T - 1)))
-    after step t of T (Kang et al. 2022); None leaves the readout's own weights. Phases that mix inputs as they come
-    with transposed ones, and programs without a readout, are an ``InputError``.
+    ``psi``: weigh the time populations by 1 - w and the location populations by w of :func:`location_share`; None
+    leaves the readout's own weights. Phases that mix inputs as they come with transposed ones, and programs without a
+    readout, are an ``InputError``.
     """
 
     def __init__(self, program: ChipProgram, psi: float | None = None) -> None:
@@ -70,7 +70,9 @@ class Session:
         Rows after the last step that a phase is for change nothing in it.
         """
         given = spikes if isinstance(spikes, Mapping) else {name: spikes for name in list(self.program.streams)[:1]}
-        streams, _ = read_streams(self.program, {name: np.atleast_2d(array) for name, array in given.items()})
+        streams, batched = read_streams(self.program, {name: np.atleast_2d(array) for name, array in given.items()})
+        if batched:
+            raise InputError("spikes", "a session plays one recording", fix="Give rows, (rows, channels).")
         rows = next(iter(streams.values())).shape[1]
         counts: dict[str, IntArray] = {}
         for phase in self._phases:
@@ -102,9 +104,16 @@ class Session:
         """Return what a population counts for after each step, by its axis."""
         if self.psi is None:
             return np.ones(len(step))
-        location = 1.0 / (1.0 + np.exp(-self.psi * (step / self._length - 1.0)))
+        location = location_share(self.psi, step, self._length)
         axis = next(p.phase.axis for p in self._phases if population in p.columns)
         return location if axis == "location" else 1.0 - location
+
+
+def location_share(psi: float, step: IntArray, steps: int) -> FloatArray:
+    """Return w = 1 / (1 + exp(-psi (t / T - 1))) after step t of T, which rises to 1/2 (Kang et al. 2022)."""
+    with np.errstate(over="ignore"):  # a large psi counts as 0 what is early
+        shares: FloatArray = 1.0 / (1.0 + np.exp(-psi * (np.minimum(step, steps) / steps - 1.0)))
+    return shares
 
 
 class _Live:
@@ -178,6 +187,8 @@ def _phase(program: ChipProgram, phase: Phase) -> _Live | _Turned:
 def _length(program: ChipProgram, psi: float | None) -> int:
     """Return T, the steps of a whole recording, where it is needed."""
     lengths = [phase.steps for phase in program.phases if phase.axis == "time" and phase.steps]
+    if psi is not None and not (np.isfinite(psi) and psi >= 0):
+        raise InputError("psi", "it is no rate", measured=f"got {psi}", fix="Give 0 or more, such as 10.")
     if psi is not None and not lengths:
         raise InputError("psi", "the program does not say how long a recording is", fix="Fix the steps of its phase.")
     return lengths[0] if lengths else 1
@@ -191,4 +202,4 @@ def _lists(rows: list[ByteArray]) -> tuple[IntArray, npt.NDArray[np.int32]]:
         first.append(before + np.searchsorted(row, np.arange(len(array) + 1)))
         lines.append(line)
         before += len(line)
-    return np.stack(first), np.concatenate(lines).astype(np.int32)
+    return np.stack(first, axis=1), np.concatenate(lines).astype(np.int32)

@@ -1,0 +1,110 @@
+"""Programs of a time phase and a transposed location phase, put together from two that a builder makes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy import sparse
+
+import hw_model as hw
+from hw_model.arrangement import arrange_cores
+from hw_model.graph import Axis, CompartmentGraph, Phase, Readout, read_only
+from hw_model.placement import place_cores
+from hw_model.program import ChipProgram, assemble
+from hw_model.routing import route_axons
+from hw_model.weights import weight_grid
+
+CHIP = hw.chip("loihi-sim")
+SMALL = replace(CHIP, limits=replace(CHIP.limits, compartments_per_core=7))
+"""Cores of seven compartments: the same programs spread over several cores."""
+
+
+def assembled(chip: hw.Chip, readout: Readout | None, *graphs: CompartmentGraph) -> ChipProgram:
+    """One program of several graphs, a phase each."""
+    joined = replace(
+        graphs[0],
+        phases=tuple(phase for graph in graphs for phase in graph.phases),
+        inputs=tuple(item for graph in graphs for item in graph.inputs),
+        groups=tuple(group for graph in graphs for group in graph.groups),
+        synapses=tuple(synapses for graph in graphs for synapses in graph.synapses),
+        readout=readout,
+    )
+    return assemble(route_axons(arrange_cores(place_cores(joined, chip))))
+
+
+def in_phase(graph: CompartmentGraph, axis: Axis, steps: int | None, positions=None) -> CompartmentGraph:
+    """Move a graph of a builder into a phase of its own; with ``positions`` its inputs are transposed."""
+    positions = None if positions is None else read_only(positions)
+    return replace(
+        graph,
+        phases=(Phase(axis, axis, steps),),
+        inputs=tuple(replace(i, phase=axis, stream="touch", positions=positions) for i in graph.inputs),
+        groups=tuple(replace(group, phase=axis) for group in graph.groups),
+    )
+
+
+def hybrid(time: hw.ProgramBuilder, location: hw.ProgramBuilder, steps: int, positions, weights=(1.0, 1.0)):
+    """A program whose readout adds population ``time/y`` and ``location/y``."""
+    return assembled(
+        CHIP,
+        Readout(("time/y", "location/y"), weights),
+        in_phase(time.graph(), "time", steps),
+        in_phase(location.graph(), "location", len(positions), positions),
+    )
+
+
+def random_branch(r: np.random.Generator, axis: Axis, lines: int, classes: int, chip: hw.Chip) -> CompartmentGraph:
+    """Two populations and joined dendrites, with recurrence, delays, biases, refractory periods, every link format."""
+    big = bool(r.random() < 0.2)
+    vmin = [None, 0, 1 - 2**15][r.integers(3)] if big else None
+    builder = hw.ProgramBuilder(chip)
+    sizes = {f"{axis}/h": int(r.integers(1, 20)), f"{axis}/y": classes}
+    nodes = {"x": builder.add_input(f"{axis}/x", lines)}
+
+    def add(name: str, size: int, parent: str | None = None) -> None:
+        nodes[name] = builder.add_compartments(
+            name,
+            size,
+            decay_u=r.choice([0, 390, 1024, 4096] if big else [390, 1024, 4096], size),
+            decay_v=r.choice([0, 128, 2589, 4096] if big else [128, 390, 4096], size),
+            threshold=r.choice([0, 1, 300, 3000, 20000], size),
+            bias=r.choice([0, 0, -7, 640, -2000], size) * int(r.random() < 0.5),
+            refractory=r.choice([1, 1, 2, 5, 20], size),
+            joined_to=None if parent is None else nodes[parent],
+            vmin=vmin,
+        )
+
+    for name, size in sizes.items():
+        add(name, size)
+        for k in range(int(r.integers(3))):
+            add(f"{name}/dendrite{k}", size, name)
+    senders = ["x", *sizes]
+    pairs = [("x", f"{axis}/h"), (f"{axis}/h", f"{axis}/y")]
+    targets = [name for name in nodes if name != "x"]
+    pairs += [(str(r.choice(senders)), str(r.choice(targets))) for _ in range(int(r.integers(1, 6)))]
+    for source, target in pairs:
+        bits = int(r.choice([1, 4, 6, 8]))
+        shape = (nodes[target].size, nodes[source].size)
+        weights = weight_grid(bits, "mixed").round(r.uniform(-150, 250, shape))
+        weights[r.random(shape) < r.choice([0.0, 0.9])] = 0
+        delay = r.integers(0, r.choice([1, 3, 63]), shape) if r.random() < 0.5 else int(r.integers(0, 4))
+        given = sparse.csr_array(weights) if r.random() < 0.5 else weights
+        exponent = int(r.integers(0, 8)) if big else int(r.integers(-2, 2))
+        builder.connect(nodes[source], nodes[target], given, exponent=exponent, delay=delay, weight_bits=bits)
+    return builder.graph()
+
+
+def random_hybrid(seed: int) -> tuple[ChipProgram, np.ndarray]:
+    """A random hybrid program and a recording (steps, channels) for it."""
+    r = np.random.default_rng(seed)
+    steps, channels, classes = (int(r.integers(1, high)) for high in (30, 9, 5))
+    chip = CHIP if r.random() < 0.5 else SMALL
+    weights = [(1.0, 1.0), (0.5, -2.0)][int(r.random() < 0.3)]
+    program = assembled(
+        chip,
+        Readout(("time/y", "location/y"), weights),
+        in_phase(random_branch(r, "time", channels, classes, chip), "time", steps),
+        in_phase(random_branch(r, "location", steps, classes, chip), "location", channels, r.permutation(channels)),
+    )
+    return program, (r.random((steps, channels)) < r.choice([0.05, 0.3, 1.0])).astype(np.uint8)

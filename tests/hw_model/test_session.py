@@ -1,0 +1,255 @@
+"""Sessions: after every step what a whole simulation of the recording so far would say, however it was pushed."""
+
+from __future__ import annotations
+
+import tracemalloc
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hybrids import CHIP, random_hybrid
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import hw_model as hw
+from hw_model.graph import Readout
+
+ROOT = Path(__file__).parents[2]
+REAL = ROOT.parent / "shared/data/neutouch"
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def so_far(recording: np.ndarray) -> np.ndarray:
+    """The recording up to every step, followed by silence: (steps, steps, channels)."""
+    until = np.tri(len(recording), dtype=np.uint8)
+    return until[:, :, None] * recording
+
+
+def check_every_step(program: hw.ChipProgram, recording: np.ndarray, found) -> None:
+    """Time populations: their spikes up to the step. Location populations: a full run on the recording so far."""
+    whole = hw.simulate(program, recording)
+    again = hw.simulate(program, so_far(recording))
+    wanted = np.zeros_like(found.scores)
+    axis = {name: phase.axis for phase in program.phases for name in program.columns_of(phase.name)}
+    for name, weight in zip(program.readout.populations, program.readout.weights, strict=True):
+        if axis[name] == "time":
+            counts = whole.spikes[name].cumsum(axis=0, dtype=np.int64)[: len(recording)]
+        else:
+            counts = again.spikes[name].sum(axis=1, dtype=np.int64)
+        assert np.array_equal(found.spikes[name], counts), name
+        wanted += weight * counts
+    assert np.array_equal(found.scores, wanted)
+    assert np.array_equal(found.scores[-1], whole.scores)
+    assert np.array_equal(found.prediction, wanted.argmax(axis=1))
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(seed=SEEDS)
+def test_every_step_equals_a_run_of_the_recording_so_far(seed):
+    program, recording = random_hybrid(seed)
+    session = hw.Session(program)
+    check_every_step(program, recording, session.push(recording))
+    whole = hw.simulate(program, recording)
+    for name in program.spiking & program.columns_of("location").keys():
+        assert np.array_equal(session.spikes(name), whole.spikes[name]), name
+
+
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(seed=SEEDS, data=st.data())
+def test_any_split_of_the_rows_gives_the_same(seed, data):
+    program, recording = random_hybrid(seed)
+    cuts = sorted(data.draw(st.lists(st.integers(0, len(recording)), max_size=6)))
+    at_once, in_parts = hw.Session(program), hw.Session(program)
+    whole = at_once.push(recording)
+    parts = [in_parts.push(part) for part in np.split(recording, cuts)]
+    assert np.array_equal(np.concatenate([part.scores for part in parts]), whole.scores)
+    for name, counts in whole.spikes.items():
+        assert np.array_equal(np.concatenate([part.spikes[name] for part in parts]), counts), name
+    assert (in_parts.steps, in_parts.replayed) == (at_once.steps, at_once.replayed)
+
+
+@settings(max_examples=10, deadline=None, derandomize=True)
+@given(seed=SEEDS)
+def test_rows_one_by_one_and_again_after_a_reset(seed):
+    program, recording = random_hybrid(seed)
+    session = hw.Session(program)
+    first = [session.push(row).scores for row in recording]
+    assert all(scores.shape[0] == 1 for scores in first)
+    session.reset()
+    assert (session.steps, session.replayed[0]) == (0, 0)
+    assert np.array_equal(session.push(recording).scores, np.concatenate(first))
+
+
+@settings(max_examples=15, deadline=None, derandomize=True)
+@given(seed=SEEDS, psi=st.sampled_from([0.0, 2.0, 10.0, 15.0, 5000.0]))
+def test_time_weighted_scores(seed, psi):
+    program, recording = random_hybrid(seed)
+    plain, weighted = hw.Session(program).push(recording), hw.Session(program, psi).push(recording)
+    steps = len(recording)
+    for t in range(1, steps + 1):
+        w = 0.0 if psi * (1 - t / steps) > 700 else 1 / (1 + np.exp(-psi * (t / steps - 1)))
+        first, second = (plain.spikes[name][t - 1] for name in ("time/y", "location/y"))
+        a, b = program.readout.weights
+        assert np.allclose(weighted.scores[t - 1], (1 - w) * a * first + w * b * second, rtol=1e-12, atol=1e-300)
+
+
+@pytest.mark.parametrize("psi", [None, 10.0], ids=["plain", "time-weighted"])
+@settings(max_examples=10, deadline=None, derandomize=True)
+@given(seed=SEEDS)
+def test_rows_past_the_end_change_nothing(psi, seed):
+    program, recording = random_hybrid(seed)
+    session = hw.Session(program, psi)
+    last = session.push(recording)
+    after = session.push(np.ones((5, recording.shape[1]), dtype=np.uint8))
+    assert np.array_equal(after.scores, np.repeat(last.scores[-1:], 5, axis=0))
+    assert session.steps == len(recording) + 5
+
+
+def test_no_rows():
+    program, recording = random_hybrid(1)
+    session = hw.Session(program)
+    assert session.push(recording[:0]).scores.shape == (0, program.populations["time/y"])
+    assert session.push(recording[:0]).prediction.shape == (0,)
+    check_every_step(program, recording, session.push(recording))
+
+
+def test_silence_runs_nothing_again():
+    program, recording = random_hybrid(2)
+    session = hw.Session(program)
+    session.push(np.zeros_like(recording))
+    assert session.replayed[0] == 0
+    assert session.replayed[1] >= len(recording) * recording.shape[1]
+
+
+def test_an_event_runs_no_more_than_all_again():
+    program, recording = random_hybrid(4)
+    session = hw.Session(program)
+    session.push(recording)
+    run, of_all = session.replayed
+    assert 0 < run < of_all
+
+
+def live_program() -> hw.ChipProgram:
+    """One live phase with recurrence, a delay and a bias, which a recording of any length can be played to."""
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("touch", 6)
+    h = builder.add_compartments("h", 20, decay_u=1024, decay_v=128, threshold=1000, refractory=3)
+    y = builder.add_compartments("y", 3, decay_u=4096, decay_v=400, threshold=600, bias=[0, 64, 640])
+    r = np.random.default_rng(4)
+    builder.connect(x, h, 2 * r.integers(-60, 100, (20, 6)))
+    builder.connect(h, h, 2 * r.integers(-60, 40, (20, 20)), delay=5)
+    builder.connect(h, y, 2 * r.integers(-60, 100, (3, 20)))
+    builder.read_out(y)
+    return builder.build()
+
+
+def test_a_live_program_over_many_rows():
+    """A recording of any length, rows by thousands or one by one, in memory that does not grow."""
+    program = live_program()
+    rows = (np.random.default_rng(5).random((10_000, 6)) < 0.2).astype(np.uint8)
+    session = hw.Session(program)
+    found = session.push(rows)
+    counts = hw.simulate(program, rows).spikes["y"].cumsum(axis=0, dtype=np.int64)
+    assert np.array_equal(found.spikes["y"], counts)
+    assert counts[-1].min() > 0
+
+    session.reset()
+    one_by_one = [session.push(row).spikes["y"] for row in rows[:10]]
+    assert np.array_equal(np.concatenate(one_by_one), counts[:10])
+    held = {}
+    tracemalloc.start()
+    try:
+        for start in range(10, len(rows), 10):
+            session.push(rows[start : start + 10])
+            if session.steps in (5_000, 10_000):
+                held[session.steps] = tracemalloc.get_traced_memory()[0]
+    finally:
+        tracemalloc.stop()
+    assert session.steps == len(rows)
+    assert held[10_000] - held[5_000] < 4_000
+
+
+def test_a_readout_of_one_branch():
+    program, recording = random_hybrid(6)
+    for name in ("time/y", "location/y"):
+        alone = replace(program, readout=Readout((name,), (1.0,)))
+        check_every_step(alone, recording, hw.Session(alone).push(recording))
+
+
+def test_streams_by_name():
+    program, recording = random_hybrid(7)
+    named = replace(program, inputs=tuple(replace(item, stream=item.phase) for item in program.inputs))
+    other = recording[::-1].copy()
+    found = hw.Session(named).push({"time": recording, "location": other})
+    assert np.array_equal(found.spikes["time/y"], hw.Session(program).push(recording).spikes["time/y"])
+    assert np.array_equal(found.spikes["location/y"], hw.Session(program).push(other).spikes["location/y"])
+
+
+def _mixed() -> hw.ChipProgram:
+    """A phase that takes one input as it comes and another transposed."""
+    program, _ = random_hybrid(8)
+    item = program.inputs_of("location")[0]
+    beside = replace(item, name="beside", positions=None)
+    route = replace(program.route_of(item.name), input="beside")
+    return replace(program, inputs=(*program.inputs, beside), input_routes=(*program.input_routes, route))
+
+
+@pytest.mark.parametrize(
+    ("use", "line"),
+    [
+        (lambda p, _: hw.Session(replace(p, readout=None)), "program 'program': has no readout, so it predicts nothing. Add a readout."),
+        (lambda p, _: hw.Session(_mixed()), "phase 'location': has inputs as they come beside transposed ones, so it cannot run as they arrive. Use simulate."),
+        (lambda p, _: hw.Session(live_program(), 10.0), "psi: the program does not say how long a recording is. Fix the steps of its phase."),
+        (lambda p, _: hw.Session(p, -1.0), "psi: it is no rate (got -1.0). Give 0 or more, such as 10."),
+        (lambda p, _: hw.Session(p, float("nan")), "psi: it is no rate (got nan). Give 0 or more, such as 10."),
+        (lambda p, x: hw.Session(p).push(x[None]), "spikes: a session plays one recording. Give rows, (rows, channels)."),
+        (lambda p, x: hw.Session(p).push(x[:, 1:]), "spikes of 'touch': the shape does not fit ((22, 7) against (steps, 8) or (batch, steps, 8)). Give one column a channel."),
+        (lambda p, x: hw.Session(p).push(2 * x), "spikes of 'touch': values other than 0 and 1. Binarise the events; graded spikes do not exist here."),
+        (lambda p, x: hw.Session(p).push({"other": x}), "spikes: the program plays touch. Give a mapping with one array for each."),
+        (lambda p, x: hw.Session(p).spikes("time/y"), "population 'time/y': is in no transposed phase. Read its counts from push."),
+    ],
+    ids=["no readout", "mixed phase", "no length", "negative", "not a number", "batch", "channels", "values", "stream", "live population"],
+)  # fmt: skip
+def test_messages(use, line):
+    program, recording = random_hybrid(4)
+    assert (recording.shape, recording.all()) == ((22, 8), True)
+    with pytest.raises(hw.InputError) as caught:
+        use(program, recording)
+    assert str(caught.value) == line
+
+
+@pytest.fixture(scope="module", params=["objects", "containers"])
+def example(request):
+    """The program of an example model, and its published test recordings."""
+    from locsnn_compile.data.read import read_recordings
+    from locsnn_compile.frontends import load
+    from locsnn_compile.pipeline import lower
+
+    program = lower(load(ROOT / f"examples/models/{request.param}-hybrid.pt"), CHIP, 8).program
+    return program, read_recordings(REAL / f"Ev-{request.param.title()}.zip").spikes
+
+
+beside_real_recordings = pytest.mark.skipif(
+    not REAL.is_dir(), reason="the real recordings are not beside the repository"
+)
+
+
+@beside_real_recordings
+def test_real_recordings(example):
+    program, recordings = example
+    session = hw.Session(program)
+    for recording in recordings[:: len(recordings) // 2]:
+        session.reset()
+        check_every_step(program, recording, session.push(recording))
+
+
+@pytest.mark.slow
+@beside_real_recordings
+def test_all_real_recordings(example):
+    program, recordings = example
+    session = hw.Session(program)
+    for recording in recordings:
+        session.reset()
+        check_every_step(program, recording, session.push(recording))
