@@ -19,7 +19,7 @@ import numpy.typing as npt
 from hw_model.compiled import in_parts
 from hw_model.counts import BY_CORE, Counts, total
 from hw_model.errors import InputError
-from hw_model.fixed_point import IntArray, decay
+from hw_model.fixed_point import IntArray, clip, decay
 from hw_model.graph import Phase, Readout
 from hw_model.playing import Spikes, read_streams
 from hw_model.probes import Kind, Probe
@@ -74,7 +74,7 @@ def stop_at_margin(program: ChipProgram, spikes: Spikes, margin: float, psi: flo
     Steps count the recording's, of which the phases that play it as it comes run as many. ``psi`` as for
     :class:`hw_model.Session`.
     """
-    streams = _batch(program, spikes)
+    streams = _to_the_end(program, spikes)
     scores = timestep_scores(program, streams, psi)
     rows = scores.shape[1]
     steps = _first_lead(scores, margin)
@@ -101,18 +101,25 @@ def calibrate_margin(program: ChipProgram, spikes: Spikes, agreement: float, psi
     if not 0.0 <= agreement <= 1.0:
         raise InputError("agreement", "it is a share", measured=f"{agreement} against 0 to 1", fix="Correct it.")
     scores = timestep_scores(program, spikes, psi)
-    final = scores[:, -1].argmax(axis=1)
-    each = np.arange(len(scores))
-    for margin in np.unique(_leads(scores)).tolist():
-        early = scores[each, _first_lead(scores, margin) - 1].argmax(axis=1)
-        if margin > 0 and (early == final).mean() >= agreement:
-            return float(margin)
-    return float("inf")
+    predictions, leads = scores.argmax(axis=2), _leads(scores)
+    margins = np.unique(leads[leads > 0])
+    agreeing = np.full(len(margins), len(scores))
+    for prediction, lead in zip(predictions, leads, strict=True):
+        # A margin stops at the first lead that reaches it, which is larger than all before.
+        records = np.flatnonzero(lead > np.maximum.accumulate(np.append(0.0, lead[:-1])))
+        reached = np.searchsorted(margins, np.append(0.0, lead[records]), side="right")
+        for record, low, high in zip(records, reached[:-1], reached[1:], strict=True):
+            agreeing[low:high] -= prediction[record] != prediction[-1]
+    enough = np.flatnonzero(agreeing / len(scores) >= agreement)
+    return float(margins[enough[0]]) if len(enough) else float("inf")
 
 
 def timestep_scores(program: ChipProgram, spikes: Spikes, psi: float | None = None) -> FloatArray:
-    """Return the class scores after every step of every recording, (batch, steps, classes), recordings in threads."""
-    streams = _batch(program, spikes)
+    """Return the class scores after every step of every recording, (batch, steps, classes), recordings in threads.
+
+    Recordings that are shorter than the program's are followed by silence.
+    """
+    streams = _to_the_end(program, spikes)
 
     def part(start: int, stop: int) -> list[FloatArray]:
         session = Session(program, psi)
@@ -131,6 +138,15 @@ def _batch(program: ChipProgram, spikes: Spikes) -> dict[str, ByteArray]:
     if 0 in next(iter(streams.values())).shape[:2]:
         raise InputError("spikes", "there is no recording, or it has no steps", fix="Give some.")
     return streams
+
+
+def _to_the_end(program: ChipProgram, spikes: Spikes) -> dict[str, ByteArray]:
+    """Return recordings followed by silence until the phases that play them as they come have ended."""
+    streams = _batch(program, spikes)
+    turned = {item.phase for item in program.inputs if item.positions is not None}
+    last = max((phase.steps or 0 for phase in program.phases if phase.name not in turned), default=0)
+    missing = max(0, last - next(iter(streams.values())).shape[1])
+    return {name: np.pad(array, ((0, 0), (0, missing), (0, 0))) for name, array in streams.items()}
 
 
 def _readout(program: ChipProgram) -> Readout:
@@ -183,10 +199,12 @@ class _Proof:
                 for name, weight in zip(readout.populations, readout.weights, strict=True)
                 if name in program.columns_of(phase.name)
             ]
-            if voters:
-                self._phases.append((voters[0].steps, voters))
-        self._batch, _, self._classes = next(iter(self._phases[0][1])).counts.shape
+            self._phases.append((len(result.activity[phase.name][0].count("spikes")), voters))
+        self._batch, _, self._classes = result.spikes[readout.populations[0]].shape
         self._all = sum(steps for steps, _ in self._phases)
+        # Scores of weights that are not whole are rounded: equal ones then prove nothing.
+        whole = all(float(weight).is_integer() for weight in readout.weights)
+        self._slack = 0.0 if whole else 1e-9 * sum(map(abs, readout.weights)) * self._all
 
     def stops(self) -> IntArray:
         """Search for the first step by halves: what is proven after a step is proven after every later one."""
@@ -212,7 +230,7 @@ class _Proof:
             before += steps
         winner = score.argmax(axis=1)
         each = np.arange(self._batch)
-        least = (score - loss)[each, winner][:, None]
+        least = (score - loss)[each, winner][:, None] - self._slack
         most = score + gain
         most[each, winner] = -np.inf
         # A tie goes to the first class: those before the winner must stay below it.
@@ -230,6 +248,7 @@ class _Member:
     decay_v: IntArray
     charge: IntArray
     bias: IntArray
+    vmin: IntArray
     vmax: IntArray
     parent: str | None
 
@@ -247,6 +266,8 @@ class _Voter:
         self.steps = spikes.shape[1]
         before = np.zeros((len(spikes), 1, spikes.shape[2]), dtype=np.int64)
         self.counts = np.concatenate((before, spikes.cumsum(axis=1, dtype=np.int64)), axis=1)
+        free_from = np.where(spikes, np.arange(self.steps)[:, None] + self._refractory, 0)
+        self._free_from = np.concatenate((before, np.maximum.accumulate(free_from, axis=1)), axis=1)
         self._u = {member.name: result.u[member.name] for member in self._members}
         self._v = {member.name: result.v[member.name] for member in self._members}
 
@@ -261,13 +282,13 @@ class _Voter:
         u = {name: np.where(started, kept[each, last], 0) for name, kept in self._u.items()}
         v = {name: np.where(started, kept[each, last], 0) for name, kept in self._v.items()}
         found = np.zeros(self.counts[:, 0].shape, dtype=np.int64)
-        free_from = np.zeros_like(found)
+        free_from = self._free_from[each, step] - step[:, None]
         for ahead in range(int((self.steps - step).max(initial=0))):
             joined: dict[str | None, IntArray] = {}
             for member in self._members:
                 u[member.name] = decay(u[member.name], member.decay_u) + member.charge
                 drive = u[member.name] + member.bias + joined.get(member.name, np.zeros_like(found))
-                voltage = np.minimum(decay(v[member.name], member.decay_v) + drive, member.vmax)
+                voltage = clip(decay(v[member.name], member.decay_v) + drive, member.vmin, member.vmax)
                 # A spike, or a refractory step, brings the v of a spiking compartment to 0, which may be higher.
                 v[member.name] = voltage if member.parent else np.maximum(voltage, 0)
                 joined[member.parent] = joined.get(member.parent, np.zeros_like(found)) + v[member.name]
@@ -315,6 +336,7 @@ def _member(program: ChipProgram, phase: str, name: str) -> _Member:
         decay_v=_each(program, phase, name, lambda core: core.setting("decay_v")),
         charge=_each(program, phase, name, _largest_charge),
         bias=_each(program, phase, name, lambda core: core.bias),
+        vmin=_each(program, phase, name, lambda core: np.full(core.compartments, core.vmin)),
         vmax=_each(program, phase, name, lambda core: np.full(core.compartments, core.vmax)),
         parent=next((piece.group for piece in core.slices if piece.offset == parent), None) if parent >= 0 else None,
     )
