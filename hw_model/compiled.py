@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 import os
+import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
@@ -13,12 +15,37 @@ import llvmlite.binding
 import numba
 import numpy as np
 from llvmlite import ir
-from numba.core import types
+from numba.core import event, types
 from numba.extending import intrinsic
 
 # Many arrays take part in an update; without this the compiler gives up proving that they do not overlap, and the loop
 # does not run in vectors.
 llvmlite.binding.set_option("hw_model", "-runtime-memory-check-threshold=200")
+
+
+_log = logging.getLogger("hw_model")
+
+
+class _Announce(event.Listener):  # type: ignore[misc]
+    """Log that loops are being compiled, which takes seconds, and how long it took: it happens once a machine."""
+
+    def __init__(self) -> None:
+        self._depth = 0
+        self._begun = 0.0
+
+    def on_start(self, event: Any) -> None:
+        if self._depth == 0:
+            self._begun = time.perf_counter()
+            _log.info("compiling %s for this machine, once", event.data["dispatcher"].py_func.__module__)
+        self._depth += 1
+
+    def on_end(self, event: Any) -> None:
+        self._depth -= 1
+        if self._depth == 0:
+            _log.info("compiled in %.1f s", time.perf_counter() - self._begun)
+
+
+event.register("numba:compile", _Announce())
 
 
 def compiled(function: Callable[..., Any]) -> Any:

@@ -70,9 +70,9 @@ def _kept(
 
 
 def join_lists(events: Sequence[EventLists], part: slice) -> tuple[IntArray, Int32Array]:
-    """Return the lists of several inputs as one: where each input, recording of ``part`` and row begins, and lines."""
+    """Return the lists of several inputs as one: where each recording of ``part``, row and input begins, and lines."""
     offsets = np.cumsum([0, *(len(lists.channel) for lists in events)])
-    first = np.stack([lists.first[part] + offset for lists, offset in zip(events, offsets, strict=False)])
+    first = np.stack([lists.first[part] + offset for lists, offset in zip(events, offsets, strict=False)], axis=2)
     return first, events[0].channel if len(events) == 1 else np.concatenate([lists.channel for lists in events])
 
 
@@ -90,7 +90,7 @@ def _run(  # type: ignore[no-untyped-def]
         for step in range(0, steps, tile):
             rows = min(tile, steps - step)
             skipped[b] += run_tile(
-                step, rows, first[:, b, step:], line, nodes, chunks, links, state, work, skip,
+                step, rows, first[b, step:], line, nodes, chunks, links, state, work, skip,
                 spikes[b, step:], sent[b], active[b, step:], b, kept,
             )  # fmt: skip
         for k in range(len(chunks.first_column)):

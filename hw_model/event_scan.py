@@ -74,7 +74,8 @@ def _scan(words, last_word, begin, channels, first):  # type: ignore[no-untyped-
             word &= ~np.uint64(0) >> np.uint64(8 * (at + 8 - end))
         if many + 8 > len(channel):
             longer = np.empty(2 * len(channel), np.int32)
-            longer[:many] = channel[:many]
+            for e in range(many):
+                longer[e] = channel[e]
             channel = longer
         while word:
             byte = at + (trailing_zeros(word) >> 3)
@@ -103,16 +104,19 @@ def _transpose(given, channel, positions, many, first, line):  # type: ignore[no
     """Sort the events of every recording by step, in the order of time within one."""
     steps = len(positions)
     so_far = 0
+    place = np.empty(steps, np.int64)
     for b in range(len(given)):
         start, stop = given[b, 0], given[b, many]
-        first[b, :] = 0
+        for step in range(steps + 1):
+            first[b, step] = 0
         for e in range(start, stop):
             first[b, positions[channel[e]] + 1] += 1
         first[b, 0] = so_far
         for step in range(steps):
             first[b, step + 1] += first[b, step]
         so_far = first[b, steps]
-        place = first[b, :steps].copy()
+        for step in range(steps):
+            place[step] = first[b, step]
         for t in range(many):
             for e in range(given[b, t], given[b, t + 1]):
                 step = positions[channel[e]]

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from hw_model.compiled import absorbed, compiled, trailing_zeros
+from hw_model.compiled import absorbed, compiled, inlined, trailing_zeros
 from hw_model.fast_layout import (
     BIAS,
     BLOCKED,
@@ -99,13 +99,13 @@ def workspace(layout: FastLayout, tile: int = TILE) -> Workspace:
     return Workspace(
         masks=np.zeros((tile, len(layout.chunks.node)), dtype=np.int32),
         event=np.empty(tile * layout.columns, dtype=np.int32),
-        begin=np.zeros((len(layout.nodes.first), tile + 1), dtype=np.int64),
+        begin=np.zeros((tile + 1, len(layout.nodes.first)), dtype=np.int64),
         updated=np.zeros(tile, dtype=np.uint8),
     )
 
 
 # Offsets of the registers from the first of a chunk; unsigned, or each index would be tested for being negative.
-_LANES = np.uint64(LANES)
+_LANES, _CHUNK = np.uint64(LANES), np.uint64(FIELDS * LANES)
 _KEEP_U, _KEEP_V = np.uint64(KEEP_U * LANES), np.uint64(KEEP_V * LANES)
 _THRESHOLD, _BIAS, _REFRACTORY = np.uint64(THRESHOLD * LANES), np.uint64(BIAS * LANES), np.uint64(REFRACTORY * LANES)
 _VMIN, _VMAX = np.uint64(VMIN * LANES), np.uint64(VMAX * LANES)
@@ -188,6 +188,16 @@ def add_up(registers, at):  # type: ignore[no-untyped-def]
     return spikes, busy_lanes, restless
 
 
+@inlined
+def _respond(registers, k, charge, added):  # type: ignore[no-untyped-def]
+    """Take charge and what children add into u and v, and count nothing; return v before any threshold."""
+    u = wrap24(rz(registers[k + _U], registers[k + _KEEP_U]) + np.int32(np.int32(np.int16(charge)) << np.int32(6)))
+    wrapped = wrap24(np.int32(u + registers[k + _BIAS]))
+    v = np.int32(np.int32(rz(registers[k + _V], registers[k + _KEEP_V]) + wrapped) + added)
+    registers[k + _U] = u
+    return np.int32(min(max(v, registers[k + _VMIN]), registers[k + _VMAX]))
+
+
 @absorbed
 def advance(registers, at, charge, row, slot):  # type: ignore[no-untyped-def]
     """Do what :func:`update` does, but count nothing and leave the charge; return spikes as bits, and all state ored.
@@ -200,22 +210,45 @@ def advance(registers, at, charge, row, slot):  # type: ignore[no-untyped-def]
         k = at + i
         added = registers[k + _JOINED]
         registers[k + _JOINED] = 0
-        q = np.int32(np.int16(charge[row, slot + i]))
-        u = wrap24(rz(registers[k + _U], registers[k + _KEEP_U]) + np.int32(q << np.int32(6)))
-        wrapped = wrap24(np.int32(u + registers[k + _BIAS]))
-        v = np.int32(np.int32(rz(registers[k + _V], registers[k + _KEEP_V]) + wrapped) + added)
-        v = np.int32(min(max(v, registers[k + _VMIN]), registers[k + _VMAX]))
+        v = _respond(registers, k, charge[row, slot + i], added)
         blocked = registers[k + _BLOCKED]
         live = blocked == 0
         fired = live & (v > registers[k + _THRESHOLD])
         v = np.int32(v if live & (not fired) else np.int32(0))
         held = np.int32(0) if live else np.int32(blocked - np.int32(1))
         blocked = np.int32(registers[k + _REFRACTORY] - np.int32(1)) if fired else held
-        registers[k + _U] = u
         registers[k + _V] = v
         registers[k + _BLOCKED] = blocked
         spikes |= np.int32(fired) << np.int32(i)
-        remains |= u | v | blocked
+        remains |= registers[k + _U] | v | blocked
+    return spikes, remains
+
+
+@absorbed
+def advance_pair(registers, at, charge, row, slot, other_slot):  # type: ignore[no-untyped-def]
+    """Do the same for two chunks of dendrites, whose registers follow each other, and a third that is only their sum.
+
+    This is how a spike response neuron is lowered: its alpha dendrite, its refractory dendrite, and its soma.
+    """
+    # First beside the registers: two places in one array at an unknown distance would keep the loop from vectors.
+    for i in range(_LANES):
+        registers[at + _JOINED + i] = charge[row, slot + i]
+    for i in range(_LANES):
+        registers[at + _CHUNK + _JOINED + i] = charge[row, other_slot + i]
+    spikes = np.int32(0)
+    remains = np.int32(0)
+    for i in range(_LANES):
+        k = at + i
+        other = k + _CHUNK
+        soma = other + _CHUNK
+        v = _respond(registers, k, registers[k + _JOINED], np.int32(0))
+        registers[k + _V] = v
+        v_other = _respond(registers, other, registers[other + _JOINED], np.int32(0))
+        registers[other + _V] = v_other
+        total = np.int32(v + v_other)
+        total = np.int32(min(max(total, registers[soma + _VMIN]), registers[soma + _VMAX]))
+        spikes |= np.int32(total > registers[soma + _THRESHOLD]) << np.int32(i)
+        remains |= registers[k + _U] | v | registers[other + _U] | v_other
     return spikes, remains
 
 
@@ -232,7 +265,7 @@ def deliver(  # type: ignore[no-untyped-def]
 ):
     """Add the synapses of a link's spikes to the rows in which they are due: the next one, and later.
 
-    The spikes of row r are ``event[base + e]`` for e in ``begin[m, r]..begin[m, r + 1]``.
+    The spikes of row r are ``event[base + e]`` for e in ``begin[r, m]..begin[r + 1, m]``.
     """
     offset = links.offset[link]
     if links.dense[link]:
@@ -240,9 +273,9 @@ def deliver(  # type: ignore[no-untyped-def]
         many = np.uint64(links.width[link])
         low = np.uint64(links.target[link])
         for r in range(rows_from, rows_to):
-            if begin[m, r + 1] > begin[m, r]:
+            if begin[r + 1, m] > begin[r, m]:
                 at = np.uint64(r + 1 + links.delay[link])
-                for e in range(begin[m, r], begin[m, r + 1]):
+                for e in range(begin[r, m], begin[r + 1, m]):
                     start = np.uint64(offset + event[base + e] * links.width[link])
                     for j in range(many):
                         charge[at, low + j] += links.matrix[start + j]
@@ -250,7 +283,7 @@ def deliver(  # type: ignore[no-untyped-def]
                     touched[at, np.uint64(chunk)] = 1
     else:
         for r in range(rows_from, rows_to):
-            for e in range(begin[m, r], begin[m, r + 1]):
+            for e in range(begin[r, m], begin[r + 1, m]):
                 source = offset + event[base + e]
                 for k in range(links.list_start[source], links.list_start[source + 1]):
                     at = r + 1 + links.late[k]
@@ -268,13 +301,34 @@ def _keep(registers, at, first_column, width, step, recording, kept):  # type: i
                 kept.rows[recording, row, kept.place[first_column + i]] = registers[at + np.uint64(i)]
 
 
-@absorbed
+@compiled
 def reset(state):  # type: ignore[no-untyped-def]
     """Go back to before the first step."""
-    state.registers[:] = state.first_registers
-    state.charge[:] = 0
-    state.touched[:] = 0
-    state.at_rest[:] = state.first_at_rest
+    # Loops: each assignment of a whole array would take a second to compile.
+    for k in range(len(state.registers)):
+        state.registers[k] = state.first_registers[k]
+    for k in range(len(state.at_rest)):
+        state.at_rest[k] = state.first_at_rest[k]
+    for r in range(len(state.charge)):
+        _clear(state.charge, r)
+        _clear(state.touched, r)
+
+
+@compiled
+def _clear(array, row):  # type: ignore[no-untyped-def]
+    for k in range(array.shape[1]):
+        array[row, k] = 0
+
+
+@compiled
+def _move_row(array, row, to):  # type: ignore[no-untyped-def]
+    """Move a row to another; return whether anything in it was not 0."""
+    anything = False
+    for k in range(array.shape[1]):
+        anything |= array[row, k] != 0
+        array[to, k] = array[row, k]
+        array[row, k] = 0
+    return anything
 
 
 @compiled
@@ -283,14 +337,15 @@ def run_tile(  # type: ignore[no-untyped-def]
 ):
     """Run ``rows`` steps from ``step`` on; return how many of them nothing had to be updated in.
 
-    ``first`` (inputs, rows + 1 or more) and ``line``: the lists of the tile's input events. ``spikes`` (rows, n) and
+    ``first`` (rows + 1 or more, inputs) and ``line``: the lists of the tile's input events. ``spikes`` (rows, n) and
     ``active`` (rows, cores) are written, ``sent`` (lines + n,) is added to, and registers are kept for ``recording``.
     """
-    for m in range(len(first)):
+    for m in range(first.shape[1]):
         low = np.uint64(nodes.first[m])
-        for e in range(np.uint64(first[m, 0]), np.uint64(first[m, rows])):
+        for e in range(np.uint64(first[0, m]), np.uint64(first[rows, m])):
             sent[low + np.uint64(line[e])] += 1
-    work.updated[:] = 0
+    for r in range(rows):
+        work.updated[r] = 0
     for block in range(len(chunks.feeds_itself)):
         _run_block(
             block,
@@ -311,19 +366,21 @@ def run_tile(  # type: ignore[no-untyped-def]
             kept,
         )
     _move_on(state.charge, state.touched, rows)
-    return rows - work.updated.sum()
+    quiet = rows
+    for r in range(rows):
+        quiet -= work.updated[r]
+    return quiet
 
 
 @absorbed
 def _move_on(charge, touched, rows):  # type: ignore[no-untyped-def]
     """Move what is due after a tile to the front; the rows behind it start empty. Those of the tile are empty."""
     late = len(charge) - rows
-    for r in range(late):
-        if touched[r + rows].any():
-            charge[r] = charge[r + rows]
-            charge[r + rows] = 0
-        touched[r] = touched[r + rows]
-    touched[late:] = 0
+    for r in range(len(charge)):
+        if r >= late:
+            _clear(touched, r)
+        elif _move_row(touched, r + rows, r):
+            _move_row(charge, r + rows, r)
 
 
 @compiled
@@ -336,7 +393,7 @@ def _run_block(  # type: ignore[no-untyped-def]
     tile = len(work.masks)
     for link in range(links.into_block[block], links.into_block[block + 1]):
         m = links.source[link]
-        if m < len(first):
+        if m < first.shape[1]:
             deliver(link, 0, rows, line, 0, first, m, charge, touched, nodes, links)
         else:
             deliver(link, 0, rows, event, nodes.first[m] * tile, begin, m, charge, touched, nodes, links)
@@ -402,8 +459,8 @@ def _list_spikes(m, low, high, fired, nodes, chunks, work, spikes, sent):  # typ
     masks, event, begin = work.masks, work.event, work.begin
     base = nodes.first[m] * len(masks)
     lines = len(sent) - spikes.shape[1]
-    found = begin[m, low] if low else 0
-    begin[m, low] = found
+    found = begin[low, m] if low else 0
+    begin[low, m] = found
     for r in range(low, high):
         if fired:
             for k in range(nodes.chunk[m], nodes.chunk[m + 1]):
@@ -416,4 +473,4 @@ def _list_spikes(m, low, high, fired, nodes, chunks, work, spikes, sent):  # typ
                     found += 1
                     spikes[r, column] = 1
                     sent[lines + column] += 1
-        begin[m, r + 1] = found
+        begin[r + 1, m] = found

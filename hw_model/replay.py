@@ -7,23 +7,41 @@ changed; a spike that comes or goes changes charges of later steps by its weight
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from hw_model.compiled import absorbed, borrowed, compiled, trailing_zeros
-from hw_model.fast_kernels import AnyArray, add_up, advance, first_state, pass_on
+from hw_model.fast_kernels import AnyArray, add_up, advance, advance_pair, pass_on
 from hw_model.fast_layout import BIAS, BLOCKED, FIELDS, LANES, REFRACTORY, FastLayout, U
 
 
-class History(NamedTuple):
-    """Every step of a phase: ``after`` (steps, chunks, :data:`KEPT`) registers, ``masks`` (steps, chunks) spike bits.
+class Order(NamedTuple):
+    """Chunks in the order of their updates, bundle by bundle, (members,) each; :class:`hw_model.fast_layout.Chunks`.
 
-    ``reached`` (steps, chunks) marks charges that ever changed; ``spikes`` (columns,) counts spikes; ``changed``
-    (blocks,) is the first step with another charge, or the number of steps; ``run`` (1,) how many steps of blocks have
-    been run; ``block_of`` (nodes,); ``forgets`` (chunks,): what keeps nothing from step to step; ``never_rests``.
+    ``parent`` is a member; ``forgets``: nothing is kept from step to step; ``never_rests``: there is a bias;
+    ``is_pair``: the first of two dendrites whose sum is all that the third member is, and which keeps nothing.
     """
 
+    member: AnyArray
+    begins: AnyArray
+    parent: AnyArray
+    sums: AnyArray
+    forgets: AnyArray
+    never_rests: AnyArray
+    is_pair: AnyArray
+
+
+class History(NamedTuple):
+    """Every step of a phase: ``charge`` (steps, slots), ``masks`` (steps, chunks) the spikes as bits.
+
+    ``after`` (steps, members, :data:`KEPT`) are the registers after it; ``reached`` (steps, chunks) marks charges that
+    ever changed; ``spikes`` (columns,) counts spikes; ``changed`` (blocks,) is the first step with another charge, or
+    the number of steps; ``run`` (1,) how many steps of blocks have been run; ``block_of`` (nodes,).
+    """
+
+    charge: AnyArray
     after: AnyArray
     masks: AnyArray
     reached: AnyArray
@@ -31,37 +49,36 @@ class History(NamedTuple):
     changed: AnyArray
     run: AnyArray
     block_of: AnyArray
-    forgets: AnyArray
-    never_rests: AnyArray
 
 
 KEPT = (BLOCKED + 1 - U) * LANES
 """Numbers of a chunk's state: u, v, potential and blocked, which lie side by side."""
+U_AND_V = 2 * LANES
+_LANES, _CHUNK, _STATE = np.uint64(LANES), np.uint64(FIELDS * LANES), np.uint64(U * LANES)
 
 
 class Replay:
     """A phase of ``steps`` steps that starts with no event at all; events of input ``node`` are then added to it."""
 
     def __init__(self, layout: FastLayout, steps: int) -> None:
-        blocks, chunks = len(layout.chunks.feeds_itself), len(layout.chunks.node)
+        chunks, blocks = layout.chunks, len(layout.chunks.feeds_itself)
         block_of = np.full(len(layout.nodes.first), -1, dtype=np.int64)
         for block in range(blocks):
-            bundles = layout.chunks.of_block[block : block + 2]
-            low, high = layout.chunks.bundle[bundles]
-            block_of[layout.chunks.node[layout.chunks.member[low:high]]] = block
+            low, high = chunks.bundle[chunks.of_block[block : block + 2]]
+            block_of[chunks.node[chunks.member[low:high]]] = block
         self._layout, self._steps = layout, steps
-        self._state = first_state(layout, steps)
-        registers = layout.chunks.registers
+        self._order = _order(layout)
+        self._registers = chunks.registers[chunks.member].reshape(-1)
+        self._at_rest = np.zeros(len(chunks.member), dtype=np.bool_)
         self._history = History(
-            after=np.zeros((steps, chunks, KEPT), dtype=np.int32),
-            masks=np.zeros((steps, chunks), dtype=np.int32),
-            reached=np.zeros((steps, chunks), dtype=np.uint8),
+            charge=np.zeros((steps, len(chunks.node) * LANES), dtype=np.int64 if layout.wide else np.int32),
+            after=np.zeros((steps, len(chunks.node), KEPT), dtype=np.int32),
+            masks=np.zeros((steps, len(chunks.node)), dtype=np.int32),
+            reached=np.zeros((steps, len(chunks.node)), dtype=np.uint8),
             spikes=np.zeros(layout.columns, dtype=np.int64),
             changed=np.zeros(blocks, dtype=np.int64),
             run=np.zeros(1, dtype=np.int64),
             block_of=block_of,
-            forgets=layout.chunks.sums.astype(np.bool_) & (registers[:, REFRACTORY].max(axis=1) <= 1),
-            never_rests=(registers[:, BIAS] != 0).max(axis=1),
         )
         none = np.empty(0, dtype=np.int64)
         self.push(none, none, none, np.zeros(2, dtype=np.int64))
@@ -72,8 +89,8 @@ class Replay:
         layout = self._layout
         counts = np.empty((len(first) - 1, layout.columns), dtype=np.int64)
         _push(
-            node, line, position, first, layout.nodes, layout.chunks, layout.links, self._state, self._history,
-            counts,
+            node, line, position, first, layout.nodes, layout.chunks, layout.links, self._order, self._registers,
+            self._at_rest, self._history, counts,
         )  # fmt: skip
         return counts
 
@@ -93,100 +110,153 @@ class Replay:
         return lanes.reshape(self._steps, -1)[:, self._layout.slot].astype(np.uint8)
 
 
+def _order(layout: FastLayout) -> Order:
+    chunks = layout.chunks
+    member, count = chunks.member, len(chunks.member)
+    place = np.full(count + 1, -1, dtype=np.int64)  # the last is the place of no chunk
+    place[member] = np.arange(count)
+    parent, sums = place[chunks.parent[member]], chunks.sums[member].astype(np.bool_)
+    forgets = sums & (chunks.registers[member][:, REFRACTORY].max(axis=1) <= 1)
+    is_pair = np.zeros(count, dtype=np.bool_)
+    for low, high in pairwise(chunks.bundle.tolist()):
+        is_pair[low] = high - low == 3 and forgets[high - 1] and (parent[low : high - 1] == high - 1).all()
+    return Order(
+        member=member,
+        begins=chunks.begins,
+        parent=parent,
+        sums=sums,
+        forgets=forgets,
+        never_rests=(chunks.registers[member][:, BIAS] != 0).max(axis=1),
+        is_pair=is_pair & (not layout.wide),
+    )
+
+
 @compiled
 def _push(  # type: ignore[no-untyped-def]
-    node, line, position, first, nodes, chunks, links, state, history, counts
+    node, line, position, first, nodes, chunks, links, order, registers, at_rest, history, counts
 ):
-    node, line, position, nodes, chunks, links, state, history = borrowed(
-        (node, line, position, nodes, chunks, links, state, history)
+    node, line, position, nodes, chunks, links, order, registers, at_rest, history = borrowed(
+        (node, line, position, nodes, chunks, links, order, registers, at_rest, history)
     )
     steps = len(history.masks)
     for row in range(len(counts)):
         for e in range(first[row], first[row + 1]):
             for link in range(len(links.source)):
                 if links.source[link] == node[e]:
-                    _change(link, line[e], position[e], 1, chunks, links, state, history)
+                    _change(np.uint64(link), line[e], position[e], 1, links, history)
         for block in range(len(history.changed)):
             start = history.changed[block]
             if start < steps:
                 history.changed[block] = steps
-                _run_again(block, start, nodes, chunks, links, state, history)
-        counts[row] = history.spikes
+                _run_again(block, start, nodes, chunks, links, order, registers, at_rest, history)
+        for column in range(counts.shape[1]):
+            counts[row, column] = history.spikes[column]
 
 
 @absorbed
-def _change(link, source, step, sign, chunks, links, state, history):  # type: ignore[no-untyped-def]
+def _change(link, source, step, sign, links, history):  # type: ignore[no-untyped-def]
     """Add, or take away, the charges of a spike in ``step``, and note from where on the target has to run again."""
-    block = history.block_of[links.target_node[link]]
+    block = np.uint64(history.block_of[links.target_node[link]])
+    steps = len(history.masks)
     if links.dense[link]:
         at = step + 1 + links.delay[link]
-        if at < len(history.masks):
+        if at < steps:
+            due = np.uint64(at)
             begin = np.uint64(links.offset[link] + source * links.width[link])
-            low = np.uint64(links.target[link])
-            for j in range(np.uint64(links.width[link])):
-                state.charge[at, low + j] += sign * links.matrix[begin + j]
+            low, many = np.uint64(links.target[link]), np.uint64(links.width[link])
+            for j in range(many):
+                history.charge[due, low + j] += sign * links.matrix[begin + j]
             history.changed[block] = min(history.changed[block], at)
-            for chunk in range(low // np.uint64(LANES), (low + np.uint64(links.width[link])) // np.uint64(LANES)):
-                history.reached[at, chunk] = 1
+            for chunk in range(low // _LANES, (low + many) // _LANES):
+                history.reached[due, chunk] = 1
     else:
         row = links.offset[link] + source
-        for k in range(links.list_start[row], links.list_start[row + 1]):
+        for k in range(np.uint64(links.list_start[row]), np.uint64(links.list_start[row + 1])):
             at = step + 1 + links.late[k]
-            if at < len(history.masks):
-                state.charge[at, links.slot[k]] += sign * links.weight[k]
+            if at < steps:
+                due, slot = np.uint64(at), np.uint64(links.slot[k])
+                history.charge[due, slot] += sign * links.weight[k]
                 history.changed[block] = min(history.changed[block], at)
-                history.reached[at, links.slot[k] // LANES] = 1
+                history.reached[due, slot // _LANES] = 1
 
 
 @compiled
-def _run_again(block, start, nodes, chunks, links, state, history):  # type: ignore[no-untyped-def]
+def _run_again(  # type: ignore[no-untyped-def]
+    block, start, nodes, chunks, links, order, registers, at_rest, history
+):
     """Run a block from step ``start`` on; spikes that come or go change what is due later, here and elsewhere."""
     low, high = chunks.bundle[chunks.of_block[block]], chunks.bundle[chunks.of_block[block + 1]]
-    at_rest = state.at_rest
-    for index in range(low, high):
-        k = chunks.member[index]
-        _load(state.registers, k, history.after[max(start - 1, 0), k], start > 0)
-        at_rest[k] = False
-    steps = len(history.masks)
-    for step in range(start, steps):
+    for index in range(np.uint64(low), np.uint64(high)):
+        for i in range(np.uint64(KEPT)):
+            registers[index * _CHUNK + _STATE + i] = history.after[start - 1, index, i] if start > 0 else 0
+        at_rest[index] = False
+    for row in range(start, len(history.masks)):
+        step = np.uint64(row)
         stirred = False
-        for index in range(low, high):
-            k = np.uint64(chunks.member[index])
-            at = np.uint64(k * np.uint64(FIELDS * LANES))
-            stirred &= not chunks.begins[index]
-            mask = np.int32(0)
-            if not at_rest[k] or history.reached[step, k] or stirred:
-                if chunks.sums[k]:
-                    mask, _, restless = add_up(state.registers, at)
-                    at_rest[k] = restless == 0
-                else:
-                    mask, remains = advance(state.registers, at, state.charge, np.uint64(step), k * np.uint64(LANES))
-                    at_rest[k] = remains == 0 and not history.never_rests[k]
-                    stirred |= not at_rest[k]
-                if chunks.parent[k] >= 0:
-                    pass_on(state.registers, at, np.uint64(chunks.parent[k] * FIELDS * LANES))
-            if not history.forgets[k]:
-                for i in range(np.uint64(KEPT)):
-                    history.after[step, k, i] = state.registers[at + np.uint64(U * LANES) + i]
-            flipped = np.uint64(np.uint32(mask ^ history.masks[step, k]))
-            history.masks[step, k] = mask
-            while flipped:
-                lane = trailing_zeros(flipped)
-                flipped &= flipped - np.uint64(1)
-                sign = 1 if (mask >> lane) & 1 else -1
-                column = chunks.first_column[k] + lane
-                history.spikes[column] += sign
-                node = chunks.node[k]
-                for link in range(len(links.source)):
-                    if links.source[link] == node:
-                        _change(link, column - nodes.first[node], step, sign, chunks, links, state, history)
-    history.changed[block] = steps
-    history.run[0] += steps - start
+        index = np.uint64(low)
+        while index < np.uint64(high):
+            if order.is_pair[index]:
+                mask = _run_pair(step, index, order, registers, at_rest, history)
+                index += np.uint64(3)
+            else:
+                stirred &= not order.begins[index]
+                mask, stirred = _run_member(step, index, stirred, order, registers, at_rest, history)
+                index += np.uint64(1)
+            k = np.uint64(order.member[index - np.uint64(1)])
+            if mask != history.masks[step, k]:
+                _flip(row, k, mask, nodes, chunks, links, history)
+    history.changed[block] = len(history.masks)
+    history.run[0] += len(history.masks) - start
 
 
 @absorbed
-def _load(registers, k, kept, any_step):  # type: ignore[no-untyped-def]
-    """Set the state of a chunk to what it was after a step, or to rest before the first."""
-    at = np.uint64(k * FIELDS * LANES + U * LANES)
-    for i in range(np.uint64(KEPT)):
-        registers[at + i] = kept[i] if any_step else 0
+def _run_pair(step, index, order, registers, at_rest, history):  # type: ignore[no-untyped-def]
+    """Update two dendrites and their sum in one step; return the spikes as bits."""
+    one, other = np.uint64(order.member[index]), np.uint64(order.member[index + np.uint64(1)])
+    at = index * _CHUNK
+    mask = np.int32(0)
+    if not at_rest[index] or history.reached[step, one] or history.reached[step, other]:
+        mask, remains = advance_pair(registers, at, history.charge, step, one * _LANES, other * _LANES)
+        at_rest[index] = remains == 0 and not order.never_rests[index] and not order.never_rests[index + np.uint64(1)]
+    for i in range(np.uint64(U_AND_V)):
+        history.after[step, index, i] = registers[at + _STATE + i]
+    for i in range(np.uint64(U_AND_V)):
+        history.after[step, index + np.uint64(1), i] = registers[at + _CHUNK + _STATE + i]
+    return mask
+
+
+@absorbed
+def _run_member(step, index, stirred, order, registers, at_rest, history):  # type: ignore[no-untyped-def]
+    """Update one chunk in one step; return the spikes as bits, and whether its bundle is stirred now."""
+    k, at = np.uint64(order.member[index]), index * _CHUNK
+    mask = np.int32(0)
+    if not at_rest[index] or history.reached[step, k] or stirred:
+        if order.sums[index]:
+            mask, _, remains = add_up(registers, at)
+        else:
+            mask, remains = advance(registers, at, history.charge, step, k * _LANES)
+        at_rest[index] = remains == 0 and not order.never_rests[index]
+        stirred = True
+        if order.parent[index] >= 0:
+            pass_on(registers, at, np.uint64(order.parent[index]) * _CHUNK)
+    if not order.forgets[index]:
+        for i in range(np.uint64(KEPT)):
+            history.after[step, index, i] = registers[at + _STATE + i]
+    return mask, stirred
+
+
+@absorbed
+def _flip(step, k, mask, nodes, chunks, links, history):  # type: ignore[no-untyped-def]
+    """Note the spikes of a chunk in a step, and change what those that came or went make due."""
+    flipped = np.uint64(np.uint32(mask ^ history.masks[step, k]))
+    history.masks[step, k] = mask
+    node = chunks.node[k]
+    while flipped:
+        lane = trailing_zeros(flipped)
+        flipped &= flipped - np.uint64(1)
+        sign = 1 if (mask >> lane) & 1 else -1
+        column = chunks.first_column[k] + lane
+        history.spikes[column] += sign
+        for link in range(len(links.source)):
+            if links.source[link] == node:
+                _change(np.uint64(link), column - nodes.first[node], step, sign, links, history)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import logging
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -25,6 +26,7 @@ class Parser(argparse.ArgumentParser):
 
 def guarded(run: Callable[[], int]) -> int:
     """Run a command; print an error as its one line and return the exit code that its kind has."""
+    _show_log()
     try:
         return run()
     except InputError as error:
@@ -40,6 +42,14 @@ def guarded(run: Callable[[], int]) -> int:
         # The reader of our output went away: leave without a word, and keep the interpreter from flushing into it.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+
+
+def _show_log() -> None:
+    """Show what the packages log on standard error, where somebody watches: the first run compiles for seconds."""
+    if sys.stderr.isatty():
+        logging.basicConfig(format="%(message)s")
+        for package in ("hw_model", "locsnn_compile"):
+            logging.getLogger(package).setLevel(logging.INFO)
 
 
 @contextmanager
