@@ -95,7 +95,7 @@ def _taps(
 
 def _charges(response: FloatArray, keep: FloatArray) -> FloatArray:
     """Return the charges that a dendrite answers by a response (lags, n): it filtered by ``(1 - keep z^-1)^2``."""
-    before = np.concatenate((np.zeros_like(response[:2]), response))
+    before = np.concatenate((np.zeros((2, response.shape[1])), response))
     charges: FloatArray = response - 2 * keep * before[1 : len(response) + 1] + keep**2 * before[: len(response)]
     return charges
 

@@ -17,6 +17,7 @@ from locsnn_compile.matrices import of_target, row_maxima, values_of, with_value
 from locsnn_compile.network import Network, Population, Projection
 from locsnn_compile.neurons import Cuba, SrmAlpha
 from locsnn_compile.on_grid import ChipCuba, ChipProjection, ChipSrm
+from locsnn_compile.passes.check_heard import check_heard
 from locsnn_compile.passes.kernel_fit import kernel_fit
 from locsnn_compile.passes.quantize_cuba import quantize_cuba
 from locsnn_compile.passes.quantize_srm import quantize_srm
@@ -39,7 +40,9 @@ def quantize(network: Network, chip: Chip, weight_bits: int = 8, strategy: str =
         scaled = _scale(population, neuron, floats, grid, chip, strategy)
         fit = kernel_fit(neuron, scaled, chip.registers)
         populations.append(QuantizedPopulation(population, scaled.neuron, scaled.scale, fit))
-        projections += [_round(p, scaled, grid) for p in floats]
+        rounded = [_round(p, scaled, grid) for p in floats]
+        check_heard(population, neuron, floats, rounded, network.steps_of(population.axis))
+        projections += rounded
     result = QuantizedNetwork(network, tuple(populations), tuple(projections))
     check_quantized(result, chip)
     return result

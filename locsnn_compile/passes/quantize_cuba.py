@@ -57,7 +57,7 @@ def _check_bias(strongest: float, limit: float, where: str) -> None:
         raise TargetError(
             where,
             "no scale holds both the threshold and the largest bias",
-            measured=f"one bias reaches {strongest:.3g} thresholds against {limit:.0f}",
+            measured=f"one bias reaches {strongest:.6g} thresholds against {limit:.0f}",
             fix="Train with smaller biases, or a higher threshold.",
         )
 

@@ -15,6 +15,8 @@ HEADROOM = 16
 """The voltage register holds at least this many thresholds: potentials of trained networks go that far."""
 HEAVIEST = 255 * 2.0 ** WEIGHT_EXPONENTS[-1]
 """The largest weight of any format, in units of the threshold mantissa."""
+WHOLE = 1 + 1e-12
+"""A quotient that float rounding left this little below a whole number is that number."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +42,7 @@ def exponent_and_threshold(heaviest: float, grid: WeightGrid, chip: Chip, cap: i
     cap = min(cap, chip.registers.voltage_max // (64 * HEADROOM))
     fits = [grid.high * 2**e / heaviest - over / 64 if heaviest else math.inf for e in range(8)]
     exponent = max((e for e, most in enumerate(fits) if most <= cap), default=0)
-    return exponent, int(min(fits[exponent], cap))
+    return exponent, int(min(fits[exponent] * WHOLE, cap))
 
 
 def check_threshold(threshold: int, heaviest: float, grid: WeightGrid, over: int, where: str) -> None:

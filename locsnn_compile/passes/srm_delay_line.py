@@ -35,6 +35,8 @@ ENOUGH, EXACT = 1.25, 2.0**-12
 """The fewest taps are taken whose error is at most ``EXACT``, or ``ENOUGH`` times the least of any number of taps."""
 ERROR_MAX = 0.1
 """Largest relative root mean square error; beyond, the kernel outlasts the delays, or drowns in rounding."""
+FAINT = 0.01
+"""A kernel whose root of summed squares is less, in thresholds, is measured against that: it hardly matters."""
 HORIZON = 12
 """Time constants over which the error is summed, of at most so many steps in all."""
 STEPS_MAX = 4096
@@ -88,7 +90,7 @@ def _round_taps(neuron: SrmAlpha, decay: int, theta: FloatArray) -> _Rounded:
     tau = max(neuron.tau_ref, -1.0 / math.log(keep) if keep else 0.0)
     steps = min(TAPS_MAX + math.ceil(HORIZON * tau), STEPS_MAX)
     wanted = _response(neuron, theta, steps)
-    energy = np.maximum((wanted**2).sum(axis=0), np.finfo(np.float64).tiny)
+    energy = np.maximum((wanted**2).sum(axis=0), (FAINT * theta) ** 2)
     exponents = _exponents(float(np.abs(_charges(wanted, decay)).max()))
     fine = FINE * np.abs(wanted).max(axis=0) / 64
     current, voltage, passed = np.zeros((3, len(theta)))

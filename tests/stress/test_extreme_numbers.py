@@ -7,6 +7,7 @@ import pytest
 
 import hw_model as hw
 from hw_model.graph import Readout
+from locsnn_compile.error_budget.budget import error_budget
 from locsnn_compile.errors import InputError, TargetError
 from locsnn_compile.matrices import matrix
 from locsnn_compile.network import InputView, Network, Population, Projection
@@ -43,7 +44,7 @@ REFUSED = [
 TOO_MUCH = [
     ("own spikes", one(replace(SRM, scale_ref=1e6)), "dendrite", "population 'n': no scale holds both the threshold and the refractory kernel (an own spike weighs 1e+06 thresholds against 16320). Use a smaller scale_ref, or strategy reset."),
     ("own taps", one(replace(SRM, scale_ref=1e6)), "delay-line", "population 'n': no scale holds both the threshold and the refractory kernel (an own spike weighs 1.07e+06 thresholds against 16320). Use a smaller scale_ref, or strategy reset."),
-    ("bias", one(Cuba.of(1, decay_v=0.1, threshold=1.0, bias=1e5)), "dendrite", "population 'n': no scale holds both the threshold and the largest bias (one bias reaches 1e+05 thresholds against 4095). Train with smaller biases, or a higher threshold."),
+    ("bias", one(Cuba.of(1, decay_v=0.1, threshold=1.0, bias=1e5)), "dendrite", "population 'n': no scale holds both the threshold and the largest bias (one bias reaches 100098 thresholds against 4095). Train with smaller biases, or a higher threshold."),
     ("weight of rule >=", one(Cuba.of(1, decay_v=1.0, threshold=1.0, rule=">="), 32200.0), "dendrite", "population 'n': no scale holds both the threshold and the largest weight (one weight reaches 3.22e+04 thresholds against 32138). Train with smaller weights, or a higher threshold."),
 ]  # fmt: skip
 
@@ -105,3 +106,46 @@ def test_the_strongest_reset_is_finite():
 @pytest.mark.parametrize("tau", [1e-3, 1e-100])
 def test_a_kernel_that_is_over_at_once_has_no_gain(tau):
     assert alpha_kernel(tau, "tau") == (4096, 0.0, 0.0)
+
+
+def test_delay_line_holds_a_refractory_kernel_that_hardly_matters():
+    """A millionth of a threshold is less than any tap; none is taken, and nothing is refused."""
+    levels = lower(one(replace(SRM, scale_ref=1e-6)), CHIP, 8, "delay-line")
+    assert len(levels.quantized.population("n").neuron.refractory.delay) == 0
+
+
+HEARD = [
+    ("srm", one(replace(SRM, tau_sr=4000.0), 0.01), "population 'n': every weight rounds to 0, so it would hear nothing (one input that spikes in every step could reach 1.88 thresholds). Use larger weights, a shorter tau_sr, or a smaller scale_ref."),
+    ("integrator", one(Cuba.of(1, decay_v=0.0, threshold=1e-3, bias=1.0), 1e-6), "population 'n': every weight rounds to 0, so it would hear nothing (one input that spikes in every step could reach 3 thresholds). Use larger weights, or smaller biases."),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("network", "message"), [row[1:] for row in HEARD], ids=[row[0] for row in HEARD])
+def test_a_population_that_would_hear_nothing(network, message):
+    with pytest.raises(TargetError) as caught:
+        lower(replace(network, steps=3000), CHIP, 8)
+    assert str(caught.value) == message
+
+
+def test_weights_that_are_nothing_to_the_float_network_either_may_be_lost():
+    assert not lower(one(LIF, 1e-6), CHIP, 8).quantized.projections[0].mantissa.any()
+    assert not lower(one(SRM, 0.0), CHIP, 8).quantized.projections[0].mantissa.any()
+
+
+def test_a_threshold_in_three_spikes_is_met_exactly():
+    """10 / 3 is a third of 10 but for float rounding; the scale is one in which the chip's integers are thirds too."""
+    network = one(Cuba.of(1, decay_v=0.0, threshold=10.0, rule=">="), 10.0 / 3.0)
+    levels = lower(network, CHIP, 8)
+    (weight,) = 64 * levels.quantized.projections[0].mantissa[0] * 2 ** levels.quantized.projections[0].exponent
+    assert 3 * weight == 64 * (levels.quantized.population("n").neuron.threshold[0] + 1)
+
+
+def test_one_tap_alone_is_the_kernel_in_the_error_budget():
+    """With equal time constants one tap is the whole refractory kernel: the neuron model alone changes nothing."""
+    network = one(replace(SRM, tau_sr=1.0), 20.0)
+    levels = lower(network, CHIP, 8, "delay-line")
+    assert set(levels.quantized.population("n").neuron.refractory.delay.tolist()) == {0}
+    played = np.ones((1, network.steps, 1), dtype=np.uint8)
+    spikes = error_budget(levels, played).alone["kernel"].spikes
+    assert spikes.reference_spikes > 0
+    assert spikes.mismatches == 0
