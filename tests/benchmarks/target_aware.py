@@ -56,13 +56,12 @@ class Row:
         return same | dict(self.own.get(dataset, {}))
 
 
-PRUNED = {"objects": {"pruned": 0.33, "epochs": 150}, "containers": {"pruned": 0.4}}
+PRUNED = {"objects": {"pruned": 0.33, "epochs": 150, "learning_rate": 0.006}, "containers": {"pruned": 0.4}}
 ROWS = (
     Row("dendrite-8", "dendrite"),
     Row("delay-line-8", "delay-line"),
     Row("reset-8", "reset"),
     Row("reset-8-pruned", "reset", own=PRUNED),
-    Row("dendrite-8-pruned", "dendrite", own=PRUNED),
     Row("dendrite-4", "dendrite", weight_bits=4),
 )
 
