@@ -25,7 +25,7 @@ from hw_model.playing import Spikes, read_streams
 from hw_model.probes import Kind, Probe
 from hw_model.program import ChipProgram, Core
 from hw_model.range_proof import prove_range
-from hw_model.session import Session
+from hw_model.session import Session, leads
 from hw_model.simulation import SimulationResult, simulate
 from hw_model.trace import ByteArray
 
@@ -74,7 +74,7 @@ def stop_at_margin(program: ChipProgram, spikes: Spikes, margin: float, psi: flo
     Steps count the recording's, of which the phases that play it as it comes run as many. ``psi`` as for
     :class:`hw_model.Session`.
     """
-    streams = _to_the_end(program, spikes)
+    streams = to_the_end(program, spikes)
     scores = timestep_scores(program, streams, psi)
     rows = scores.shape[1]
     steps = _first_lead(scores, margin)
@@ -101,10 +101,10 @@ def calibrate_margin(program: ChipProgram, spikes: Spikes, agreement: float, psi
     if not 0.0 <= agreement <= 1.0:
         raise InputError("agreement", "it is a share", measured=f"{agreement} against 0 to 1", fix="Correct it.")
     scores = timestep_scores(program, spikes, psi)
-    predictions, leads = scores.argmax(axis=2), _leads(scores)
-    margins = np.unique(leads[leads > 0])
+    predictions, lead_over_time = scores.argmax(axis=2), leads(scores)
+    margins = np.unique(lead_over_time[lead_over_time > 0])
     agreeing = np.full(len(margins), len(scores))
-    for prediction, lead in zip(predictions, leads, strict=True):
+    for prediction, lead in zip(predictions, lead_over_time, strict=True):
         # A margin stops at the first lead that reaches it, which is larger than all before.
         records = np.flatnonzero(lead > np.maximum.accumulate(np.append(0.0, lead[:-1])))
         reached = np.searchsorted(margins, np.append(0.0, lead[records]), side="right")
@@ -119,7 +119,7 @@ def timestep_scores(program: ChipProgram, spikes: Spikes, psi: float | None = No
 
     Recordings that are shorter than the program's are followed by silence.
     """
-    streams = _to_the_end(program, spikes)
+    streams = to_the_end(program, spikes)
 
     def part(start: int, stop: int) -> list[FloatArray]:
         session = Session(program, psi)
@@ -140,8 +140,8 @@ def _batch(program: ChipProgram, spikes: Spikes) -> dict[str, ByteArray]:
     return streams
 
 
-def _to_the_end(program: ChipProgram, spikes: Spikes) -> dict[str, ByteArray]:
-    """Return recordings followed by silence until the phases that play them as they come have ended."""
+def to_the_end(program: ChipProgram, spikes: Spikes) -> dict[str, ByteArray]:
+    """Return every stream, (batch, steps, channels), followed by silence until the phases that play it so have ended."""
     streams = _batch(program, spikes)
     turned = {item.phase for item in program.inputs if item.positions is not None}
     last = max((phase.steps or 0 for phase in program.phases if phase.name not in turned), default=0)
@@ -155,17 +155,9 @@ def _readout(program: ChipProgram) -> Readout:
     return program.readout
 
 
-def _leads(scores: FloatArray) -> FloatArray:
-    """Return by how much the best class leads after every step, (batch, steps)."""
-    best = (
-        np.partition(scores, -2, axis=2)[:, :, -2:] if scores.shape[2] > 1 else np.pad(scores, ((0, 0), (0, 0), (1, 0)))
-    )
-    return np.asarray(best[:, :, 1] - best[:, :, 0])
-
-
 def _first_lead(scores: FloatArray, margin: float) -> IntArray:
     """Return the first step, counted from 1, with that lead; the last one where there is none, (batch,)."""
-    enough = _leads(scores) >= margin
+    enough = leads(scores) >= margin
     enough[:, -1] = True
     return np.asarray(enough.argmax(axis=1) + 1, dtype=np.int64)
 

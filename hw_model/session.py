@@ -41,6 +41,19 @@ class StepScores:
         """Class with the highest score after each step, the first of equals, (steps,)."""
         return np.asarray(self.scores.argmax(axis=1), dtype=np.int64)
 
+    @property
+    def lead(self) -> FloatArray:
+        """By how much the best score after each step is above the second, (steps,)."""
+        return leads(self.scores)
+
+
+def leads(scores: FloatArray) -> FloatArray:
+    """Return by how much the best of scores (..., classes) is above the second; an only one is above 0."""
+    if scores.shape[-1] == 1:
+        return scores[..., 0]
+    best = np.partition(scores, -2, axis=-1)
+    return np.asarray(best[..., -1] - best[..., -2])
+
 
 class Session:
     """One recording, played to a program as it arrives. The integers are those of :func:`hw_model.simulate`.
@@ -116,6 +129,12 @@ def location_share(psi: float, step: IntArray, steps: int) -> FloatArray:
     return shares
 
 
+def check_psi(psi: float) -> None:
+    """Refuse a psi that is negative or not a number."""
+    if not (np.isfinite(psi) and psi >= 0):
+        raise InputError("psi", "it is no rate", measured=f"got {psi}", fix="Give 0 or more, such as 10.")
+
+
 class _Live:
     """A phase whose inputs are played as they come: its state goes on from push to push."""
 
@@ -187,8 +206,8 @@ def _phase(program: ChipProgram, phase: Phase) -> _Live | _Turned:
 def _length(program: ChipProgram, psi: float | None) -> int:
     """Return T, the steps of a whole recording, where it is needed."""
     lengths = [phase.steps for phase in program.phases if phase.axis == "time" and phase.steps]
-    if psi is not None and not (np.isfinite(psi) and psi >= 0):
-        raise InputError("psi", "it is no rate", measured=f"got {psi}", fix="Give 0 or more, such as 10.")
+    if psi is not None:
+        check_psi(psi)
     if psi is not None and not lengths:
         raise InputError("psi", "the program does not say how long a recording is", fix="Fix the steps of its phase.")
     return lengths[0] if lengths else 1

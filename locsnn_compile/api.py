@@ -19,6 +19,7 @@ from locsnn_compile.diagnosis import diagnose as find_diagnosis
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.matching import Match, Progress, compare, fit_recordings
 from locsnn_compile.network import Network
+from locsnn_compile.over_time import PSI, LeftOut, OverTime, over_time
 from locsnn_compile.passes.quantize import check_weight_bits
 from locsnn_compile.passes.quantize_srm import STRATEGIES as SRM_STRATEGIES
 from locsnn_compile.pipeline import Levels, lower
@@ -65,16 +66,18 @@ def compile(
     diagnosis: bool = True,
     calibration: Events | None = None,
     budget: ErrorBudget | None = None,
+    psi: float = PSI,
 ) -> CompiledModel:
     """Compile a network for a chip and check it against the float reference.
 
     ``target``: a chip's name, or the path of a chip YAML. ``events``: recordings to check on - a file, archive or
     folder, or an array (samples, steps, channels) of 0 and 1; by default those that the model carries, else synthetic
-    touches. ``labels`` (samples,) where ``events`` is an array. ``diagnosis``: take the error apart too, on some of
-    the recordings. ``strategy``: how SRM neurons are lowered; ``auto`` takes the cheapest that keeps the ``budget`` on
-    ``calibration``, given like ``events`` - by default what the model carries, else synthetic touches, so that the
-    program does not depend on the recordings that it is checked on; else ``events``. Raises ``InputError`` for what
-    cannot be used and ``TargetError`` for a model that the chip cannot hold.
+    touches. ``labels`` (samples,) where ``events`` is an array. ``diagnosis``: take the error apart too, and follow
+    predictions over time, on some of the recordings; ``psi`` is that of the time-weighted prediction. ``strategy``: how
+    SRM neurons are lowered; ``auto`` takes the cheapest that keeps the ``budget`` on ``calibration``, given like
+    ``events`` - by default what the model carries, else synthetic touches, so that the program does not depend on the
+    recordings that it is checked on; else ``events``. Raises ``InputError`` for what cannot be used and
+    ``TargetError`` for a model that the chip cannot hold.
     """
     if strategy not in STRATEGIES:
         raise InputError(
@@ -86,7 +89,8 @@ def compile(
     levels, choice = _lower(network, chip, weight_bits, strategy, recordings, calibration, budget)
     match = _compare(levels, recordings, progress)
     found = _diagnose(levels, recordings, match) if diagnosis else None
-    report = report_document(levels, match, found) | {"strategy_choice": choice_document(choice)}
+    followed = _follow(levels, recordings, psi) if diagnosis else None
+    report = report_document(levels, match, found, followed) | {"strategy_choice": choice_document(choice)}
     return CompiledModel(levels, match, report, choice)
 
 
@@ -146,6 +150,11 @@ def _diagnose(
 ) -> Diagnosis:
     played = fit_recordings(levels.network, recordings.spikes, recordings.source)
     return find_diagnosis(levels, played, match.first_divergence, samples=samples, progress=progress)
+
+
+def _follow(levels: Levels, recordings: Recordings, psi: float) -> OverTime | LeftOut:
+    played = fit_recordings(levels.network, recordings.spikes, recordings.source)
+    return over_time(levels, played, recordings.labels, psi)
 
 
 def _lower(

@@ -30,6 +30,7 @@ _STRATEGY = (
     "lowering of SRM neurons: dendrite, delay-line, reset, or auto, the cheapest within --min-agreement and "
     "--max-spike-error, by default what dendrite keeps (default auto)"
 )
+_PSI = "how late the time-weighted prediction of the report turns to the location branch (default 10)"
 LEVEL_KINDS = ("network", "quantized", "compartments", "placed", "routed", "program")
 EMIT_KINDS = (*LEVEL_KINDS, *BENCH_KINDS)
 
@@ -51,6 +52,7 @@ def parser() -> Parser:
     add("--calibration", metavar="FILE", help="recordings that auto decides on; default: the model's own, or synthetic")
     add("--weight-bits", type=int, default=8, metavar="BITS", help="1 to 6, or 8 (default 8)")
     add("--config", metavar="FILE", help="network description, for model formats that need one; a checkpoint does not")
+    add("--psi", type=number, default=10.0, metavar="X", help=_PSI)
     add("--emit", action="extend", nargs="+", default=[], metavar="KIND", help=f"also write: {', '.join(EMIT_KINDS)}")
     add("--recording", type=int, default=0, metavar="K", help="the recording to emit, counted from 0 (default 0)")
     add("--probe", action="append", default=[], metavar="POPULATION[INDEX]", help="a neuron to show with --emit vcd")
@@ -107,6 +109,7 @@ def run(args: Namespace) -> int:
             progress=progress,
             calibration=args.calibration,
             budget=ErrorBudget(args.min_agreement, args.max_spike_error),
+            psi=args.psi,
         )
     files = build_files(compiled, args.emit) | _emitted(args, compiled, recordings)
     gates = check_gates(compiled.report, _bounds(args))
@@ -150,6 +153,8 @@ def _print_summary(report: dict[str, Any], folder: Path, files: dict[str, bytes]
 
 def _check_options(args: Namespace) -> None:
     """Refuse options that could only fail after the work is done."""
+    if not (math.isfinite(args.psi) and args.psi >= 0):
+        raise InputError("--psi", "it is no rate", measured=f"got {args.psi:g}", fix="Give 0 or more, such as 10.")
     for kind in args.emit:
         if kind not in EMIT_KINDS:
             raise InputError(f"--emit {kind}", "there is no such kind", fix=did_you_mean(kind, EMIT_KINDS))

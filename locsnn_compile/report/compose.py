@@ -7,12 +7,14 @@ from collections.abc import Callable
 from locsnn_compile.report import accuracy, behaviour, build, cost
 from locsnn_compile.report.content import Document, Report, Section
 from locsnn_compile.report.format import plural
+from locsnn_compile.report.over_time import over_time
 from locsnn_compile.report.verdict import costs, fits, matches, notices
 
 SECTIONS: tuple[Callable[[Document], Section | None], ...] = (
     behaviour.agreement,
     accuracy.error_budget,
     accuracy.margins,
+    over_time,
     behaviour.operations,
     cost.energy_section,
     cost.latency_section,

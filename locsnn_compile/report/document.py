@@ -15,8 +15,10 @@ from locsnn_compile.diagnosis import Diagnosis
 from locsnn_compile.matching import Match
 from locsnn_compile.network import Network
 from locsnn_compile.operations import ANN_NAMES, ann_operations
+from locsnn_compile.over_time import LeftOut, OverTime
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.report.diagnosis_document import budget_entry, cause_entry, margins_entry
+from locsnn_compile.report.over_time import over_time_entry
 
 SCHEMA = "locsnn-report/1"
 OPERATION_KEYS = ("synaptic_ops", "neuron_updates", "spikes", "input_events", "transpose_events")
@@ -24,10 +26,13 @@ OPERATION_KEYS = ("synaptic_ops", "neuron_updates", "spikes", "input_events", "t
 Document = dict[str, Any]
 
 
-def report_document(levels: Levels, match: Match, diagnosis: Diagnosis | None = None) -> Document:
+def report_document(
+    levels: Levels, match: Match, diagnosis: Diagnosis | None = None, followed: OverTime | LeftOut | None = None
+) -> Document:
     """Return the report; every ``per_sample`` figure is a mean over the recordings of the check.
 
-    Without a diagnosis it has neither ``error_budget`` nor ``margins``, and the first divergence no cause.
+    Without a diagnosis it has neither ``error_budget`` nor ``margins``, and the first divergence no cause; where
+    predictions were not ``followed`` over time, no ``over_time``.
     """
     network, program = levels.network, levels.program
     counts = total(match.counts)
@@ -58,6 +63,7 @@ def report_document(levels: Levels, match: Match, diagnosis: Diagnosis | None = 
         "quantization": _quantization(levels),
         "range": _range(program),
         **({} if diagnosis is None else _diagnosis(diagnosis)),
+        **({} if followed is None else {"over_time": over_time_entry(followed, program, network.step_seconds)}),
     }
 
 

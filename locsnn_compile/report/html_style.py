@@ -96,6 +96,7 @@ svg{display:block;overflow:visible}
 .mean{stroke:var(--paper);stroke-width:2}
 .grid{stroke:var(--rule);stroke-width:1}.tick{fill:var(--soft);font-size:11px}
 .curve{fill:none;stroke-width:2}.c0{stroke:var(--accent)}.c1{stroke:var(--ink);stroke-dasharray:5 4}
+.c2{stroke:var(--soft);stroke-dasharray:1.5 3}.c3{stroke:var(--accent);stroke-dasharray:10 3 2 3}
 .curves div{display:flex;gap:.6rem;align-items:center;font-size:.85rem}.curves dd{color:var(--soft)}
 """
 

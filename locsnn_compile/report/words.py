@@ -29,6 +29,8 @@ _WORDS = {
     "threshold_profiles": "threshold profiles of a core",
     "time": "time branch",
     "location": "location branch",
+    "together": "all branches together",
+    "time_weighted": "time-weighted",
     "cnn-3d": "CNN-3D",
     "gru-mlp": "GRU-MLP",
 }

@@ -43,6 +43,8 @@ def check_every_step(program: hw.ChipProgram, recording: np.ndarray, found) -> N
     assert np.array_equal(found.scores, wanted)
     assert np.array_equal(found.scores[-1], whole.scores)
     assert np.array_equal(found.prediction, wanted.argmax(axis=1))
+    ordered = np.sort(wanted, axis=1)
+    assert np.array_equal(found.lead, ordered[:, -1] - (ordered[:, -2] if wanted.shape[1] > 1 else 0))
 
 
 @settings(max_examples=40, deadline=None, derandomize=True)

@@ -79,6 +79,33 @@ def margins() -> dict[str, Any]:
     }
 
 
+def over_time() -> dict[str, Any]:
+    """Four figures over a recording of ten steps; the time branch is right early, the location branch late."""
+    return {
+        "recordings": [0, 6, 13, 19],
+        "recordings_available": 20,
+        "right_is": "the label",
+        "psi": 10.0,
+        "step_seconds": 0.7,
+        "steps": [2, 4, 6, 8, 10],
+        "right": {
+            "together": [0.0, 0.25, 0.5, 0.5, 1.0],
+            "time": [0.25, 0.5, 0.5, 0.75, 0.75],
+            "location": [0.0, 0.0, 0.25, 0.25, 0.5],
+            "time_weighted": [0.25, 0.5, 0.5, 0.75, 1.0],
+        },
+        "proven_stop": {
+            "steps": 15.0,
+            "all_steps": 20.0,
+            "synaptic_ops": 1500.0,
+            "all_synaptic_ops": 2000.0,
+            "energy_pj": 80000.0,
+            "all_energy_pj": 100000.0,
+            "profile": "davies2018",
+        },
+    }
+
+
 @pytest.fixture
 def document() -> dict[str, Any]:
     """A small report in which every number can be followed by hand; the check played 20 recordings."""
@@ -136,6 +163,7 @@ def document() -> dict[str, Any]:
         "accuracy": {"reference": 0.9, "chip": 0.85},
         "error_budget": error_budget(),
         "margins": margins(),
+        "over_time": over_time(),
         "operations": {
             "per_sample": {
                 "synaptic_ops": 2000.0,

@@ -41,6 +41,7 @@ def _bare(document: dict[str, Any]) -> dict[str, Any]:
     document["energy"]["not_included"] = []
     document["error_budget"] = None
     del document["margins"]
+    document["over_time"] = {"left_out": "the network is too large to be followed step by step within seconds"}
     match = document["match"]
     match |= {"first_divergence": None, "clips": 0, "wraps_and_clips_by_population": {}, "spike_mismatches": 0}
     match |= {"prediction_agreement": 1.0, "spike_agreement": 1.0, "events_source": "synthetic touches"}

@@ -1,0 +1,82 @@
+"""The section on predictions over time: its curves, and what it says where something is missing."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from locsnn_compile.report.compose import compose
+from locsnn_compile.report.content import Bar, Plot, Section, Table
+from locsnn_compile.report.html import render_html
+
+
+def _section(document: dict[str, Any]) -> Section:
+    return next(section for section in compose(document).sections if section.key == "over-time")
+
+
+def _plot(document: dict[str, Any]) -> Plot:
+    return next(block for block in _section(document).blocks if isinstance(block, Plot))
+
+
+def test_curves_are_drawn_at_their_steps(document: dict[str, Any]) -> None:
+    plot = _plot(document)
+    assert (plot.title, plot.x_label) == ("Accuracy after each step", "seconds")
+    assert plot.x_ticks == ((0.0, "0"), (0.2, "1.4"), (0.4, "2.8"), (0.6, "4.2"), (0.8, "5.6"), (1.0, "7.0"))
+    assert [curve.label for curve in plot.curves] == [
+        "all branches together",
+        "time branch",
+        "location branch",
+        "time-weighted",
+    ]
+    assert plot.curves[1].points == ((0.2, 0.25), (0.4, 0.5), (0.6, 0.5), (0.8, 0.75), (1.0, 0.75))
+
+
+def test_every_curve_has_a_look_of_its_own(document: dict[str, Any]) -> None:
+    page = render_html(document)
+    for index in range(4):
+        assert f".c{index}{{stroke:" in page
+        assert f'class="curve c{index}"' in page
+
+
+def test_savings_are_of_the_whole(document: dict[str, Any]) -> None:
+    table = next(b for b in _section(document).blocks if isinstance(b, Table) and "proven" in b.caption)
+    assert [row[0] for row in table.rows] == ["steps", "synaptic operations", "energy, profile davies2018"]
+    assert table.rows[2] == (
+        "energy, profile davies2018",
+        Bar(pytest.approx(0.2), "20.0 % saved"),
+        "100 nJ",
+        "80.0 nJ",
+        "20.0 %",
+    )
+
+
+def test_without_labels_it_is_no_accuracy(document: dict[str, Any]) -> None:
+    document["over_time"]["right_is"] = "the prediction after the last step"
+    assert _plot(document).title == "Recordings predicted as after the last step"
+
+
+def test_without_the_length_of_a_step_it_counts_steps(document: dict[str, Any]) -> None:
+    document["over_time"]["step_seconds"] = None
+    plot = _plot(document)
+    assert plot.x_label == "steps"
+    assert [text for _, text in plot.x_ticks] == ["0", "2", "4", "6", "8", "10"]
+
+
+def test_one_branch_needs_no_weights(document: dict[str, Any]) -> None:
+    right = document["over_time"]["right"]
+    document["over_time"]["right"] = {"together": right["together"]}
+    assert len(_plot(document).curves) == 1
+    assert "psi" not in render_html(document).split('id="over-time"')[1].split("<section")[0]
+
+
+def test_what_was_not_followed_says_why(document: dict[str, Any]) -> None:
+    document["over_time"] = {"left_out": "phase 'location' has inputs as they come beside transposed ones"}
+    assert _section(document) == Section(
+        "over-time",
+        "Over time",
+        "Predictions were not followed step by step: phase 'location' has inputs as they come beside transposed ones.",
+        (),
+    )
+    del document["over_time"]
+    assert "over-time" not in [section.key for section in compose(document).sections]
