@@ -9,6 +9,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import llvmlite.binding
@@ -22,6 +23,8 @@ from numba.extending import intrinsic
 # does not run in vectors.
 llvmlite.binding.set_option("hw_model", "-runtime-memory-check-threshold=200")
 
+
+FILES_OF_LOOPS = ("compiled", "engine_fast", "event_scan", "fast_kernels", "fast_layout", "registers32", "replay")
 
 _log = logging.getLogger("hw_model")
 
@@ -65,9 +68,20 @@ def absorbed(function: Callable[..., Any]) -> Any:
 
 def _compile(function: Callable[..., Any], **options: Any) -> Any:
     try:
-        return numba.njit(cache=True, nogil=True, boundscheck=False, **options)(function)
+        dispatcher = numba.njit(cache=True, nogil=True, boundscheck=False, **options)(function)
     except RuntimeError:  # neither the package's folder nor the user's cache can be written: compile every time
         return numba.njit(nogil=True, boundscheck=False, **options)(function)
+    # The cache looks at the age of the function's own file, but its code holds that of what it calls elsewhere too.
+    kept = dispatcher._cache._cache_file
+    kept._source_stamp = (kept._source_stamp, _stamp_of_loops())
+    return dispatcher
+
+
+@lru_cache(maxsize=1)
+def _stamp_of_loops() -> tuple[tuple[int, int], ...]:
+    """Return age and size of every file of this package that holds compiled loops, or constants of theirs."""
+    files = [(Path(__file__).parent / f"{name}.py").stat() for name in FILES_OF_LOOPS]
+    return tuple((file.st_mtime_ns, file.st_size) for file in files)
 
 
 @intrinsic  # type: ignore[untyped-decorator]

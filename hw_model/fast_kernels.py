@@ -40,6 +40,12 @@ TILE = 64
 AnyArray = npt.NDArray[Any]
 
 
+CACHE_LINE = 64
+"""Bytes."""
+LONG = 128
+"""Slots from which on several matrix rows are added at once; for fewer, setting out takes longer than it saves."""
+
+
 class State(NamedTuple):
     """A phase at a step: registers; charges due in a tile of steps and after it; the chunks that they touch, by row.
 
@@ -84,14 +90,24 @@ NO_REGISTER = KeptRegister(np.empty(0, dtype=np.int64), 0, np.empty((1, 0, 0), d
 NOTHING_KEPT = Kept(False, NO_REGISTER, NO_REGISTER, NO_REGISTER)
 
 
+def aligned(shape: tuple[int, ...], dtype: npt.DTypeLike) -> AnyArray:
+    """Return zeros that begin where a cache line does: a vector that lies across two lines is loaded at half speed."""
+    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    room = np.zeros(size + CACHE_LINE, dtype=np.uint8)
+    start = -room.ctypes.data % CACHE_LINE
+    return room[start : start + size].view(dtype).reshape(shape)
+
+
 def first_state(layout: FastLayout, tile: int = TILE) -> State:
     """Return the state before the first step."""
     registers = layout.chunks.registers.reshape(-1)
     at_rest = (layout.chunks.registers[:, BIAS] == 0).min(axis=1)
     chunks, rows = len(at_rest), tile + layout.longest_delay + 1
-    charge = np.zeros((rows, chunks * LANES), dtype=np.int64 if layout.wide else np.int32)
+    charge = aligned((rows, chunks * LANES), np.int64 if layout.wide else np.int32)
     touched = np.zeros((rows, chunks), dtype=np.uint8)
-    return State(registers.copy(), charge, touched, at_rest.copy(), registers, at_rest)
+    current = aligned(registers.shape, np.int32)
+    current[:] = registers
+    return State(current, charge, touched, at_rest.copy(), registers, at_rest)
 
 
 def workspace(layout: FastLayout, tile: int = TILE) -> Workspace:
@@ -267,16 +283,18 @@ def deliver(  # type: ignore[no-untyped-def]
 
     The spikes of row r are ``event[base + e]`` for e in ``begin[r, m]..begin[r + 1, m]``.
     """
-    offset = links.offset[link]
+    offset, width = links.offset[link], links.width[link]
     if links.dense[link]:
         node = links.target_node[link]
-        many = np.uint64(links.width[link])
-        low = np.uint64(links.target[link])
+        many, low = np.uint64(width), np.uint64(links.target[link])
         for r in range(rows_from, rows_to):
             if begin[r + 1, m] > begin[r, m]:
                 at = np.uint64(r + 1 + links.delay[link])
-                for e in range(begin[r, m], begin[r + 1, m]):
-                    start = np.uint64(offset + event[base + e] * links.width[link])
+                rest = begin[r, m]
+                if width >= LONG:
+                    rest = _add_eights(link, base, rest, begin[r + 1, m], event, charge, at, links)
+                for e in range(rest, begin[r + 1, m]):
+                    start = np.uint64(offset + event[base + e] * width)
                     for j in range(many):
                         charge[at, low + j] += links.matrix[start + j]
                 for chunk in range(nodes.chunk[node], nodes.chunk[node + 1]):
@@ -284,11 +302,32 @@ def deliver(  # type: ignore[no-untyped-def]
     else:
         for r in range(rows_from, rows_to):
             for e in range(begin[r, m], begin[r + 1, m]):
-                source = offset + event[base + e]
-                for k in range(links.list_start[source], links.list_start[source + 1]):
-                    at = r + 1 + links.late[k]
-                    charge[at, links.slot[k]] += links.weight[k]
-                    touched[at, links.slot[k] // LANES] = 1
+                source = np.uint64(offset + event[base + e])
+                first, last = np.uint64(links.list_start[source]), np.uint64(links.list_start[source + np.uint64(1)])
+                for k in range(first, last):
+                    charge[np.uint64(r + 1 + links.late[k]), np.uint64(links.slot[k])] += links.weight[k]
+                first, last = np.uint64(links.reach_start[source]), np.uint64(links.reach_start[source + np.uint64(1)])
+                for k in range(first, last):
+                    touched[np.uint64(r + 1 + links.reach_late[k]), np.uint64(links.reach_chunk[k])] = 1
+
+
+@compiled
+def _add_eights(link, base, first, last, event, charge, at, links):  # type: ignore[no-untyped-def]
+    """Add matrix rows eight at once, so that the row of charges is passed less often; return the first one left."""
+    matrix, many = links.matrix, np.uint64(links.width[link])
+    offset, width, low = links.offset[link], links.width[link], np.uint64(links.target[link])
+    while first + 8 <= last:
+        k = base + first
+        a, b = np.uint64(offset + event[k] * width), np.uint64(offset + event[k + 1] * width)
+        c, d = np.uint64(offset + event[k + 2] * width), np.uint64(offset + event[k + 3] * width)
+        e, f = np.uint64(offset + event[k + 4] * width), np.uint64(offset + event[k + 5] * width)
+        g, h = np.uint64(offset + event[k + 6] * width), np.uint64(offset + event[k + 7] * width)
+        for j in range(many):
+            one = np.int32(matrix[a + j]) + np.int32(matrix[b + j]) + np.int32(matrix[c + j]) + np.int32(matrix[d + j])
+            two = np.int32(matrix[e + j]) + np.int32(matrix[f + j]) + np.int32(matrix[g + j]) + np.int32(matrix[h + j])
+            charge[at, low + j] += np.int32(one) + np.int32(two)
+        first += 8
+    return first
 
 
 @compiled
@@ -407,6 +446,9 @@ def _run_block(  # type: ignore[no-untyped-def]
         while next_bundle < chunks.of_block[block + 1]:
             start = chunks.bundle[next_bundle]
             next_bundle = chunks.of_block[block + 1] if by_row else next_bundle + 1
+            if not by_row and chunks.bundle[next_bundle] == start + 1 and not kept.watched:
+                fired |= _update_alone(np.uint64(chunks.member[start]), rows, chunks, state, work, skip, active)
+                continue
             for r in range(low, low + stride):
                 fired |= _update_members(
                     start, chunks.bundle[next_bundle], r, step, chunks, state, work, skip, active, recording, kept
@@ -418,6 +460,25 @@ def _run_block(  # type: ignore[no-untyped-def]
                 for link in range(links.from_node[m], links.from_node[m + 1]):
                     base = nodes.first[m] * tile
                     deliver(link, low, low + stride, event, base, begin, m, charge, touched, nodes, links)
+
+
+@absorbed
+def _update_alone(k, rows, chunks, state, work, skip, active):  # type: ignore[no-untyped-def]
+    """Do what :func:`_update_members` does for a chunk to which nothing is joined, in all rows: the shortest loop."""
+    core = np.uint64(chunks.core[k])
+    rests = skip and state.at_rest[k]
+    fired = np.int32(0)
+    for r in range(np.uint64(rows)):
+        if rests and not state.touched[r, k]:
+            continue
+        mask, busy, restless = update(state.registers, k * _CHUNK, state.charge, r, k * _LANES)
+        rests = skip and restless == 0
+        work.masks[r, k] = mask
+        work.updated[r] = 1
+        active[r, core] += busy
+        fired |= mask
+    state.at_rest[k] = rests
+    return fired
 
 
 @absorbed

@@ -70,7 +70,8 @@ class Links(NamedTuple):
 
     Link l of source s adds, if ``dense[l]``, ``matrix[offset[l] + s * width[l] + j]`` to slot ``target[l] + j``,
     ``delay[l]`` steps late; else, for rows k of ``list_start[offset[l] + s]`` to the next, ``weight[k]`` to slot
-    ``slot[k]``, ``late[k]`` steps late. Links into block k from other nodes are rows ``into_block[k]`` to the next;
+    ``slot[k]``, ``late[k]`` steps late; from ``reach_start`` likewise, ``reach_chunk`` and ``reach_late`` list the
+    chunks and delays of these once each. Links into block k from other nodes are rows ``into_block[k]`` to the next;
     those from node n into its own block are rows ``from_node[n]`` to the next.
     """
 
@@ -86,6 +87,9 @@ class Links(NamedTuple):
     slot: Int32Array
     weight: Int32Array
     late: Int32Array
+    reach_start: IntArray
+    reach_chunk: Int32Array
+    reach_late: Int32Array
     into_block: IntArray
     from_node: IntArray
 
@@ -386,6 +390,9 @@ def _links(
             lists_size += len(mine)
 
     empty = np.empty(0, dtype=np.int64)
+    list_start = np.concatenate([empty, *starts_of_lists])
+    slot_of, lates = np.concatenate([empty, *slots]), np.concatenate([empty, *delays])
+    reach_start, reach_chunk, reach_late = _reach(list_start, slot_of // LANES, lates)
     heads = np.array(rows, dtype=np.int64).reshape(-1, 7).T.copy()
     outside = sum(len(part) for part in external)
     return Links(
@@ -397,13 +404,26 @@ def _links(
         target=heads[5],
         delay=heads[6],
         matrix=np.concatenate([np.empty(0, dtype=np.int16), *matrices]),
-        list_start=np.concatenate([empty, *starts_of_lists]),
-        slot=np.concatenate([empty, *slots]).astype(np.int32),
+        list_start=list_start,
+        slot=slot_of.astype(np.int32),
         weight=np.concatenate([empty, *weights]).astype(np.int32),
-        late=np.concatenate([empty, *delays]).astype(np.int32),
+        late=lates.astype(np.int32),
+        reach_start=reach_start,
+        reach_chunk=reach_chunk,
+        reach_late=reach_late,
         into_block=np.cumsum([0, *map(len, external)]),
         from_node=np.cumsum([0, *map(len, internal)]) + outside,
     )
+
+
+def _reach(list_start: IntArray, chunk: IntArray, late: IntArray) -> tuple[IntArray, Int32Array, Int32Array]:
+    """List, for the synapses between two starts, each chunk and delay once; return where these begin, and both."""
+    row = np.searchsorted(list_start, np.arange(len(chunk)), side="right")
+    longest = int(late.max(initial=0)) + 1
+    chunks = int(chunk.max(initial=0)) + 1
+    once = np.unique((row * chunks + chunk) * longest + late)
+    first = np.searchsorted(once // (longest * chunks), np.arange(len(list_start)), side="right")
+    return first, (once // longest % chunks).astype(np.int32), (once % longest).astype(np.int32)
 
 
 def _matrix(

@@ -186,23 +186,25 @@ def _run_again(  # type: ignore[no-untyped-def]
 ):
     """Run a block from step ``start`` on; spikes that come or go change what is due later, here and elsewhere."""
     low, high = chunks.bundle[chunks.of_block[block]], chunks.bundle[chunks.of_block[block + 1]]
-    for index in range(np.uint64(low), np.uint64(high)):
+    for member in range(low, high):
+        index = np.uint64(member)
         for i in range(np.uint64(KEPT)):
             registers[index * _CHUNK + _STATE + i] = history.after[start - 1, index, i] if start > 0 else 0
         at_rest[index] = False
     for row in range(start, len(history.masks)):
         step = np.uint64(row)
         stirred = False
-        index = np.uint64(low)
-        while index < np.uint64(high):
+        member = low
+        while member < high:
+            index = np.uint64(member)
             if order.is_pair[index]:
                 mask = _run_pair(step, index, order, registers, at_rest, history)
-                index += np.uint64(3)
+                member += 3
             else:
                 stirred &= not order.begins[index]
                 mask, stirred = _run_member(step, index, stirred, order, registers, at_rest, history)
-                index += np.uint64(1)
-            k = np.uint64(order.member[index - np.uint64(1)])
+                member += 1
+            k = np.uint64(order.member[np.uint64(member - 1)])
             if mask != history.masks[step, k]:
                 _flip(row, k, mask, nodes, chunks, links, history)
     history.changed[block] = len(history.masks)

@@ -1,0 +1,46 @@
+"""What is kept of compiled loops is thrown away when any loop they hold has changed."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import hw_model.compiled
+
+PACKAGE = Path(hw_model.compiled.__file__).parent
+USER = """\
+from hw_model.compiled import compiled
+from hw_model.registers32 import wrap24
+
+@compiled
+def wrapped(x):
+    return wrap24(x)
+"""
+
+
+def test_all_files_with_loops_are_named():
+    holds = re.compile(r"^@(compiled|absorbed|inlined|intrinsic)", re.MULTILINE)
+    found = {path.stem for path in PACKAGE.glob("*.py") if holds.search(path.read_text())}
+    constants = {"compiled", "fast_layout"}
+    assert found | constants == set(hw_model.compiled.FILES_OF_LOOPS)
+
+
+def test_a_change_in_another_file_is_seen(tmp_path):
+    shutil.copytree(PACKAGE, tmp_path / "hw_model", ignore=shutil.ignore_patterns("__pycache__"))
+    (tmp_path / "user.py").write_text(USER)
+    environment = os.environ | {"PYTHONPATH": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+
+    def run() -> int:
+        command = [sys.executable, "-c", "import numpy, user; print(user.wrapped(numpy.int32(2**24 + 5)))"]
+        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=100)
+        assert done.returncode == 0, done.stderr
+        return int(done.stdout)
+
+    assert run() == 5
+    source = tmp_path / "hw_model" / "registers32.py"
+    source.write_text(source.read_text().replace("np.int32(np.int32(x << np.int32(8)) >> np.int32(8))", "np.int32(x)"))
+    assert run() == 2**24 + 5
