@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -86,6 +86,8 @@ def compile(
     check_weight_bits(weight_bits)
     chip = hw.chip(target)
     recordings = recordings_for(network, events, labels)
+    if network.any_length:
+        network = replace(network, steps=recordings.spikes.shape[1])
     levels, choice = _lower(network, chip, weight_bits, strategy, recordings, calibration, budget)
     match = _compare(levels, recordings, progress)
     found = _diagnose(levels, recordings, match) if diagnosis else None

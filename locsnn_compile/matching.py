@@ -177,7 +177,10 @@ def compare(
 
 
 def fit_recordings(network: Network, recordings: ByteArray, source: str) -> ByteArray:
-    """Check channels and steps; a shorter recording is followed by silence, a longer one is refused."""
+    """Check channels and steps; a shorter recording is followed by silence, a longer one is refused.
+
+    A network of any length takes recordings as they are.
+    """
     where = f"events {source!r}"
     if recordings.ndim != 3 or recordings.shape[2] != network.channels:
         raise InputError(
@@ -186,7 +189,7 @@ def fit_recordings(network: Network, recordings: ByteArray, source: str) -> Byte
             measured=f"{recordings.shape[-1]} channels against {network.channels}",
             fix=f"Give recordings of shape (samples, steps, {network.channels}).",
         )
-    missing = network.steps - recordings.shape[1]
+    missing = 0 if network.any_length else network.steps - recordings.shape[1]
     if missing < 0:
         raise InputError(
             where,

@@ -104,6 +104,10 @@ class Network:
     """Of the file that it was read from."""
     recordings: Recordings | None = None
     """A few recordings that the file carries for the check."""
+    origin: object | None = None
+    """What its file held, where it can be written again in that format."""
+    any_length: bool = False
+    """Whether a recording is played for as many steps as it has; ``steps`` is then only the usual number."""
 
     @property
     def axes(self) -> tuple[Axis, ...]:

@@ -101,7 +101,7 @@ def _evaluate_together(
 ) -> None:
     """Step populations that depend on each other; add their spikes, and potentials where they are wanted."""
     batch = len(next(iter(spikes.values())))
-    steps = network.steps_of(together[0].axis)
+    steps = next(spikes[view.name].shape[1] for view in network.views if view.axis == together[0].axis)
     names = {population.name for population in together}
     arriving: dict[str, Potentials] = {}
     inner: list[tuple[str, str, int, Matrix]] = []

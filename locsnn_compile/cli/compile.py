@@ -44,7 +44,7 @@ def parser() -> Parser:
         formatter_class=RawDescriptionHelpFormatter,
     )
     add = made.add_argument
-    add("model", metavar="MODEL", help="a checkpoint (.pt) that `locsnn train` wrote")
+    add("model", metavar="MODEL", help="a checkpoint (.pt) of `locsnn train`, a NIR graph (.nir), a lava-dl net (.net)")
     add("--target", default="loihi-sim", metavar="CHIP", help="chip name or chip file (default loihi-sim)")
     add("-o", "--output", metavar="DIR", help="folder to write (default build/<model name>)")
     add("--events", metavar="FILE", help="recordings to check on: .zip, folder, .npy, .npz, .pt, .tact")
@@ -52,6 +52,9 @@ def parser() -> Parser:
     add("--calibration", metavar="FILE", help="recordings that auto decides on; default: the model's own, or synthetic")
     add("--weight-bits", type=int, default=8, metavar="BITS", help="1 to 6, or 8 (default 8)")
     add("--config", metavar="FILE", help="network description, for model formats that need one; a checkpoint does not")
+    add("--dt", type=number, metavar="SECONDS", help="NIR: seconds of a step (default 1e-4, the convention)")
+    add("--reset", metavar="NAME", help="NIR: what a spike does to the potential: zero, or subtract, which is refused")
+    add("--discretisation", metavar="NAME", help="NIR: euler, the usual one, or exact (default euler)")
     add("--psi", type=number, default=10.0, metavar="X", help=_PSI)
     add("--emit", action="extend", nargs="+", default=[], metavar="KIND", help=f"also write: {', '.join(EMIT_KINDS)}")
     add("--recording", type=int, default=0, metavar="K", help="the recording to emit, counted from 0 (default 0)")
@@ -96,7 +99,7 @@ def run(args: Namespace) -> int:
     from locsnn_compile.choose_strategy import ErrorBudget
     from locsnn_compile.frontends import load
 
-    network = load(args.model, config=args.config)
+    network = load(args.model, config=args.config, dt=args.dt, reset=args.reset, discretisation=args.discretisation)
     recordings = recordings_for(network, args.events)
     _check_recording(args.recording, recordings)
     with progress_bar("checking against the float reference", show=not args.quiet) as progress:

@@ -8,28 +8,63 @@ from locsnn_compile.check_network import check_network
 from locsnn_compile.errors import InputError
 from locsnn_compile.network import Network
 
+_FORMATS = "Give a checkpoint (.pt) that `locsnn train` wrote, a NIR graph (.nir), or a lava-dl network (.net)."
 
-def load(model: str | Path, config: str | Path | None = None, dt: float | None = None) -> Network:
-    """Read a model file by its suffix: ``.pt`` is a checkpoint that ``locsnn train`` wrote.
 
-    ``config`` (a network description beside the model) and ``dt`` (seconds a step) are for formats that do not hold
-    these themselves; a checkpoint does, so giving them is an ``InputError``, like a file that cannot be read or used.
-    Nothing in the file is executed.
+def load(
+    model: str | Path,
+    config: str | Path | None = None,
+    dt: float | None = None,
+    *,
+    reset: str | None = None,
+    discretisation: str | None = None,
+) -> Network:
+    """Read a model file: a checkpoint of ``locsnn train``, a NIR graph, or a lava-dl network.
+
+    ``.pt`` is a checkpoint; HDF5 files are told apart by what they hold. For a NIR graph, ``dt`` is the seconds of a
+    step (1e-4 by convention), ``reset`` what a spike does to the potential (``zero``, or ``subtract``, which the chip
+    cannot do), ``discretisation`` ``euler`` or ``exact``. Other formats say these themselves, so giving them is an
+    ``InputError``, like a file that cannot be read or used. Nothing in the file is executed.
     """
     path = Path(model)
-    for name, given in (("config", config), ("dt", dt)):
-        if given is not None:
-            raise InputError(
-                f"model {path.name!r}", f"{name} was given, but a checkpoint says this itself", fix=f"Leave {name} out."
-            )
-    if path.suffix != ".pt":
-        raise InputError(
-            f"model {path.name!r}",
-            f"files ending in {path.suffix or 'nothing'!r} are not read",
-            fix="Give a checkpoint (.pt) that `locsnn train` wrote.",
-        )
-    from locsnn_compile.frontends.checkpoint import load_checkpoint
-
-    network = load_checkpoint(path)
+    given = {"config": config, "dt": dt, "reset": reset, "discretisation": discretisation}
+    network = _load(path, given)
     check_network(network)
     return network
+
+
+def _load(path: Path, given: dict[str, str | Path | float | None]) -> Network:
+    where = f"model {path.name!r}"
+    if path.suffix == ".pt":
+        _refuse(given, where, "a checkpoint")
+        from locsnn_compile.frontends.checkpoint import load_checkpoint
+
+        return load_checkpoint(path)
+    if path.suffix not in (".nir", ".net", ".h5", ".hdf5"):
+        raise InputError(where, f"files ending in {path.suffix or 'nothing'!r} are not read", fix=_FORMATS)
+    from locsnn_compile.frontends.hdf5 import open_hdf5
+
+    with open_hdf5(path, where) as (root, _):
+        held = root.names()
+    if "node" in held:
+        _refuse({"config": given["config"]}, where, "a NIR graph")
+        from locsnn_compile.frontends.nir import load_nir
+
+        dt, reset, discretisation = given["dt"], given["reset"], given["discretisation"]
+        assert dt is None or isinstance(dt, int | float)
+        return load_nir(
+            path, dt, None if reset is None else str(reset), "euler" if discretisation is None else str(discretisation)
+        )
+    if "layer" in held:
+        _refuse(given, where, "a lava-dl network")
+        from locsnn_compile.frontends.lava_dl import load_lava_dl
+
+        return load_lava_dl(path)
+    raise InputError(where, "it holds neither a NIR graph nor a lava-dl network", fix=_FORMATS)
+
+
+def _refuse(given: dict[str, str | Path | float | None], where: str, kind: str) -> None:
+    """Refuse options that this kind of file answers itself."""
+    for name, value in given.items():
+        if value is not None:
+            raise InputError(where, f"{name} was given, but {kind} says this itself", fix=f"Leave {name} out.")

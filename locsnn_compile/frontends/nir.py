@@ -1,0 +1,280 @@
+"""From a NIR graph to a Network: linear nodes are multiplied out, every neuron node is a population of its name.
+
+A spike takes one step from a population to the next, as on the chip, where frameworks take none: what these give at
+step t behind k populations comes at step t + k.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Any, get_args
+
+import networkx as nx
+import numpy as np
+from scipy import sparse
+
+from hw_model.graph import Readout
+from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.frontends.linear_maps import check_entries, convolution, pooling
+from locsnn_compile.frontends.nir_flat import NEURONS, READOUTS, FlatGraph, flatten_graph, image_shape, ints, pool_shape
+from locsnn_compile.frontends.nir_graph import NirGraph, NirNode, read_nir
+from locsnn_compile.frontends.nir_neurons import Discretisation, neurons_of
+from locsnn_compile.frontends.played import synthetic_recordings
+from locsnn_compile.frontends.signals import Signal
+from locsnn_compile.network import InputView, Network, Population, Projection
+
+DT_SECONDS = 1e-4
+"""The step by convention: NIR files do not hold one."""
+STEPS = 100
+"""Steps of synthetic recordings: NIR files do not hold a length either."""
+
+
+def load_nir(path: Path, dt: float | None = None, reset: str | None = None, discretisation: str = "euler") -> Network:
+    """Read a NIR file and state its network, in steps of ``dt`` seconds; ``InputError`` for what cannot be used."""
+    where = f"model {path.name!r}"
+    graph, data = read_nir(path, where)
+    return network_of_nir(
+        graph,
+        name=path.stem,
+        sha256=hashlib.sha256(data).hexdigest(),
+        dt=dt,
+        reset=reset,
+        discretisation=discretisation,
+        where=where,
+    )
+
+
+def network_of_nir(
+    graph: NirGraph,
+    *,
+    name: str,
+    sha256: str,
+    dt: float | None = None,
+    reset: str | None = None,
+    discretisation: str = "euler",
+    where: str,
+) -> Network:
+    """State the network of a graph; options as in :func:`locsnn_compile.frontends.load`."""
+    how = _discretisation(discretisation)
+    _check_reset(reset)
+    seconds = _step_seconds(dt, graph)
+    flat = flatten_graph(graph, where)
+    view = _input(flat, where)
+    signals = _signals(flat, seconds, where)
+    populations: list[Population] = []
+    projections: list[Projection] = []
+    for found in _in_order(flat, view.name):
+        place, size = f"{where}, node {found!r}", flat.size(found)
+        neuron, driven = neurons_of(
+            flat.nodes[found], _arriving(flat, signals, found, place), size, seconds, how, place
+        )
+        populations.append(Population(found, "time", size, neuron))
+        projections += driven.projections(found)
+    outputs = _outputs(flat, where)
+    channels = view.lines
+    return Network(
+        name=name,
+        channels=channels,
+        steps=STEPS,
+        step_seconds=seconds,
+        fingertips=None,
+        views=(view,),
+        populations=tuple(populations),
+        projections=tuple(projections),
+        readout=Readout(outputs, (1.0,) * len(outputs)),
+        sha256=sha256,
+        recordings=synthetic_recordings(channels, STEPS, seconds),
+        any_length=True,
+        origin=graph,
+    )
+
+
+def _discretisation(name: str) -> Discretisation:
+    for known in get_args(Discretisation):
+        if name == known:
+            return known  # type: ignore[no-any-return]
+    raise InputError(f"discretisation {name!r}", "is not known", fix=did_you_mean(name, get_args(Discretisation)))
+
+
+def _check_reset(reset: str | None) -> None:
+    if reset == "subtract":
+        raise InputError(
+            "reset 'subtract'",
+            "the chip's neurons are reset to 0 and cannot subtract the threshold",
+            fix="Train with a reset to zero (snnTorch: reset_mechanism='zero', reset_delay=False) and take reset zero.",
+        )
+    if reset not in (None, "zero"):
+        raise InputError(f"reset {reset!r}", "is not known", fix=did_you_mean(str(reset), ("zero", "subtract")))
+
+
+def _step_seconds(dt: float | None, graph: NirGraph) -> float:
+    """Return the step: the one given, that which a file of ours holds, or the conventional one."""
+    held = graph.metadata.get("dt")
+    if dt is None and held is not None and not isinstance(held, str) and held.size == 1:
+        dt = float(held.reshape(-1)[0])
+    seconds = DT_SECONDS if dt is None else float(dt)
+    if not (np.isfinite(seconds) and 0 < seconds <= 1e6):
+        raise InputError("dt", "a step must last more than 0 s", measured=f"{seconds:g}", fix="Give seconds a step.")
+    return seconds
+
+
+def _input(flat: FlatGraph, where: str) -> InputView:
+    names = flat.named("Input")
+    if len(names) != 1:
+        raise InputError(where, "a graph needs one Input", measured=f"{len(names)} found", fix="Join them in one node.")
+    if not flat.named(*NEURONS):
+        raise InputError(where, "it has no neurons", fix="Export a network with LIF neurons.")
+    return InputView(names[0], "time", flat.size(names[0]))
+
+
+def _in_order(flat: FlatGraph, start: str) -> list[str]:
+    """Return the neurons by how far they are from the input; files hold nodes by name and edges in any order."""
+    held = nx.DiGraph()
+    held.add_nodes_from(flat.nodes)
+    held.add_edges_from((source, target) for target, sources in flat.sources.items() for source in sources)
+    far = nx.single_source_shortest_path_length(held, start)
+    return sorted(flat.named(*NEURONS), key=lambda name: far.get(name, len(flat.nodes)))
+
+
+def _signals(flat: FlatGraph, dt: float, where: str) -> dict[str, Signal]:
+    """Return what every node gives: neurons and the input their spikes, linear nodes what they make of them."""
+    order = nx.DiGraph()
+    order.add_nodes_from(flat.nodes)
+    for target, sources in flat.sources.items():
+        order.add_edges_from((source, target) for source in sources if flat.nodes[source].kind not in NEURONS)
+    signals: dict[str, Signal] = {}
+    spiking = (*NEURONS, "Input")
+    for name in flat.named(*spiking):
+        signals[name] = Signal.of_source(name, flat.size(name))
+    for name in nx.topological_sort(order):
+        if flat.nodes[name].kind not in spiking:
+            place = f"{where}, node {name!r}"
+            arriving = _arriving(flat, signals, name, place)
+            signals[name] = _passed(flat, name, arriving, dt, place)
+    return signals
+
+
+def _arriving(flat: FlatGraph, signals: dict[str, Signal], name: str, where: str) -> Signal:
+    """Return the sum of what a node is given; graded values of a readout cannot be sent on."""
+    sources = flat.sources[name]
+    sizes = {flat.size(source) for source in sources}
+    if len(sizes) > 1:
+        raise InputError(where, "its inputs differ in size", measured=f"{sorted(sizes)}", fix="Make them one size.")
+    graded = [source for source in sources if flat.nodes[source].kind in READOUTS]
+    if graded and flat.nodes[name].kind not in ("Output", "Pass", "Flatten"):
+        raise InputError(
+            where,
+            f"it takes the potential of {graded[0]!r}, and the chip sends spikes only",
+            fix="End the graph at that node, or make it a LIF.",
+        )
+    if sources and flat.nodes[name].kind in NEURONS and sizes != {flat.size(name)}:
+        raise InputError(
+            where, "it is given another size", measured=f"{sizes.pop()} against {flat.size(name)}", fix="Correct it."
+        )
+    return Signal.total((signals[source] for source in sources), sizes.pop() if sizes else flat.size(name))
+
+
+def _passed(flat: FlatGraph, name: str, signal: Signal, dt: float, where: str) -> Signal:
+    """Return what a linear node makes of a signal."""
+    node, size = flat.nodes[name], len(signal.constant)
+    if node.kind in ("Output", "Pass", "Flatten"):
+        return signal
+    if node.kind == "Scale":
+        return signal.scaled(_each(node, "scale", size, where))
+    if node.kind == "Delay":
+        return signal.delayed(_delay_steps(node, size, dt, where))
+    if node.kind == "I":
+        raise InputError(
+            where,
+            "an integrator without leak or threshold overflows every register",
+            fix="Take an LI with a long tau, or an IF.",
+        )
+    given = next((flat.shapes[source] for source in flat.sources[name]), None)
+    weights, constant = _linear(node, given, where)
+    if weights.shape[1] != size:
+        raise InputError(
+            where, "it is given another size", measured=f"{size} against {weights.shape[1]}", fix="Correct its weight."
+        )
+    return signal.through(weights, constant, where)
+
+
+def _linear(node: NirNode, given: tuple[int, ...] | None, where: str) -> tuple[Any, Any]:
+    """Return the matrix, CSR, and the constant of a layer of weights."""
+    if node.kind in ("Linear", "Affine"):
+        weight = node.array("weight")
+        check_entries(weight.size, where)
+        bias = _each(node, "bias", len(weight), where) if node.kind == "Affine" else 0.0
+        return sparse.csr_array(weight.astype(np.float64)), bias
+    if node.kind in ("Conv1d", "Conv2d"):
+        shape = image_shape(node, given, where)
+        assert shape is not None  # its output's shape was found from it
+        weight = node.array("weight")
+        axes = weight.ndim - 2
+        stride, dilation = (ints(node, key, axes, where) for key in ("stride", "dilation"))
+        text = node.parameters["padding"]
+        padding = text if isinstance(text, str) else ints(node, "padding", axes, where)
+        weights, out = convolution(
+            weight.astype(np.float64),
+            shape,
+            stride=stride,
+            padding=padding,
+            dilation=dilation,
+            groups=ints(node, "groups", 1, where)[0],
+            where=where,
+        )
+        return weights, np.repeat(_each(node, "bias", out[0], where), int(np.prod(out[1:])))
+    assert given is not None  # its output's shape was found from it
+    kernel, stride, padding = (ints(node, key, 2, where) for key in ("kernel_size", "stride", "padding"))
+    average = node.kind == "AvgPool2d"
+    return pooling(kernel, pool_shape(given), stride=stride, padding=padding, average=average, where=where)[0], 0.0
+
+
+def _each(node: NirNode, name: str, size: int, where: str) -> Any:
+    values = node.array(name).astype(np.float64).reshape(-1)
+    if values.size not in (1, size):
+        raise InputError(
+            where, f"{name} has the wrong size", measured=f"{values.size} against {size}", fix="Correct it."
+        )
+    return np.broadcast_to(values, (size,))
+
+
+def _delay_steps(node: NirNode, size: int, dt: float, where: str) -> Any:
+    """Return delays in whole steps, (size,)."""
+    steps = _each(node, "delay", size, where) / dt
+    whole = np.rint(steps)
+    if (steps < -0.01).any() or (np.abs(steps - whole) > 0.01).any() or (whole > 1e6).any():
+        bad = steps[(steps < -0.01) | (np.abs(steps - whole) > 0.01) | (whole > 1e6)][0]
+        raise InputError(
+            where,
+            "a delay is no whole number of steps",
+            measured=f"{bad:g} steps of {dt:g} s",
+            fix="Give another --dt.",
+        )
+    return whole.astype(np.int64)
+
+
+def _outputs(flat: FlatGraph, where: str) -> tuple[str, ...]:
+    """Return the populations that are read out: those that reach an Output with nothing but a Flatten between."""
+    found: list[str] = []
+    waiting = flat.named("Output")
+    if not waiting:
+        raise InputError(where, "a graph needs an Output", fix="Add an Output node behind the last neurons.")
+    while waiting:
+        name = waiting.pop(0)
+        kind = flat.nodes[name].kind
+        if kind in NEURONS:
+            found.append(name)
+        elif kind in ("Output", "Pass", "Flatten") and flat.sources[name]:
+            waiting.extend(flat.sources[name])
+        else:
+            raise InputError(
+                f"{where}, node {name!r}",
+                f"the output is that of {kind}, and the chip's is spikes",
+                fix="End the graph in a LIF, or in an LI whose potential is read.",
+            )
+    outputs = tuple(dict.fromkeys(found))
+    sizes = {flat.size(name) for name in outputs}
+    if len(sizes) > 1:
+        raise InputError(where, "its outputs differ in size", measured=f"{sorted(sizes)}", fix="Keep one Output.")
+    return outputs

@@ -1,0 +1,119 @@
+"""``.net`` files as lava-dl 0.6 writes them, dataset by dataset, and their meaning in plain integers.
+
+Independent of the project: a step is netx's, in Python integers over numpy arrays, layer by layer.
+"""
+
+import h5py
+import numpy as np
+
+
+def write_net(path, layers, simulation=None):
+    """Write layers, dicts of a type, datasets and a ``neuron`` dict, as ``export_hdf5`` of lava-dl does."""
+    with h5py.File(path, "w") as file:
+        for i, layer in enumerate(layers):
+            group = file.create_group(f"layer/{i}")
+            for key, value in layer.items():
+                if key == "type":
+                    group.create_dataset("type", (1,), "S10", [value.encode("ascii")])
+                elif key == "neuron":
+                    for name, number in value.items():
+                        group.create_dataset(f"neuron/{name}", data=number)
+                else:
+                    group.create_dataset(key, data=value)
+        for key, value in (simulation or {}).items():
+            file.create_dataset(f"simulation/{key}", data=value)
+
+
+def neuron(i_decay=1024, v_decay=128, threshold=400, kind="CUBA", **more):
+    return {
+        "type": kind,
+        "iDecay": i_decay,
+        "vDecay": v_decay,
+        "vThMant": threshold,
+        "refDelay": 1,
+        "gradedSpike": False,
+        **more,
+    }
+
+
+def even(rng, *shape, low=-128, high=127):
+    return (2 * rng.integers(low, high + 1, shape)).astype(np.float32)
+
+
+def dense(rng, outs, ins, **more):
+    return {
+        "type": "dense",
+        "shape": np.array([outs]),
+        "inFeatures": ins,
+        "outFeatures": outs,
+        "weight": even(rng, outs, ins),
+        "neuron": neuron(),
+        **more,
+    }
+
+
+def kept(x, decay):
+    return np.sign(x) * ((np.abs(x) * (4096 - decay)) >> 12)
+
+
+def play(layers, spikes):
+    """Return the spikes (steps, n) of each layer of neurons, by number, for input spikes (steps, n)."""
+    outputs, rows = {}, np.asarray(spikes, dtype=np.int64)
+    shape = None
+    for number, layer in enumerate(layers):
+        if layer["type"] in ("input", "flatten"):
+            shape = tuple(layer["shape"]) if layer["type"] == "input" else shape
+            continue
+        rows = outputs[number] = play_layer(layer, rows, shape)
+        shape = tuple(int(n) for n in layer["shape"])
+    return outputs
+
+
+def play_layer(layer, rows, shape):
+    n, steps = int(np.prod(layer["shape"])), len(rows)
+    p = layer["neuron"]
+
+    def spread(v):
+        return np.repeat(np.asarray(v, dtype=np.int64).reshape(-1), n // np.size(v))
+
+    decay_u, decay_v, threshold = spread(p["iDecay"]), spread(p["vDecay"]), spread(p["vThMant"]) * 64
+    bias = spread(layer.get("bias", 0)) * 64
+    weight = np.asarray(layer["weight"]).astype(np.int64)
+    delay = np.minimum(np.floor(np.asarray(layer.get("delay", 0), dtype=float)), 62).astype(int).reshape(-1)
+    u, v = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)
+    out = np.zeros((steps, n), dtype=np.int64)
+    for t in range(steps):
+        q = np.zeros(n, dtype=np.int64)
+        if layer["type"] == "conv":
+            if t > 0:
+                q += correlate(layer, weight, rows[t - 1].reshape(shape)).reshape(-1)
+        else:
+            for i in range(n):
+                for j in range(weight.shape[1]):
+                    d = delay[0] if delay.size == 1 else delay[i] if delay.size == n else delay[j]
+                    if t - 1 - d >= 0:
+                        q[i] += weight[i, j] * rows[t - 1 - d, j]
+        if "weight_rec" in layer and t > 0:
+            q += np.asarray(layer["weight_rec"]).astype(np.int64) @ out[t - 1]
+        u = kept(u, decay_u) + 64 * q
+        v = kept(v, decay_v) + u + bias
+        out[t] = v > threshold
+        v[out[t] == 1] = 0
+    return out
+
+
+def correlate(layer, weight, image):
+    stride, padding, dilation = (
+        np.broadcast_to(layer.get(k, 1 - (k == "padding")), 2) for k in ("stride", "padding", "dilation")
+    )
+    weight = weight.reshape(weight.shape[:4])
+    padded = np.pad(image, [(0, 0), *((p, p) for p in padding)])
+    result = np.zeros(tuple(layer["shape"]), dtype=np.int64)
+    per = weight.shape[1]
+    for o, r, c in np.ndindex(*result.shape):
+        first = o // (len(weight) // layer.get("groups", 1)) * per
+        for k, y, x in np.ndindex(*weight.shape[1:]):
+            result[o, r, c] += (
+                weight[o, k, y, x] * padded[first + k, r * stride[0] + y * dilation[0], c * stride[1] + x * dilation[1]]
+            )
+    return result

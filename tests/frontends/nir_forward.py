@@ -1,0 +1,116 @@
+"""NIR graphs run by the book: explicit Euler steps, node by node, no latency. It knows nothing of the project.
+
+Independent of it in everything: convolutions by loops over the output, states in the equations' own units.
+"""
+
+import networkx as nx
+import numpy as np
+
+NEURONS = (("IF",), ("LIF", "LI", "CubaLIF", "CubaLI", "Threshold"))
+
+
+def run(graph, spikes, dt):
+    """Return what every node gives, by name, (steps, *shape), for input spikes (steps, *shape)."""
+    order = nx.DiGraph()
+    order.add_nodes_from(graph.nodes)
+    neurons = {k for k, n in graph.nodes.items() if type(n).__name__ in sum(NEURONS, ())}
+    order.add_edges_from(e for e in graph.edges)
+    back = [(a, b) for a, b in nx.DiGraph(graph.edges).edges if a in neurons and nx.has_path(order, b, a)]
+    order.remove_edges_from(back)
+    state, gives = {}, {name: [] for name in graph.nodes}
+    for row in spikes:
+        now = {}
+        for name in nx.topological_sort(order):
+            parts = [now[a] for a, b in graph.edges if b == name and (a, b) not in back]
+            late = [gives[a][-1] for a, b in back if b == name and gives[a]]
+            arriving = sum(np.asarray(p, dtype=float).reshape(-1) for p in [*parts, *late]) if parts or late else 0.0
+            if not parts and not late and name in {b for _, b in back}:
+                arriving = np.zeros(graph.nodes[name].weight.shape[1])
+            if parts:
+                arriving = np.asarray(arriving).reshape(np.shape(parts[0]))
+            now[name] = (
+                row
+                if type(graph.nodes[name]).__name__ == "Input"
+                else step(graph.nodes[name], arriving, state.setdefault(name, {}), dt)
+            )
+        for name, value in now.items():
+            gives[name].append(np.asarray(value))
+    return {name: np.array(rows) for name, rows in gives.items()}
+
+
+def step(node, x, state, dt):
+    """Return what a node gives for one step of its input."""
+    kind = type(node).__name__
+    if kind in ("Output", "Flatten"):
+        return np.reshape(x, -1) if kind == "Flatten" else x
+    if kind == "Linear":
+        return node.weight @ np.reshape(x, -1)
+    if kind == "Affine":
+        return node.weight @ np.reshape(x, -1) + node.bias
+    if kind == "Scale":
+        return node.scale * x
+    if kind == "Delay":
+        line = state.setdefault("line", [])
+        line.append(np.reshape(x, -1))
+        steps = np.rint(np.reshape(node.delay, -1) / dt).astype(int)
+        return np.array([line[-1 - d][i] if d < len(line) else 0.0 for i, d in enumerate(steps)])
+    if kind in ("Conv1d", "Conv2d"):
+        return convolve(node, x)
+    if kind in ("SumPool2d", "AvgPool2d"):
+        return pool(node, x, kind == "AvgPool2d")
+    if kind == "Threshold":
+        return (x > node.threshold) * 1.0
+    shape = np.broadcast_shapes(np.shape(x), np.shape(node.r))
+    v, i = state.get("v", np.zeros(shape)), state.get("i", np.zeros(shape))
+    if kind == "IF":
+        v = v + dt * node.r * x
+    elif kind in ("LIF", "LI"):
+        v = v + dt / node.tau * (node.v_leak - v + node.r * x)
+    else:
+        i = i + dt / node.tau_syn * (node.w_in * x - i)
+        v = v + dt / node.tau_mem * (node.v_leak - v + node.r * i)
+    if kind in ("LI", "CubaLI"):
+        state.update(v=v, i=i)
+        return v
+    fired = v > node.v_threshold
+    state.update(v=np.where(fired, node.v_reset, v), i=i)
+    return fired * 1.0
+
+
+def convolve(node, x):
+    axes = node.weight.ndim - 2
+    stride, dilation = (np.broadcast_to(np.reshape(getattr(node, k), -1), axes) for k in ("stride", "dilation"))
+    kernel = node.weight.shape[2:]
+    if isinstance(node.padding, str):
+        pads = (
+            [(0, 0)] * axes
+            if node.padding == "valid"
+            else [((d * (k - 1)) // 2, d * (k - 1) - (d * (k - 1)) // 2) for d, k in zip(dilation, kernel, strict=True)]
+        )
+    else:
+        pads = [(p, p) for p in np.broadcast_to(np.reshape(node.padding, -1), axes)]
+    padded = np.pad(x, [(0, 0), *pads])
+    outs = [(padded.shape[1 + a] - dilation[a] * (kernel[a] - 1) - 1) // stride[a] + 1 for a in range(axes)]
+    result = np.zeros((len(node.weight), *outs))
+    per = node.weight.shape[1]
+    for o in range(len(node.weight)):
+        first = o // (len(node.weight) // node.groups) * per
+        for at in np.ndindex(*outs):
+            window = tuple(
+                slice(a * s, a * s + d * (k - 1) + 1, d)
+                for a, s, d, k in zip(at, stride, dilation, kernel, strict=True)
+            )
+            result[(o, *at)] = (padded[(slice(first, first + per), *window)] * node.weight[o]).sum() + node.bias[o]
+    return result
+
+
+def pool(node, x, average):
+    (kh, kw), (sh, sw), (ph, pw) = (
+        np.broadcast_to(np.reshape(v, -1), 2) for v in (node.kernel_size, node.stride, node.padding)
+    )
+    padded = np.pad(x, [(0, 0), (ph, ph), (pw, pw)])
+    rows, columns = (padded.shape[1] - kh) // sh + 1, (padded.shape[2] - kw) // sw + 1
+    result = np.zeros((len(x), rows, columns))
+    for r, c in np.ndindex(rows, columns):
+        result[:, r, c] = padded[:, r * sh : r * sh + kh, c * sw : c * sw + kw].sum(axis=(1, 2))
+    return result / (kh * kw) if average else result

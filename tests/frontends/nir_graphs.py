@@ -1,0 +1,117 @@
+"""NIR graphs of every primitive, by what they hold; all weights from one seed."""
+
+import itertools
+
+import nir
+import numpy as np
+
+DT = 1e-3
+
+
+def lif(rng, *shape, v_leak=0.0, v_reset=0.0, v_threshold=1.0, kind=nir.LIF):
+    tau = rng.uniform(4e-3, 2e-2, shape)
+    full = {
+        "v_leak": np.full(shape, v_leak),
+        "v_threshold": np.full(shape, v_threshold),
+        "v_reset": np.full(shape, v_reset),
+    }
+    return kind(tau=tau, r=tau / DT * rng.uniform(0.8, 1.2, shape), **full)
+
+
+def cuba(rng, *shape, v_leak=0.0, v_reset=0.0, v_threshold=1.0):
+    syn, mem = rng.uniform(3e-3, 9e-3, shape), rng.uniform(4e-3, 2e-2, shape)
+    return nir.CubaLIF(
+        tau_syn=syn,
+        tau_mem=mem,
+        r=mem / DT,
+        w_in=syn / DT * 0.5,
+        v_leak=np.full(shape, v_leak),
+        v_threshold=np.full(shape, v_threshold),
+        v_reset=np.full(shape, v_reset),
+    )
+
+
+def integrate(rng, *shape):
+    return nir.IF(r=np.full(shape, 1 / DT), v_threshold=rng.uniform(0.8, 1.5, shape), v_reset=np.zeros(shape))
+
+
+def linear(rng, outs, ins, scale=0.5):
+    return nir.Linear(rng.normal(0.1, scale, (outs, ins)))
+
+
+def chain(shape, *named):
+    """Return a graph of one node after the other; the last is the output's."""
+    nodes = {"input": nir.Input(np.array(shape)), **dict(named), "output": nir.Output(np.array([1]))}
+    names = list(nodes)
+    return nir.NIRGraph(nodes, list(itertools.pairwise(names)), type_check=False)
+
+
+def graphs():
+    """Return rows of (name, graph, input shape, neuron nodes that lie between input and each population)."""
+    rng = np.random.default_rng(7)
+    image = (2, 6, 6)
+    conv = nir.Conv2d(
+        input_shape=(6, 6),
+        weight=rng.normal(0.1, 0.3, (4, 1, 3, 3)),
+        stride=2,
+        padding=1,
+        dilation=1,
+        groups=2,
+        bias=np.zeros(4),
+    )
+    same = nir.Conv2d(
+        input_shape=(6, 6),
+        weight=rng.normal(0.1, 0.3, (3, 2, 2, 4)),
+        stride=1,
+        padding="same",
+        dilation=1,
+        groups=1,
+        bias=np.zeros(3),
+    )
+    dilated = nir.Conv2d(
+        input_shape=(6, 6),
+        weight=rng.normal(0.1, 0.3, (3, 2, 2, 2)),
+        stride=(1, 2),
+        padding=(2, 0),
+        dilation=(2, 3),
+        groups=1,
+        bias=np.zeros(3),
+    )
+    conv1d = nir.Conv1d(
+        input_shape=12,
+        weight=rng.normal(0.1, 0.4, (5, 3, 4)),
+        stride=2,
+        padding=1,
+        dilation=1,
+        groups=1,
+        bias=np.zeros(5),
+    )
+    pooled = {"kernel_size": np.array([2, 2]), "stride": np.array([2, 2]), "padding": np.array([0, 0])}
+    flat = nir.Flatten(input_type={"input": np.array([4, 3, 3])}, start_dim=0, end_dim=-1)
+    two = nir.NIRGraph(
+        {"input": nir.Input(np.array([6])), "w": linear(rng, 8, 6), "lif": lif(rng, 8), "back": linear(rng, 8, 8, 0.2), "o": nir.Output(np.array([8]))},
+        [("lif", "back"), ("back", "lif"), ("input", "w"), ("lif", "o"), ("w", "lif")], type_check=False,
+    )  # fmt: skip
+    inner = nir.NIRGraph(
+        {"in": nir.Input(np.array([6])), "w": linear(rng, 7, 6), "lif": lif(rng, 7), "out": nir.Output(np.array([7]))},
+        [("in", "w"), ("w", "lif"), ("lif", "out")],
+    )
+    return {
+        "lif": (chain((10,), ("fc", linear(rng, 12, 10)), ("lif", lif(rng, 12))), (10,)),
+        "two layers": (chain((10,), ("fc1", linear(rng, 12, 10)), ("l1", lif(rng, 12)), ("fc2", linear(rng, 5, 12)), ("l2", cuba(rng, 5))), (10,)),
+        "cuba": (chain((10,), ("fc", linear(rng, 12, 10)), ("cuba", cuba(rng, 12))), (10,)),
+        "if": (chain((10,), ("fc", linear(rng, 12, 10)), ("if", integrate(rng, 12))), (10,)),
+        "threshold": (chain((10,), ("fc", linear(rng, 12, 10)), ("t", nir.Threshold(rng.uniform(0.2, 1, 12)))), (10,)),
+        "v_leak": (chain((10,), ("fc", linear(rng, 12, 10)), ("lif", lif(rng, 12, v_leak=0.0, v_threshold=0.7))), (10,)),
+        "conv2d": (chain(image, ("conv", conv), ("lif", lif(rng, 4, 3, 3)), ("flat", flat), ("fc", linear(rng, 5, 36)), ("out", lif(rng, 5))), image),
+        "conv2d same": (chain(image, ("conv", same), ("lif", lif(rng, 3, 6, 6))), image),
+        "conv2d dilated": (chain(image, ("conv", dilated), ("lif", lif(rng, 3, 8, 2))), image),
+        "conv1d": (chain((3, 12), ("conv", conv1d), ("lif", lif(rng, 5, 6))), (3, 12)),
+        "sum pool": (chain(image, ("pool", nir.SumPool2d(**pooled)), ("lif", lif(rng, 2, 3, 3, v_threshold=2.0))), image),
+        "avg pool": (chain(image, ("pool", nir.AvgPool2d(**pooled)), ("lif", lif(rng, 2, 3, 3, v_threshold=0.4))), image),
+        "scale": (chain((10,), ("fc", linear(rng, 12, 10)), ("s", nir.Scale(rng.uniform(0.5, 2, 12))), ("lif", lif(rng, 12))), (10,)),
+        "delay": (chain((10,), ("d", nir.Delay(rng.integers(0, 5, 10) * DT)), ("fc", linear(rng, 12, 10)), ("d2", nir.Delay(rng.integers(0, 3, 12) * DT)), ("lif", lif(rng, 12))), (10,)),
+        "scalar parameters": (chain((10,), ("fc", linear(rng, 12, 10)), ("lif", lif(rng, 1))), (10,)),
+        "recurrent": (two, (6,)),
+        "nested": (chain((6,), ("sub", inner), ("fc", nir.Linear(rng.uniform(0, 1.5, (4, 7)))), ("lif", lif(rng, 4))), (6,)),
+    }  # fmt: skip

@@ -1,0 +1,98 @@
+"""lava-dl files in: spike for spike what their integers mean, on both engines."""
+
+import numpy as np
+import pytest
+from net_files import dense, even, neuron, play, write_net
+
+import hw_model as hw
+import locsnn_compile as lc
+from locsnn_compile.reference import evaluate
+
+RNG = np.random.default_rng(11)
+IMAGE = {"type": "input", "shape": np.array([2, 6, 6])}
+CONV = {
+    "type": "conv",
+    "shape": np.array([4, 3, 3]),
+    "inChannels": 2,
+    "outChannels": 4,
+    "kernelSize": np.array([3, 3]),
+    "stride": np.array([2, 2]),
+    "padding": np.array([1, 1]),
+    "dilation": np.array([1, 1]),
+    "groups": 2,
+    "weight": even(RNG, 4, 1, 3, 3, 1),
+    "neuron": neuron(threshold=300),
+}
+
+NETS = {
+    "dense": [dense(RNG, 12, 10), dense(RNG, 5, 12)],
+    "input layer": [{"type": "input", "shape": np.array([10])}, dense(RNG, 12, 10)],
+    "loihi neurons of old files": [dense(RNG, 12, 10, neuron=neuron(kind="LOIHI", theta=80.0, tauRho=1.0, scaleRho=1.0, wgtExp=0))],
+    "a decay each": [dense(RNG, 12, 10, neuron=neuron(RNG.integers(0, 4097, 12), RNG.integers(0, 4097, 12), RNG.integers(100, 500, 12)))],
+    "bias": [dense(RNG, 12, 10, bias=RNG.integers(-9, 30, 12).astype(np.float32))],
+    "delay of a neuron": [dense(RNG, 12, 10, delay=RNG.uniform(0, 70, 12).astype(np.float32)), dense(RNG, 5, 12)],
+    "delay of an input": [dense(RNG, 12, 10, delay=RNG.uniform(0, 9, 10).astype(np.float32))],
+    "one delay": [dense(RNG, 12, 10, delay=3.7)],
+    "recurrent": [dense(RNG, 12, 10) | {"type": "dense_rec", "weight_rec": even(RNG, 12, 12, low=-60, high=40)}],
+    "conv": [IMAGE, CONV, {"type": "flatten", "shape": np.array([36])}, dense(RNG, 5, 36)],
+    "full range": [dense(RNG, 3, 10, weight=np.tile(np.array([-256, 254, 254, 254, 2], dtype=np.float32), (3, 2)))],
+    "odd weights": [dense(RNG, 3, 10, weight=RNG.integers(-255, 256, (3, 10)).astype(np.float32))],
+}  # fmt: skip
+
+
+def spikes(lines, steps=90, rate=0.3):
+    return (np.random.default_rng(2).random((steps, lines)) < rate).astype(np.uint8)
+
+
+@pytest.mark.parametrize("name", NETS)
+def test_the_chip_spikes_as_the_files_integers_say(name, tmp_path):
+    layers = NETS[name]
+    write_net(tmp_path / "model.net", layers)
+    network = lc.load(tmp_path / "model.net")
+    given = spikes(network.channels)
+    wanted = play(layers, given)
+    compiled = lc.compile(network, events=given[None], diagnosis=False)
+    assert compiled.match.spikes.agreement == 1
+    assert [p.name for p in network.populations] == [f"layer{i}" for i in wanted]
+    for engine in ("fast", "reference"):
+        result = hw.simulate(compiled.program, given, engine=engine)
+        for number, rows in wanted.items():
+            assert rows.sum() > 5
+            np.testing.assert_array_equal(result.spikes[f"layer{number}"], rows)
+    np.testing.assert_array_equal(evaluate(network, given[None]).spikes[f"layer{max(wanted)}"][0], wanted[max(wanted)])
+
+
+def test_integers_are_kept_as_they_are(tmp_path):
+    layer = dense(RNG, 12, 10, bias=np.arange(12.0), neuron=neuron(RNG.integers(0, 4097, 12), 77, 4321))
+    write_net(tmp_path / "model.net", [layer], {"Ts": 1.0, "tSample": 50})
+    network = lc.load(tmp_path / "model.net")
+    held, made = network.projections[0], network.populations[0].neuron
+    np.testing.assert_array_equal(held.mantissa, layer["weight"])
+    np.testing.assert_array_equal(made.decay_u, layer["neuron"]["iDecay"])
+    np.testing.assert_array_equal(made.bias_mantissa * 2**made.bias_exponent, 64 * np.arange(12))
+    assert (held.exponent, held.weight_bits, held.signs) == (0, 8, "mixed")
+    assert (set(made.decay_v.tolist()), set(made.threshold.tolist())) == ({77}, {4321})
+    assert (network.steps, network.step_seconds) == (50, 0.001)
+
+
+REFUSED = [
+    ("a graded spike", [dense(RNG, 3, 4, neuron=neuron(gradedSpike=True) | {"gradedSpike": True})], ", layer 0: its spikes are graded. Train with graded_spike=False."),
+    ("a neuron of another kind", [dense(RNG, 3, 4, neuron=neuron(kind="SDNN"))], ", layer 0: 'SDNN' neurons have no single compartment on the chip. Use CUBA neurons."),
+    ("a weight out of range", [dense(RNG, 3, 4, weight=np.full((3, 4), 300.0))], ", layer 0: a weight is out of an 8-bit synapse's range (0..300 against -256..254, even, or -255..255). Export it again, with quantised weights."),
+    ("a fraction for a weight", [dense(RNG, 3, 4, weight=np.full((3, 4), 0.5))], ", layer 0: 'weight' is not made of integers (0.5). Export it again."),
+    ("another input size", [{"type": "input", "shape": np.array([5])}, dense(RNG, 3, 4)], ", layer 1: its weight has the wrong shape ((3, 4) for 3 neurons and an input of (5,)). Export it again."),
+    ("convT", [{"type": "convT", "shape": np.array([3])}], ", layer 0: 'convT' has no meaning on the chip. Replace it with a convolution."),
+    ("average", [dense(RNG, 3, 4), {"type": "average", "shape": np.array([3])}], ", layer 1: 'average' has no meaning on the chip. Count the spikes of the layer before it."),
+    ("a layer of no kind", [{"type": "wide", "shape": np.array([3])}], ", layer 0: 'wide' is no known type of layer. Use dense and conv layers."),
+    ("a decay out of range", [dense(RNG, 3, 4, neuron=neuron(5000))], ", layer 0: iDecay is no decay (5000..5000 against 0..4096). Correct."),
+    ("an input with neurons", [{"type": "input", "shape": np.array([4]), "neuron": neuron()}], ", layer 0: the input layer turns values into spikes with neurons of its own. Give these spikes as events, and leave the layer out (netx: skip_layers=1)."),
+    ("absurd sizes", [{"type": "input", "shape": np.array([2**40])}], ", layer 0: no size to work with ((1099511627776,) against 1 to 1000000). Correct."),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("layers", "message"), [row[1:] for row in REFUSED], ids=[row[0] for row in REFUSED])
+def test_what_the_chip_cannot_hold_is_refused_by_name(layers, message, tmp_path):
+    write_net(tmp_path / "model.net", layers)
+    with pytest.raises(lc.InputError) as caught:
+        lc.load(tmp_path / "model.net")
+    assert str(caught.value) == "model 'model.net'" + message
