@@ -29,6 +29,8 @@ from hw_model.routing import route_axons
 from hw_model.weights import SignMode
 
 Ints = int | npt.ArrayLike
+_LARGEST = 1 << 53
+"""Magnitudes up to this are the same number in float64 and in int64; beyond, numpy's integers go round."""
 
 
 @dataclass(frozen=True)
@@ -165,7 +167,7 @@ class ProgramBuilder:
                 target_index=read_only(rows[order]),
                 mantissa=read_only(mantissa[order]),
                 delay=read_only(delays[order]),
-                exponent=int(exponent),
+                exponent=int(_whole(where, "exponent", exponent, ())),
                 weight_bits=weight_bits,
                 sign_mode=sign_mode,
             )
@@ -205,6 +207,14 @@ def _whole(where: str, key: str, value: Any, shape: tuple[int, ...]) -> IntArray
     array = np.asarray(value)
     if array.dtype.kind not in "biuf" or not np.array_equal(array, np.round(array)):
         raise InputError(where, f"{key} has values that are not whole numbers", fix="Quantise them first.")
+    beyond = array[(array < -_LARGEST) | (array > _LARGEST)]
+    if beyond.size:
+        raise InputError(
+            where,
+            f"{key} has values that no register holds",
+            measured=f"{beyond.flat[0]:g}",
+            fix="Quantise them first.",
+        )
     if array.shape not in ((), shape):
         raise _wrong_shape(where, key, array.shape, shape)
     return read_only(np.broadcast_to(array, shape))

@@ -56,6 +56,8 @@ def check_network(network: Network) -> None:
                 "its location order is not a permutation of the channels",
                 fix="Visit every channel exactly once.",
             )
+    if not network.projections:
+        raise InputError(f"model {network.name!r}", "it has no weights", fix="Connect an input to a population.")
     on_grid = {population.name: population.on_grid for population in network.populations}
     for projection in network.projections:
         _check_ends(projection, ends)

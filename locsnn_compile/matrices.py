@@ -13,6 +13,7 @@ import numpy.typing as npt
 from scipy import sparse
 
 from hw_model.fixed_point import IntArray
+from locsnn_compile.whole import whole_numbers
 
 Values = npt.NDArray[Any]
 Matrix: TypeAlias = Any
@@ -20,16 +21,25 @@ Matrix: TypeAlias = Any
 
 
 def matrix(given: Any, dtype: npt.DTypeLike) -> Matrix:
-    """Return a read-only copy: CSR, entries summed and in order, where a sparse matrix is given, else an array."""
+    """Return a read-only copy: CSR, entries summed and in order, where a sparse matrix is given, else an array.
+
+    Integers must be whole.
+    """
     if sparse.issparse(given):
-        held = sparse.csr_array(given, dtype=dtype, copy=True)
+        held = sparse.csr_array(given, copy=True)
+        held.data = _of_type(held.data, dtype)
         held.sum_duplicates()
         for part in (held.data, held.indices, held.indptr):
             part.setflags(write=False)
         return held
-    array = np.array(given, dtype=dtype)
+    array = _of_type(given, dtype)
     array.setflags(write=False)
     return array
+
+
+def _of_type(given: npt.ArrayLike, dtype: npt.DTypeLike) -> Values:
+    """Return a copy in a type."""
+    return whole_numbers(given) if np.issubdtype(dtype, np.integer) else np.array(given, dtype=dtype)
 
 
 def values_of(m: Matrix) -> Values:

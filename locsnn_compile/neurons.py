@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hw_model.fixed_point import IntArray
+from locsnn_compile.whole import whole_numbers
 
 FloatArray = npt.NDArray[np.float64]
 Number = TypeVar("Number", np.float64, np.int64)
@@ -69,7 +70,8 @@ class Cuba:
 
 
 def spread(value: npt.ArrayLike, size: int, dtype: type[Number]) -> npt.NDArray[Number]:
-    """Return a read-only array (size,) of a number or of as many numbers."""
-    array = np.broadcast_to(np.asarray(value, dtype=dtype), (size,)).copy()
+    """Return a read-only array (size,) of a number or of as many numbers; integers must be whole."""
+    given = whole_numbers(value) if issubclass(dtype, np.integer) else np.asarray(value, dtype=dtype)
+    array = np.broadcast_to(given, (size,)).astype(dtype)
     array.setflags(write=False)
     return array

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import sparse
 
 import hw_model as hw
 from hw_model.graph import Readout
@@ -12,6 +13,7 @@ from locsnn_compile.errors import InputError, TargetError
 from locsnn_compile.matrices import matrix
 from locsnn_compile.network import InputView, Network, Population, Projection
 from locsnn_compile.neurons import Cuba, SrmAlpha
+from locsnn_compile.on_grid import ChipCuba
 from locsnn_compile.passes.kernels import alpha_kernel
 from locsnn_compile.pipeline import lower
 
@@ -149,3 +151,62 @@ def test_one_tap_alone_is_the_kernel_in_the_error_budget():
     spikes = error_budget(levels, played).alone["kernel"].spikes
     assert spikes.reference_spikes > 0
     assert spikes.mismatches == 0
+
+
+def test_a_network_without_weights_is_refused():
+    with pytest.raises(InputError) as caught:
+        lower(replace(one(LIF), projections=()), CHIP, 8)
+    assert str(caught.value) == "model 'one': it has no weights. Connect an input to a population."
+
+
+NOT_WHOLE = [("fraction", 0.5, "0.5"), ("nan", np.nan, "nan"), ("huge", 1e300, "1e+300"), ("infinite", -np.inf, "-inf"), ("unsigned", np.uint64(2**64 - 2), "18446744073709551614")]  # fmt: skip
+
+
+@pytest.mark.parametrize(("value", "shown"), [row[1:] for row in NOT_WHOLE], ids=[row[0] for row in NOT_WHOLE])
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda v: ChipCuba.of(1, decay_u=v, decay_v=1, threshold=1),
+        lambda v: Cuba.of(1, decay_v=0.5, threshold=1.0, refractory=v),
+        lambda v: matrix([[v]], np.int64),
+        lambda v: matrix(sparse.csr_array(np.array([[v]])), np.int64),
+    ],
+    ids=["chip neuron", "refractory", "dense", "sparse"],
+)
+def test_integers_are_whole_or_refused(make, value, shown):
+    """Numpy would cut 0.5 to 0, and take 2^64 - 2 for -2."""
+    with pytest.raises(InputError) as caught:
+        make(value)
+    assert str(caught.value) == (
+        f"integers of the chip: a number is not whole, or larger than any register ({shown}). "
+        "Round it onto the chip's grid."
+    )
+
+
+def test_whole_floats_are_integers():
+    assert ChipCuba.of(2, decay_u=4096.0, decay_v=[1.0, 2.0], threshold=1).decay_v.tolist() == [1, 2]
+    assert matrix([[2.0, -4.0]], np.int64).dtype == np.int64
+
+
+BUILDER = [
+    ("huge", {"threshold": 1e300}, "compartments 'n': threshold has values that no register holds (1e+300). Quantise them first."),
+    ("infinite", {"bias": np.inf}, "compartments 'n': bias has values that no register holds (inf). Quantise them first."),
+    ("unsigned", {"bias": np.uint64(2**64 - 2)}, "compartments 'n': bias has values that no register holds (1.84467e+19). Quantise them first."),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("changes", "message"), [row[1:] for row in BUILDER], ids=[row[0] for row in BUILDER])
+def test_programs_by_hand_take_no_number_beyond_int64(changes, message):
+    with pytest.raises(InputError) as caught:
+        hw.ProgramBuilder(CHIP).add_compartments("n", 1, **{"threshold": 1, **changes})
+    assert str(caught.value) == message
+
+
+def test_a_weight_exponent_by_hand_is_whole():
+    builder = hw.ProgramBuilder(CHIP)
+    x, n = builder.add_input("x", 1), builder.add_compartments("n", 1, threshold=1)
+    with pytest.raises(InputError) as caught:
+        builder.connect(x, n, [[2]], exponent=1.5)
+    assert str(caught.value) == (
+        "synapses 'x' -> 'n': exponent has values that are not whole numbers. Quantise them first."
+    )

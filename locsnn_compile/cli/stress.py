@@ -1,0 +1,75 @@
+"""``locsnn stress``: what the chip makes of numbers and inputs at the ends of what there is."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from locsnn_compile.cli.shell import EXIT_GATE, progress_bar
+
+if TYPE_CHECKING:
+    from locsnn_compile.stress.row import Row
+
+_EXAMPLE = """\
+example:
+  locsnn stress --quick
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the ``stress`` command."""
+    parser = subparsers.add_parser(
+        "stress",
+        help="try numbers and inputs at their ends",
+        description="Compile and play networks whose numbers and inputs are at the ends of what there is: time "
+        "constants, thresholds, weights, floats, decays, delays, a million steps. Every row is ok, limited by causes "
+        "that are named and counted, or refused in a line; anything else is unexplained, and exit code 3.",
+        epilog=_EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add("--target", default="loihi-sim", metavar="CHIP", help="chip name or chip file (default loihi-sim)")
+    add("--quick", action="store_true", help="a part of the rows, and long runs of 20,000 steps; seconds, not minutes")
+    add("--json", action="store_true", help="print all rows as JSON")
+    add("-o", "--output", type=Path, metavar="FILE", help="write a page of all rows, with pictures beside it")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the rows; print a table of verdicts, or JSON, and write the page if one is wanted."""
+    import hw_model as hw
+    from locsnn_compile.stress.document import stress_document
+    from locsnn_compile.stress.page import check_page, write_page
+    from locsnn_compile.stress.run import run_stress
+
+    chip = hw.chip(args.target)
+    if args.output is not None:
+        check_page(args.output)
+    with progress_bar("stress", show=True) as progress:
+        rows = run_stress(chip, quick=args.quick, progress=progress)
+    if args.output is not None:
+        write_page(args.output, rows, chip)
+    if args.json:
+        print(json.dumps(stress_document(rows, chip), indent=2, allow_nan=False))
+    else:
+        _print_verdicts(rows)
+    return EXIT_GATE if any(row.verdict == "unexplained" for row in rows) else 0
+
+
+def _print_verdicts(rows: Sequence[Row]) -> None:
+    from locsnn_compile.stress.row import VERDICTS
+
+    groups = list(dict.fromkeys(row.case.group for row in rows))
+    width = max(map(len, groups))
+    print(f"{'':{width}}  {'rows':>5}  {'  '.join(f'{verdict:>11}' for verdict in VERDICTS)}")
+    for group in [*groups, "all"]:
+        counted = Counter(row.verdict for row in rows if group in (row.case.group, "all"))
+        figures = "  ".join(f"{counted[verdict]:11}" for verdict in VERDICTS)
+        print(f"{group:{width}}  {sum(counted.values()):5}  {figures}")
+    for row in rows:
+        if row.verdict == "unexplained":
+            print(f"unexplained: {row.case.group}, {row.case.name}, {row.case.strategy}: {'; '.join(row.causes)}")

@@ -1,0 +1,153 @@
+"""How far the chip's potential can be from the float one while no register wraps or clips: derived, not measured.
+
+Take the float compartment and the chip's, driven by the same spikes. In units of the registers, with letters of the
+chip in capitals and what a decay keeps written a and b (float) and A and B (chip):
+
+    u(t) = a u(t-1) + q(t)                     U(t) = cut(A U(t-1)) + Q(t)
+    v(t) = b v(t-1) + u(t) + bias              V(t) = cut(B V(t-1)) + U(t) + BIAS
+
+A cut toward zero takes less than 1, and nothing where A is 0 or 1. For the differences e = |U - u| and f = |V - v|
+
+    e(t)  <=  A e(t-1)  +  |A - a| |u(t-1)|  +  |Q(t) - q(t)|  +  1
+    f(t)  <=  B f(t-1)  +  |B - b| |v(t-1)|  +  e(t)  +  |BIAS - bias|  +  1
+
+The recursion is linear, so every source of error has a part of its own: **weights** (each arriving spike brings what
+its weight was rounded by, at most half a step of the grid, and the bias likewise), **decays** (``|A - a|`` is at most
+1/8192, and gains that make up for it shift the weights) and **states** (the cuts). The last has a bound for all time,
+whatever the input: ``e < 1 / (1 - A)`` and ``f < (1 / (1 - A) + 1) / (1 - B)``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from hw_model.trace import ByteArray
+from locsnn_compile.error_budget.numbers import GroupNumbers, Numbers
+from locsnn_compile.matrices import Matrix, values_of, with_values
+from locsnn_compile.neurons import FloatArray
+
+Source = Literal["weights", "decays", "states"]
+SOURCES: tuple[Source, ...] = get_args(Source)
+
+
+@dataclass(frozen=True, eq=False)
+class Bound:
+    """The most that each source of error moves a potential, ``parts[source]`` (batch, steps, n), in register units."""
+
+    parts: Mapping[Source, FloatArray]
+
+    @property
+    def total(self) -> FloatArray:
+        """All sources together, (batch, steps, n)."""
+        total: FloatArray = np.sum([self.parts[source] for source in SOURCES], axis=0)
+        return total
+
+
+def state_bound(keep_u: float, keep_v: float) -> float:
+    """Return the bound of ``states`` for all time, of compartments that keep fractions of u and v in a step."""
+    u = 1.0 / (1.0 - keep_u) if 0 < keep_u < 1 else 0.0
+    if keep_v == 1:
+        return np.inf if u else 0.0
+    return (u + 1.0) / (1.0 - keep_v) if keep_v > 0 else u
+
+
+def error_bound(
+    numbers: Numbers, population: str, lines: Mapping[str, ByteArray], spikes: Mapping[str, ByteArray]
+) -> Bound:
+    """Bound the error of a population's potential while ``lines`` and ``spikes`` (batch, steps, n) by name are sent.
+
+    ``numbers`` are those of both sides, with the same groups: what one side lacks is not bounded here.
+    """
+    sent = {**lines, **spikes}
+    batch, steps = sent[population].shape[:2]
+    states = {pair.exact.name: _Compartments(pair, batch, steps) for pair in numbers.groups}
+    for pair in numbers.synapses:
+        state, played, delay = states[pair.exact.target], sent[pair.exact.source], pair.exact.delay
+        due = played[:, : max(0, steps - 1 - delay)].astype(np.float64)
+        for into, matrix in (
+            (state.charge, pair.exact.weights),
+            (state.rounding[0], _apart(pair.chip, pair.exact_fitted)),
+            (state.rounding[1], _apart(pair.exact_fitted, pair.exact.weights)),
+        ):
+            into[:, 1 + delay :] += _delivered(due, matrix)
+    found = np.zeros((len(SOURCES), *spikes[population].shape))
+    for step in range(steps):
+        for state in states.values():
+            state.update(step)
+            parent = state.pair.exact.joined_to
+            if parent is not None:
+                states[parent].join(state)
+        found[:, :, step] = states[population].f
+        for name, played in spikes.items():
+            if name in states:
+                states[name].reset(played[:, step].astype(np.bool_))
+    return Bound(dict(zip(SOURCES, found, strict=True)))
+
+
+class _Compartments:
+    """The float registers of a group, (batch, n), and the bounds e and f of its errors, (sources, batch, n)."""
+
+    def __init__(self, pair: GroupNumbers, batch: int, steps: int) -> None:
+        self.pair, n = pair, pair.exact.size
+        self.charge = np.zeros((batch, steps, n))
+        self.rounding = np.zeros((2, batch, steps, n))
+        self._u, self._v, self._joined = np.zeros((3, batch, n))
+        self._e, self.f, self._joined_f = np.zeros((3, len(SOURCES), batch, n))
+        self._blocked = np.zeros((batch, n), dtype=np.int64)
+        exact, chip = pair.exact, pair.chip
+        fitted = exact.bias * pair.bias_ratio
+        self._bias_error = np.stack((np.abs(chip.bias - fitted), np.abs(fitted - exact.bias), np.zeros(n)))[:, None]
+        self._cut_u, self._cut_v = (_cut(keep) for keep in (chip.keep_u, chip.keep_v))
+
+    def update(self, step: int) -> None:
+        exact, chip = self.pair.exact, self.pair.chip
+        self._e = self._after(self._e, self._u, chip.keep_u, exact.keep_u, self._cut_u)
+        self._e[:2] += self.rounding[:, :, step]
+        self._u = exact.keep_u * self._u + self.charge[:, step]
+        self.f = self._after(self.f, self._v, chip.keep_v, exact.keep_v, self._cut_v) + self._e + self._bias_error
+        self.f += self._joined_f
+        self._v = exact.keep_v * self._v + self._u + exact.bias + self._joined
+        held = self._blocked > 0
+        self._v[held] = 0.0
+        self.f[:, held] = 0.0
+        self._joined[:], self._joined_f[:] = 0.0, 0.0
+
+    def join(self, child: _Compartments) -> None:
+        """Take the voltage of a joined child, and its error, into the step that is to come."""
+        self._joined += child._v
+        self._joined_f += child.f
+
+    def reset(self, fired: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> None:
+        """Reset what spiked, on both sides alike, and count its refractory steps."""
+        self._v[fired] = 0.0
+        self.f[:, fired] = 0.0
+        self._blocked = np.where(fired, self.pair.exact.refractory - 1, np.maximum(self._blocked - 1, 0))
+
+    @staticmethod
+    def _after(error: FloatArray, x: FloatArray, chip: FloatArray, exact: FloatArray, cut: FloatArray) -> FloatArray:
+        """Return what one decay makes of the error of a register; one at rest on both sides has nothing to cut."""
+        found = chip * error
+        found[1] += np.abs(chip - exact) * np.abs(x)
+        found[2] += cut * ((x != 0) | error.any(axis=0))
+        return found
+
+
+def _cut(keep: FloatArray) -> FloatArray:
+    """Return what a cut may take: 1, or 0 where all or nothing is kept."""
+    cut: FloatArray = ((keep > 0) & (keep < 1)).astype(np.float64)
+    return cut
+
+
+def _apart(one: Matrix, other: Matrix) -> Matrix:
+    """Return the magnitudes of the differences of two matrices of the same connections."""
+    return with_values(one, np.abs(values_of(one) - values_of(other)))
+
+
+def _delivered(spikes: FloatArray, weights: Matrix) -> FloatArray:
+    """Return the charge (batch, steps, n_target) of spikes (batch, steps, n_source); weights (n,) are one to one."""
+    found: FloatArray = spikes * weights if weights.ndim == 1 else spikes @ weights.T
+    return found

@@ -1,0 +1,119 @@
+"""What is put under stress: one population behind some inputs, and what is played to it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from hw_model.fixed_point import IntArray
+from hw_model.graph import Readout
+from hw_model.trace import ByteArray
+from locsnn_compile.matrices import matrix
+from locsnn_compile.network import InputView, Network, Neuron, Population, Projection
+from locsnn_compile.neurons import Cuba, FloatArray, SrmAlpha
+from locsnn_compile.on_grid import ChipCuba, ChipProjection, ChipSrm, Signs
+
+SRM_STRATEGIES = ("dendrite", "delay-line", "reset")
+NATIVE = "native"
+"""The way of integrate-and-fire neurons, which have a reset of their own: one compartment each."""
+STRATEGIES = (*SRM_STRATEGIES, NATIVE)
+
+POPULATION, TOUCH = "n", "touch"
+NEURONS, CHANNELS, STEPS, SAMPLES, RATE = 4, 6, 200, 2, 0.3
+"""Of a case that asks for nothing else; the rate is that of a random input, spikes a step."""
+THETA = 10.0
+"""Published threshold."""
+SEED = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One row of the table: a network, how it is lowered, and recordings (samples, steps, channels) of 0 and 1.
+
+    ``x`` is the number that the group of cases varies, where it has a place on an axis. ``quick`` cases are part of
+    every run.
+    """
+
+    group: str
+    name: str
+    strategy: str
+    network: Network
+    recordings: ByteArray
+    weight_bits: int = 8
+    x: float | None = None
+    quick: bool = False
+
+
+def float_network(
+    neuron: SrmAlpha | Cuba, weights: npt.ArrayLike, *, steps: int = STEPS, delay: int | IntArray = 0
+) -> Network:
+    """Return one population of float neurons behind inputs, one for each column of its weights."""
+    held = matrix(weights, np.float64)
+    return _network(neuron, held.shape, Projection(TOUCH, POPULATION, held, delay), steps)
+
+
+def chip_network(
+    neuron: ChipCuba | ChipSrm,
+    mantissa: npt.ArrayLike,
+    *,
+    exponent: int = 0,
+    weight_bits: int = 8,
+    signs: Signs = "apart",
+    steps: int = STEPS,
+    delay: int | IntArray = 0,
+) -> Network:
+    """Return one population of neurons on the chip's grid, behind inputs."""
+    held = matrix(mantissa, np.int64)
+    projection = ChipProjection(TOUCH, POPULATION, held, exponent, weight_bits, signs, delay)
+    return _network(neuron, held.shape, projection, steps)
+
+
+def srm(**changes: float) -> SrmAlpha:
+    """Return the published spike response neuron, with changes."""
+    return replace(SrmAlpha(theta=THETA, tau_sr=10.0, tau_ref=1.0, scale_ref=2.0), **changes)
+
+
+def lif(tau: float = 10.0, size: int = NEURONS, **changes: npt.ArrayLike) -> Cuba:
+    """Return leaky integrate-and-fire neurons without a current, of a time constant in steps, with changes."""
+    given: dict[str, npt.ArrayLike] = {"decay_v": -np.expm1(-1.0 / tau), "threshold": THETA, **changes}
+    return Cuba.of(size, **given)  # type: ignore[arg-type]
+
+
+def weights(tau: float = 10.0, *, response: str = "alpha", size: int = NEURONS, channels: int = CHANNELS) -> FloatArray:
+    """Return random weights (size, channels) under which potentials of any time constant stray about the threshold.
+
+    Let h be the response to a spike. Random input lifts a potential by ``w * channels * rate * sum over k of h(k)`` on
+    average, and moves it by ``w * sqrt(channels * rate * sum over k of h(k)^2)`` about there. The sums are about
+    ``e tau`` and ``e^2 tau / 4`` of an alpha kernel, ``tau`` and ``tau / 2`` of a leaky integrator.
+    """
+    lift, energy = (np.e * tau, np.e**2 * tau / 4) if response == "alpha" else (tau, tau / 2)
+    drawn = np.random.default_rng(SEED).normal(0.0, 1.0, (size, channels))
+    drawn -= drawn.mean(axis=1, keepdims=True)
+    found: FloatArray = THETA * (drawn / np.sqrt(1.0 + energy) + 1.0 / (channels * RATE * (1.0 + lift)))
+    return found
+
+
+def random_input(
+    steps: int = STEPS, *, channels: int = CHANNELS, rate: float = RATE, samples: int = SAMPLES
+) -> ByteArray:
+    """Return recordings (samples, steps, channels) in which every channel spikes at random, at a rate a step."""
+    drawn = np.random.default_rng(SEED + 1).random((samples, steps, channels)) < rate
+    return drawn.astype(np.uint8)
+
+
+def _network(neuron: Neuron, shape: tuple[int, int], projection: Projection | ChipProjection, steps: int) -> Network:
+    size, channels = shape
+    return Network(
+        name="stress",
+        channels=channels,
+        steps=steps,
+        step_seconds=None,
+        fingertips=None,
+        views=(InputView(TOUCH, "time", channels),),
+        populations=(Population(POPULATION, "time", size, neuron),),
+        projections=(projection,),
+        readout=Readout((POPULATION,), (1.0,)),
+        sha256="0" * 64,
+    )

@@ -1,0 +1,64 @@
+"""What a synapse format holds: bits, exponents and delays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from hw_model.weights import WEIGHT_BITS, WEIGHT_EXPONENTS
+from locsnn_compile.on_grid import ChipCuba, Signs
+from locsnn_compile.stress.case import (
+    CHANNELS,
+    NATIVE,
+    NEURONS,
+    SEED,
+    SRM_STRATEGIES,
+    Case,
+    chip_network,
+    float_network,
+    lif,
+    random_input,
+    srm,
+    weights,
+)
+
+DELAYS = (0, 1, 61, 62, 63, 10**9)
+
+
+def weight_bits() -> Iterator[Case]:
+    """Every width that a format has, and one that none has."""
+    for bits in (*WEIGHT_BITS, 7):
+        name = "1 bit" if bits == 1 else f"{bits} bits"
+        for strategy in SRM_STRATEGIES:
+            network = float_network(srm(), weights())
+            quick = bits in (1, 7) and strategy == "dendrite"
+            yield Case("weight bits", name, strategy, network, random_input(), bits, quick=quick)
+        network = float_network(lif(), weights(response="leak"))
+        yield Case("weight bits", name, NATIVE, network, random_input(), bits, quick=bits in (1, 4))
+
+
+def weight_exponents() -> Iterator[Case]:
+    """Integer weights of every exponent, at the ends of their grid; negative exponents lose low bits."""
+    ends: dict[Signs, tuple[int, ...]] = {"apart": (-255, -1, 1, 255), "mixed": (-256, -2, 2, 254)}
+    for signs, mantissas in ends.items():
+        mantissa = np.random.default_rng(SEED).choice(mantissas, (NEURONS, CHANNELS))
+        for exponent in WEIGHT_EXPONENTS[:: 1 if signs == "mixed" else 5]:
+            neuron = ChipCuba.of(NEURONS, decay_u=4096, decay_v=410, threshold=max(1, int(255 * 2.0**exponent)))
+            network = chip_network(neuron, mantissa, exponent=exponent, signs=signs)
+            name = f"exponent {exponent}, signs {signs}"
+            yield Case("weight exponents", name, NATIVE, network, random_input(), quick=exponent in (-8, 7))
+
+
+def delays() -> Iterator[Case]:
+    """Synaptic delays at the ends of what a format holds, and past them."""
+    for delay in DELAYS:
+        name, quick = f"delay {delay}", delay in (62, 63)
+        yield Case(
+            "delays", name, "dendrite", float_network(srm(), weights(), delay=delay), random_input(), quick=quick
+        )
+        network = float_network(lif(), weights(response="leak"), delay=delay)
+        yield Case("delays", name, NATIVE, network, random_input(), quick=quick)
+    many = np.random.default_rng(SEED).integers(0, 63, (NEURONS, CHANNELS))
+    network = float_network(lif(), weights(response="leak"), delay=many)
+    yield Case("delays", "delays 0 to 62, each its own", NATIVE, network, random_input())

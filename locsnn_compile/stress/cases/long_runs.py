@@ -1,0 +1,94 @@
+"""Runs of a million steps: whether errors add up."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from hw_model.trace import ByteArray
+from locsnn_compile.neurons import Cuba, FloatArray
+from locsnn_compile.stress.case import (
+    CHANNELS,
+    NATIVE,
+    NEURONS,
+    SEED,
+    SRM_STRATEGIES,
+    THETA,
+    Case,
+    float_network,
+    lif,
+    random_input,
+    srm,
+    weights,
+)
+
+BLOCK = 1000
+"""Steps after which the input repeats: what a fading neuron does then repeats as well."""
+SETTLED = 5
+"""Time constants after which a neuron has all but forgotten how it began."""
+
+
+@dataclass(frozen=True, eq=False)
+class LongRun:
+    """``case`` plays the first blocks, until errors that fade have settled; then ``block`` goes on and on.
+
+    ``block`` is (steps, channels). ``fades`` is False where some error never does.
+    """
+
+    case: Case
+    block: ByteArray
+    fades: bool = True
+
+
+def long_runs() -> Iterator[LongRun]:
+    """Two neurons of each network stay below the threshold, so that potentials can be compared for ever."""
+    block = random_input(BLOCK, samples=1)[0]
+    played = np.tile(block, (2, 1))[None]
+    given = weights()
+    given[:2] *= 0.1
+    network = float_network(srm(), given, steps=len(played[0]))
+    for strategy in SRM_STRATEGIES:
+        case = Case("a million steps", "tau_sr 10", strategy, network, played, quick=strategy == "dendrite")
+        yield LongRun(case, block)
+    given = weights(response="leak")
+    given[:2] *= 0.1
+    yield _native("leak of 10 steps", lif(10.0), given, block, 2, quick=True)
+    given = weights(4096.0, response="leak")
+    given[:2] *= 0.1
+    # A decay that the chip has: nothing but truncation and weights is left.
+    yield _native("leak of 1 in 4096", lif(decay_v=1 / 4096), given, block, SETTLED * 4096 // BLOCK)
+    yield _native("no leak, balanced input", lif(decay_v=0.0), *_balanced(), 2, fades=False)
+    nothing = np.zeros((NEURONS, CHANNELS))
+    ticking = lif(decay_v=0.0, bias=THETA * np.array([0.3, 0.03, 0.003, 0.0003]))
+    yield _native("no leak, bias alone", ticking, nothing, block, 2, fades=False, quick=True)
+
+
+def _balanced() -> tuple[FloatArray, ByteArray]:
+    """Return weights and input that add up to nothing in float, and to nearly nothing in rounded weights.
+
+    61 spikes up and 77 down, of 61/77 the weight: in mantissas 255 and 202.013.
+    """
+    up, down = 61, 77
+    given = np.tile([THETA / 32, -THETA / 32 * up / down], (NEURONS, 1))
+    pattern = np.zeros((200, 2), dtype=np.uint8)
+    drawn = np.random.default_rng(SEED)
+    pattern[drawn.permutation(200)[:up], 0] = 1
+    pattern[drawn.permutation(200)[:down], 1] = 1
+    return given, np.tile(pattern, (BLOCK // 200, 1))
+
+
+def _native(
+    name: str,
+    neuron: Cuba,
+    given: FloatArray,
+    block: ByteArray,
+    blocks: int,
+    *,
+    fades: bool = True,
+    quick: bool = False,
+) -> LongRun:
+    played = np.tile(block, (blocks, 1))[None]
+    network = float_network(neuron, given, steps=len(played[0]))
+    return LongRun(Case("a million steps", name, NATIVE, network, played, quick=quick), block, fades)

@@ -1,0 +1,66 @@
+"""Potentials exactly at the threshold, where the rule decides: ``>`` or ``>=``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from hw_model.trace import ByteArray
+from locsnn_compile.neurons import Rule
+from locsnn_compile.on_grid import ChipCuba, ChipSrm
+from locsnn_compile.stress.case import (
+    NATIVE,
+    SRM_STRATEGIES,
+    STEPS,
+    THETA,
+    Case,
+    chip_network,
+    float_network,
+    lif,
+    random_input,
+    srm,
+)
+
+PARTS = (1, 2, 3, 4, 7)
+"""A threshold in so many spikes."""
+RULES: tuple[Rule, ...] = (">", ">=")
+
+
+def exact_thresholds() -> Iterator[Case]:
+    """Weights that add up to the threshold, in float and in the chip's integers."""
+    group, one = "potentials at the threshold", random_input(channels=1)
+    for rule in RULES:
+        for parts in PARTS:
+            neuron = lif(size=1, decay_v=0.0, rule=rule)
+            network = float_network(neuron, [[THETA / parts]])
+            yield Case(group, f"integrator, {_spikes(parts)}, rule {rule}", NATIVE, network, one, quick=parts == 3)
+        neuron = lif(size=1, decay_v=1.0, rule=rule)
+        network = float_network(neuron, [[0.25 * THETA, 0.75 * THETA]])
+        yield Case(group, f"memoryless, 1/4 and 3/4, rule {rule}", NATIVE, network, random_input(channels=2))
+    for strategy in SRM_STRATEGIES:
+        for tau in (1.0, 10.0):
+            network = float_network(srm(tau_sr=tau), [[THETA]])
+            name = f"peak of a kernel of {tau:g}"
+            yield Case(group, name, strategy, network, _apart(one), quick=strategy == "dendrite")
+    for over, word in ((0, "at"), (1, "a unit above")):
+        memoryless = ChipCuba.of(
+            1, decay_u=4096, decay_v=4096, threshold=100, bias_mantissa=over, bias_exponent=0, refractory=1
+        )
+        network = chip_network(memoryless, [[100]])
+        yield Case(group, f"integers, {word} it", NATIVE, network, one, quick=True)
+    memoryless_srm = ChipSrm.with_dendrite(
+        1, decay=4096, threshold=100, refractory_decay=4096, refractory_mantissa=-1, refractory_exponent=0
+    )
+    yield Case(group, "integers, at it", "dendrite", chip_network(memoryless_srm, [[100]]), one)
+
+
+def _spikes(parts: int) -> str:
+    return "one spike" if parts == 1 else f"{parts} spikes"
+
+
+def _apart(played: ByteArray) -> ByteArray:
+    """Return single spikes so far apart that the kernel of one is over before the next."""
+    alone = np.zeros_like(played)
+    alone[:, 0 : STEPS : STEPS // 2] = 1
+    return alone

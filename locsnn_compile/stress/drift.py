@@ -1,0 +1,138 @@
+"""Play a long run to the float network and the program, and see whether the difference grows.
+
+The float network goes block by block; of the program a byte is held for each compartment and step, and the potentials
+of one population. A session, which holds no more than a block, must count the same spikes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+import hw_model as hw
+from hw_model.trace import ByteArray
+from locsnn_compile.float_neurons import CubaSteps, SrmSteps
+from locsnn_compile.matching import PopulationMatch
+from locsnn_compile.matrices import charge
+from locsnn_compile.network import Network, Projection
+from locsnn_compile.neurons import Cuba, FloatArray, SrmAlpha
+from locsnn_compile.report.format import share, short
+from locsnn_compile.stress.bounds import error_bound
+from locsnn_compile.stress.case import POPULATION
+from locsnn_compile.stress.cases.long_runs import LongRun
+from locsnn_compile.stress.judge import judge
+from locsnn_compile.stress.measure import lowered, measure
+from locsnn_compile.stress.row import TENTH, Drift, Row
+from locsnn_compile.stress.sides import Sides
+
+TENTHS = 10
+LESS = 0.05
+"""Spike agreement that the last tenth of a run may be short of the beginning without a word."""
+BoolArray = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class FloatRun:
+    """Spikes and potentials of the float network, (steps, n), in its own units."""
+
+    spikes: ByteArray
+    potential: FloatArray
+
+
+def long_row(run: LongRun, chip: hw.Chip, float_run: FloatRun) -> Row:
+    """Return the row of a long run: that of its beginning, and how it went on."""
+    row = judge(run.case, measure(run.case, chip))
+    drift, odd = measure_drift(run, chip, float_run)
+    defects = [*([odd] if odd else []), *_beyond(drift)]
+    if defects or row.verdict == "unexplained":
+        before = row.causes if row.verdict == "unexplained" else ()
+        return replace(row, verdict="unexplained", causes=(*before, *defects), drift=drift)
+    causes = (*row.causes, *_growth(row, drift, run.fades))
+    return replace(row, verdict="limited" if causes else "ok", causes=causes, drift=drift)
+
+
+def measure_drift(run: LongRun, chip: hw.Chip, wanted: FloatRun) -> tuple[Drift, str | None]:
+    """Return figures by tenth of the run, and what differs from the simulation, if anything does."""
+    steps = len(wanted.spikes)
+    network = replace(run.case.network, steps=steps)
+    levels = lowered(replace(run.case, network=network), chip)
+    played = np.tile(run.block, (-(-steps // len(run.block)), 1))[:steps]
+    found = hw.simulate(levels.program, played, probe=("spikes", hw.Probe("potential", (POPULATION,))))
+    spikes, potential = found.spikes[POPULATION], found.potential[POPULATION]
+    scale = levels.quantized.population(POPULATION).scale
+    theta = np.array([network.populations[0].threshold_of(i) for i in range(len(scale))])
+    quiet: BoolArray = ~np.asarray(wanted.spikes.any(axis=0) | spikes.any(axis=0))
+    parts = [slice(part[0], part[-1] + 1) for part in np.array_split(np.arange(steps), TENTHS)]
+    error = [
+        float((np.abs(potential[part] / scale - wanted.potential[part]) / theta)[:, quiet].max(initial=0.0))
+        for part in parts
+    ]
+    drift = Drift(
+        steps,
+        tuple(PopulationMatch.of(wanted.spikes[part], spikes[part]) for part in parts),
+        tuple(error) if quiet.any() else None,
+        _bound(run, chip, quiet, steps),
+    )
+    return drift, _session_differs(levels.program, played, spikes, len(run.block))
+
+
+def play_float(network: Network, block: ByteArray, steps: int) -> FloatRun:
+    """Step a float population on a block (steps, channels) that repeats."""
+    (population,), (projection,) = network.populations, network.projections
+    neuron, n = population.neuron, population.size
+    assert isinstance(projection, Projection)  # long runs are of float networks
+    assert isinstance(neuron, SrmAlpha | Cuba)
+    # A spike of the last row of a block arrives in the first step of the next.
+    arriving = np.roll(charge(block, projection.weights), 1, axis=0)
+    state = SrmSteps(neuron, 1, n) if isinstance(neuron, SrmAlpha) else CubaSteps(neuron, 1, n)
+    spikes, potential = np.empty((steps, n), dtype=np.uint8), np.empty((steps, n))
+    silence = np.zeros((1, n))
+    for step in range(steps):
+        fired, seen = state.step(arriving[None, step % len(block)] if step else silence)
+        spikes[step], potential[step] = fired[0], seen[0]
+    return FloatRun(spikes, potential)
+
+
+def _bound(run: LongRun, chip: hw.Chip, quiet: BoolArray, steps: int) -> float:
+    """Bound the error of neurons that never spike, in thresholds: as settled, or grown on as in the beginning."""
+    if not quiet.any():
+        return 0.0
+    sides = Sides(lowered(run.case, chip), run.case.recordings)
+    sent = {POPULATION: sides.float.spikes}
+    bound = error_bound(sides.phase.program_neurons, POPULATION, sides.lines, sent)
+    shares = (sides.model_error() + bound.total) / sides.threshold
+    settled = float(shares[:, -len(run.block) :][..., quiet].max())
+    return settled * (1.0 if run.fades else steps / run.case.network.steps)
+
+
+def _session_differs(program: hw.ChipProgram, played: ByteArray, spikes: ByteArray, rows: int) -> str | None:
+    """Push the run to a session, so many rows at a time; say where it first counts other spikes."""
+    session, counted = hw.Session(program), spikes.cumsum(axis=0, dtype=np.int64)
+    for start in range(0, len(played), rows):
+        pushed = session.push(played[start : start + rows]).spikes[POPULATION]
+        if not np.array_equal(pushed[-1], counted[start + len(pushed) - 1]):
+            return f"a session counts other spikes until step {start + len(pushed)}"
+    return None
+
+
+def _beyond(drift: Drift) -> list[str]:
+    largest = max(drift.error or (0.0,))
+    if largest <= drift.bound * (1 + 1e-6):
+        return []
+    return [f"an error of {short(largest)} thresholds in the long run is beyond the bound of {short(drift.bound)}"]
+
+
+def _growth(row: Row, drift: Drift, fades: bool) -> list[str]:
+    """Name what is worse in the last tenth of the run than in its beginning."""
+    found = []
+    assert row.measured is not None
+    if not fades and drift.error is not None and drift.error[-1] > TENTH:
+        found.append(
+            f"nothing fades, so rounding adds up: {short(drift.error[-1])} thresholds in {drift.steps:,} steps"
+        )
+    first, last = row.measured.spikes.agreement, drift.spikes[-1].agreement
+    if last < first - LESS:
+        found.append(f"spikes drift apart: {share(first)} are equal in the beginning, {share(last)} in the last tenth")
+    return found

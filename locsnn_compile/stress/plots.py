@@ -1,0 +1,87 @@
+"""What the pictures of the page show."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from locsnn_compile.stress.case import NATIVE
+from locsnn_compile.stress.curves import Curve, Panel, draw
+from locsnn_compile.stress.row import Measured, Row
+
+
+def pictures(rows: Sequence[Row]) -> dict[str, bytes]:
+    """Return the pictures by the end of their names; one that has nothing to show is left out."""
+    made = {
+        "time-constants.svg": _time_constants(rows),
+        "weights.svg": _weights(rows),
+        "long-runs.svg": _long_runs(rows),
+    }
+    return {name: picture for name, picture in made.items() if picture is not None}
+
+
+def _time_constants(rows: Sequence[Row]) -> bytes | None:
+    panels = [
+        Panel(
+            f"{strategy}: thresholds",
+            "time constant, steps",
+            (
+                _curve("error found", rows, "time constants", strategy, lambda m: m.error),
+                _curve("bound", rows, "time constants", strategy, lambda m: m.bound),
+                _curve("of it weights", rows, "time constants", strategy, lambda m: m.parts["weights"]),
+                _curve("of it decays", rows, "time constants", strategy, lambda m: m.parts["decays"]),
+                _curve("of it states", rows, "time constants", strategy, lambda m: m.parts["states"]),
+            ),
+        )
+        for strategy in ("dendrite", NATIVE)
+    ]
+    return _drawn("Error of potentials by time constant, same spikes on both sides", panels)
+
+
+def _weights(rows: Sequence[Row]) -> bytes | None:
+    group = "weights against the threshold"
+
+    def curves(of: Callable[[Measured], float]) -> tuple[Curve, ...]:
+        return tuple(_curve(strategy, rows, group, strategy, of) for strategy in ("dendrite", NATIVE))
+
+    x_label = "weights, times those the threshold is made for"
+    panels = [
+        Panel(
+            "share of weights that round to 0", x_label, curves(lambda m: m.weights.lost / m.weights.of), y_log=False
+        ),
+        Panel("wraps and clips", x_label, curves(lambda m: m.wraps + m.clips), y_log=False),
+    ]
+    return _drawn("Weights over twelve orders of magnitude, one threshold", panels)
+
+
+def _long_runs(rows: Sequence[Row]) -> bytes | None:
+    long = [row for row in rows if row.drift is not None and row.drift.error is not None]
+    named = [(f"{row.case.name}, {row.case.strategy}", row.drift) for row in long if row.case.strategy != "delay-line"]
+    errors = tuple(
+        Curve(name, tuple(((i + 1) * drift.steps / 10, e) for i, e in enumerate(drift.error or ())))
+        for name, drift in named
+        if drift is not None
+    )
+    bounds = tuple(
+        Curve(name, ((drift.steps / 10, drift.bound), (drift.steps, drift.bound))) for name, drift in named if drift
+    )
+    panels = [
+        Panel("largest error of each tenth, thresholds", "step", errors, x_log=False),
+        Panel("bound for all of the run, thresholds", "step", bounds, x_log=False),
+    ]
+    return _drawn("Neurons below the threshold in a long run", panels)
+
+
+def _curve(label: str, rows: Sequence[Row], group: str, strategy: str, figure: Callable[[Measured], float]) -> Curve:
+    points = tuple(
+        (row.case.x, figure(row.measured))
+        for row in rows
+        if row.case.group == group
+        and row.case.strategy == strategy
+        and row.case.x is not None
+        and row.measured is not None
+    )
+    return Curve(label, points)
+
+
+def _drawn(title: str, panels: Sequence[Panel]) -> bytes | None:
+    return draw(title, panels) if any(curve.points for panel in panels for curve in panel.curves) else None
