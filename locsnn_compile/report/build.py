@@ -58,6 +58,11 @@ def left_out(document: Document) -> Section:
         Fact("events dropped", f"{count(found['events_dropped'])}, of all recordings; after the last step"),
         Fact("synapses pruned", f"{count(found['synapses_pruned'])}, whose weight rounds to 0"),
         Fact("compartments pruned", count(found["compartments_pruned"])),
+        *(
+            [Fact("biases lost", f"{count(found['biases_lost'])}, which round to 0")]
+            if found.get("biases_lost")
+            else []
+        ),
     )
     return Section("left-out", "Left out", "What the program does not have or do.", (Facts(facts),))
 

@@ -14,6 +14,8 @@ from hw_model.program import ChipProgram, Core
 from locsnn_compile.diagnosis import Diagnosis
 from locsnn_compile.matching import Match
 from locsnn_compile.network import Network
+from locsnn_compile.neurons import Cuba
+from locsnn_compile.on_grid import ChipCuba
 from locsnn_compile.operations import ANN_NAMES, ann_operations
 from locsnn_compile.over_time import LeftOut, OverTime
 from locsnn_compile.pipeline import Levels
@@ -57,6 +59,7 @@ def report_document(
             "steps": counts.skipped_steps,
             "events_dropped": counts.events_dropped,
             "synapses_pruned": program.synapses_pruned,
+            "biases_lost": _biases_lost(levels),
             "compartments_pruned": sum(g.size for g in levels.compartments.groups)
             - sum(core.compartments for core in program.cores),
         },
@@ -240,6 +243,15 @@ def _quantization(levels: Levels) -> Document:
         }
         for q in quantized.populations
     }
+
+
+def _biases_lost(levels: Levels) -> int:
+    """Count the biases other than 0 that round to 0."""
+    return sum(
+        int(((q.population.neuron.bias != 0) & (q.neuron.bias_mantissa == 0)).sum())
+        for q in levels.quantized.populations
+        if isinstance(q.population.neuron, Cuba) and isinstance(q.neuron, ChipCuba)
+    )
 
 
 def _spread(values: npt.NDArray[Any]) -> Any:

@@ -7,6 +7,7 @@ import pytest
 from scipy import sparse
 
 import hw_model as hw
+import locsnn_compile as lc
 from hw_model.graph import Readout
 from locsnn_compile.error_budget.budget import error_budget
 from locsnn_compile.errors import InputError, TargetError
@@ -16,6 +17,7 @@ from locsnn_compile.neurons import Cuba, SrmAlpha
 from locsnn_compile.on_grid import ChipCuba
 from locsnn_compile.passes.kernels import alpha_kernel
 from locsnn_compile.pipeline import lower
+from locsnn_compile.report.markdown import render_markdown
 
 CHIP = hw.chip("loihi-sim")
 SRM = SrmAlpha(theta=10.0, tau_sr=10.0, tau_ref=1.0, scale_ref=2.0)
@@ -210,3 +212,14 @@ def test_a_weight_exponent_by_hand_is_whole():
     assert str(caught.value) == (
         "synapses 'x' -> 'n': exponent has values that are not whole numbers. Quantise them first."
     )
+
+
+def test_lost_biases_are_counted_in_the_report():
+    neuron = Cuba.of(3, decay_v=0.1, threshold=1.0, bias=np.array([0.0, 1e-9, 0.05]))
+    network = replace(
+        one(neuron), projections=(Projection("touch", "n", matrix(np.ones((3, 1)), np.float64)),),
+        populations=(Population("n", "time", 3, neuron),),
+    )  # fmt: skip
+    report = lc.compile(network, events=np.ones((1, 30, 1), dtype=np.uint8)).report
+    assert report["skipped"]["biases_lost"] == 1
+    assert "- biases lost: 1, which round to 0\n" in render_markdown(report)
