@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from locsnn_compile.check_network import check_network
@@ -19,22 +20,30 @@ def load(
     reset: str | None = None,
     discretisation: str | None = None,
 ) -> Network:
-    """Read a model file: a checkpoint of ``locsnn train``, a NIR graph, or a lava-dl network.
+    """Read a model file: a checkpoint of ``locsnn train`` or of slayerPytorch, a NIR graph, or a lava-dl network.
 
-    ``.pt`` is a checkpoint; HDF5 files are told apart by what they hold. For a NIR graph, ``dt`` is the seconds of a
-    step (1e-4 by convention), ``reset`` what a spike does to the potential (``zero``, or ``subtract``, which the chip
-    cannot do), ``discretisation`` ``euler`` or ``exact``. Other formats say these themselves, so giving them is an
-    ``InputError``, like a file that cannot be read or used. Nothing in the file is executed.
+    ``.pt`` is a checkpoint, one of slayerPytorch where ``config``, its YAML description, is given; HDF5 files are told
+    apart by what they hold. For a NIR graph, ``dt`` is the seconds of a step (1e-4 by convention), ``reset`` what a
+    spike does to the potential (``zero``, or ``subtract``, which the chip cannot do), ``discretisation`` ``euler`` or
+    ``exact``. Other formats say these themselves, so giving them is an ``InputError``, like a file that cannot be read
+    or used. Nothing in the file is executed.
     """
     path = Path(model)
-    given = {"config": config, "dt": dt, "reset": reset, "discretisation": discretisation}
-    network = _load(path, given)
+    network = _load(path, config, dt, reset, discretisation)
     check_network(network)
     return network
 
 
-def _load(path: Path, given: dict[str, str | Path | float | None]) -> Network:
+def _load(
+    path: Path, config: str | Path | None, dt: float | None, reset: str | None, discretisation: str | None
+) -> Network:
     where = f"model {path.name!r}"
+    given = {"config": config, "dt": dt, "reset": reset, "discretisation": discretisation}
+    if path.suffix in (".pt", ".pth") and config is not None:
+        _refuse({"dt": dt, "reset": reset, "discretisation": discretisation}, where, "a slayerPytorch checkpoint")
+        from locsnn_compile.frontends.slayer import load_slayer
+
+        return load_slayer(path, Path(config))
     if path.suffix == ".pt":
         _refuse(given, where, "a checkpoint")
         from locsnn_compile.frontends.checkpoint import load_checkpoint
@@ -47,14 +56,10 @@ def _load(path: Path, given: dict[str, str | Path | float | None]) -> Network:
     with open_hdf5(path, where) as (root, _):
         held = root.names()
     if "node" in held:
-        _refuse({"config": given["config"]}, where, "a NIR graph")
+        _refuse({"config": config}, where, "a NIR graph")
         from locsnn_compile.frontends.nir import load_nir
 
-        dt, reset, discretisation = given["dt"], given["reset"], given["discretisation"]
-        assert dt is None or isinstance(dt, int | float)
-        return load_nir(
-            path, dt, None if reset is None else str(reset), "euler" if discretisation is None else str(discretisation)
-        )
+        return load_nir(path, dt, reset, discretisation or "euler")
     if "layer" in held:
         _refuse(given, where, "a lava-dl network")
         from locsnn_compile.frontends.lava_dl import load_lava_dl
@@ -63,7 +68,7 @@ def _load(path: Path, given: dict[str, str | Path | float | None]) -> Network:
     raise InputError(where, "it holds neither a NIR graph nor a lava-dl network", fix=_FORMATS)
 
 
-def _refuse(given: dict[str, str | Path | float | None], where: str, kind: str) -> None:
+def _refuse(given: Mapping[str, object], where: str, kind: str) -> None:
     """Refuse options that this kind of file answers itself."""
     for name, value in given.items():
         if value is not None:

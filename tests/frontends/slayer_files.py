@@ -1,0 +1,63 @@
+"""slayerPytorch checkpoints and their YAML, as its modules save them; its forward pass in plain numpy."""
+
+import numpy as np
+import torch
+import yaml
+
+SRM = {"type": "SRMALPHA", "theta": 10.0, "tauSr": 10.0, "tauRef": 1.0, "scaleRef": 2.0, "tauRho": 1, "scaleRho": 1}
+LOIHI = {
+    "type": "LOIHI",
+    "vThMant": 400,
+    "vDecay": 128,
+    "iDecay": 1024,
+    "refDelay": 1,
+    "wgtExp": 0,
+    "tauRho": 1,
+    "scaleRho": 1,
+}
+
+
+def kernel(tau, factor):
+    """slayerPytorch's _calculateAlphaKernel, Ts 1."""
+    taps = []
+    for t in range(1000):
+        value = factor * t / tau * np.exp(1 - t / tau)
+        if abs(value) < 0.01 and t > tau:
+            break
+        taps.append(value)
+    return np.array(taps)
+
+
+def write(folder, weights, neuron=SRM, steps=60, extra=None, **more):
+    """Write model.pt and net.yaml; ``weights`` (out, in) by layer; ``extra`` tensors as they are."""
+    state = {}
+    if neuron["type"] == "SRMALPHA":
+        for name, tau, factor in (
+            ("srmKernel", neuron["tauSr"], 1),
+            ("refKernel", neuron["tauRef"], -neuron["scaleRef"] * neuron["theta"]),
+        ):
+            state[f"slayer.{name}"] = torch.tensor(kernel(tau, factor)).float().reshape(1, 1, 1, 1, -1)
+    for name, weight in weights.items():
+        state[f"{name}.weight"] = torch.tensor(weight).float()[..., None, None, None]
+    torch.save(state | (extra or {}), folder / "model.pt")
+    error = {"type": "NumSpikes", "tgtSpikeRegion": {"start": 0, "stop": steps}, "tgtSpikeCount": {True: 150, False: 5}}
+    config = {"simulation": {"Ts": 1.0, "tSample": steps}, "neuron": neuron, "training": {"error": error}, **more}
+    (folder / "net.yaml").write_text(yaml.safe_dump(config))
+    return folder / "model.pt", folder / "net.yaml"
+
+
+def srm_layer(weight, spikes, neuron=SRM, full=True):
+    """Return the spikes (steps, out) of a layer: psp, weights, spike; with the kernels' tails, or slayer's cut ones."""
+    steps = len(spikes)
+    k = np.arange(steps)
+
+    def taps(tau, factor):
+        return factor * k / tau * np.exp(1 - k / tau) if full else np.pad(kernel(tau, factor), (0, steps))[:steps]
+
+    eps, nu = taps(neuron["tauSr"], 1.0), taps(neuron["tauRef"], -neuron["scaleRef"] * neuron["theta"])
+    psp = np.array([sum(eps[t - s] * spikes[s] for s in range(t + 1)) for t in range(steps)])
+    u, out = psp @ weight.T, np.zeros((steps, len(weight)))
+    for t in range(steps):
+        out[t] = u[t] >= neuron["theta"]
+        u[t:] += nu[: steps - t, None] * out[t]
+    return out
