@@ -141,7 +141,7 @@ def _batch(program: ChipProgram, spikes: Spikes) -> dict[str, ByteArray]:
 
 
 def to_the_end(program: ChipProgram, spikes: Spikes) -> dict[str, ByteArray]:
-    """Return every stream, (batch, steps, channels), followed by silence until the phases that play it so have ended."""
+    """Return every stream, (batch, steps, channels), followed by silence until the phases that play it so end."""
     streams = _batch(program, spikes)
     turned = {item.phase for item in program.inputs if item.positions is not None}
     last = max((phase.steps or 0 for phase in program.phases if phase.name not in turned), default=0)

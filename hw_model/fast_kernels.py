@@ -31,6 +31,7 @@ from hw_model.fast_layout import (
     FastLayout,
     U,
     V,
+    aligned,
 )
 from hw_model.registers32 import rz, wrap24
 
@@ -40,8 +41,6 @@ TILE = 64
 AnyArray = npt.NDArray[Any]
 
 
-CACHE_LINE = 64
-"""Bytes."""
 LONG = 128
 """Slots from which on several matrix rows are added at once; for fewer, setting out takes longer than it saves."""
 
@@ -88,14 +87,6 @@ class Kept(NamedTuple):
 
 NO_REGISTER = KeptRegister(np.empty(0, dtype=np.int64), 0, np.empty((1, 0, 0), dtype=np.int64))
 NOTHING_KEPT = Kept(False, NO_REGISTER, NO_REGISTER, NO_REGISTER)
-
-
-def aligned(shape: tuple[int, ...], dtype: npt.DTypeLike) -> AnyArray:
-    """Return zeros that begin where a cache line does: a vector that lies across two lines is loaded at half speed."""
-    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
-    room = np.zeros(size + CACHE_LINE, dtype=np.uint8)
-    start = -room.ctypes.data % CACHE_LINE
-    return room[start : start + size].view(dtype).reshape(shape)
 
 
 def first_state(layout: FastLayout, tile: int = TILE) -> State:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import networkx as nx
 import numpy as np
@@ -33,10 +33,21 @@ CHARGE_WRAPS, CURRENT_WRAPS, VOLTAGE_CLIPS = range(12, FIELDS)
 NEVER = (1 << 31) - 1
 """The threshold of what cannot spike."""
 
+CACHE_LINE = 64
+"""Bytes."""
+
 DENSE_SHARE = 0.25
 """A link with at least this share of all pairs is a matrix: adding zeros in a row is cheaper than following a list."""
 DENSE_MOST = 1 << 27
 """Entries of the largest matrix, 256 MiB."""
+
+
+def aligned(shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
+    """Return zeros that begin where a cache line does: a vector that lies across two lines is loaded at half speed."""
+    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    room = np.zeros(size + CACHE_LINE, dtype=np.uint8)
+    start = -room.ctypes.data % CACHE_LINE
+    return room[start : start + size].view(dtype).reshape(shape)
 
 
 class Chunks(NamedTuple):
@@ -393,6 +404,9 @@ def _links(
     list_start = np.concatenate([empty, *starts_of_lists])
     slot_of, lates = np.concatenate([empty, *slots]), np.concatenate([empty, *delays])
     reach_start, reach_chunk, reach_late = _reach(list_start, slot_of // LANES, lates)
+    matrix = aligned((matrix_size,), np.int16)
+    if matrices:
+        np.concatenate(matrices, out=matrix)
     heads = np.array(rows, dtype=np.int64).reshape(-1, 7).T.copy()
     outside = sum(len(part) for part in external)
     return Links(
@@ -403,7 +417,7 @@ def _links(
         width=heads[4],
         target=heads[5],
         delay=heads[6],
-        matrix=np.concatenate([np.empty(0, dtype=np.int16), *matrices]),
+        matrix=matrix,
         list_start=list_start,
         slot=slot_of.astype(np.int32),
         weight=np.concatenate([empty, *weights]).astype(np.int32),
