@@ -38,7 +38,9 @@ def lower_neurons(quantized: QuantizedNetwork, chip: Chip) -> CompartmentGraph:
         synapses += _by_sign(projection, _entrance(quantized.population(projection.target)))
     graph = CompartmentGraph(
         name=network.name,
-        phases=tuple(Phase(axis, axis, None if network.any_length else network.steps_of(axis)) for axis in network.axes),
+        phases=tuple(
+            Phase(axis, axis, None if network.any_length else network.steps_of(axis)) for axis in network.axes
+        ),
         inputs=tuple(
             Input(v.name, v.lines, v.axis, "touch", None if v.positions is None else read_only(v.positions))
             for v in network.views
@@ -46,7 +48,7 @@ def lower_neurons(quantized: QuantizedNetwork, chip: Chip) -> CompartmentGraph:
         groups=tuple(groups),
         synapses=tuple(synapses),
         readout=network.readout,
-        synapses_pruned=sum(int((values_of(p.mantissa) == 0).sum()) for p in quantized.projections),
+        synapses_pruned=quantized.weights_pruned,
         provenance={"model": network.name, "model_sha256": network.sha256, "strategy": quantized.strategy},
     )
     check_graph(graph, chip)
