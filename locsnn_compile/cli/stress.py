@@ -33,7 +33,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     add = parser.add_argument
     add("--target", default="loihi-sim", metavar="CHIP", help="chip name or chip file (default loihi-sim)")
-    add("--quick", action="store_true", help="a part of the rows, and long runs of 20,000 steps; seconds, not minutes")
+    add("--quick", action="store_true", help="a part of the rows, and long runs of 10,000 steps; seconds, not minutes")
     add("--json", action="store_true", help="print all rows as JSON")
     add("-o", "--output", type=Path, metavar="FILE", help="write a page of all rows, with pictures beside it")
     parser.set_defaults(run=run)

@@ -19,7 +19,7 @@ from locsnn_compile.stress.judge import judge
 from locsnn_compile.stress.measure import measure
 from locsnn_compile.stress.row import Row
 
-LONG_STEPS, QUICK_STEPS = 1_000_000, 20 * BLOCK
+LONG_STEPS, QUICK_STEPS = 1_000_000, 10 * BLOCK
 """Steps of a long run, and of one of a quick run."""
 
 Progress = Callable[[int, int], None]

@@ -62,7 +62,7 @@ def long_runs() -> Iterator[LongRun]:
     yield _native("no leak, balanced input", lif(decay_v=0.0), *_balanced(), 2, fades=False)
     nothing = np.zeros((NEURONS, CHANNELS))
     ticking = lif(decay_v=0.0, bias=THETA * np.array([0.3, 0.03, 0.003, 0.0003]))
-    yield _native("no leak, bias alone", ticking, nothing, block, 2, fades=False, quick=True)
+    yield _native("no leak, bias alone", ticking, nothing, block, 2, fades=False)
 
 
 def _balanced() -> tuple[FloatArray, ByteArray]:

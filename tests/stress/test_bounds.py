@@ -1,0 +1,109 @@
+"""The derived bound of potentials, against arithmetic written here once more."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import hw_model as hw
+from locsnn_compile.error_budget.stages import STAGES
+from locsnn_compile.on_grid import ChipCuba
+from locsnn_compile.pipeline import lower
+from locsnn_compile.stress.bounds import SOURCES, error_bound, state_bound
+from locsnn_compile.stress.case import POPULATION, chip_network, float_network, lif, random_input, srm, weights
+from locsnn_compile.stress.sides import Sides
+
+CHIP = hw.chip("loihi-sim")
+
+
+def cut(x, decay):
+    """What a decay leaves of an integer, cut toward zero."""
+    return int(x * (4096 - decay) / 4096)
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(
+    decay_u=st.integers(0, 4096),
+    decay_v=st.integers(1, 4096),
+    charges=st.lists(st.integers(-5000, 5000), min_size=1, max_size=200),
+)
+def test_truncation_never_takes_more_than_the_bound_for_all_time(decay_u, decay_v, charges):
+    a, b = 1 - decay_u / 4096, 1 - decay_v / 4096
+    exact_u = exact_v = 0.0
+    u = v = 0
+    for charge in charges:
+        exact_u, u = a * exact_u + charge, cut(u, decay_u) + charge
+        exact_v, v = b * exact_v + exact_u, cut(v, decay_v) + u
+        assert abs(v - exact_v) <= state_bound(a, b)
+
+
+@pytest.mark.parametrize(
+    ("keep_u", "keep_v", "bound"),
+    [(0.0, 0.0, 0.0), (0.0, 0.5, 2.0), (0.5, 0.0, 2.0), (0.5, 0.5, 6.0), (1.0, 0.5, 2.0), (0.5, 1.0, np.inf), (0.0, 1.0, 0.0)],
+)  # fmt: skip
+def test_bounds_for_all_time(keep_u, keep_v, bound):
+    """1 / (1 - a) a register, and nothing where all or nothing is kept."""
+    assert state_bound(keep_u, keep_v) == bound
+
+
+def played(network, strategy="dendrite"):
+    recordings = random_input(network.steps, channels=network.channels)
+    sides = Sides(lower(network, CHIP, 8, strategy), recordings)
+    bound = error_bound(sides.phase.program_neurons, POPULATION, sides.lines, {POPULATION: sides.float.spikes})
+    return sides, bound
+
+
+@pytest.mark.parametrize("tau", [0.7, 3.0, 33.0])
+def test_a_leaky_integrator_by_hand(tau):
+    """Weights, decay and cut of a neuron that never spikes, step by step."""
+    network = float_network(lif(tau, size=1, threshold=1e4), weights(tau, response="leak", size=1)[:, :3], steps=60)
+    sides, bound = played(network)
+    (pair,) = sides.phase.program_neurons.groups
+    (synapses,) = sides.phase.program_neurons.synapses
+    kept, wanted = pair.chip.keep_v[0], pair.exact.keep_v[0]
+    v = 0.0
+    parts = np.zeros(3)
+    for step in range(1, 60):
+        arrived = sides.lines["touch"][0, step - 1].astype(float)
+        before = parts.copy()
+        parts = kept * parts + [
+            arrived @ np.abs(synapses.chip - synapses.exact_fitted)[0],
+            arrived @ np.abs(synapses.exact_fitted - synapses.exact.weights)[0] + abs(kept - wanted) * abs(v),
+            1.0 if v or before.any() else 0.0,
+        ]
+        v = wanted * v + arrived @ synapses.exact.weights[0]
+        found = [bound.parts[source][0, step, 0] for source in SOURCES]
+        assert found == pytest.approx(parts.tolist(), rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("strategy", ["dendrite", "delay-line", "reset"])
+def test_every_potential_is_within_its_bound(strategy):
+    sides, bound = played(float_network(srm(), weights()), strategy)
+    error = np.abs(sides.forced(*STAGES) - sides.float.potential)
+    assert (error <= sides.model_error() + bound.total + 1e-6).all()
+    assert error.max() > 0
+
+
+def test_stages_alone_are_within_their_parts():
+    sides, bound = played(float_network(lif(), weights(response="leak")))
+    exact = sides.forced()
+    for stages, source in ((("weights",), "weights"), (("states",), "states")):
+        assert (np.abs(sides.forced(*stages) - exact) <= 1.01 * bound.parts[source] + 1e-6).all()
+
+
+def test_numbers_that_the_chip_holds_leave_only_truncation():
+    neuron = ChipCuba.of(3, decay_u=4096, decay_v=100, threshold=900, refractory=3)
+    _, bound = played(chip_network(neuron, np.arange(-9, 9).reshape(3, 6) * 20))
+    assert not bound.parts["weights"].any()
+    assert not bound.parts["decays"].any()
+    assert 0 < bound.parts["states"].max() <= state_bound(0.0, 1 - 100 / 4096)
+
+
+def test_a_spike_forgets_the_error_of_the_voltage():
+    network = float_network(lif(size=1, threshold=1.0), [[5.0]], steps=10)
+    sides, bound = played(network)
+    spikes = sides.float.spikes[0, :, 0]
+    assert spikes.any()
+    after = np.flatnonzero(spikes)[0] + 1
+    quiet = sides.lines["touch"][0, after - 1, 0] == 0
+    assert (bound.total[0, after, 0] == 0) == bool(quiet)

@@ -1,0 +1,67 @@
+"""Long runs: what fades does not grow, what does not fade grows as derived, and a session counts the same spikes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import hw_model as hw
+from locsnn_compile.matching import PopulationMatch
+from locsnn_compile.reference import evaluate
+from locsnn_compile.stress import drift as drift_module
+from locsnn_compile.stress.cases.long_runs import long_runs
+from locsnn_compile.stress.drift import long_row, measure_drift, play_float
+
+CHIP = hw.chip("loihi-sim")
+RUNS = {(run.case.name, run.case.strategy): run for run in long_runs()}
+
+
+def test_the_float_run_is_the_reference():
+    run = RUNS["tau_sr 10", "dendrite"]
+    steps = 2 * len(run.block)
+    found = play_float(run.case.network, run.block, steps)
+    wanted = evaluate(run.case.network, run.case.recordings, potentials=True)
+    assert np.array_equal(found.spikes, wanted.spikes["n"][0])
+    assert found.potential == pytest.approx(wanted.potential["n"][0], rel=1e-9, abs=1e-9)
+
+
+def test_balanced_weights_drift_as_fast_as_their_rounding():
+    run = RUNS["no leak, balanced input", "native"]
+    drift, odd = measure_drift(run, CHIP, play_float(run.case.network, run.block, 10_000))
+    assert odd is None
+    assert drift.error == pytest.approx([(i + 1) * drift.error[0] for i in range(10)], rel=0.1)
+    assert 0.9 * drift.bound <= drift.error[-1] <= drift.bound
+
+
+def test_what_fades_does_not_grow():
+    run = RUNS["leak of 10 steps", "native"]
+    row = long_row(run, CHIP, play_float(run.case.network, run.block, 10_000))
+    assert row.verdict == "ok"
+    assert len(set(row.drift.error[1:])) == 1
+    assert row.drift.error[-1] <= row.drift.bound < 0.1
+    grown = replace(row.drift, steps=1_000_000, error=(0.05, 0.6))
+    assert drift_module._growth(row, grown, fades=True) == []
+    assert drift_module._growth(row, grown, fades=False) == [
+        "nothing fades, so rounding adds up: 0.60 thresholds in 1,000,000 steps"
+    ]
+    apart = replace(row.drift, spikes=(PopulationMatch(10, 10, 2),))
+    assert drift_module._growth(row, apart, fades=True) == [
+        "spikes drift apart: 97.8 % are equal in the beginning, 20.0 % in the last tenth"
+    ]
+
+
+def test_a_session_that_counts_otherwise_is_unexplained(monkeypatch):
+    run = RUNS["leak of 10 steps", "native"]
+    monkeypatch.setattr(
+        drift_module, "_session_differs", lambda *given: "a session counts other spikes until step 1000"
+    )
+    row = long_row(run, CHIP, play_float(run.case.network, run.block, 1_000))
+    assert (row.verdict, row.causes) == ("unexplained", ("a session counts other spikes until step 1000",))
+
+
+def test_an_error_beyond_its_bound_is_unexplained(monkeypatch):
+    run = RUNS["leak of 10 steps", "native"]
+    monkeypatch.setattr(drift_module, "_bound", lambda *given: 0.001)
+    row = long_row(run, CHIP, play_float(run.case.network, run.block, 1_000))
+    assert row.verdict == "unexplained"
+    assert row.causes == ("an error of 0.0070 thresholds in the long run is beyond the bound of 0.0010",)

@@ -1,0 +1,77 @@
+"""What is said of what was measured: one cause at a time, and the words for it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import hw_model as hw
+from locsnn_compile.matching import PopulationMatch
+from locsnn_compile.stress import run
+from locsnn_compile.stress.case import Case, float_network, lif, random_input, srm, weights
+from locsnn_compile.stress.judge import judge
+from locsnn_compile.stress.row import Lost, Measured
+
+CHIP = hw.chip("loihi-sim")
+CASE = Case("group", "case", "reset", float_network(srm(), weights()), random_input())
+FINE = Measured(
+    spikes=PopulationMatch(10, 10, 9), error=0.05, bound=0.2, parts={"weights": 0.15, "decays": 0.04, "states": 0.01},
+    model_error=0.0, otherwise=1, ties=0, decisions=100, overflowed=0, wraps=0, clips=0, weights=Lost(0, 24),
+    biases=Lost(0, 4), coarse_decays=(), outside=0, odd_engine=None,
+)  # fmt: skip
+CAUSES = [
+    ("fine", {}, "ok", ()),
+    ("wraps", {"wraps": 2, "overflowed": 3, "error": 9.0}, "limited", ("2 wraps: a charge or current leaves its register",)),
+    ("clips", {"clips": 1, "overflowed": 3, "error": 9.0}, "limited", ("1 clip: the potential leaves its register",)),
+    ("only if forced", {"overflowed": 3}, "limited", ("3 potentials would leave the register with the float network's spikes",)),
+    ("weights", {"weights": Lost(3, 24)}, "limited", ("3 of 24 weights round to 0",)),
+    ("the weight", {"weights": Lost(1, 1)}, "limited", ("the only weight rounds to 0",)),
+    ("biases", {"biases": Lost(2, 4)}, "limited", ("2 of 4 biases round to 0",)),
+    ("the bias", {"biases": Lost(1, 1)}, "limited", ("the only bias rounds to 0",)),
+    ("decay", {"coarse_decays": ("a decay of 4.094 in 4096 is 4: it fades 2.3 % slower",)}, "limited", ("a decay of 4.094 in 4096 is 4: it fades 2.3 % slower",)),
+    ("model", {"model_error": 2.0, "error": 2.1}, "limited", ("its reset is another neuron model: 2.0 thresholds at most",)),
+    ("rounding", {"error": 0.11}, "limited", ("rounding: 0.11 thresholds found, at most 0.15 by weights and 0.040 by decays",)),
+    ("ties", {"ties": 1}, "limited", ("1 potential exactly at the threshold: the least rounding decides",)),
+    ("two", {"clips": 1, "weights": Lost(3, 24)}, "limited", ("1 clip: the potential leaves its register", "3 of 24 weights round to 0")),
+    ("engine", {"odd_engine": "the reference engine", "clips": 1}, "unexplained", ("the reference engine differs from the fast engine",)),
+    ("outside", {"outside": 4}, "unexplained", ("4 potentials lie beyond the bound of 0.20 thresholds",)),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("changes", "verdict", "causes"), [row[1:] for row in CAUSES], ids=[row[0] for row in CAUSES])
+def test_causes(changes, verdict, causes):
+    row = judge(CASE, replace(FINE, **changes))
+    assert (row.verdict, row.causes) == (verdict, causes)
+
+
+def test_a_refusal_is_a_row():
+    row = run.run_case(replace(CASE, network=float_network(lif(), np.full((4, 6), np.inf))), CHIP)
+    assert row.verdict == "refused"
+    assert row.causes == (
+        "projection 'touch' -> 'n': a weight is not a finite number. Train again, with a lower learning rate.",
+    )
+
+
+@pytest.mark.parametrize(
+    ("error", "cause"),
+    [
+        (ZeroDivisionError("float division by zero"), "crash: ZeroDivisionError: float division by zero"),
+        (RuntimeWarning("overflow"), "crash: RuntimeWarning: overflow"),
+        (hw.TargetError("here", "no", fix=" "), "refused without a way out: here: no."),
+    ],
+    ids=["crash", "warning", "no way out"],
+)
+def test_defects_are_unexplained(monkeypatch, error, cause):
+    def broken(case, chip):
+        raise error
+
+    monkeypatch.setattr(run, "measure", broken)
+    row = run.run_case(CASE, CHIP)
+    assert (row.verdict, row.causes) == ("unexplained", (cause,))
+
+
+def test_an_infinity_on_the_way_is_a_crash(monkeypatch):
+    monkeypatch.setattr(run, "measure", lambda case, chip: np.array([1e308]) * 10)
+    row = run.run_case(CASE, CHIP)
+    assert row.verdict == "unexplained"
+    assert row.causes[0].startswith("crash: FloatingPointError: overflow")
