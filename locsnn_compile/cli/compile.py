@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from locsnn_compile.cli.shell import EXIT_GATE, Parser, guarded, progress_bar
 from locsnn_compile.emit import BENCH_KINDS
 from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.exporters import EXCHANGE_KINDS
 from locsnn_compile.gates import GATES, Gate, check_gates, junit_file
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ _STRATEGY = (
 )
 _PSI = "how late the time-weighted prediction of the report turns to the location branch (default 10)"
 LEVEL_KINDS = ("network", "quantized", "compartments", "placed", "routed", "program")
-EMIT_KINDS = (*LEVEL_KINDS, *BENCH_KINDS)
+EMIT_KINDS = (*LEVEL_KINDS, *BENCH_KINDS, *EXCHANGE_KINDS)
 
 
 def parser() -> Parser:
@@ -129,6 +130,7 @@ def run(args: Namespace) -> int:
 def build_files(compiled: CompiledModel, emit: Sequence[str]) -> dict[str, bytes]:
     """Return the program, the reports and the levels asked for as bytes, by name; equal input gives equal bytes."""
     from hw_model.program_file import program_files
+    from locsnn_compile.exporters import exchange_file
     from locsnn_compile.level_text import LEVEL_TEXTS
     from locsnn_compile.report.html import render_html
     from locsnn_compile.report.markdown import render_markdown
@@ -140,7 +142,10 @@ def build_files(compiled: CompiledModel, emit: Sequence[str]) -> dict[str, bytes
         "report.html": render_html(report),
         **{f"{kind}.txt": LEVEL_TEXTS[kind](compiled.levels) for kind in LEVEL_KINDS if kind in emit},
     }
-    return {**program_files(compiled.program), **{name: text.encode() for name, text in texts.items()}}
+    exchanged = {
+        f"network.{kind}": exchange_file(kind, compiled.levels.quantized) for kind in EXCHANGE_KINDS if kind in emit
+    }
+    return {**program_files(compiled.program), **{name: text.encode() for name, text in texts.items()}, **exchanged}
 
 
 def _print_summary(report: dict[str, Any], folder: Path, files: dict[str, bytes]) -> None:

@@ -60,6 +60,7 @@ def network_of_nir(
     _check_reset(reset)
     seconds = _step_seconds(dt, graph)
     flat = flatten_graph(graph, where)
+    _refuse_integrators(flat, where)
     view = _input(flat, where)
     signals = _signals(flat, seconds, where)
     populations: list[Population] = []
@@ -117,6 +118,15 @@ def _step_seconds(dt: float | None, graph: NirGraph) -> float:
     if not (np.isfinite(seconds) and 0 < seconds <= 1e6):
         raise InputError("dt", "a step must last more than 0 s", measured=f"{seconds:g}", fix="Give seconds a step.")
     return seconds
+
+
+def _refuse_integrators(flat: FlatGraph, where: str) -> None:
+    for name in flat.named("I"):
+        raise InputError(
+            f"{where}, node {name!r}",
+            "an integrator without leak or threshold overflows every register",
+            fix="Take an LI with a long tau, or an IF.",
+        )
 
 
 def _input(flat: FlatGraph, where: str) -> InputView:
@@ -184,12 +194,6 @@ def _passed(flat: FlatGraph, name: str, signal: Signal, dt: float, where: str) -
         return signal.scaled(_each(node, "scale", size, where))
     if node.kind == "Delay":
         return signal.delayed(_delay_steps(node, size, dt, where))
-    if node.kind == "I":
-        raise InputError(
-            where,
-            "an integrator without leak or threshold overflows every register",
-            fix="Take an LI with a long tau, or an IF.",
-        )
     given = next((flat.shapes[source] for source in flat.sources[name]), None)
     weights, constant = _linear(node, given, where)
     if weights.shape[1] != size:

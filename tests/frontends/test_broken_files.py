@@ -1,0 +1,142 @@
+"""Broken and hostile files: one line, exit code 2, nothing written, bounded time and memory."""
+
+import h5py
+import nir
+import numpy as np
+import pytest
+from net_files import dense, write_net
+from nir_graphs import DT, chain, graphs, lif, linear
+
+import locsnn_compile as lc
+from locsnn_compile.cli.compile import main
+
+RNG = np.random.default_rng(1)
+
+
+def graph_file(folder, change=None):
+    path = folder / "model.nir"
+    nir.write(path, chain((10,), ("fc", linear(RNG, 12, 10)), ("lif", lif(RNG, 12))))
+    if change:
+        with h5py.File(path, "a") as file:
+            change(file)
+    return path
+
+
+def edges(*rows):
+    def change(file):
+        del file["node/edges"]
+        file["node"].create_dataset("edges", data=np.array(rows, dtype=object), dtype=h5py.string_dtype())
+
+    return change
+
+
+def put(path, value):
+    def change(file):
+        if path in file:
+            del file[path]
+        file[path] = value
+
+    return change
+
+
+def circle(file):
+    for name in ("a", "b"):
+        file[f"node/nodes/{name}/type"] = "Linear"
+        file[f"node/nodes/{name}/weight"] = np.eye(10)
+    edges(("input", "a"), ("a", "b"), ("b", "a"), ("b", "fc"), ("fc", "lif"), ("lif", "output"))(file)
+
+
+def rename(file):
+    file.move("node/nodes/lif", "node/nodes/deep/lif")
+
+
+def absurd(file):
+    del file["node/nodes/fc/weight"]
+    file["node/nodes/fc"].create_dataset(
+        "weight", shape=(2**20, 2**20), chunks=(64, 64), compression="gzip", dtype="f4"
+    )
+
+
+BROKEN = [
+    ("a dangling edge", edges(("input", "fc"), ("fc", "lif"), ("lif", "outputs")), "model 'model.nir': the edge 'lif' -> 'outputs' names a node that does not exist. Did you mean 'output'?"),
+    ("a circle of weights", circle, "model 'model.nir': a circle of edges passes no neuron (a -> b). Put a neuron into the circle."),
+    ("a slash in a name", rename, "model 'model.nir', node 'deep': it has no type; HDF5 makes groups of a name with a slash. Rename nodes without slashes."),
+    ("an unknown primitive", put("node/nodes/lif/type", "LIFF"), "model 'model.nir', node 'lif': 'LIFF' is no NIR primitive. Did you mean 'LIF'?"),
+    ("absurd dimensions", absurd, "model 'model.nir', node 'fc': 'weight': the file unpacks to more than is read (8796093022208 bytes more against 499999984 of 500000000 left). Give a smaller model."),
+    ("text for numbers", put("node/nodes/lif/tau", "long"), "model 'model.nir', node 'lif': 'tau' is not made of numbers (object). Give a whole file, or write it again."),
+    ("a parameter missing", lambda f: f.__delitem__("node/nodes/lif/r"), "model 'model.nir', node 'lif': 'r' is missing. Give a whole file, or write it again."),
+    ("a group for a number", lambda f: (f.__delitem__("node/nodes/lif/r"), f.create_group("node/nodes/lif/r")), "model 'model.nir', node 'lif': 'r' is a group, not a value. Give a whole file, or write it again."),
+    ("not a number", put("node/nodes/lif/tau", np.full(12, np.nan)), "model 'model.nir', node 'lif': 'tau' holds what is no finite number. Train or export again."),
+    ("a negative tau", put("node/nodes/lif/tau", np.full(12, -1e-3)), "model 'model.nir', node 'lif': tau must be above 0 (-0.001). Correct it."),
+    ("a tau below a step", put("node/nodes/lif/tau", np.full(12, 1e-4)), "model 'model.nir', node 'lif': tau is shorter than a step (0.0001 s against 0.001 s). Give a smaller --dt, or --discretisation exact."),
+    ("a threshold below the reset", put("node/nodes/lif/v_reset", np.full(12, 2.0)), "model 'model.nir', node 'lif': the threshold is not above the reset (by -1). Train with a threshold above v_reset, and above 0."),
+    ("too few parameters", put("node/nodes/lif/tau", np.full(5, 1e-2)), "model 'model.nir', node 'lif': tau is not one number a neuron ((5,) against 12). Give as many."),
+    ("an integrator", put("node/nodes/lif/type", "I"), "model 'model.nir', node 'lif': an integrator without leak or threshold overflows every register. Take an LI with a long tau, or an IF."),
+    ("weights that do not fit", put("node/nodes/fc/weight", np.ones((12, 9))), "model 'model.nir', node 'fc': it is given another size (10 against 9). Correct its weight."),
+    ("an output of weights", edges(("input", "lif"), ("lif", "fc"), ("fc", "output")), "model 'model.nir', node 'lif': its parameters do not fit what it is given ((12,) against (10,)). Give one number a neuron."),
+    ("a link out of the file", lambda f: (f.__delitem__("node/nodes/fc/weight"), f["node/nodes/fc"].__setitem__("weight", h5py.ExternalLink("/etc/passwd", "/"))), "model 'model.nir', node 'fc': 'weight' is a link, and links are not followed. Store the data itself."),
+    ("no graph", lambda f: f.__delitem__("node"), "model 'model.nir': it holds neither a NIR graph nor a lava-dl network. Give a checkpoint (.pt) that `locsnn train` wrote, a NIR graph (.nir), or a lava-dl network (.net)."),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("change", "message"), [row[1:] for row in BROKEN], ids=[row[0] for row in BROKEN])
+def test_a_broken_graph_is_one_line(change, message, tmp_path):
+    with pytest.raises(lc.InputError) as caught:
+        lc.load(graph_file(tmp_path, change), dt=DT)
+    assert str(caught.value) == message
+
+
+OPTIONS = [
+    ("subtract", {"reset": "subtract"}, "reset 'subtract': the chip's neurons are reset to 0 and cannot subtract the threshold. Train with a reset to zero (snnTorch: reset_mechanism='zero', reset_delay=False) and take reset zero."),
+    ("another reset", {"reset": "zeros"}, "reset 'zeros': is not known. Did you mean 'zero'?"),
+    ("another discretisation", {"discretisation": "exakt"}, "discretisation 'exakt': is not known. Did you mean 'exact'?"),
+    ("no time", {"dt": 0.0}, "dt: a step must last more than 0 s (0). Give seconds a step."),
+    ("a config", {"config": "net.yaml"}, "model 'model.nir': config was given, but a NIR graph says this itself. Leave config out."),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("options", "message"), [row[1:] for row in OPTIONS], ids=[row[0] for row in OPTIONS])
+def test_an_option_that_cannot_be_met_is_one_line(options, message, tmp_path):
+    with pytest.raises(lc.InputError) as caught:
+        lc.load(graph_file(tmp_path), **({"dt": DT} | options))
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize("suffix", ["nir", "net"])
+def test_truncated_and_mutated_files_never_end_in_another_error(suffix, tmp_path):
+    path = tmp_path / f"model.{suffix}"
+    nir.write(path, graphs()["nested"][0]) if suffix == "nir" else write_net(path, [dense(RNG, 5, 4)])
+    whole, rng = path.read_bytes(), np.random.default_rng(0)
+    messages = []
+    for trial in range(90):
+        data = bytearray(whole)
+        if trial % 3 == 0:
+            data = data[: rng.integers(len(data))]
+        else:
+            for at in rng.integers(0, len(data), rng.integers(1, 6)):
+                data[at] = rng.integers(256)
+        path.write_bytes(data)
+        try:
+            lc.load(path)
+        except lc.InputError as error:
+            messages.append(str(error))
+    assert len(messages) > 30
+    assert not any("\n" in message for message in messages)
+
+
+def test_the_command_line_says_it_in_a_line_and_writes_nothing(tmp_path, capsys):
+    path = graph_file(tmp_path)
+    path.write_bytes(path.read_bytes()[:2000])
+    assert main([str(path), "-o", str(tmp_path / "out")]) == 2
+    assert (
+        capsys.readouterr().err
+        == "model 'model.nir': it is damaged, truncated or not an HDF5 file. Give a whole file, or write it again.\n"
+    )
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_command_line_compiles_a_graph_and_gives_it_back(tmp_path, capsys):
+    path = graph_file(tmp_path)
+    assert main([str(path), "--dt", "1e-3", "--reset", "zero", "--emit", "nir", "-o", str(tmp_path / "out")]) == 0
+    assert "synthetic spikes, 5% a step" in (tmp_path / "out" / "report.json").read_text()
+    assert lc.load(tmp_path / "out" / "network.nir").step_seconds == pytest.approx(1e-3)

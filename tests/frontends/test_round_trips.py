@@ -1,0 +1,104 @@
+"""Out and in again: what a format holds comes back number by number, and the network spikes as before."""
+
+import h5py
+import nir
+import numpy as np
+import pytest
+from net_files import write_net
+from nir_graphs import DT, graphs
+from test_lava_dl import NETS
+from test_nir import spikes
+
+import locsnn_compile as lc
+from hw_model import chip
+from locsnn_compile.exporters import exchange_file
+from locsnn_compile.passes.quantize import quantize
+from locsnn_compile.reference import evaluate
+
+GRAPHS = graphs()
+CHIP = chip("loihi-sim")
+
+
+def datasets(path, root):
+    """Return every dataset under a group, by path, but for metadata."""
+    found = {}
+    with h5py.File(path) as file:
+        file[root].visititems(
+            lambda name, item: (
+                found.update({name: item[()]}) if isinstance(item, h5py.Dataset) and "metadata" not in name else None
+            )
+        )
+    return found
+
+
+def assert_equal(before, after):
+    assert sorted(before) == sorted(after)
+    for name, value in before.items():
+        if name.endswith("edges"):
+            assert {tuple(edge) for edge in value.tolist()} == {tuple(edge) for edge in after[name].tolist()}
+        else:
+            np.testing.assert_array_equal(after[name], value, err_msg=name)
+
+
+@pytest.mark.parametrize("name", GRAPHS)
+def test_nir_to_ours_to_nir_loses_nothing(name, tmp_path):
+    nir.write(tmp_path / "before.nir", GRAPHS[name][0])
+    network = lc.load(tmp_path / "before.nir", dt=DT)
+    (tmp_path / "after.nir").write_bytes(exchange_file("nir", quantize(network, CHIP)))
+    assert_equal(datasets(tmp_path / "before.nir", "node"), datasets(tmp_path / "after.nir", "node"))
+    assert set(nir.read(tmp_path / "after.nir", type_check=False).nodes) == set(GRAPHS[name][0].nodes)
+
+
+@pytest.mark.parametrize("name", NETS)
+def test_net_to_ours_to_net_loses_nothing(name, tmp_path):
+    write_net(tmp_path / "before.net", NETS[name])
+    network = lc.load(tmp_path / "before.net")
+    (tmp_path / "after.net").write_bytes(exchange_file("net", quantize(network, CHIP)))
+    assert_equal(datasets(tmp_path / "before.net", "layer"), datasets(tmp_path / "after.net", "layer"))
+
+
+def test_the_quantised_integers_are_in_the_metadata(tmp_path):
+    nir.write(tmp_path / "before.nir", GRAPHS["two layers"][0])
+    quantized = quantize(lc.load(tmp_path / "before.nir", dt=DT), CHIP)
+    (tmp_path / "after.nir").write_bytes(exchange_file("nir", quantized))
+    metadata = nir.read(tmp_path / "after.nir", type_check=False).metadata
+    for k, p in enumerate(quantized.projections):
+        dense = np.zeros(p.mantissa.shape, dtype=int)
+        dense[metadata[f"quantized.projection{k}.rows"], metadata[f"quantized.projection{k}.columns"]] = metadata[
+            f"quantized.projection{k}.mantissa"
+        ]
+        np.testing.assert_array_equal(dense, p.mantissa)
+    for q in quantized.populations:
+        np.testing.assert_array_equal(metadata[f"quantized.{q.population.name}.decay_v"], q.neuron.decay_v)
+
+
+@pytest.mark.parametrize("name", ["dense", "bias", "one delay", "delay of a neuron", "recurrent", "conv"])
+def test_a_net_as_nir_has_the_same_constants(name, tmp_path):
+    write_net(tmp_path / "model.net", NETS[name])
+    network = lc.load(tmp_path / "model.net")
+    (tmp_path / "model.nir").write_bytes(exchange_file("nir", quantize(network, CHIP)))
+    again = lc.load(tmp_path / "model.nir")
+    for before in network.populations:
+        after = next(p.neuron for p in again.populations if p.name == before.name)
+        np.testing.assert_allclose(4096 * after.decay_v, before.neuron.decay_v)
+        np.testing.assert_allclose(after.threshold, 64 * before.neuron.threshold)
+    given = spikes((network.channels,))[None]
+    first = network.populations[0].name
+    exact, floats = (evaluate(n, given).spikes[first] for n in (network, again))
+    assert (exact & floats).sum() > 0.9 * exact.sum()
+
+
+def test_a_quantised_chain_goes_to_lava_dl_and_back_spike_for_spike(tmp_path):
+    nir.write(tmp_path / "model.nir", GRAPHS["lif"][0])
+    quantized = quantize(lc.load(tmp_path / "model.nir", dt=DT), CHIP, 6)
+    fits = all(p.exponent == 0 for p in quantized.projections)
+    if not fits:
+        with pytest.raises(lc.InputError, match="not even numbers of 8 bits"):
+            exchange_file("net", quantized)
+        return
+    (tmp_path / "model.net").write_bytes(exchange_file("net", quantized))
+    given = spikes((10,))[None]
+    np.testing.assert_array_equal(
+        evaluate(lc.load(tmp_path / "model.net"), given).spikes["layer1"],
+        evaluate(quantized.on_grid(), given).spikes["lif"],
+    )
