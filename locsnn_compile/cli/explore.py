@@ -1,86 +1,175 @@
-"""``locsnn explore``: what each number of weight bits costs and keeps."""
+"""``locsnn explore``: run time against error against energy over settings of the compiler."""
 
 from __future__ import annotations
 
 import argparse
-import json
-from typing import Any
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-from locsnn_compile.cli.shell import progress_bar
+from locsnn_compile.cli.shell import EXIT_GATE, EXIT_INTERRUPTED, progress_bar
+from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.explore.grid import AXES, Value, check_values, settings
+
+if TYPE_CHECKING:
+    from locsnn_compile.explore.executors import Executor
+    from locsnn_compile.explore.exploration import Exploration
 
 _EXAMPLE = """\
 example:
-  locsnn explore examples/models/objects-hybrid.pt --events examples/recordings/touches.npz --weight-bits 2 4 8
+  locsnn explore examples/models/objects-hybrid.pt --events examples/recordings/touches.npz --weight-bits 4 6 8
+
+Settings are compared on --events: the train part of a divided archive or folder, or else all of them. Keep recordings
+for the test apart and give these as --report-on: the settings of the front are measured on them once, and nothing is
+chosen there. What is finished is kept in DIR/points: the same command goes on where it was stopped.
+
+It writes explore.csv, explore.json and explore.svg: all points, the front, what is recommended, and the command that
+makes each point again; and, for what clocks said, timings.csv and timings.svg. With --min-agreement or
+--max-spike-error the cheapest setting of the front that keeps them is recommended (exit code 3 where none does), else
+the knee of the front.
 """
+PARTS = ("train", "test")
+ENGINES = ("fast", "reference")
+MAX_WORKERS = 256
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the ``explore`` command."""
     parser = subparsers.add_parser(
         "explore",
-        help="compile with several weight bits and compare",
-        description="Compile a model with several weight bits, check each on the same recordings, and compare. "
-        "An asterisk marks settings that no other beats in both energy and agreement of predictions.",
+        help="compare settings of the compiler and recommend one",
+        description="Compile a model with every setting of a grid, check each on the same recordings, and compare run "
+        "time, error and energy.",
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
     add("model", metavar="MODEL", help="a checkpoint (.pt) that `locsnn train` wrote")
-    add("--events", metavar="FILE", help="recordings to check on; default: the model's own, else synthetic touches")
+    add("--config", metavar="FILE", help="network description, for model formats that need one; a checkpoint does not")
+    add("--dt", type=float, metavar="SECONDS", help="NIR: seconds of a step (default 1e-4, the convention)")
+    add("--reset", metavar="NAME", help="NIR: what a spike does to the potential (default zero)")
+    add("--discretisation", metavar="NAME", help="NIR: euler or exact (default euler)")
+    add("--events", metavar="FILE", help="recordings to compare on (default: synthetic touches)")
+    add("--part", metavar="PART", help="train (default) or test, where the events are divided")
+    add("--recordings", type=int, metavar="N", help="take only N of them, evenly spread")
+    add("--report-on", metavar="FILE", help="recordings to measure the front on once more; nothing is chosen on them")
     add("--target", default="loihi-sim", metavar="CHIP", help="chip name or chip file (default loihi-sim)")
-    add("--weight-bits", type=int, nargs="+", default=[1, 2, 3, 4, 5, 6, 8], metavar="BITS", help="default: all widths")
-    add("--json", action="store_true", help="print the rows as JSON")
+    for axis in AXES:
+        listed = ", ".join(map(str, axis.values))
+        kind = type(axis.values[0])
+        add(axis.option, type=kind, nargs="+", default=[], metavar="X", help=f"{axis.help} to try (default: {listed})")
+    add("--engines", nargs="*", default=list(ENGINES), metavar="NAME", help="engines to time: fast, reference")
+    add("--min-agreement", type=float, metavar="X", help="recommend a setting that keeps this share of predictions")
+    add(
+        "--max-spike-error", type=float, metavar="X", help="recommend one in which at most this share of spikes differs"
+    )
+    add("-o", "--output", metavar="DIR", help="folder to write (default build/<model name>-explore)")
+    add("--workers", type=int, metavar="N", help="measure in N processes of this machine")
+    add("--scheduler", metavar="ADDRESS", help="measure on the Dask cluster of this scheduler (needs the extra dask)")
+    add("--json", action="store_true", help="print explore.json to standard output, and nothing else there")
+    add("--quiet", action="store_true", help="print nothing")
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Compile once for each number of bits; print a table, or JSON."""
-    from locsnn_compile.api import compile, recordings_for
-    from locsnn_compile.frontends import load
+    """Explore as ``args`` ask; return the exit code. Raises ``InputError`` and ``TargetError``."""
+    wanted: dict[str, list[Value]] = {axis.name: getattr(args, axis.name) for axis in AXES}
+    _check_options(args, wanted)
+    from locsnn_compile.build_folder import check_folder, write_build
 
-    network = load(args.model)
-    recordings = recordings_for(network, args.events)
-    rows = []
-    with progress_bar("compiling", show=True) as progress:
-        for done, bits in enumerate(args.weight_bits, 1):
-            rows.append(
-                _row(compile(network, args.target, weight_bits=bits, events=recordings, diagnosis=False).report)
-            )
-            if progress:
-                progress(done, len(args.weight_bits))
-    for row in rows:
-        row["on_front"] = not any(_beats(other, row) for other in rows)
+    folder = Path(args.output) if args.output else Path("build") / f"{Path(args.model).stem}-explore"
+    check_folder(folder)
+    executor = _executor(args)
+    try:
+        found = _explore(args, wanted, folder, executor)
+    except KeyboardInterrupt:
+        print("Stopped. The same command goes on where it was.", file=sys.stderr)
+        return EXIT_INTERRUPTED
+
+    from locsnn_compile.explore.result import exploration_files
+
+    files = exploration_files(found)
+    write_build(folder, files)
     if args.json:
-        print(json.dumps(rows, indent=2))
-        return 0
-    profile = rows[0]["energy_profile"]
-    print(f"{network.name} on {args.target}, {len(recordings)} recordings of {recordings.source}, energy by {profile}")
-    print("  bits  same class  same spikes  accuracy  energy µJ  synapses  memory kB")
-    for row in rows:
-        accuracy = "-" if row["accuracy"] is None else f"{row['accuracy']:.3f}"
-        print(
-            f"{'*' if row['on_front'] else ' '} {row['weight_bits']:4}  {row['prediction_agreement']:10.4f}  "
-            f"{row['spike_agreement']:11.4f}  {accuracy:>8}  {row['energy_pj'] / 1e6:9.2f}  {row['synapses']:8}  "
-            f"{row['synapse_bits'] / 8000:9.1f}"
-        )
+        sys.stdout.write(files["explore.json"].decode())
+    elif not args.quiet:
+        _print(found, folder, list(files))
+    if found.recommendation.taken is None:
+        print(f"gate failed: {found.recommendation.why}.", file=sys.stderr)
+        return EXIT_GATE
     return 0
 
 
-def _row(report: dict[str, Any]) -> dict[str, Any]:
-    return {
-        "weight_bits": report["weight_bits"],
-        "prediction_agreement": report["match"]["prediction_agreement"],
-        "spike_agreement": report["match"]["spike_agreement"],
-        "accuracy": None if report["accuracy"] is None else report["accuracy"]["chip"],
-        "energy_profile": report["energy"]["profile"],
-        "energy_pj": report["energy"]["per_sample_pj"],
-        "synapses": report["resources"]["synapses"],
-        "synapse_bits": report["resources"]["synapse_bits"],
-    }
+def _explore(
+    args: argparse.Namespace, wanted: Mapping[str, Sequence[Value]], folder: Path, executor: Executor
+) -> Exploration:
+    """Measure the grid, then the front on the recordings to report on."""
+    import hw_model as hw
+    from locsnn_compile.choose_strategy import ErrorBudget
+    from locsnn_compile.explore.events import choose_events, report_events, written
+    from locsnn_compile.explore.exploration import Exploration
+    from locsnn_compile.explore.model_file import ModelFile
+    from locsnn_compile.explore.store import Store
+    from locsnn_compile.explore.study import Study
+    from locsnn_compile.explore.sweep import sweep
+
+    model = ModelFile(args.model, args.config, args.dt, args.reset, args.discretisation)
+    network, chip = model.load(), hw.chip(args.target)
+    events = choose_events(network, args.events, args.part, args.recordings)
+    reported_on = report_events(network, args.report_on) if args.report_on else None
+    study = Study(network, model.digest(), chip, events.recordings, tuple(args.engines))
+    store = Store(folder / "points")
+    with progress_bar("exploring", show=not args.quiet) as progress:
+        points = sweep(study, settings(network, wanted), store, executor, progress)
+    events = written(events, folder / "events.npz")
+    budget = ErrorBudget(args.min_agreement, args.max_spike_error)
+    found = Exploration(study, model, args.target, events, budget, points)
+    if reported_on is None:
+        return found
+    with progress_bar("reporting", show=not args.quiet) as progress:
+        return found.report_on(reported_on, store, executor, progress)
 
 
-def _beats(one: dict[str, Any], other: dict[str, Any]) -> bool:
-    """Tell whether one setting is at least as good in both figures, and better in one."""
-    mine = (one["prediction_agreement"], -one["energy_pj"])
-    its = (other["prediction_agreement"], -other["energy_pj"])
-    return mine != its and mine[0] >= its[0] and mine[1] >= its[1]
+def _executor(args: argparse.Namespace) -> Executor:
+    from locsnn_compile.explore.executors import here, in_processes
+
+    if args.scheduler:
+        from locsnn_compile.explore.dask_cluster import on_dask
+
+        return on_dask(args.scheduler)
+    return in_processes(args.workers) if args.workers else here
+
+
+def _check_options(args: argparse.Namespace, wanted: Mapping[str, Sequence[Value]]) -> None:
+    """Refuse options that could only fail after the work is done."""
+    check_values(wanted)
+    for option, given, known in [
+        ("--part", args.part, PARTS),
+        *(("--engines", name, ENGINES) for name in args.engines),
+    ]:
+        if given is not None and given not in known:
+            raise InputError(f"{option} {given}", "there is no such name", fix=did_you_mean(given, known))
+    for option, least, most in (
+        ("--recordings", 1, math.inf),
+        ("--workers", 1, MAX_WORKERS),
+        ("--min-agreement", 0, 1),
+        ("--max-spike-error", 0, 1),
+    ):
+        given = getattr(args, option.strip("-").replace("-", "_"))
+        # Written so that what is not a number is refused too.
+        if given is not None and not least <= given <= most:
+            upper = "up" if most == math.inf else f"to {most}"
+            raise InputError(f"{option} {given:g}", "it is out of range", fix=f"Give a number from {least} {upper}.")
+    if args.workers and args.scheduler:
+        raise InputError("--workers", "a scheduler brings its own", fix="Leave out --workers or --scheduler.")
+
+
+def _print(found: Exploration, folder: Path, names: Sequence[str]) -> None:
+    """Print a table of all points, the recommendation, and the commands of the front."""
+    from locsnn_compile.explore.table import lines
+
+    for line in lines(found):
+        print(line)
+    print(f"wrote {folder}/: {', '.join(names)}")

@@ -73,20 +73,6 @@ def test_every_help_shows_an_example(command, capsys):
     assert f"example:\n  locsnn {command} " in capsys.readouterr().out
 
 
-def test_explore_compares_weight_bits(build, capsys):
-    arguments = ["explore", str(MODEL), "--events", str(build / "few.npy"), "--weight-bits", "1", "8"]
-    assert main([*arguments, "--json"]) == 0
-    one, eight = json.loads(capsys.readouterr().out)
-    report = json.loads((build / "out/report.json").read_text())
-    assert eight["spike_agreement"] == report["match"]["spike_agreement"] > one["spike_agreement"]
-    assert eight["energy_pj"] == report["energy"]["per_sample_pj"]
-    assert one["synapses"] < eight["synapses"]
-    assert one["on_front"] or eight["on_front"]
-    assert main(arguments) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert [line.lstrip("* ").split()[0] for line in lines[2:]] == ["1", "8"]
-
-
 def test_diff_names_what_changed(build, tmp_path, capsys):
     arguments = [MODEL, "--events", build / "few.npy", "-o", tmp_path / "four", "--quiet", "--weight-bits", "4"]
     assert compile_main([str(a) for a in arguments]) == 0

@@ -1,0 +1,71 @@
+"""What an exploration found: points, their front, and the recommendation."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from locsnn_compile.choose_strategy import ErrorBudget
+from locsnn_compile.explore.events import Chosen
+from locsnn_compile.explore.executors import Executor
+from locsnn_compile.explore.front import on_front
+from locsnn_compile.explore.grid import Setting
+from locsnn_compile.explore.model_file import ModelFile
+from locsnn_compile.explore.point import Point
+from locsnn_compile.explore.recommend import Recommendation, recommend
+from locsnn_compile.explore.store import Store
+from locsnn_compile.explore.study import Study
+from locsnn_compile.explore.sweep import Progress, sweep
+
+
+@dataclass(frozen=True, eq=False)
+class Exploration:
+    """Points in the order of the grid, and what they were measured on.
+
+    ``model`` and ``target`` as they were given; ``events`` are in a file.
+    ``reported``: points of the front on other recordings, ``reported_on``, on which nothing was chosen.
+    """
+
+    study: Study
+    model: ModelFile
+    target: str
+    events: Chosen
+    budget: ErrorBudget
+    points: tuple[Point, ...]
+    reported: tuple[Point, ...] = ()
+    reported_on: Chosen | None = None
+
+    @cached_property
+    def on_front(self) -> tuple[bool, ...]:
+        """Which points are on the front."""
+        return tuple(on_front([point.figures for point in self.points]))
+
+    @property
+    def front(self) -> tuple[Setting, ...]:
+        """Settings on the front."""
+        return tuple(point.setting for point, mark in zip(self.points, self.on_front, strict=True) if mark)
+
+    @cached_property
+    def recommendation(self) -> Recommendation:
+        """The setting to take, and why."""
+        return recommend(self.points, self.budget)
+
+    def command(self, setting: Setting) -> str:
+        """Return the command that makes a point again."""
+        return self._command(setting, self.events)
+
+    def report_command(self, setting: Setting) -> str | None:
+        """Return the command that makes a point again on the recordings to report on; None for one that was not."""
+        reported = any(point.setting == setting for point in self.reported)
+        return self._command(setting, self.reported_on) if reported and self.reported_on else None
+
+    def report_on(self, events: Chosen, store: Store, executor: Executor, progress: Progress | None) -> Exploration:
+        """Measure the settings of the front on other recordings too."""
+        study = replace(self.study, recordings=events.recordings, engines=())
+        return replace(self, reported=sweep(study, self.front, store, executor, progress), reported_on=events)
+
+    def _command(self, setting: Setting, events: Chosen) -> str:
+        assert events.file is not None
+        model = [*self.model.arguments(), "--target", self.target]
+        return shlex.join(["locsnn-compile", *model, *setting.arguments(), "--events", events.file])

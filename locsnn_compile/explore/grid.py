@@ -1,0 +1,97 @@
+"""The grid of settings: one row of :data:`AXES` for each option of the compiler that is explored."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from locsnn_compile.errors import InputError, did_you_mean
+
+if TYPE_CHECKING:
+    from locsnn_compile.network import Network
+
+Value = str | int
+
+
+def has_srm_neurons(network: Network) -> bool:
+    """Tell whether some neurons are float SRM neurons, which a strategy lays out."""
+    from locsnn_compile.neurons import SrmAlpha
+
+    return any(isinstance(population.neuron, SrmAlpha) for population in network.populations)
+
+
+def has_float_weights(network: Network) -> bool:
+    """Tell whether some weights are to be rounded: on-grid ones are kept as they are."""
+    return any(not population.on_grid for population in network.populations)
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One option of the compiler: ``name`` is its keyword in ``compile``, and its option with dashes for underscores.
+
+    ``values`` are tried where the option ``matters`` to a network; elsewhere there is only the ``neutral`` one.
+    """
+
+    name: str
+    values: tuple[Value, ...]
+    neutral: Value
+    matters: Callable[[Network], bool]
+    help: str
+    text: str = "{}"
+    """How a value reads in the name of a setting."""
+
+    @property
+    def option(self) -> str:
+        """The option of the command lines."""
+        return f"--{self.name.replace('_', '-')}"
+
+    def check(self, value: Value) -> None:
+        """Refuse a value that is not on this axis."""
+        if value in self.values:
+            return
+        listed = ", ".join(str(known) for known in self.values)
+        near = did_you_mean(value, map(str, self.values)) if isinstance(value, str) else f"Choose from {listed}."
+        raise InputError(f"{self.option} {value}", "it cannot be explored", fix=near)
+
+
+AXES = (
+    Axis("strategy", ("dendrite", "delay-line", "reset"), "auto", has_srm_neurons, "lowerings of SRM neurons"),
+    Axis("weight_bits", (1, 2, 3, 4, 5, 6, 8), 8, has_float_weights, "bits of a weight", "{}-bit"),
+)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One value of each axis, in the order of :data:`AXES`."""
+
+    values: tuple[Value, ...]
+
+    def options(self) -> dict[str, Value]:
+        """Return the keyword arguments of ``compile``."""
+        return {axis.name: value for axis, value in zip(AXES, self.values, strict=True)}
+
+    def arguments(self) -> list[str]:
+        """Return the options of ``locsnn-compile``."""
+        return [text for axis, value in zip(AXES, self.values, strict=True) for text in (axis.option, str(value))]
+
+    def __str__(self) -> str:
+        return ", ".join(axis.text.format(value) for axis, value in zip(AXES, self.values, strict=True))
+
+
+def settings(network: Network, wanted: Mapping[str, Sequence[Value]]) -> tuple[Setting, ...]:
+    """Return the grid, the last axis fastest: on each axis the values wanted, by its name, else all that matter."""
+    tried = [tuple(dict.fromkeys(wanted.get(axis.name) or _default(axis, network))) for axis in AXES]
+    return tuple(Setting(values) for values in itertools.product(*tried))
+
+
+def check_values(wanted: Mapping[str, Sequence[Value]]) -> None:
+    """Refuse values that no axis has."""
+    for axis in AXES:
+        for value in wanted.get(axis.name, ()):
+            axis.check(value)
+
+
+def _default(axis: Axis, network: Network) -> tuple[Value, ...]:
+    return axis.values if axis.matters(network) else (axis.neutral,)

@@ -1,0 +1,162 @@
+"""One point: a setting compiled and checked on the recordings, or refused; and how long the engines take."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import hw_model as hw
+from hw_model.simulation import Engine
+from hw_model.trace import ByteArray
+from locsnn_compile.api import CompiledModel, compile
+from locsnn_compile.errors import InputError, LocsnnError, TargetError
+from locsnn_compile.explore.code import code_version
+from locsnn_compile.explore.grid import Setting
+from locsnn_compile.explore.study import Study, unpacked
+from locsnn_compile.matching import fit_recordings
+
+ENGINE_CALLS: dict[Engine, tuple[int, int]] = {"fast": (16, 10), "reference": (1, 2)}
+"""How an engine is timed: on so many recordings at a time, the first ones, and in so many calls, the fastest of which
+counts. The reference engine takes too long for more.
+"""
+
+
+@dataclass(frozen=True)
+class Figures:
+    """What a report says of a setting; energy and chip time are means of a recording by the chip's default profile.
+
+    Agreements are shares of predictions and spikes that equal the float network's; accuracies are None without labels.
+    """
+
+    prediction_agreement: float
+    spike_agreement: float
+    accuracy: float | None
+    float_accuracy: float | None
+    energy_profile: str
+    energy_pj: float
+    chip_time_ns: float
+    cores: int
+    compartments: int
+    synapses: int
+    synapse_bits: int
+    wraps: int
+    clips: int
+
+    @property
+    def prediction_error(self) -> float:
+        """Share of predictions that differ from the float network's."""
+        return 1 - self.prediction_agreement
+
+    @property
+    def spike_error(self) -> float:
+        """1 less the spike agreement."""
+        return 1 - self.spike_agreement
+
+    @classmethod
+    def of(cls, report: Mapping[str, Any]) -> Figures:
+        """Take the figures from a report."""
+        match, accuracy, resources = report["match"], report["accuracy"], report["resources"]
+        return cls(
+            prediction_agreement=match["prediction_agreement"],
+            spike_agreement=match["spike_agreement"],
+            accuracy=accuracy and accuracy["chip"],
+            float_accuracy=accuracy and accuracy["reference"],
+            energy_profile=report["energy"]["profile"],
+            energy_pj=report["energy"]["per_sample_pj"],
+            chip_time_ns=report["latency"]["per_sample_ns"],
+            **{name: resources[name] for name in ("cores", "compartments", "synapses", "synapse_bits")},
+            wraps=match["wraps"],
+            clips=match["clips"],
+        )
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Why a setting gives no program: the parts of the error."""
+
+    kind: str
+    where: str
+    what: str
+    measured: str
+    fix: str
+
+    @classmethod
+    def of(cls, error: LocsnnError) -> Refusal:
+        """Take an error apart."""
+        return cls(type(error).__name__, error.where, error.what, error.measured, error.fix)
+
+    def error(self) -> LocsnnError:
+        """Return the error again."""
+        kind = TargetError if self.kind == "TargetError" else InputError
+        return kind(self.where, self.what, measured=self.measured, fix=self.fix)
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Seconds of an engine for a recording, on the machine that measured the point, over so many recordings."""
+
+    recordings: int
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Point:
+    """A setting's figures, or its refusal; ``timings`` by engine, and the code that measured all of it."""
+
+    setting: Setting
+    figures: Figures | None
+    refusal: Refusal | None
+    timings: Mapping[str, Timing]
+    code: str
+
+
+def measure(study: Study, setting: Setting) -> Point:
+    """Compile and check a setting as ``locsnn-compile`` does, then time each engine."""
+    try:
+        compiled = _compile(study, setting)
+    except LocsnnError as error:
+        return Point(setting, None, Refusal.of(error), {}, code_version())
+    played = fit_recordings(compiled.network, study.recordings.spikes, study.recordings.source)
+    timings = _timings(compiled.program, played, study.engines)
+    return Point(setting, Figures.of(compiled.report), None, timings, code_version())
+
+
+def measure_packed(packed: bytes, setting: Setting) -> Point:
+    """Measure a setting of a study that comes from another process."""
+    return measure(unpacked(packed), setting)
+
+
+def _compile(study: Study, setting: Setting) -> CompiledModel:
+    options: dict[str, Any] = setting.options()
+    with tempfile.TemporaryDirectory() as folder:
+        # The chip's file may lie on another machine.
+        chip_file = Path(folder) / "chip.yaml"
+        chip_file.write_text(study.chip.document, encoding="utf-8")
+        return compile(study.network, chip_file, events=study.recordings, diagnosis=False, **options)
+
+
+def _timings(program: hw.ChipProgram, recordings: ByteArray, engines: tuple[Engine, ...]) -> dict[str, Timing]:
+    """Time each engine on a piece of the recordings; where they share recordings, their spikes must be equal."""
+    timings: dict[str, Timing] = {}
+    spikes: list[Mapping[str, ByteArray]] = []
+    for engine in engines:
+        many, calls = ENGINE_CALLS[engine]
+        piece = recordings[:many]
+        seconds = []
+        for _ in range(calls):
+            start = time.perf_counter()
+            played = hw.simulate(program, piece, engine=engine)
+            seconds.append(time.perf_counter() - start)
+        timings[engine] = Timing(len(piece), min(seconds) / len(piece))
+        spikes.append(played.spikes)
+    for other in spikes[1:]:
+        for name, found in other.items():
+            many = min(len(found), len(spikes[0][name]))
+            assert np.array_equal(found[:many], spikes[0][name][:many]), f"the engines differ in {name}"
+    return timings

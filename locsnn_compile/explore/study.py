@@ -1,0 +1,54 @@
+"""What all points of an exploration share: a model, a chip, recordings, and the engines that are timed."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import pickle
+import zlib
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import hw_model as hw
+from hw_model.simulation import Engine
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.explore.code import code_version
+from locsnn_compile.explore.grid import Setting
+from locsnn_compile.network import Network
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """``network`` is the model of the digest, :meth:`ModelFile.digest`; ``engines`` are timed on each point."""
+
+    network: Network
+    model_digest: str
+    chip: hw.Chip
+    recordings: Recordings
+    engines: tuple[Engine, ...] = ()
+
+    def key(self, setting: Setting) -> str:
+        """Return the name of a point: a hash of model, recordings, chip, engines, setting and code."""
+        parts = [self._digest, setting.options(), code_version()]
+        return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
+
+    def packed(self) -> bytes:
+        """Return bytes to send to another process: recordings are mostly zeros, and shrink a hundredfold."""
+        return zlib.compress(pickle.dumps(self))
+
+    @cached_property
+    def _digest(self) -> str:
+        spikes, labels = self.recordings.spikes, self.recordings.labels
+        about = [self.network.name, self.model_digest, self.chip.document, spikes.shape, self.engines]
+        digest = hashlib.sha256(json.dumps(about).encode())
+        digest.update(spikes.tobytes())
+        digest.update(b"" if labels is None else labels.astype("<i8").tobytes())
+        return digest.hexdigest()
+
+
+@lru_cache(maxsize=2)
+def unpacked(packed: bytes) -> Study:
+    """Return the study of bytes that :meth:`Study.packed` gave in a process of ours; kept for the next point."""
+    study = pickle.loads(zlib.decompress(packed))
+    assert isinstance(study, Study)
+    return study

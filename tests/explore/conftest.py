@@ -1,0 +1,5 @@
+"""Fixtures of all tests of explorations."""
+
+from small_model import divided, events, model
+
+__all__ = ["divided", "events", "model"]

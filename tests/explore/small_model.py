@@ -1,0 +1,85 @@
+"""A small network, recordings for it, and explorations of it from the command line."""
+
+import json
+
+import numpy as np
+import pytest
+
+from locsnn_compile.cli.main import main
+from locsnn_compile.explore.grid import Setting
+from locsnn_compile.explore.point import Figures, Point
+from locsnn_compile.models.checkpoint import save_checkpoint
+from locsnn_compile.models.description import InputLayout, NetworkDescription
+
+STEPS = 40
+
+
+@pytest.fixture(scope="session")
+def model(tmp_path_factory):
+    """A time branch of random weights that spikes on random events."""
+    description = NetworkDescription("tactile-snn", InputLayout(1, STEPS, 0.02), classes=3, hidden=6, name="small")
+    r = np.random.default_rng(0)
+    weights = {name: r.normal(0.5, 2.0, shape).astype(np.float32) for name, shape in description.weight_shapes.items()}
+    path = tmp_path_factory.mktemp("model") / "small.pt"
+    save_checkpoint(path, description, weights)
+    return path
+
+
+@pytest.fixture(scope="session")
+def events(tmp_path_factory):
+    return labelled(tmp_path_factory.mktemp("events") / "few.npz", seed=1)
+
+
+@pytest.fixture(scope="session")
+def divided(tmp_path_factory):
+    """A folder of recordings with a train and a test part."""
+    folder = tmp_path_factory.mktemp("divided") / "touches"
+    r = np.random.default_rng(2)
+    for part, many in (("train", 6), ("test", 4)):
+        (folder / part).mkdir(parents=True)
+        for i in range(many):
+            touch = (r.random((39, 2, STEPS)) < 0.2).astype(np.float32)
+            np.save(folder / part / f"sample_{i}_label_{i % 3}.npy", touch)
+    return folder
+
+
+def labelled(path, *, seed, many=5):
+    r = np.random.default_rng(seed)
+    np.savez(path, spikes=(r.random((many, 78, STEPS)) < 0.2).astype(np.uint8), labels=np.arange(many) % 3)
+    return path
+
+
+def explore(*arguments):
+    return main(["explore", *map(str, arguments)])
+
+
+def explored(folder):
+    return json.loads((folder / "explore.json").read_text())
+
+
+def lasting(folder):
+    """The files that must not depend on where and when points were measured."""
+    return {name: (folder / name).read_bytes() for name in ("explore.json", "explore.csv", "explore.svg")}
+
+
+def figures(spikes=0.9, predictions=1.0, energy=1e6, time=1e6):
+    return Figures(
+        prediction_agreement=predictions,
+        spike_agreement=spikes,
+        accuracy=None,
+        float_accuracy=None,
+        energy_profile="davies2018",
+        energy_pj=energy,
+        chip_time_ns=time,
+        cores=1,
+        compartments=10,
+        synapses=100,
+        synapse_bits=800,
+        wraps=0,
+        clips=0,
+    )
+
+
+def point(name="dendrite", bits=8, found=None, refusal=None, timings=None):
+    setting = Setting((name, bits))
+    return Point(setting, None if refusal else found or figures(), refusal, timings or {}, "1+code")

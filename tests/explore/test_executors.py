@@ -1,0 +1,177 @@
+"""Processes and Dask workers measure what one process does, byte for byte, and whoever dies takes nothing along."""
+
+import multiprocessing
+import os
+import signal
+import sys
+from dataclasses import replace
+
+import pytest
+from distributed import Client, LocalCluster
+from small_model import explore, lasting
+
+import hw_model as hw
+import locsnn_compile as lc
+from locsnn_compile.errors import InputError
+from locsnn_compile.explore import code, dask_cluster, executors
+from locsnn_compile.explore.dask_cluster import on_dask
+from locsnn_compile.explore.events import choose_events
+from locsnn_compile.explore.executors import here, in_processes
+from locsnn_compile.explore.grid import Setting, settings
+from locsnn_compile.explore.point import measure, measure_packed
+from locsnn_compile.explore.store import Store
+from locsnn_compile.explore.study import Study
+from locsnn_compile.explore.sweep import sweep
+
+GRID = ("--strategy", "dendrite", "reset", "--weight-bits", 2, 4, 6, 8)
+
+
+@pytest.fixture(scope="module")
+def serial(model, events, tmp_path_factory):
+    """The files of a run in one process."""
+    folder = tmp_path_factory.mktemp("serial") / "out"
+    assert explore(model, "--events", events, *GRID, "-o", folder, "--quiet") == 0
+    return lasting(folder)
+
+
+@pytest.fixture(scope="module")
+def study(model, events):
+    network = lc.load(model)
+    return Study(network, "digest", hw.chip("loihi-sim"), choose_events(network, str(events), None, None).recordings)
+
+
+@pytest.fixture(scope="module")
+def grid(study):
+    return settings(study.network, {"strategy": ["dendrite", "reset"], "weight_bits": [1, 2, 3, 4, 5, 6, 8]})
+
+
+@pytest.fixture(scope="module")
+def points(study, grid, tmp_path_factory):
+    """The points of a run in one process."""
+    return sweep(study, grid, Store(tmp_path_factory.mktemp("here")), here)
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50) as made:
+        yield made
+
+
+def workers_of(cluster):
+    with Client(cluster.scheduler_address, set_as_default=False) as client:
+        return list(client.run(os.getpid).values())
+
+
+def killed_after(first, pids):
+    """A progress callback that kills processes once so many points are finished; and what it killed."""
+    killed = []
+
+    def progress(done, total):
+        if done >= first and not killed:
+            killed.extend(pids())
+            for pid in killed:
+                os.kill(pid, signal.SIGKILL)
+
+    return progress, killed
+
+
+def test_a_packed_study_is_the_same(study):
+    setting = Setting(("dendrite", 4))
+    assert measure_packed(study.packed(), setting) == measure(study, setting)
+
+
+def test_processes_find_the_same_bytes(model, events, serial, tmp_path):
+    assert explore(model, "--events", events, *GRID, "--workers", 2, "-o", tmp_path / "out", "--quiet") == 0
+    assert lasting(tmp_path / "out") == serial
+
+
+def test_dask_finds_the_same_bytes(model, events, serial, cluster, tmp_path):
+    address = cluster.scheduler_address
+    assert explore(model, "--events", events, *GRID, "--scheduler", address, "-o", tmp_path / "out", "--quiet") == 0
+    assert lasting(tmp_path / "out") == serial
+
+
+def test_a_process_killed_in_the_middle_takes_nothing_along(study, grid, points, tmp_path):
+    progress, killed = killed_after(2, lambda: [multiprocessing.active_children()[0].pid])
+    assert sweep(study, grid, Store(tmp_path), in_processes(2), progress) == points
+    assert len(killed) == 1
+
+
+@pytest.mark.parametrize("many", [1, pytest.param(2, marks=pytest.mark.slow)], ids=["one of two", "both"])
+def test_dask_workers_killed_in_the_middle_take_nothing_along(study, grid, points, cluster, tmp_path, many):
+    before = workers_of(cluster)
+    progress, killed = killed_after(2, lambda: before[:many])
+    assert sweep(study, grid, Store(tmp_path), on_dask(cluster.scheduler_address), progress) == points
+    assert killed == before[:many]
+    assert len(list(tmp_path.iterdir())) == len(grid)
+
+
+def test_processes_that_always_die_are_one_error(study, grid, monkeypatch):
+    monkeypatch.setattr(executors, "_one_pool", lambda *arguments: iter(()))
+    with pytest.raises(InputError) as caught:
+        list(in_processes(2)(study, grid[:1]))
+    assert str(caught.value) == (
+        "--workers 2: its processes die (3 times in a row, 1 settings left). "
+        "Give fewer workers, or fewer recordings with --recordings."
+    )
+
+
+def test_without_dask_there_is_a_command_to_install_it(model, tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    assert explore(model, "--scheduler", "tcp://127.0.0.1:8786", "-o", tmp_path / "out") == 2
+    wanted = "--scheduler: Dask is not installed. Install it with: pip install 'locsnn-compile[dask]'\n"
+    assert capsys.readouterr() == ("", wanted)
+
+
+@pytest.mark.parametrize(
+    ("address", "line"),
+    [
+        ("tcp://127.0.0.1:9", "no scheduler answers (within 0.2 s). Start one with: dask scheduler"),
+        ("nonsense", "it is no address: missing port number in address 'nonsense'. Give one such as tcp://127.0.0.1:8786."),
+    ],
+    ids=["nobody", "no address"],
+)  # fmt: skip
+def test_schedulers_that_do_not_answer(model, address, line, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(dask_cluster, "PATIENCE_SECONDS", 0.2)
+    assert explore(model, "--scheduler", address, "-o", tmp_path / "out") == 2
+    assert capsys.readouterr() == ("", f"--scheduler {address}: {line}\n")
+
+
+def test_a_cluster_without_workers(study, grid, monkeypatch):
+    monkeypatch.setattr(dask_cluster, "PATIENCE_SECONDS", 0.2)
+    with LocalCluster(n_workers=0, dashboard_address=":0", silence_logs=50) as empty:
+        address = empty.scheduler_address
+        with pytest.raises(InputError) as caught:
+            list(on_dask(address)(study, grid))
+    assert str(caught.value) == (
+        f"--scheduler {address}: it has no workers (within 0.2 s). Start some with: dask worker {address}"
+    )
+
+
+@pytest.fixture
+def other_code(monkeypatch):
+    """This process runs another version than its workers, which it gives."""
+    theirs = code.code_version()
+    code.code_version.cache_clear()
+    monkeypatch.setattr(code, "version", lambda name: "9")
+    yield theirs
+    code.code_version.cache_clear()
+
+
+def test_workers_with_other_code_are_refused(study, grid, cluster, other_code):
+    address = cluster.scheduler_address
+    with pytest.raises(InputError) as caught:
+        list(on_dask(address)(study, grid))
+    wanted = "another version of locsnn-compile runs there ({} against {}). Install the same one everywhere."
+    assert str(caught.value) == f"--scheduler {address}: {wanted.format(other_code, code.code_version())}"
+
+
+def test_points_of_other_code_are_not_kept(study, grid, tmp_path):
+    def elsewhere(study, settings):
+        yield replace(measure(study, settings[0]), code="0+old")
+
+    with pytest.raises(InputError) as caught:
+        sweep(study, grid[:1], Store(tmp_path), elsewhere)
+    wanted = "another version of locsnn-compile runs there (0+old against {}). Install the same one everywhere."
+    assert str(caught.value) == f"setting {grid[0]}: {wanted.format(code.code_version())}"
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,277 @@
+"""``locsnn explore`` from the command line: figures, files, commands, what stops it, and going on."""
+
+import csv
+import json
+import shlex
+import shutil
+import xml.etree.ElementTree as ET
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from small_model import explore, explored, lasting
+
+import hw_model as hw
+from locsnn_compile.cli import explore as explore_cli
+from locsnn_compile.cli.compile import main as compile_main
+from locsnn_compile.explore import point as point_module
+from locsnn_compile.explore.point import Figures
+
+FILES = {"explore.json", "explore.csv", "explore.svg", "timings.csv", "timings.svg"}
+
+
+@pytest.fixture(scope="module")
+def small(model, events, tmp_path_factory):
+    """Two strategies, two widths."""
+    folder = tmp_path_factory.mktemp("explored") / "out"
+    grid = ("--strategy", "dendrite", "reset", "--weight-bits", 4, 8)
+    assert explore(model, "--events", events, *grid, "-o", folder, "--quiet") == 0
+    return folder
+
+
+def settings_of(document):
+    return [tuple(row["setting"].values()) for row in document["points"]]
+
+
+def test_the_grid_is_complete_and_in_order(small):
+    found = explored(small)
+    assert settings_of(found) == [("dendrite", 4), ("dendrite", 8), ("reset", 4), ("reset", 8)]
+    assert found["schema"] == "locsnn-explore/1"
+    assert found["model"]["name"] == "small"
+    assert found["chosen_on"] == {"source": "few.npz", "part": None, "recordings": 5, "available": 5}
+
+
+@pytest.mark.parametrize("number", [0, 3], ids=["dendrite, 4-bit", "reset, 8-bit"])
+def test_the_printed_command_gives_the_same_figures(small, tmp_path, number):
+    row = explored(small)["points"][number]
+    program, *arguments = shlex.split(row["command"])
+    assert program == "locsnn-compile"
+    assert compile_main([*arguments, "-o", str(tmp_path / "build"), "--quiet"]) == 0
+    figures = Figures.of(json.loads((tmp_path / "build/report.json").read_text()))
+    assert {name: row["figures"][name] for name in vars(figures)} == vars(figures)
+    assert row["figures"]["spike_error"] == figures.spike_error
+
+
+def test_recommended_is_one_of_the_front(small):
+    found = explored(small)
+    front = [row for row in found["points"] if row["on_front"]]
+    taken = [row for row in found["points"] if row["recommended"]]
+    assert len(taken) == 1
+    assert taken[0] in front
+    assert found["recommended"]["setting"] == taken[0]["setting"]
+    assert found["recommended"]["command"] == taken[0]["command"]
+    assert found["recommended"]["why"].startswith("the knee of the front: ")
+
+
+def test_the_table_of_the_csv_has_the_figures_of_the_json(small):
+    with (small / "explore.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    for row, wanted in zip(rows, explored(small)["points"], strict=True):
+        assert (row["strategy"], int(row["weight_bits"])) == tuple(wanted["setting"].values())
+        assert float(row["energy_pj"]) == wanted["figures"]["energy_pj"]
+        assert float(row["spike_error"]) == wanted["figures"]["spike_error"]
+        assert (row["on_front"] == "True", row["command"]) == (wanted["on_front"], wanted["command"])
+
+
+def test_timings_are_a_file_of_their_own(small):
+    with (small / "timings.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["strategy"], row["engine"], row["recordings"]) for row in rows[:2]] == [
+        ("dendrite", "fast", "5"),
+        ("dendrite", "reference", "1"),
+    ]
+    assert len(rows) == 8
+    assert all(float(row["seconds_per_recording"]) > 0 for row in rows)
+    assert "seconds" not in (small / "explore.json").read_text()
+
+
+@pytest.mark.parametrize("name", ["explore.svg", "timings.svg"])
+def test_pictures_are_whole_and_have_a_mark_for_each_point_and_panel(small, name):
+    root = ET.fromstring((small / name).read_text())
+    marks = [element for element in root.iter() if element.get("class") in ("mark", "mark front") and len(element)]
+    assert len(marks) == 2 * 4
+    front = sum(row["on_front"] for row in explored(small)["points"])
+    assert sum(mark.get("class") == "mark front" for mark in marks) == 2 * front
+
+
+def test_finished_points_are_not_measured_again(model, events, small, monkeypatch):
+    before = lasting(small)
+    monkeypatch.setattr(point_module, "compile", None)
+    grid = ("--strategy", "dendrite", "reset", "--weight-bits", 4, 8)
+    assert explore(model, "--events", events, *grid, "-o", small, "--quiet") == 0
+    assert lasting(small) == before
+
+
+def test_an_interrupted_run_goes_on(model, events, small, tmp_path, monkeypatch, capsys):
+    grid = ("--strategy", "dendrite", "reset", "--weight-bits", 4, 8)
+    arguments = (model, "--events", events, *grid, "-o", tmp_path / "out", "--quiet")
+    measured = []
+
+    def stopped(study, setting, limit=2):
+        if len(measured) == limit:
+            raise KeyboardInterrupt
+        measured.append(setting)
+        return point_module.measure(study, setting)
+
+    monkeypatch.setattr("locsnn_compile.explore.executors.measure", stopped)
+    assert explore(*arguments) == 130
+    assert capsys.readouterr() == ("", "Stopped. The same command goes on where it was.\n")
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["points"]
+    assert len(list((tmp_path / "out/points").iterdir())) == 2
+
+    again = []
+
+    def counted(study, setting):
+        again.append(setting)
+        return point_module.measure(study, setting)
+
+    monkeypatch.setattr("locsnn_compile.explore.executors.measure", counted)
+    assert explore(*arguments) == 0
+    assert [str(setting) for setting in again] == ["reset, 4-bit", "reset, 8-bit"]
+    assert lasting(tmp_path / "out") == lasting(small)
+
+
+def test_the_front_is_reported_on_other_recordings(model, divided, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert explore(model, "--events", divided, "--report-on", divided, "--weight-bits", 8, "-o", out) == 0
+    printed = capsys.readouterr().out
+    found = explored(out)
+    assert found["chosen_on"] == {"source": "touches", "part": "train", "recordings": 6, "available": 6}
+    assert found["reported_on"] == {"source": "touches", "part": "test", "recordings": 4, "available": 4}
+    assert "6 recordings of touches, train part" in printed
+    assert "The front on 4 recordings of touches, test part:" in printed
+    for row in found["points"]:
+        assert (row["reported"] is not None) == (row["report_command"] is not None) == row["on_front"]
+    row = next(row for row in found["points"] if row["on_front"])
+    assert row["command"].endswith(f"--events {out / 'events.npz'}")
+    for key, command in (("figures", row["command"]), ("reported", row["report_command"])):
+        assert compile_main([*shlex.split(command)[1:], "-o", str(tmp_path / key), "--quiet"]) == 0
+        figures = Figures.of(json.loads((tmp_path / key / "report.json").read_text()))
+        assert {name: row[key][name] for name in vars(figures)} == vars(figures)
+
+
+def test_choosing_on_test_recordings_is_said(model, divided, tmp_path, capsys):
+    grid = ("--strategy", "dendrite", "--weight-bits", 8)
+    assert explore(model, "--events", divided, "--part", "test", *grid, "-o", tmp_path / "out") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1] == "Chosen on test recordings: figures on these are no test of the choice any more."
+    assert explored(tmp_path / "out")["points"][0]["command"].endswith(f"--events {divided}")
+
+
+def test_without_events_touches_are_made(model, tmp_path, capsys):
+    grid = ("--strategy", "dendrite", "--weight-bits", 8, "--engines")
+    assert explore(model, *grid, "-o", tmp_path / "out") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "small on loihi-sim, 16 recordings of synthetic touches, profile davies2018"
+    row = explored(tmp_path / "out")["points"][0]
+    assert row["figures"]["accuracy"] is None
+    assert compile_main([*shlex.split(row["command"])[1:], "-o", str(tmp_path / "build"), "--quiet"]) == 0
+    assert (tmp_path / "out/timings.csv").read_bytes() == b""
+
+
+def test_a_bound_takes_recordings_evenly(model, events, tmp_path):
+    grid = ("--strategy", "dendrite", "--weight-bits", 8, "--engines")
+    assert explore(model, "--events", events, "--recordings", 3, *grid, "-o", tmp_path / "out", "--quiet") == 0
+    assert explored(tmp_path / "out")["chosen_on"]["recordings"] == 3
+    played, given = np.load(tmp_path / "out/events.npz"), np.load(events)
+    assert np.array_equal(played["spikes"], given["spikes"][[0, 2, 4]])
+    assert np.array_equal(played["labels"], given["labels"][[0, 2, 4]])
+
+
+@pytest.mark.parametrize(
+    ("budget", "code", "why"),
+    [
+        (("--max-spike-error", 1), 0, "the least energy, "),
+        (("--min-agreement", 0, "--max-spike-error", 1), 0, "the least energy, "),
+        (("--max-spike-error", 0), 3, "no setting keeps --max-spike-error 0; the least spike error is "),
+    ],
+    ids=["generous", "both", "too strict"],
+)
+def test_a_budget_decides(model, events, small, budget, code, why, capsys):
+    grid = ("--strategy", "dendrite", "reset", "--weight-bits", 4, 8)
+    assert explore(model, "--events", events, *grid, *budget, "-o", small, "--json") == code
+    printed = capsys.readouterr()
+    found = json.loads(printed.out)["recommended"]
+    assert found["why"].startswith(why)
+    if code:
+        assert found["setting"] is found["command"] is None
+        assert printed.err == f"gate failed: {found['why']}.\n"
+    else:
+        rows = [row for row in json.loads(printed.out)["points"] if row["on_front"]]
+        assert found["setting"] == min(rows, key=lambda row: row["figures"]["energy_pj"])["setting"]
+
+
+def test_refused_settings_are_rows_with_their_reason(model, events, tmp_path, capsys):
+    """A chip that three compartments a neuron do not fit."""
+    text = hw.chip("loihi-sim").document
+    chip = tmp_path / "tiny.yaml"
+    tiny = text.replace("compartments_per_core: 1024", "compartments_per_core: 20").replace(
+        "cores_per_chip: 128", "cores_per_chip: 1"
+    )
+    chip.write_text(tiny)
+    assert tiny != text
+    grid = ("--target", chip, "--weight-bits", 8, "--engines")
+    assert explore(model, "--events", events, *grid, "-o", tmp_path / "out") == 0
+    found = explored(tmp_path / "out")
+    said = [line for line in capsys.readouterr().out.splitlines() if line.startswith("dendrite, 8-bit: ")]
+    refused = [row for row in found["points"] if row["refused"]]
+    assert [row["setting"]["strategy"] for row in refused] == ["dendrite"]
+    assert said == [f"dendrite, 8-bit: {refused[0]['refused']}"]
+    assert refused[0]["figures"] is None
+    assert not refused[0]["on_front"]
+
+
+def test_what_all_settings_share_is_one_error(model, tmp_path, capsys):
+    long = tmp_path / "long.npz"
+    np.savez(long, spikes=np.zeros((2, 78, 41), dtype=np.uint8))
+    assert explore(model, "--events", long, "-o", tmp_path / "out") == 2
+    wanted = (
+        "events 'long.npz': the recordings are longer than the model's (41 steps against 40). Cut them to 40 steps.\n"
+    )
+    assert capsys.readouterr() == ("", wanted)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (("--weight-bits", 7), "--weight-bits 7: it cannot be explored. Choose from 1, 2, 3, 4, 5, 6, 8."),
+        (("--strategy", "dendrites"), "--strategy dendrites: it cannot be explored. Did you mean 'dendrite'?"),
+        (("--engines", "quick"), "--engines quick: there is no such name. Choose one of: fast, reference."),
+        (("--part", "training"), "--part training: there is no such name. Did you mean 'train'?"),
+        (("--part", "train"), "--part train: there are no events to take it from. Give them with --events."),
+        (("--recordings", 0), "--recordings 0: it is out of range. Give a number from 1 up."),
+        (("--workers", 0), "--workers 0: it is out of range. Give a number from 1 to 256."),
+        (("--workers", 1000), "--workers 1000: it is out of range. Give a number from 1 to 256."),
+        (("--min-agreement", 1.5), "--min-agreement 1.5: it is out of range. Give a number from 0 to 1."),
+        (("--max-spike-error", "nan"), "--max-spike-error nan: it is out of range. Give a number from 0 to 1."),
+        (("--workers", 2, "--scheduler", "tcp://a:1"), "--workers: a scheduler brings its own. Leave out --workers or --scheduler."),
+        (("--events", "gone.npz"), "file 'gone.npz': it does not exist. Check the path."),
+        (("--target", "loihi"), "target 'loihi': no chip of this name ships. Did you mean 'loihi-sim'? A chip file of your own ends in .yaml."),
+    ],
+    ids=lambda value: "_".join(map(str, value)) if isinstance(value, tuple) else None,
+)  # fmt: skip
+def test_wrong_usage_is_one_line(model, arguments, line, tmp_path, capsys):
+    assert explore(model, *arguments, "-o", tmp_path / "out") == 2
+    assert capsys.readouterr() == ("", line + "\n")
+    assert not (tmp_path / "out").exists()
+
+
+def test_only_a_test_part_is_refused(model, divided, tmp_path, capsys):
+    shutil.copytree(divided / "test", tmp_path / "some/test")
+    assert explore(model, "--events", tmp_path / "some", "-o", tmp_path / "out") == 2
+    wanted = "events 'some': there is only a test part, and nothing is to be chosen on that. Give other recordings, or say so with --part test.\n"
+    assert capsys.readouterr() == ("", wanted)
+
+
+def test_the_bar_moves_with_each_setting(model, events, tmp_path, monkeypatch):
+    moved = []
+
+    @contextmanager
+    def bar(title, *, show):
+        yield lambda done, total: moved.append((title, done, total))
+
+    monkeypatch.setattr(explore_cli, "progress_bar", bar)
+    grid = ("--strategy", "dendrite", "--weight-bits", 4, 8, "--engines")
+    assert explore(model, "--events", events, *grid, "-o", tmp_path / "out", "--quiet") == 0
+    assert moved == [("exploring", 0, 2), ("exploring", 1, 2), ("exploring", 2, 2)]

@@ -1,0 +1,64 @@
+"""The grid of settings is a table that agrees with the compiler."""
+
+import inspect
+
+import pytest
+from small_model import explore, explored
+
+import locsnn_compile as lc
+from hw_model.weights import WEIGHT_BITS
+from locsnn_compile.api import STRATEGIES
+from locsnn_compile.cli.compile import parser
+from locsnn_compile.explore import grid
+from locsnn_compile.explore.grid import AXES, Axis, Setting, settings
+
+
+@pytest.mark.parametrize("axis", AXES, ids=lambda axis: axis.name)
+def test_an_axis_is_an_option_of_the_compiler(axis):
+    assert axis.name in inspect.signature(lc.compile).parameters
+    assert axis.option in parser().format_help()
+    for value in (*axis.values, axis.neutral):
+        assert str(getattr(parser().parse_args(["m.pt", axis.option, str(value)]), axis.name)) == str(value)
+
+
+def test_all_strategies_and_widths_are_there():
+    strategy, bits = AXES[:2]
+    assert (*strategy.values, "auto") == (*STRATEGIES[1:], STRATEGIES[0])
+    assert bits.values == WEIGHT_BITS
+
+
+def test_a_setting_says_itself_three_ways():
+    setting = Setting(tuple(axis.values[0] for axis in AXES))
+    assert setting.options() == {axis.name: axis.values[0] for axis in AXES}
+    assert setting.arguments()[:4] == ["--strategy", "dendrite", "--weight-bits", "1"]
+    assert str(setting).startswith("dendrite, 1-bit")
+
+
+def test_the_last_axis_is_the_fastest_and_nothing_is_twice(model):
+    network = lc.load(model)
+    wanted = {axis.name: axis.values[:1] for axis in AXES} | {
+        "weight_bits": [4, 8, 4],
+        "strategy": ["reset", "dendrite"],
+    }
+    found = [setting.values[:2] for setting in settings(network, wanted)]
+    assert found == [("reset", 4), ("reset", 8), ("dendrite", 4), ("dendrite", 8)]
+
+
+def test_options_that_change_nothing_are_not_tried():
+    """A network of the chip's integers keeps its neurons and weights as they are."""
+    network = lc.load("examples/models/objects-hybrid-loihi.pt")
+    assert [setting.values for setting in settings(network, {})] == [tuple(axis.neutral for axis in AXES)]
+
+
+def test_one_row_adds_an_axis(model, events, tmp_path, monkeypatch):
+    """Grid, option, figures, files and commands follow the table."""
+    row = Axis("target", ("loihi-sim",), "loihi-sim", lambda network: True, "chips to try")
+    monkeypatch.setattr(grid, "AXES", (*AXES[:2], row))
+    assert len(settings(lc.load(model), {"weight_bits": [8], "strategy": ["reset"]})) == 1
+    assert str(settings(lc.load(model), {"weight_bits": [8], "strategy": ["reset"]})[0]) == "reset, 8-bit, loihi-sim"
+
+
+def test_neutral_settings_compile(model, events, tmp_path):
+    arguments = [text for axis in AXES for text in (axis.option, axis.values[0])]
+    assert explore(model, "--events", events, *arguments, "--engines", "-o", tmp_path / "out", "--quiet") == 0
+    assert len(explored(tmp_path / "out")["points"]) == 1

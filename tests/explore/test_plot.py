@@ -1,0 +1,86 @@
+"""Pictures of explorations: whole files, marks where they belong, labels that keep clear of each other."""
+
+import xml.etree.ElementTree as ET
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from locsnn_compile.explore.plot import Mark, Panel, draw, nice_step
+
+SVG = "{http://www.w3.org/2000/svg}"
+FIGURE = st.floats(0, 1e12, allow_subnormal=False)
+
+
+def panel(*marks):
+    return Panel("energy", "error", "{:g}".format, "{:g}".format, marks)
+
+
+def mark(x, y, *, kind=0, front=True, taken=False, label="8-bit"):
+    return Mark(x, y, kind, label, f"at {x:g}, {y:g}", front, taken)
+
+
+def drawn(*marks, kinds=("dendrite", "reset")):
+    return ET.fromstring(draw("title", "subtitle", kinds, [panel(*marks)]))
+
+
+def shapes(root):
+    """The marks of the panel, without those of the legend."""
+    return [element for element in root.iter() if (element.get("class") or "").startswith("mark") and len(element)]
+
+
+@given(st.lists(st.builds(mark, FIGURE, FIGURE, kind=st.integers(0, 9), front=st.booleans()), max_size=8))
+def test_any_figures_make_a_whole_picture(marks):
+    root = drawn(*marks)
+    assert [float(value) for value in root.get("viewBox").split()][:2] == [0, 0]
+    assert len(shapes(root)) == len(marks)
+    assert "nan" not in ET.tostring(root, encoding="unicode")
+
+
+def test_kinds_differ_in_shape_and_the_front_in_its_fill():
+    root = drawn(mark(0.1, 5), mark(0.5, 3, kind=1), mark(0.6, 4, kind=2, front=False))
+    found = {element.find(f"{SVG}title").text: element for element in shapes(root)}
+    assert [found[name].tag for name in ("at 0.1, 5", "at 0.5, 3")] == [f"{SVG}circle", f"{SVG}polygon"]
+    assert found["at 0.6, 4"].get("points").count(",") == 3
+    assert [found[name].get("class") for name in ("at 0.1, 5", "at 0.6, 4")] == ["mark front", "mark"]
+
+
+def test_lower_figures_are_lower_and_lower_errors_to_the_left():
+    root = drawn(mark(0.1, 5), mark(0.5, 3))
+    found = {element.find(f"{SVG}title").text: element for element in shapes(root)}
+    first, second = found["at 0.1, 5"], found["at 0.5, 3"]
+    assert float(first.get("cx")) < float(second.get("cx"))
+    assert float(first.get("cy")) < float(second.get("cy"))
+
+
+def test_the_recommended_one_has_a_ring():
+    root = drawn(mark(0.1, 5), mark(0.5, 3, taken=True))
+    rings = [element for element in root.iter(f"{SVG}circle") if element.get("class") == "ring"]
+    found = {element.find(f"{SVG}title").text: element for element in shapes(root)}
+    assert rings[0].get("cx") == found["at 0.5, 3"].get("cx")
+    assert len(rings) == 2  # the other one is the legend's
+
+
+def test_crowded_marks_share_no_room_for_labels():
+    root = drawn(*(mark(0.5 + 1e-4 * i, 5, label=f"{i}-bit") for i in range(8)), mark(1, 1))
+    labels = [element for element in root.iter(f"{SVG}text") if element.get("class") == "label"]
+    places = [(element.get("x"), element.get("y"), element.get("text-anchor")) for element in labels]
+    assert 2 <= len(labels) < 9
+    assert len(set(places)) == len(places)
+
+
+def test_names_that_are_no_xml_do_no_harm():
+    content = draw("<a>&\x00", "</svg>", ["<b>"], [panel(mark(1, 1, label="]]>"))])
+    assert ET.fromstring(content).find(f"{SVG}title").text == "<a>&�"
+
+
+@pytest.mark.parametrize(
+    ("largest", "step"), [(0, 1), (1, 0.2), (6, 1), (7, 2), (0.31, 0.1), (12e6, 2e6), (1e-300, 2e-301)]
+)
+def test_ticks_are_round(largest, step):
+    assert nice_step(largest) == pytest.approx(step)
+
+
+@given(st.floats(1e-9, 1e12))
+def test_there_are_neither_many_nor_few_ticks(largest):
+    assert 2 <= largest / nice_step(largest) <= 6 + 1e-6

@@ -1,0 +1,102 @@
+"""The store gives back what was written, and nothing else."""
+
+import json
+
+import pytest
+from small_model import explore, figures, lasting, point
+
+from locsnn_compile.errors import TargetError
+from locsnn_compile.explore import store as store_module
+from locsnn_compile.explore.code import code_version
+from locsnn_compile.explore.grid import Setting
+from locsnn_compile.explore.point import Refusal, Timing
+from locsnn_compile.explore.store import Store
+
+KEY = "0" * 64
+POINTS = {
+    "figures": point(found=figures(0.1 + 0.2, 1 / 3), timings={"fast": Timing(16, 1e-3 / 3)}),
+    "refusal": point(refusal=Refusal.of(TargetError("layer 'a'", "too large", measured="2 against 1", fix="Cut it."))),
+}
+
+
+@pytest.fixture
+def store(tmp_path, monkeypatch):
+    monkeypatch.setattr(store_module, "code_version", lambda: "1+code")
+    return Store(tmp_path / "points")
+
+
+@pytest.mark.parametrize("kept", POINTS.values(), ids=POINTS)
+def test_a_point_comes_back_exactly(store, kept):
+    store.write(KEY, kept)
+    assert store.read(KEY, kept.setting) == kept
+    assert [path.name for path in store.folder.iterdir()] == [f"{KEY}.json"]
+
+
+def test_a_refusal_is_the_same_error_again():
+    error = TargetError("layer 'a'", "too large", measured="2 against 1", fix="Cut it.")
+    again = Refusal.of(error).error()
+    assert (type(again), str(again)) == (TargetError, "layer 'a': too large (2 against 1). Cut it.")
+
+
+def test_there_is_none_at_first(store):
+    assert store.read(KEY, POINTS["figures"].setting) is None
+
+
+def edited(change):
+    def edit(text):
+        document = json.loads(text)
+        change(document)
+        return json.dumps(document)
+
+    return edit
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda text: text[: len(text) // 2],
+        lambda text: "",
+        lambda text: "[]",
+        lambda text: "null",
+        lambda text: "[" * 100_000,
+        lambda text: text.replace("0.3", "0.4", 1),
+        lambda text: " " * (2 << 20),
+        edited(lambda d: d.pop("sha256")),
+        edited(lambda d: d["point"].pop("figures")),
+        edited(lambda d: d["point"]["figures"].update(energy_pj=1.0)),
+        edited(lambda d: d.update(schema="locsnn-explore-point/2")),
+    ],
+    ids=["cut", "empty", "list", "null", "deep", "digit", "huge", "no sum", "no figures", "other energy", "newer"],
+)
+def test_a_damaged_point_is_none(store, damage):
+    kept = POINTS["figures"]
+    store.write(KEY, kept)
+    path = store.folder / f"{KEY}.json"
+    path.write_text(damage(path.read_text()))
+    assert store.read(KEY, kept.setting) is None
+
+
+def test_a_point_of_another_setting_or_code_is_none(store, monkeypatch):
+    kept = POINTS["figures"]
+    store.write(KEY, kept)
+    assert store.read(KEY, Setting(("reset", *kept.setting.values[1:]))) is None
+    monkeypatch.setattr(store_module, "code_version", lambda: "2+code")
+    assert store.read(KEY, kept.setting) is None
+
+
+def test_corrupt_points_are_measured_again(model, events, tmp_path):
+    arguments = (model, "--events", events, "--strategy", "reset", "--weight-bits", 4, 8, "--engines", "-o", tmp_path / "out", "--quiet")  # fmt: skip
+    assert explore(*arguments) == 0
+    before = lasting(tmp_path / "out")
+    whole = {path: path.read_bytes() for path in (tmp_path / "out/points").iterdir()}
+    first = next(iter(whole))
+    first.write_bytes(whole[first][:100])
+    assert explore(*arguments) == 0
+    assert lasting(tmp_path / "out") == before
+    assert first.read_bytes() == whole[first]
+
+
+def test_the_code_has_a_version_and_a_digest():
+    number, digest = code_version().split("+")
+    assert number
+    assert len(digest) == 12
