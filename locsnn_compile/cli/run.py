@@ -1,12 +1,14 @@
-"""``locsnn run``: play recordings to a compiled program."""
+"""``locsnn run``: play recordings to a compiled program, whole or step by step, to their end or until they may stop."""
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.cli.shell import progress_bar
+from locsnn_compile.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
     import hw_model as hw
@@ -14,8 +16,14 @@ if TYPE_CHECKING:
 
 _EXAMPLE = """\
 example:
-  locsnn run build/objects-hybrid --events examples/recordings/touches.npz
+  locsnn run build/objects-hybrid --events examples/recordings/touches.npz --stream
+
+With --stream events come step by step, and what is predicted so far is shown whenever it changes. --stop proven ends a
+recording as soon as no remaining spike can change the winner. --stop margin ends it as soon as the winner leads by what
+was enough on the recordings of --calibrate; give some that have neither trained the model nor test it. Of an archive
+with a train part, those are taken.
 """
+STOPS = ("proven", "margin")
 _CHUNK = 16
 
 
@@ -32,41 +40,74 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add("program", metavar="DIR", help="folder that locsnn-compile wrote")
     add("--events", required=True, metavar="FILE", help="recordings: .zip, folder, .npy, .npz, .pt, .tact")
     add("--engine", default="fast", metavar="NAME", help="fast or reference (default fast); equal integers")
+    add("--stream", action="store_true", help="play step by step; show each change of the prediction, and the pace")
+    add("--psi", type=float, metavar="X", help="with --stream or --stop margin: weigh the branches by time, such as 10")
+    add("--step-seconds", type=float, metavar="X", help="length of a step, where neither recordings nor build say it")
+    add("--stop", metavar="HOW", help="stop early: proven, or margin")
+    add("--calibrate", metavar="FILE", help="recordings to find the margin on")
+    add("--min-agreement", type=float, metavar="X", help="of stops with the end, on those recordings (default 0.99)")
+    add("--margin", type=float, metavar="X", help="the margin, where it is known")
     add("--json", action="store_true", help="print the result as JSON")
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Play every recording; print a line each, or JSON."""
+    _check_options(args)
     import hw_model as hw
+    from locsnn_compile.cli.run_stop import find_stops, known_margin, stop_lines
+    from locsnn_compile.cli.run_stream import stream_all, stream_lines
     from locsnn_compile.data.read import read_recordings
 
     program = hw.load_program(args.program)
     recordings = read_recordings(args.events)
     rows, counts = _play(program, recordings, args.engine)
     totals = hw.energy_pj(counts, program.chip.profile(program.chip.default_profile))
+    result: dict[str, Any] = {"program": program.name, "recordings": rows, "counts": dict(counts), "energy_pj": totals}
+    margin = known_margin(args, program) if args.stop == "margin" else None
+    if args.stream:
+        result["stream"] = stream_all(args, program, recordings, rows, margin)
+    elif not args.json:
+        for row in rows:
+            print(recording_line(row))
+    if args.stop:
+        result["stop"] = find_stops(args, program, recordings, rows, margin)
     if args.json:
-        result = {"program": program.name, "recordings": rows, "counts": dict(counts), "energy_pj": totals}
-        print(json.dumps(result, indent=2))
+        print(json.dumps(result, indent=2, allow_nan=False))
         return 0
-    for row in rows:
-        right = "" if row["label"] is None else f"  label {row['label']}"
-        print(f"recording {row['recording']}: class {row['prediction']}{right}  {row['spikes']} spikes")
+    for line in _summary(program, rows, counts, totals):
+        print(line)
+    if args.stream:
+        print("\n".join(stream_lines(result["stream"])))
+    if args.stop:
+        print("\n".join(stop_lines(result["stop"])))
+    return 0
+
+
+def recording_line(row: dict[str, Any]) -> str:
+    """Return what became of a recording in a line."""
+    label = "" if row["label"] is None else f"  label {row['label']}"
+    return f"recording {row['recording']}: class {row['prediction']}{label}  {row['spikes']} spikes"
+
+
+def _summary(
+    program: hw.ChipProgram, rows: list[dict[str, Any]], counts: hw.Counts, totals: dict[str, float]
+) -> list[str]:
     known = [row for row in rows if row["label"] is not None]
+    lines = []
     if known:
         accuracy = sum(row["prediction"] == row["label"] for row in known) / len(known)
-        print(f"accuracy {accuracy:.3f} on {len(known)} recordings")
-    print(
+        lines.append(f"accuracy {accuracy:.3f} on {len(known)} recordings")
+    lines.append(
         f"mean of a recording: {counts.synaptic_ops / len(rows):.0f} synaptic operations, "
         f"{sum(totals.values()) / len(rows) / 1e6:.2f} µJ (profile {program.chip.default_profile}), "
         f"{counts.wraps} wraps and {counts.clips} clips in all"
     )
-    return 0
+    return lines
 
 
 def _play(program: hw.ChipProgram, recordings: Recordings, engine: Any) -> tuple[list[dict[str, Any]], hw.Counts]:
     import hw_model as hw
-    from locsnn_compile.errors import InputError
 
     if program.readout is None:
         raise InputError(f"program {program.name!r}", "has no readout, so it predicts nothing", fix="Compile a model.")
@@ -74,7 +115,7 @@ def _play(program: hw.ChipProgram, recordings: Recordings, engine: Any) -> tuple
     counts = hw.Counts()
     with progress_bar("simulating", show=True) as progress:
         for start in range(0, len(recordings), _CHUNK):
-            found = hw.simulate(program, recordings.spikes[start : start + _CHUNK], engine=engine)
+            found = hw.simulate(program, recordings.spikes[start : start + _CHUNK], engine=engine, probe=())
             counts = counts + found.counts
             for i, (prediction, one) in enumerate(zip(found.prediction, found.per_recording, strict=True), start):
                 label = None if recordings.labels is None else int(recordings.labels[i])
@@ -82,3 +123,31 @@ def _play(program: hw.ChipProgram, recordings: Recordings, engine: Any) -> tuple
             if progress:
                 progress(len(rows), len(recordings))
     return rows, counts
+
+
+def _check_options(args: argparse.Namespace) -> None:
+    """Refuse options that could only fail after the work is done, or that nothing would come of."""
+    if args.stop is not None and args.stop not in STOPS:
+        raise InputError(f"--stop {args.stop}", "recordings are not stopped so", fix=did_you_mean(args.stop, STOPS))
+    by_margin = args.stop == "margin"
+    for option, value in (("--calibrate", args.calibrate), ("--margin", args.margin)):
+        if value is not None and not by_margin:
+            raise InputError(option, "nothing that is asked for has a margin", fix="Add --stop margin.")
+    if by_margin and (args.calibrate is None) == (args.margin is None):
+        both = "is given twice" if args.margin is not None else "is not known"
+        raise InputError("--stop margin", f"the margin {both}", fix="Give one of --calibrate FILE and --margin X.")
+    if args.min_agreement is not None and args.calibrate is None:
+        raise InputError("--min-agreement", "no margin is calibrated", fix="Add --calibrate FILE.")
+    if args.psi is not None and not (args.stream or by_margin):
+        raise InputError("--psi", "nothing that is asked for is weighed", fix="Add --stream or --stop margin.")
+    if args.step_seconds is not None and not args.stream:
+        raise InputError("--step-seconds", "nothing that is asked for is timed", fix="Add --stream.")
+    _check_number("--psi", args.psi, "it is no rate", lambda x: x >= 0, "Give 0 or more, such as 10.")
+    _check_number("--margin", args.margin, "it is no lead", lambda x: x > 0, "Give more than 0.")
+    _check_number("--step-seconds", args.step_seconds, "it is no time", lambda x: x > 0, "Give more than 0.")
+    _check_number("--min-agreement", args.min_agreement, "it is no share", lambda x: 0 <= x <= 1, "Give 0 to 1.")
+
+
+def _check_number(option: str, value: float | None, what: str, holds: Any, fix: str) -> None:
+    if value is not None and not (math.isfinite(value) and holds(value)):
+        raise InputError(option, what, measured=f"got {value:g}", fix=fix)

@@ -10,9 +10,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import NoReturn
 
+from locsnn_compile.cli.interrupt import EXIT_INTERRUPTED as EXIT_INTERRUPTED
+from locsnn_compile.cli.interrupt import leaving_at_once
 from locsnn_compile.errors import InputError, LocsnnError
 
-EXIT_TARGET, EXIT_INPUT, EXIT_GATE, EXIT_INTERRUPTED = 1, 2, 3, 130
+EXIT_TARGET, EXIT_INPUT, EXIT_GATE = 1, 2, 3
 
 
 class Parser(argparse.ArgumentParser):
@@ -28,7 +30,8 @@ def guarded(run: Callable[[], int]) -> int:
     """Run a command; print an error as its one line and return the exit code that its kind has."""
     _show_log()
     try:
-        return run()
+        with leaving_at_once():
+            return run()
     except InputError as error:
         print(error, file=sys.stderr)
         return EXIT_INPUT

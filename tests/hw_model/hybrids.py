@@ -8,7 +8,6 @@ import numpy as np
 from scipy import sparse
 
 import hw_model as hw
-from hw_model.arrangement import arrange_cores
 from hw_model.graph import Axis, CompartmentGraph, Phase, Readout, read_only
 from hw_model.placement import place_cores
 from hw_model.program import ChipProgram, assemble
@@ -21,7 +20,7 @@ SMALL = replace(CHIP, limits=replace(CHIP.limits, compartments_per_core=7))
 
 
 def assembled(chip: hw.Chip, readout: Readout | None, *graphs: CompartmentGraph) -> ChipProgram:
-    """One program of several graphs, a phase each."""
+    """One program of several graphs, a phase each; cores are left where they come, which saves most of the time."""
     joined = replace(
         graphs[0],
         phases=tuple(phase for graph in graphs for phase in graph.phases),
@@ -30,7 +29,7 @@ def assembled(chip: hw.Chip, readout: Readout | None, *graphs: CompartmentGraph)
         synapses=tuple(synapses for graph in graphs for synapses in graph.synapses),
         readout=readout,
     )
-    return assemble(route_axons(arrange_cores(place_cores(joined, chip))))
+    return assemble(route_axons(place_cores(joined, chip)))
 
 
 def in_phase(graph: CompartmentGraph, axis: Axis, steps: int | None, positions=None) -> CompartmentGraph:
@@ -41,16 +40,6 @@ def in_phase(graph: CompartmentGraph, axis: Axis, steps: int | None, positions=N
         phases=(Phase(axis, axis, steps),),
         inputs=tuple(replace(i, phase=axis, stream="touch", positions=positions) for i in graph.inputs),
         groups=tuple(replace(group, phase=axis) for group in graph.groups),
-    )
-
-
-def hybrid(time: hw.ProgramBuilder, location: hw.ProgramBuilder, steps: int, positions, weights=(1.0, 1.0)):
-    """A program whose readout adds population ``time/y`` and ``location/y``."""
-    return assembled(
-        CHIP,
-        Readout(("time/y", "location/y"), weights),
-        in_phase(time.graph(), "time", steps),
-        in_phase(location.graph(), "location", len(positions), positions),
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from fractions import Fraction
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +16,9 @@ from hypothesis import strategies as st
 import hw_model as hw
 from hw_model.counts import BY_CORE
 from hw_model.graph import Readout
+
+ROOT = Path(__file__).parents[2]
+REAL = ROOT.parent / "shared/data/neutouch"
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -364,3 +368,21 @@ def test_messages(use, line):
     with pytest.raises(hw.InputError) as caught:
         use(program, recordings)
     assert str(caught.value) == line
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not REAL.is_dir(), reason="the real recordings are not beside the repository")
+@pytest.mark.parametrize("name", ["objects", "containers"])
+def test_no_future_changes_the_winner_of_a_real_recording(name):
+    from locsnn_compile.data.read import read_recordings
+    from locsnn_compile.frontends import load
+    from locsnn_compile.pipeline import lower
+
+    program = in_streams(lower(load(ROOT / f"examples/models/{name}-hybrid.pt"), CHIP, 8).program)
+    recordings = read_recordings(REAL / f"Ev-{name.title()}.zip").spikes
+    stops = hw.stop_when_proven(program, {"time": recordings, "location": recordings})
+    assert stops.steps.mean() < stops.all_steps
+    r = np.random.default_rng(0)
+    for recording, done, prediction in zip(recordings, stops.steps, stops.prediction, strict=True):
+        found = hw.simulate(program, futures(program, recording, int(done), r, batch=16))
+        assert (found.prediction == prediction).all()

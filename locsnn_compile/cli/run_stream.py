@@ -1,0 +1,137 @@
+"""The part of ``locsnn run`` that plays recordings step by step, shows what is predicted so far, and keeps time."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from locsnn_compile.cli.diff import read_report
+from locsnn_compile.cli.live import LiveLine, live_line
+from locsnn_compile.cli.shell import progress_bar
+from locsnn_compile.errors import InputError
+
+if TYPE_CHECKING:
+    import hw_model as hw
+    from locsnn_compile.data.recordings import Recordings
+    from locsnn_compile.streaming import OnStep, Streamed
+
+Row = dict[str, Any]
+_MOMENTS = (0.2, 0.4, 0.6, 0.8, 1.0)
+"""Parts of a recording after which the summary has a figure."""
+
+
+def stream_all(
+    args: argparse.Namespace, program: hw.ChipProgram, recordings: Recordings, rows: list[Row], margin: Row | None
+) -> Row:
+    """Stream every recording, showing it; add ``changes`` to the rows and return what was found of all together."""
+    import hw_model as hw
+    from hw_model.early_stop import to_the_end
+    from locsnn_compile.streaming import right_over_time, step_latency, stream
+
+    step_seconds = _step_seconds(args, program, recordings)
+    lead = None if margin is None else margin["margin"]
+    session = hw.Session(program, args.psi)
+    # The first pushes load compiled code, which is no step's fault.
+    stream(hw.Session(program, args.psi), _rows(to_the_end(program, recordings.spikes[:1])))
+    found: list[Streamed] = []
+    with live_line(quiet=args.json) as line, progress_bar("streaming", show=args.json) as progress:
+        for i, row in enumerate(rows):
+            played = _rows(to_the_end(program, recordings.spikes[i : i + 1]))
+            steps = len(next(iter(played.values())))
+            on_step = _shown(line, i, steps, step_seconds) if line else None
+            found.append(stream(session, played, lead, on_step))
+            row["changes"] = [
+                {"step": step, "prediction": prediction, "lead": ahead} for step, prediction, ahead in found[-1].changes
+            ]
+            if line:
+                line.say(_settled(row, found[-1], stopped=lead is not None and found[-1].lead[-1] >= lead))
+            if progress:
+                progress(i + 1, len(rows))
+    last = [row["prediction"] for row in rows]
+    right = right_over_time(found, last if recordings.labels is None else recordings.labels, steps)
+    latency = step_latency(found)
+    return {
+        "psi": args.psi,
+        "step_seconds": step_seconds,
+        "step_latency_seconds": asdict(latency),
+        "real_time_factor": step_seconds and step_seconds / latency.mean,
+        "worst_real_time_factor": step_seconds and step_seconds / latency.worst,
+        "right_is": "the label" if recordings.labels is not None else "the prediction after the last step",
+        "right": right.tolist(),
+    }
+
+
+def stream_lines(found: Row) -> list[str]:
+    """Return predictions over time and the pace, a line each."""
+    from locsnn_compile.report.format import ratio, time
+
+    right, length = found["right"], found["step_seconds"]
+    shown = []
+    for part in _MOMENTS:
+        step = max(1, round(part * len(right)))
+        moment = f"step {step}" if length is None else _seconds(step, length)
+        shown.append(f"{right[step - 1]:.3f} after {moment}")
+    what = "accuracy over time" if found["right_is"] == "the label" else "already the last prediction"
+    latency = found["step_latency_seconds"]
+    pace = (
+        f"a step took {time(1e9 * latency['mean'])} on average, 99 % of them at most {time(1e9 * latency['p99'])}, "
+        f"the longest {time(1e9 * latency['worst'])}"
+    )
+    if length is None:
+        pace += "; how long the sensor's is, nobody said: give --step-seconds"
+    else:
+        pace += (
+            f"; the sensor's is {time(1e9 * length)}: {ratio(found['real_time_factor'])} times as fast as real time, "
+            f"{ratio(found['worst_real_time_factor'])} times in the longest"
+        )
+    return [f"{what}: {', '.join(shown)}", pace]
+
+
+def _rows(streams: dict[str, Any]) -> dict[str, Any]:
+    """Return the only recording of a batch."""
+    return {name: array[0] for name, array in streams.items()}
+
+
+def _shown(line: LiveLine, recording: int, steps: int, step_seconds: float | None) -> OnStep:
+    """Return a callback that shows each new prediction; where the line is replaced, each new lead too."""
+    shown: tuple[int, float] | None = None
+
+    def on_step(step: int, prediction: int, lead: float) -> None:
+        nonlocal shown
+        silent = shown is None and lead <= 0
+        same = shown is not None and shown[0] == prediction and not (line.watched and shown[1] != lead)
+        if silent or same:
+            return
+        shown = (prediction, lead)
+        moment = "" if step_seconds is None else f"  {_seconds(step, step_seconds)}"
+        line.show(f"recording {recording}  step {step} of {steps}{moment}  class {prediction}  lead {lead:.3g}")
+
+    return on_step
+
+
+def _seconds(step: int, step_seconds: float) -> str:
+    """Return the time after a step, with as many decimals as it takes to tell steps apart."""
+    return f"{step * step_seconds:.{max(0, math.ceil(-math.log10(step_seconds)))}f} s"
+
+
+def _settled(row: Row, found: Streamed, *, stopped: bool) -> str:
+    label = "" if row["label"] is None else f"  label {row['label']}"
+    since = f"since step {row['changes'][-1]['step']}" if row["changes"] else "no lead"
+    end = f", stopped after step {len(found.prediction)}" if stopped else ""
+    return f"recording {row['recording']}: class {found.prediction[-1]}{label}  {since}{end}"
+
+
+def _step_seconds(args: argparse.Namespace, program: hw.ChipProgram, recordings: Recordings) -> float | None:
+    """Return how long a step is: as asked for, as the recordings say, or as the build's report does."""
+    said: float | None = args.step_seconds or recordings.step_seconds
+    if said is not None:
+        return said
+    try:
+        recording_ns = read_report(Path(args.program))["latency"]["recording_ns"]
+    except (InputError, KeyError, TypeError):
+        return None
+    steps = next((phase.steps for phase in program.phases if phase.axis == "time"), None)
+    return recording_ns / steps * 1e-9 if isinstance(recording_ns, int | float) and steps else None
