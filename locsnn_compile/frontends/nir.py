@@ -21,11 +21,14 @@ from locsnn_compile.frontends.nir_flat import NEURONS, READOUTS, FlatGraph, flat
 from locsnn_compile.frontends.nir_graph import NirGraph, NirNode, read_nir
 from locsnn_compile.frontends.nir_neurons import Discretisation, neurons_of
 from locsnn_compile.frontends.played import synthetic_recordings
-from locsnn_compile.frontends.signals import Signal
+from locsnn_compile.frontends.signals import Signal, Term
 from locsnn_compile.network import InputView, Network, Population, Projection
+from locsnn_compile.neurons import Cuba
 
 DT_SECONDS = 1e-4
 """The step by convention: NIR files do not hold one."""
+BIAS = "nir/bias"
+"""The population of one neuron that spikes in every step and brings the biases; no node's name has a slash."""
 STEPS = 100
 """Steps of synthetic recordings: NIR files do not hold a length either."""
 
@@ -65,13 +68,18 @@ def network_of_nir(
     signals = _signals(flat, seconds, where)
     populations: list[Population] = []
     projections: list[Projection] = []
+    depth = _depths(flat, view.name)
     for found in _in_order(flat, view.name):
         place, size = f"{where}, node {found!r}", flat.size(found)
         neuron, driven = neurons_of(
             flat.nodes[found], _arriving(flat, signals, found, place), size, seconds, how, place
         )
         populations.append(Population(found, "time", size, neuron))
-        projections += driven.projections(found)
+        brought = Term(BIAS, depth[found] - 1, sparse.csr_array(driven.constant[:, None]))
+        terms = (*driven.terms, brought) if driven.constant.any() else driven.terms
+        projections += Signal(terms, driven.constant).projections(found)
+    if any(projection.source == BIAS for projection in projections):
+        populations.append(Population(BIAS, "time", 1, Cuba.of(1, decay_v=1.0, threshold=1.0, bias=2.0)))
     outputs = _outputs(flat, where)
     channels = view.lines
     return Network(
@@ -145,6 +153,16 @@ def _in_order(flat: FlatGraph, start: str) -> list[str]:
     held.add_edges_from((source, target) for target, sources in flat.sources.items() for source in sources)
     far = nx.single_source_shortest_path_length(held, start)
     return sorted(flat.named(*NEURONS), key=lambda name: far.get(name, len(flat.nodes)))
+
+
+def _depths(flat: FlatGraph, start: str) -> dict[str, int]:
+    """Return how many projections lie between the input and every neuron, at least; 1 where none leads there."""
+    held = nx.DiGraph()
+    held.add_nodes_from(flat.nodes)
+    for target, sources in flat.sources.items():
+        held.add_weighted_edges_from((source, target, int(flat.nodes[target].kind in NEURONS)) for source in sources)
+    far = nx.single_source_dijkstra_path_length(held, start)
+    return {name: max(int(far.get(name, 1)), 1) for name in flat.named(*NEURONS)}
 
 
 def _signals(flat: FlatGraph, dt: float, where: str) -> dict[str, Signal]:

@@ -11,7 +11,8 @@ With a step of dt, an input spike is a current of 1 for that step. Two discretis
 equation's own solution at every step between two spikes of the neuron, and one step later with a synaptic current.
 
 Potentials are counted from v_reset, so that the chip's reset to 0 is NIR's reset to v_reset; they start there, too.
-A constant that arrives beside the spikes (a bias) acts on the potential with what it settles at.
+A constant that arrives beside the spikes (a bias) is brought by a neuron that spikes in every step, so that it begins,
+as in a framework, with the first step of the input that its layer sees.
 """
 
 from __future__ import annotations
@@ -53,8 +54,10 @@ def neurons_of(
     values = {name: _spread(node, name, size, where) for name in node.parameters}
     stepping = _STEPPING[node.kind](values, dt, how, where)
     leak, reset = (values.get(name, np.zeros(size)) for name in ("v_leak", "v_reset"))
-    bias = stepping.decay_v * (leak - reset) + stepping.constant * signal.constant
-    scaled = Signal(signal.scaled(stepping.spike).terms, np.zeros(size))
+    bias = stepping.decay_v * (leak - reset)
+    # A current that takes up decay_u of this in every step settles at what the constant gives.
+    constant = stepping.constant * stepping.decay_u * signal.constant
+    scaled = Signal(signal.scaled(stepping.spike).terms, constant)
     if node.kind in READOUTS:
         threshold = _unreached(scaled, bias, stepping)
     else:
@@ -144,5 +147,6 @@ def _unreached(signal: Signal, bias: FloatArray, stepping: Stepping) -> FloatArr
     for term in signal.terms:
         positive = matrix(term.weights, np.float64)
         most += np.asarray(positive.maximum(0).sum(axis=1)).reshape(-1)
+    most += np.maximum(signal.constant, 0)
     reached = most / (stepping.decay_u * stepping.decay_v) + np.maximum(bias, 0) / stepping.decay_v
     return np.where(reached > 0, reached, 1.0) * _UNREACHED

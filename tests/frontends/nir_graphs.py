@@ -99,6 +99,7 @@ def graphs():
     return {
         "lif": (chain((10,), ("fc", linear(rng, 12, 10)), ("lif", lif(rng, 12))), (10,)),
         "two layers": (chain((10,), ("fc1", linear(rng, 12, 10)), ("l1", lif(rng, 12)), ("fc2", linear(rng, 5, 12)), ("l2", cuba(rng, 5))), (10,)),
+        "biases": (chain((10,), ("fc1", nir.Affine(rng.normal(0.1, 0.5, (12, 10)), rng.normal(0, 0.1, 12))), ("l1", cuba(rng, 12)), ("fc2", nir.Affine(rng.normal(0.1, 0.5, (5, 12)), rng.normal(0, 0.1, 5))), ("l2", lif(rng, 5))), (10,)),
         "cuba": (chain((10,), ("fc", linear(rng, 12, 10)), ("cuba", cuba(rng, 12))), (10,)),
         "if": (chain((10,), ("fc", linear(rng, 12, 10)), ("if", integrate(rng, 12))), (10,)),
         "threshold": (chain((10,), ("fc", linear(rng, 12, 10)), ("t", nir.Threshold(rng.uniform(0.2, 1, 12)))), (10,)),

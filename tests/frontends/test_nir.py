@@ -13,7 +13,12 @@ GRAPHS = graphs()
 DEPTH = {"lif": 1, "l1": 1, "l2": 2, "out": 2, "sub.lif": 1}
 
 
-POPULATIONS = {"two layers": ["l1", "l2"], "conv2d": ["lif", "out"], "nested": ["sub.lif", "lif"]}
+POPULATIONS = {
+    "biases": ["l1", "l2"],
+    "two layers": ["l1", "l2"],
+    "conv2d": ["lif", "out"],
+    "nested": ["sub.lif", "lif"],
+}
 
 
 def spikes(shape, steps=60, rate=0.25, seed=3):
@@ -45,8 +50,12 @@ def test_the_reference_spikes_as_plain_euler_steps_do(name, tmp_path):
     wanted = run(flattened(graph), given, DT)
     network = load(graph, tmp_path)
     found = evaluate(network, given.reshape(1, len(given), -1)).spikes
-    assert [p.name for p in network.populations] == POPULATIONS.get(name, [p.name for p in network.populations][:1])
+    assert [p.name for p in network.populations if p.name != "nir/bias"] == POPULATIONS.get(
+        name, [p.name for p in network.populations][:1]
+    )
     for population in network.populations:
+        if population.name == "nir/bias":
+            continue
         depth = 2 if name == "nested" and population.name == "lif" else DEPTH.get(population.name, 1)
         expected = wanted[population.name].reshape(len(given), -1)
         assert expected.sum() > 10
@@ -81,8 +90,9 @@ def test_a_bias_settles_where_the_equation_does(tmp_path):
     rng = np.random.default_rng(0)
     affine = nir.Affine(rng.normal(0, 1, (3, 4)), np.array([0.1, 0.0, -0.2]))
     neuron = lif(rng, 3)
-    made = load(chain((4,), ("fc", affine), ("lif", neuron)), tmp_path).populations[0].neuron
-    np.testing.assert_allclose(made.bias / made.decay_v, neuron.r * affine.bias)
+    network = load(chain((4,), ("fc", affine), ("lif", neuron)), tmp_path)
+    brought = next(p for p in network.projections if p.source == "nir/bias").weights
+    np.testing.assert_allclose(brought[:, 0] / network.populations[0].neuron.decay_v, neuron.r * affine.bias)
 
 
 def test_files_without_v_reset_reset_to_0(tmp_path):
