@@ -81,7 +81,7 @@ def stream_lines(found: Row) -> list[str]:
         f"the longest {time(1e9 * latency['worst'])}"
     )
     if length is None:
-        pace += "; how long the sensor's is, nobody said: give --step-seconds"
+        pace += "; the sensor's is not known: give --step-seconds"
     else:
         pace += (
             f"; the sensor's is {time(1e9 * length)}: {ratio(found['real_time_factor'])} times as fast as real time, "

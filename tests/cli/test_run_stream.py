@@ -126,7 +126,7 @@ def test_the_length_of_a_step_is_told_or_left_out(build, capsys, tmp_path):
     assert lines[-2] == "already the last prediction: " + ", ".join(
         f"1.000 after step {step}" for step in (50, 100, 150, 200, 250)
     )
-    assert lines[-1].endswith("; how long the sensor's is, nobody said: give --step-seconds")
+    assert lines[-1].endswith("; the sensor's is not known: give --step-seconds")
 
 
 def test_lines_of_the_summary():
@@ -277,6 +277,13 @@ def test_a_recording_that_is_streamed():
     latency = step_latency([found, silent])
     assert (latency.mean, latency.worst) == (2.0, 6.0)
     assert latency.p99 == np.quantile([1, 1, 1, 1, 6, 2, 2, 2], 0.99)
+
+
+def test_the_code_of_the_page_runs(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "docs/streaming.md").read_text(), flags=re.DOTALL)
+    assert sum(block.count("assert ") for block in blocks) == 3
+    exec("\n".join(blocks), {})
 
 
 class Terminal(io.StringIO):
