@@ -36,7 +36,18 @@ def build(tmp_path_factory):
         np.save(folder / f"{name}.npy", (r.random((samples, 78, 60)) < 0.1).astype(np.uint8))
         np.save(folder / f"{name}_labels.npy", np.arange(samples))
     np.save(folder / "silent.npy", np.zeros((2, 78, 60), dtype=np.uint8))
-    arguments = [MODEL, "--events", folder / "few.npy", "-o", folder / "out", "--quiet", "--strategy", "dendrite"]
+    arguments = [
+        MODEL,
+        "--events",
+        folder / "few.npy",
+        "-o",
+        folder / "out",
+        "--quiet",
+        "--strategy",
+        "dendrite",
+        "--psi",
+        "3",
+    ]
     assert compile_main([str(a) for a in arguments]) == 0
     return folder
 
@@ -145,6 +156,16 @@ def test_lines_of_the_summary():
         "a step took 100 µs on average, 99 % of them at most 400 µs, the longest 40.0 ms; the sensor's is 20.0 ms: "
         "200 times as fast as real time, 0.500 times in the longest",
     ]
+
+
+def test_the_report_follows_predictions_with_a_psi(build, program, capsys):
+    entry = json.loads((build / "out/report.json").read_text())["over_time"]
+    scores = hw.timestep_scores(program, spikes(build), 3.0)
+    shares = (scores.argmax(axis=2) == np.arange(3)[:, None]).mean(axis=0)
+    assert (entry["psi"], entry["steps"]) == (3.0, list(range(5, 251, 5)))
+    assert entry["right"]["time_weighted"] == shares[4::5].tolist()
+    assert compile_main([str(MODEL), "--psi", "inf"]) == 2
+    assert capsys.readouterr().err == "--psi: it is no rate (got inf). Give 0 or more, such as 10.\n"
 
 
 def test_proven_stops(build, program, capsys):
