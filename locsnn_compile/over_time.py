@@ -78,13 +78,13 @@ def over_time(levels: Levels, recordings: ByteArray, labels: IntArray | None, ps
     """
     program = levels.program
     check_psi(psi)
+    many = WORK // _work(levels.network)
+    if many == 0:
+        return LeftOut("the network is too large to be followed step by step within seconds")
     try:
         hw.Session(program)
     except InputError as error:
         return LeftOut(f"{error.where} {error.what}")
-    many = WORK // _work(levels.network)
-    if many == 0:
-        return LeftOut("the network is too large to be followed step by step within seconds")
     chosen = spread_sample(levels.network, len(recordings), min(SAMPLE, many))
     played = recordings[list(chosen)]
     scores = _scores(program, played, psi)
