@@ -44,7 +44,10 @@ def report_document(
         "target": program.chip.name,
         "strategy": program.provenance["strategy"],
         "weight_bits": levels.quantized.projections[0].weight_bits,
-        "match": _match(match, counts, None if diagnosis is None else cause_entry(diagnosis.cause)),
+        "match": {
+            "reference": _arithmetic(levels.network),
+            **_match(match, counts, None if diagnosis is None else cause_entry(diagnosis.cause)),
+        },
         "accuracy": match.accuracy,
         "operations": {
             "per_sample": _per_sample(counts, match.samples),
@@ -72,6 +75,11 @@ def report_document(
 
 def _diagnosis(diagnosis: Diagnosis) -> Document:
     return {"error_budget": budget_entry(diagnosis), "margins": margins_entry(diagnosis)}
+
+
+def _arithmetic(network: Network) -> str:
+    """Return what the reference computes in: integers of its own where the model's numbers are the chip's already."""
+    return "integers" if all(population.on_grid for population in network.populations) else "float64"
 
 
 def _match(match: Match, counts: Counts, cause: Document | None) -> Document:

@@ -13,17 +13,18 @@ SYNTHETIC = "synthetic touches"
 
 
 def matches(document: Document) -> Verdict:
-    """Does the chip do what the float network does?"""
+    """Does the chip do what the network does?"""
     match = document["match"]
     samples, agreement = match["samples"], match["prediction_agreement"]
     same = round(agreement * samples)
     in_all = f"in {count(same)} of {plural(samples, 'recording')}"
     spikes = match["reference_spikes"] + match["chip_spikes"]
-    equal = f"The chip predicts the same class as the float network {in_all}"
+    network = "the network in its own integers" if match["reference"] == "integers" else "the float network"
+    equal = f"The chip predicts the same class as {network} {in_all}"
     status: Status
     if not spikes:
         status, answer = "unknown", "Not known"
-        sentence = "No neuron spiked, in the float network or on the chip: nothing was compared."
+        sentence = f"No neuron spiked, in {network} or on the chip: nothing was compared."
     elif match["spike_mismatches"] == 0:
         status, answer, sentence = "yes", "Yes, spike for spike", f"{equal}, and every spike is equal."
     elif agreement == 1:

@@ -129,6 +129,7 @@ def document() -> dict[str, Any]:
         "strategy": "dendrite",
         "weight_bits": 8,
         "match": {
+            "reference": "float64",
             "samples": 20,
             "events_source": "touches.npz",
             "prediction_agreement": 0.95,

@@ -127,3 +127,9 @@ def test_every_row_has_every_column(document: dict[str, Any]) -> None:
     tables = [block for section in compose(document).sections for block in section.blocks if isinstance(block, Table)]
     assert len(tables) == 20
     assert all(len(row) == len(table.columns) for table in tables for row in table.rows)
+
+
+def test_a_network_of_integers_is_called_one(document):
+    document["match"]["reference"] = "integers"
+    sentence = matches(document).sentence
+    assert sentence.startswith("The chip predicts the same class as the network in its own integers in ")
