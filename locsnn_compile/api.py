@@ -10,8 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 import hw_model as hw
-from locsnn_compile.choose_strategy import Choice, ErrorBudget, choose_strategy
-from locsnn_compile.data.read import read_recordings
+from locsnn_compile.calibration import calibrate
+from locsnn_compile.choose_strategy import Choice, ErrorBudget, Setting, choose_strategy, lower_as
+from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.diagnosis import SAMPLE, Diagnosis
@@ -22,7 +23,7 @@ from locsnn_compile.network import Network
 from locsnn_compile.over_time import PSI, LeftOut, OverTime, over_time
 from locsnn_compile.passes.quantize import check_weight_bits
 from locsnn_compile.passes.quantize_srm import STRATEGIES as SRM_STRATEGIES
-from locsnn_compile.pipeline import Levels, lower
+from locsnn_compile.pipeline import Levels
 from locsnn_compile.report.choice import choice_document
 from locsnn_compile.report.document import report_document
 
@@ -67,6 +68,7 @@ def compile(
     calibration: Events | None = None,
     budget: ErrorBudget | None = None,
     psi: float = PSI,
+    split_weights: float | None = None,
 ) -> CompiledModel:
     """Compile a network for a chip and check it against the float reference.
 
@@ -74,21 +76,31 @@ def compile(
     folder, or an array (samples, steps, channels) of 0 and 1; by default those that the model carries, else synthetic
     touches. ``labels`` (samples,) where ``events`` is an array. ``diagnosis``: take the error apart too, and follow
     predictions over time, on some of the recordings; ``psi`` is that of the time-weighted prediction. ``strategy``: how
-    SRM neurons are lowered; ``auto`` takes the cheapest that keeps the ``budget`` on ``calibration``, given like
-    ``events`` - by default what the model carries, else synthetic touches, so that the program does not depend on the
-    recordings that it is checked on; else ``events``. Raises ``InputError`` for what cannot be used and
-    ``TargetError`` for a model that the chip cannot hold.
+    SRM neurons are lowered; ``auto`` takes the cheapest. ``split_weights``: the share, 0 to 1, of their weights that
+    get a second synapse. A ``budget`` is kept by the cheapest setting of strategy, split weights and at most
+    ``weight_bits`` that keeps it on ``calibration``. Weights are rounded for these recordings, too. They are given like
+    ``events``, of a divided archive the train part; by default they are what the model carries, else synthetic
+    touches, so that the program does not depend on the recordings that it is checked on; else ``events``. Raises
+    ``InputError`` for what cannot be used and ``TargetError`` for a model that the chip cannot hold.
     """
     if strategy not in STRATEGIES:
         raise InputError(
             f"strategy {strategy!r}", "SRM neurons are not lowered so", fix=did_you_mean(strategy, STRATEGIES)
         )
     check_weight_bits(weight_bits)
+    _check_share(split_weights)
     chip = hw.chip(target)
     recordings = recordings_for(network, events, labels)
     if network.any_length:
         network = replace(network, steps=recordings.spikes.shape[1])
-    levels, choice = _lower(network, chip, weight_bits, strategy, recordings, calibration, budget)
+    levels, choice = _lower(
+        network,
+        chip,
+        Setting(strategy, weight_bits, split_weights or 0.0),
+        _calibration(network, recordings, calibration),
+        budget or ErrorBudget(),
+        settled=split_weights is not None,
+    )
     match = _compare(levels, recordings, progress)
     found = _diagnose(levels, recordings, match) if diagnosis else None
     followed = _follow(levels, recordings, psi) if diagnosis else None
@@ -160,25 +172,31 @@ def _follow(levels: Levels, recordings: Recordings, psi: float) -> OverTime | Le
 
 
 def _lower(
-    network: Network,
-    chip: hw.Chip,
-    weight_bits: int,
-    strategy: str,
-    recordings: Recordings,
-    calibration: Events | None,
-    budget: ErrorBudget | None,
+    network: Network, chip: hw.Chip, asked: Setting, calibration: Recordings, budget: ErrorBudget, *, settled: bool
 ) -> tuple[Levels, Choice | None]:
-    """Lower by the strategy that was asked for, or the one that ``auto`` chooses; refuse one that no neuron has."""
-    if strategy == "auto":
-        on = _calibration(network, recordings, calibration)
-        choice = choose_strategy(network, chip, weight_bits, on, budget or ErrorBudget())
-        return (choice.levels, choice) if choice else (lower(network, chip, weight_bits), None)
-    levels = lower(network, chip, weight_bits, strategy)
+    """Lower as asked for, or as the dial settles where it is asked; refuse a strategy that no neuron has.
+
+    ``settled``: the share of split weights is asked for, and not to be chosen.
+    """
+    if asked.strategy == "auto" or budget.given:
+        choice = choose_strategy(
+            network,
+            chip,
+            asked.weight_bits,
+            calibration,
+            budget,
+            tuple(SRM_STRATEGIES) if asked.strategy == "auto" else (asked.strategy,),
+            asked.split_weights if settled else None,
+        )
+        if choice:
+            return choice.levels, choice
+    fixed = replace(asked, strategy="dendrite") if asked.strategy == "auto" else asked
+    levels = lower_as(network, chip, fixed, calibrate(network, calibration, chip.registers))
     found = {population.strategy for population in levels.quantized.populations}
     # Neurons that have a reset of their own are what ``reset`` makes of others.
-    if strategy not in found and not (strategy == "reset" and found == {"native"}):
+    if asked.strategy not in {"auto", *found} and not (asked.strategy == "reset" and found == {"native"}):
         raise InputError(
-            f"strategy {strategy!r}",
+            f"strategy {asked.strategy!r}",
             "no neuron of this model is lowered so",
             measured=f"its neurons are {levels.quantized.strategy}",
             fix="Leave the strategy out.",
@@ -188,9 +206,20 @@ def _lower(
 
 def _calibration(network: Network, recordings: Recordings, calibration: Events | None) -> Recordings:
     """Return the recordings that choices are made on: never those of the check, where there are others."""
+    if isinstance(calibration, str | Path):
+        part = "train" if "train" in recording_parts(calibration) else None
+        return read_recordings(calibration, split=part, step_seconds=network.step_seconds)
     if calibration is not None or network.recordings is not None or network.fingertips is not None:
         return recordings_for(network, calibration)
     return recordings
+
+
+def _check_share(share: float | None) -> None:
+    """Refuse a share of split weights that is none."""
+    if share is not None and not 0 <= share <= 1:
+        raise InputError(
+            "split_weights", "it is no share of the weights", measured=f"{share:g} against 0..1", fix="Give 0 to 1."
+        )
 
 
 def _compare(levels: Levels, recordings: Recordings, progress: Progress | None) -> Match:

@@ -1,21 +1,32 @@
-"""Strategy ``auto``: the cheapest lowering of SRM neurons that keeps an error budget on calibration recordings."""
+"""Choose a setting - strategy, weight bits, split weights - by what it does on calibration recordings.
+
+Without a budget the strategies are compared as they are. With one, every strategy is made more exact until it keeps the
+budget, by splitting more of its weights; then, where spikes are bounded, the cheapest that does is tried with fewer
+bits.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import hw_model as hw
 from hw_model.counts import total
+from hw_model.weights import WEIGHT_BITS
+from locsnn_compile.calibration import Calibration, calibrate
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import TargetError
 from locsnn_compile.matching import compare
 from locsnn_compile.network import Network
 from locsnn_compile.neurons import SrmAlpha
 from locsnn_compile.passes.quantize_srm import STRATEGIES
+from locsnn_compile.passes.rounding import FINE
 from locsnn_compile.pipeline import Levels, lower
 
 SPIKE_TOLERANCE = 0.01
-"""Without a budget, so much more of the spikes may differ than with ``dendrite``, and no prediction more."""
+"""Without a budget, so much more of the spikes may differ than with the first strategy, and no prediction more."""
+SHARES = (0.0, 0.25, 1.0)
+"""Shares of weights that are split in turn, until a budget is kept."""
 
 
 @dataclass(frozen=True)
@@ -28,15 +39,34 @@ class ErrorBudget:
     min_agreement: float | None = None
     max_spike_error: float | None = None
 
+    @property
+    def given(self) -> bool:
+        """Whether there is any bound."""
+        return self != ErrorBudget()
+
+
+@dataclass(frozen=True)
+class Setting:
+    """How a network is lowered: a strategy, bits a weight, and the share of weights in two synapses."""
+
+    strategy: str
+    weight_bits: int
+    split_weights: float = 0.0
+
 
 @dataclass(frozen=True)
 class Candidate:
-    """A strategy on the calibration recordings; energy is the mean by the chip's default profile."""
+    """A setting on the calibration recordings; energy is the mean by the chip's default profile."""
 
-    strategy: str
+    setting: Setting
     prediction_agreement: float
     spike_error: float
     energy_pj: float
+
+    @property
+    def strategy(self) -> str:
+        """The strategy of the setting."""
+        return self.setting.strategy
 
     def keeps(self, budget: ErrorBudget) -> bool:
         """Tell whether the budget is kept."""
@@ -56,45 +86,103 @@ class Choice:
     samples: int
     source: str
 
+    @property
+    def keeps_budget(self) -> bool:
+        """Whether what was taken keeps the budget on the calibration recordings."""
+        return self.taken.keeps(self.budget)
+
 
 def choose_strategy(
-    network: Network, chip: hw.Chip, weight_bits: int, recordings: Recordings, budget: ErrorBudget
+    network: Network,
+    chip: hw.Chip,
+    weight_bits: int,
+    recordings: Recordings,
+    budget: ErrorBudget,
+    strategies: Sequence[str] = tuple(STRATEGIES),
+    split_weights: float | None = None,
 ) -> Choice | None:
-    """Try every strategy and take the cheapest that keeps the budget, or, if none does, the most accurate.
+    """Take the cheapest setting tried that keeps the budget, or, if none does, the most accurate.
 
-    A strategy that this chip cannot hold is passed over; if that is all of them, the first ``TargetError`` is raised.
-    Returns None for a network with no float SRM neurons: there is nothing to choose.
+    ``weight_bits`` are the most that are tried; ``split_weights`` a share that is asked for, else the least that
+    keeps the budget. A setting that this chip cannot hold is passed over; if that is all of them, the first
+    ``TargetError`` is raised. Returns None for a network with no float SRM neurons: there is nothing to choose.
     """
     if not any(isinstance(population.neuron, SrmAlpha) for population in network.populations):
         return None
-    candidates: list[Candidate] = []
-    programs: dict[str, Levels] = {}
-    errors: list[TargetError] = []
-    for strategy in STRATEGIES:
-        try:
-            levels = lower(network, chip, weight_bits, strategy)
-        except TargetError as error:
-            errors.append(error)
-        else:
-            programs[strategy] = levels
-            candidates.append(_measure(strategy, levels, recordings))
-    if not candidates:
-        raise errors[0]
-    limits = _default(candidates[0]) if budget == ErrorBudget() else budget
-    kept = [candidate for candidate in candidates if candidate.keeps(limits)]
-    if kept:
-        taken = min(kept, key=lambda c: c.energy_pj)
-    else:
-        taken = max(candidates, key=lambda c: (c.prediction_agreement, -c.spike_error))
-    return Choice(taken, programs[taken.strategy], tuple(candidates), limits, len(recordings), recordings.source)
+    trial = _Trial(network, chip, recordings, calibrate(network, recordings, chip.registers))
+    firsts = [Setting(strategy, weight_bits, split_weights or 0.0) for strategy in strategies]
+    for setting in firsts:
+        trial.measure(setting)
+    if not trial.candidates:
+        raise trial.errors[0]
+    if budget.given:
+        _turn_dial(trial, firsts, budget, SHARES if split_weights is None else ())
+    limits = budget if budget.given else _default(next(iter(trial.candidates.values())))
+    candidates = tuple(trial.candidates.values())
+    taken = _cheapest(candidates, limits) or max(candidates, key=lambda c: (c.prediction_agreement, -c.spike_error))
+    levels = trial.levels[taken.setting]
+    return Choice(taken, levels, candidates, limits, len(recordings), recordings.source)
+
+
+def _turn_dial(trial: _Trial, firsts: Sequence[Setting], budget: ErrorBudget, shares: Sequence[float]) -> None:
+    """Try settings until each strategy keeps the budget, then fewer bits until the cheapest does not."""
+    for setting in firsts:
+        for share in shares:
+            found = trial.measure(replace(setting, split_weights=share))
+            if found is None or found.keeps(budget):
+                break
+    cheapest = _cheapest(tuple(trial.candidates.values()), budget)
+    # A few recordings say much of spikes, and little of predictions: these alone do not take bits away.
+    if cheapest is None or budget.max_spike_error is None:
+        return
+    for bits in sorted((b for b in WEIGHT_BITS if b < cheapest.setting.weight_bits), reverse=True):
+        found = trial.measure(replace(cheapest.setting, weight_bits=bits))
+        if found is None or not found.keeps(budget):
+            return
+
+
+def _cheapest(candidates: Sequence[Candidate], budget: ErrorBudget) -> Candidate | None:
+    kept = [candidate for candidate in candidates if candidate.keeps(budget)]
+    return min(kept, key=lambda c: c.energy_pj, default=None)
 
 
 def _default(first: Candidate) -> ErrorBudget:
     return ErrorBudget(first.prediction_agreement, first.spike_error + SPIKE_TOLERANCE)
 
 
-def _measure(strategy: str, levels: Levels, recordings: Recordings) -> Candidate:
+@dataclass(eq=False)
+class _Trial:
+    """Settings as they are compiled and played, each once."""
+
+    network: Network
+    chip: hw.Chip
+    recordings: Recordings
+    calibration: Calibration
+    candidates: dict[Setting, Candidate] = field(default_factory=dict)
+    levels: dict[Setting, Levels] = field(default_factory=dict)
+    errors: list[TargetError] = field(default_factory=list)
+
+    def measure(self, setting: Setting) -> Candidate | None:
+        """Return how a setting does; None where the chip cannot hold it."""
+        if setting not in self.candidates:
+            try:
+                levels = lower_as(self.network, self.chip, setting, self.calibration)
+            except TargetError as error:
+                self.errors.append(error)
+                return None
+            self.levels[setting] = levels
+            self.candidates[setting] = _measured(setting, levels, self.recordings)
+        return self.candidates[setting]
+
+
+def lower_as(network: Network, chip: hw.Chip, setting: Setting, calibration: Calibration | None) -> Levels:
+    """Lower by a setting, with all that rounding can do."""
+    rounding = replace(FINE, split=setting.split_weights)
+    return lower(network, chip, setting.weight_bits, setting.strategy, rounding, calibration)
+
+
+def _measured(setting: Setting, levels: Levels, recordings: Recordings) -> Candidate:
     match = compare(levels.quantized, levels.program, recordings.spikes, source=recordings.source)
     chip = levels.program.chip
     energy_pj = sum(hw.energy_pj(total(match.counts), chip.profile(chip.default_profile)).values())
-    return Candidate(strategy, match.prediction_agreement, 1 - match.spikes.agreement, energy_pj / match.samples)
+    return Candidate(setting, match.prediction_agreement, 1 - match.spikes.agreement, energy_pj / match.samples)

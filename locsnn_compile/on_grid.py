@@ -87,7 +87,7 @@ class RefractoryTaps:
 class ChipSrm:
     """A neuron without reset: a memoryless soma to which dendrites add their voltages.
 
-        u(t) = rz(u(t - 1), decay_u) + q(t)                  the alpha dendrite, where decay_u = decay_v
+        u(t) = rz(u(t - 1), decay_u) + q(t)                  the alpha dendrite
         v(t) = rz(v(t - 1), decay_v) + u(t)
         potential(t) = v(t) + r(t)                           r of a refractory dendrite; without one, 0
 

@@ -50,12 +50,13 @@ class QuantizedPopulation:
 class QuantizedNetwork:
     """A network in integers; structure, views and readout are those of ``network``.
 
-    A projection of the network may be several here, whose weights add up.
+    A projection of the network may be several here, whose weights add up; ``weights_pruned`` of its weights are 0.
     """
 
     network: Network
     populations: tuple[QuantizedPopulation, ...]
     projections: tuple[ChipProjection, ...]
+    weights_pruned: int
 
     @property
     def strategy(self) -> str:

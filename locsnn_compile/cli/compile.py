@@ -31,6 +31,14 @@ _STRATEGY = (
     "lowering of SRM neurons: dendrite, delay-line, reset, or auto, the cheapest within --min-agreement and "
     "--max-spike-error, by default what dendrite keeps (default auto)"
 )
+_CALIBRATION = (
+    "recordings that weights are rounded for and settings chosen on, of an archive the train part; default: the "
+    "model's own, or synthetic"
+)
+_SPLIT = (
+    "weights that get a second synapse for what the first cannot hold: none, all, or a share 0..1 (default: none, or "
+    "what --min-agreement and --max-spike-error need)"
+)
 _PSI = "how late the time-weighted prediction of the report turns to the location branch (default 10)"
 LEVEL_KINDS = ("network", "quantized", "compartments", "placed", "routed", "program")
 EMIT_KINDS = (*LEVEL_KINDS, *BENCH_KINDS, *EXCHANGE_KINDS)
@@ -50,8 +58,9 @@ def parser() -> Parser:
     add("-o", "--output", metavar="DIR", help="folder to write (default build/<model name>)")
     add("--events", metavar="FILE", help="recordings to check on: .zip, folder, .npy, .npz, .pt, .tact")
     add("--strategy", default="auto", metavar="NAME", help=_STRATEGY)
-    add("--calibration", metavar="FILE", help="recordings that auto decides on; default: the model's own, or synthetic")
-    add("--weight-bits", type=int, default=8, metavar="BITS", help="1 to 6, or 8 (default 8)")
+    add("--calibration", metavar="FILE", help=_CALIBRATION)
+    add("--split-weights", type=part, metavar="SHARE", help=_SPLIT)
+    add("--weight-bits", type=int, default=8, metavar="BITS", help="1 to 6, or 8 (default 8); with a bound, at most")
     add("--config", metavar="FILE", help="network description, for model formats that need one; a checkpoint does not")
     add("--dt", type=number, metavar="SECONDS", help="NIR: seconds of a step (default 1e-4, the convention)")
     add("--reset", metavar="NAME", help="NIR: what a spike does to the potential: zero, or subtract, which is refused")
@@ -99,6 +108,7 @@ def run(args: Namespace) -> int:
     from locsnn_compile.api import compile, recordings_for
     from locsnn_compile.choose_strategy import ErrorBudget
     from locsnn_compile.frontends import load
+    from locsnn_compile.report.choice import unmet_budget
 
     network = load(args.model, config=args.config, dt=args.dt, reset=args.reset, discretisation=args.discretisation)
     recordings = recordings_for(network, args.events)
@@ -113,6 +123,7 @@ def run(args: Namespace) -> int:
             progress=progress,
             calibration=args.calibration,
             budget=ErrorBudget(args.min_agreement, args.max_spike_error),
+            split_weights=args.split_weights,
             psi=args.psi,
         )
     files = build_files(compiled, args.emit) | _emitted(args, compiled, recordings)
@@ -124,7 +135,10 @@ def run(args: Namespace) -> int:
         sys.stdout.write(files["report.json"].decode())
     elif not args.quiet:
         _print_summary(compiled.report, folder, files)
-    return _say_gates(gates)
+    code = _say_gates(gates)
+    if compiled.choice and not compiled.choice.keeps_budget:
+        print(unmet_budget(compiled.choice), file=sys.stderr)
+    return code
 
 
 def build_files(compiled: CompiledModel, emit: Sequence[str]) -> dict[str, bytes]:
@@ -209,6 +223,12 @@ def _say_gates(gates: Sequence[Gate]) -> int:
     for gate in failed:
         print(f"gate failed: {gate.option}: {gate.found}.", file=sys.stderr)
     return EXIT_GATE if failed else 0
+
+
+def part(text: str) -> float:
+    """Read a share of the weights: none, all, or a number."""
+    named = {"none": 0.0, "all": 1.0}
+    return named[text] if text in named else number(text)
 
 
 def number(text: str) -> float:

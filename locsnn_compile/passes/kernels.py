@@ -7,6 +7,7 @@ A compartment that keeps a of its current and b of its voltage answers a charge 
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -38,6 +39,39 @@ def alpha_kernel(tau: float, where: str) -> tuple[int, float, float]:
     own, cross, kernel = _energy(b * b), c * _energy(a * b), c * c * _energy(a * a)
     gain = cross / own
     return decay, gain, math.sqrt(max(0.0, 1.0 - cross * cross / (own * kernel)))
+
+
+SPREAD = 64
+"""Two decays that are tried for one kernel are at most so far from their mean."""
+
+
+@lru_cache(maxsize=64)
+def fitted_decays(tau: float, where: str) -> tuple[int, int, float, float]:
+    """Return the two decays whose response fits an alpha kernel best, their gain, and the error left.
+
+    Of all effective decays ``decay_u <= decay_v`` at most :data:`SPREAD` from their mean, which is within 2 of
+    ``4096 * (1 - exp(-1 / tau))``: those with which the best gain, in the least squares over all lags, leaves the least
+    error, measured as by :func:`alpha_kernel`. Two decays apart make a kernel that lasts longer, so pairs are a finer
+    grid than single decays. Ties go to the pair that is least apart, then to the smaller decays.
+    """
+    nearest, gain, error = alpha_kernel(tau, where)
+    if gain == 0.0:
+        return nearest, nearest, gain, error
+    a = math.exp(-1.0 / tau)
+    c, exact = math.e * a / tau, DECAY_ONE * (1.0 - a)
+    apart, total = (
+        grid.ravel()
+        for grid in np.meshgrid(np.arange(2 * SPREAD + 1), math.floor(2 * exact) + np.arange(-4, 6), indexing="ij")
+    )
+    here = (apart + total) % 2 == 0
+    u, v = (total[here] - apart[here]) // 2, (total[here] + apart[here]) // 2
+    held = (u >= 1) & (v <= DECAY_ONE)
+    u, v = u[held], v[held]
+    keep_u, keep_v, keep = (DECAY_ONE - u) / DECAY_ONE, (DECAY_ONE - v) / DECAY_ONE, np.full(len(u), a)
+    own, cross = _overlap(keep_u, keep_v, keep_u, keep_v), c * _overlap(keep, keep, keep_u, keep_v)
+    errors = np.sqrt(np.maximum(0.0, 1.0 - cross**2 / (own * c * c * _overlap(keep, keep, keep, keep))))
+    best = int(np.argmin(np.round(errors, 9)))
+    return int(u[best]), int(v[best]), float(cross[best] / own[best]), float(errors[best])
 
 
 def nearest_decays(fractions: FloatArray, where: str) -> IntArray:

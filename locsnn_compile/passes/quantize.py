@@ -12,38 +12,57 @@ import numpy as np
 from hw_model.chip_description import Chip
 from hw_model.fixed_point import DECAY_ONE
 from hw_model.weights import WEIGHT_EXPONENTS, WeightGrid, weight_grid
+from locsnn_compile.calibration import Calibration
 from locsnn_compile.errors import InputError
 from locsnn_compile.matrices import of_target, row_maxima, values_of, with_values
 from locsnn_compile.network import Network, Population, Projection
 from locsnn_compile.neurons import Cuba, SrmAlpha
 from locsnn_compile.on_grid import ChipCuba, ChipProjection, ChipSrm
 from locsnn_compile.passes.check_heard import check_heard
+from locsnn_compile.passes.fine_srm import fine_srm
 from locsnn_compile.passes.kernel_fit import kernel_fit
 from locsnn_compile.passes.quantize_cuba import quantize_cuba
 from locsnn_compile.passes.quantize_srm import quantize_srm
+from locsnn_compile.passes.round_apart import round_apart
+from locsnn_compile.passes.rounding import NEAREST, Rounding
 from locsnn_compile.passes.scaling import Scaled
 from locsnn_compile.quantized import QuantizedNetwork, QuantizedPopulation
 
 
-def quantize(network: Network, chip: Chip, weight_bits: int = 8, strategy: str = "dendrite") -> QuantizedNetwork:
-    """Quantise every population by itself; a network that no scale fits is a ``TargetError``."""
+def quantize(
+    network: Network,
+    chip: Chip,
+    weight_bits: int = 8,
+    strategy: str = "dendrite",
+    rounding: Rounding = NEAREST,
+    calibration: Calibration | None = None,
+) -> QuantizedNetwork:
+    """Quantise every population by itself; a network that no scale fits is a ``TargetError``.
+
+    ``rounding`` says how; without ``calibration`` recordings, what needs them is left out.
+    """
     grid = weight_grid(weight_bits, "excitatory")
     populations: list[QuantizedPopulation] = []
     projections: list[ChipProjection] = []
+    pruned = 0
     for population in network.populations:
         neuron, incoming = population.neuron, network.into(population.name)
         if isinstance(neuron, ChipSrm | ChipCuba):
             populations.append(QuantizedPopulation(population, neuron, np.ones(population.size), None))
-            projections += [p for p in incoming if isinstance(p, ChipProjection)]
+            kept = [p for p in incoming if isinstance(p, ChipProjection)]
+            pruned += sum(_zeros([p]) for p in kept)
+            projections += kept
             continue
         floats = [p for p in incoming if isinstance(p, Projection)]
-        scaled = _scale(population, neuron, floats, grid, chip, strategy)
+        scaled = _scale(population, neuron, floats, grid, chip, strategy, rounding)
+        scaled, rounded = _round(population, neuron, floats, scaled, chip, grid, rounding, calibration)
         fit = kernel_fit(neuron, scaled, chip.registers)
         populations.append(QuantizedPopulation(population, scaled.neuron, scaled.scale, fit))
-        rounded = [_round(p, scaled, grid) for p in floats]
-        check_heard(population, neuron, floats, rounded, network.steps_of(population.axis))
-        projections += rounded
-    result = QuantizedNetwork(network, tuple(populations), tuple(projections))
+        parts = [part for of_one in rounded for part in of_one]
+        check_heard(population, neuron, floats, parts, network.steps_of(population.axis))
+        pruned += sum(_zeros(of_one) for of_one in rounded)
+        projections += parts
+    result = QuantizedNetwork(network, tuple(populations), tuple(projections), pruned)
     check_quantized(result, chip)
     return result
 
@@ -84,15 +103,40 @@ def _scale(
     grid: WeightGrid,
     chip: Chip,
     strategy: str,
+    rounding: Rounding,
 ) -> Scaled:
     where = f"population {population.name!r}"
     largest = np.max([np.zeros(population.size), *(row_maxima(p.weights) for p in incoming)], axis=0)
     if isinstance(neuron, SrmAlpha):
-        return quantize_srm(neuron, population.size, float(largest.max()), grid, chip, strategy, where)
+        heaviest = float(largest.max())
+        return quantize_srm(neuron, population.size, heaviest, grid, chip, strategy, where, rounding.fitted_decays)
     return quantize_cuba(neuron, largest, grid, chip, where)
 
 
-def _round(p: Projection, scaled: Scaled, grid: WeightGrid) -> ChipProjection:
+def _round(
+    population: Population,
+    neuron: SrmAlpha | Cuba,
+    incoming: list[Projection],
+    scaled: Scaled,
+    chip: Chip,
+    grid: WeightGrid,
+    rounding: Rounding,
+    calibration: Calibration | None,
+) -> tuple[Scaled, list[list[ChipProjection]]]:
+    """Round the weights onto a population, together where there is something to round them for, else each by itself.
+
+    Returns the projections that each of ``incoming`` becomes.
+    """
+    if calibration is not None and isinstance(neuron, SrmAlpha) and (rounding.error_aware or rounding.scaled_apart):
+        found = fine_srm(population, neuron, incoming, scaled, chip, grid.weight_bits, rounding, calibration)
+        if found is not None:
+            return found
+    if rounding.graded or rounding.split:
+        return scaled, round_apart(incoming, scaled, grid.weight_bits, rounding)
+    return scaled, [[_nearest(p, scaled, grid)] for p in incoming]
+
+
+def _nearest(p: Projection, scaled: Scaled, grid: WeightGrid) -> ChipProjection:
     """Round a projection onto the grid of its format, magnitudes and signs apart."""
     values = values_of(p.weights)
     factor = of_target(p.weights, scaled.gain * scaled.scale / (64 * 2**scaled.exponent))
@@ -106,3 +150,8 @@ def _round(p: Projection, scaled: Scaled, grid: WeightGrid) -> ChipProjection:
         signs="apart",
         delay=p.delay,
     )
+
+
+def _zeros(parts: list[ChipProjection]) -> int:
+    """Count the weights of which no part is left."""
+    return int((np.sum([np.abs(values_of(p.mantissa)) for p in parts], axis=0) == 0).sum())

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,9 +16,9 @@ from hw_model.chip_description import Chip
 from hw_model.weights import WeightGrid
 from locsnn_compile.errors import TargetError
 from locsnn_compile.neurons import SrmAlpha
-from locsnn_compile.on_grid import ChipNeuron
+from locsnn_compile.on_grid import ChipNeuron, integers
 from locsnn_compile.passes import srm_delay_line, srm_dendrite, srm_reset
-from locsnn_compile.passes.kernels import alpha_kernel
+from locsnn_compile.passes.kernels import alpha_kernel, fitted_decays
 from locsnn_compile.passes.scaling import HEAVIEST, Scaled, check_threshold, exponent_and_threshold
 
 SCALE_SLACK = 0.99
@@ -45,9 +45,19 @@ STRATEGIES: dict[str, Strategy] = {
 
 
 def quantize_srm(
-    neuron: SrmAlpha, size: int, largest: float, grid: WeightGrid, chip: Chip, strategy: str, where: str
+    neuron: SrmAlpha,
+    size: int,
+    largest: float,
+    grid: WeightGrid,
+    chip: Chip,
+    strategy: str,
+    where: str,
+    fitted: bool = False,
 ) -> Scaled:
-    """Return neurons in integers, given the largest weight onto any of them."""
+    """Return neurons in integers, given the largest weight onto any of them.
+
+    With ``fitted``, two decays instead of one, where the strategy can have them: taps are made for one.
+    """
     layout, mantissa_max = STRATEGIES[strategy], chip.registers.threshold_mantissa_max
     decay, gain, _ = alpha_kernel(neuron.tau_sr, f"{where}: tau_sr")
     own = layout.heaviest_charge(neuron, decay, where)
@@ -57,6 +67,9 @@ def quantize_srm(
     check_threshold(most, largest * gain / neuron.theta, grid, 1, where)
     candidates = range(most, max(1, math.ceil(SCALE_SLACK * most)) - 1, -1)
     made = layout.lay_out(neuron, size, decay, candidates, where)
+    if fitted and strategy != "delay-line":
+        decay_u, decay_v, gain, _ = fitted_decays(neuron.tau_sr, f"{where}: tau_sr")
+        made = replace(made, decay_u=integers(decay_u, size), decay_v=integers(decay_v, size))
     scale = (64 * made.threshold + 1) / neuron.theta
     return Scaled(made, scale, np.full(size, gain), exponent)
 

@@ -6,7 +6,9 @@ import math
 from collections.abc import Iterable
 
 import numpy as np
+import numpy.typing as npt
 
+from hw_model.fixed_point import IntArray
 from hw_model.weights import weight_grid
 from locsnn_compile.neurons import SrmAlpha
 from locsnn_compile.on_grid import ChipSrm
@@ -44,3 +46,20 @@ def lay_out(neuron: SrmAlpha, size: int, decay: int, thresholds: Iterable[int], 
         refractory_mantissa=mantissa,
         refractory_exponent=exponent,
     )
+
+
+def whole_mantissas(neuron: SrmAlpha, thresholds: npt.NDArray[np.float64]) -> tuple[IntArray, IntArray, int]:
+    """Return threshold mantissas (k,) near those wanted, their refractory mantissas (k,), and the exponent of all.
+
+    A scale is free, so it is chosen for the refractory weight: its mantissa is the largest whole one at which the
+    threshold is not above the one wanted, and the threshold follows from it.
+    """
+    _, gain, _ = alpha_kernel(neuron.tau_ref, "tau_ref")
+    charge = neuron.scale_ref * gain
+    if charge == 0.0:
+        return np.floor(thresholds).astype(np.int64), np.zeros(len(thresholds), dtype=np.int64), 0
+    heaviest = charge * (float(thresholds.max()) + 1 / 64)
+    exponent = max(0, math.ceil(math.log2(heaviest / 255)))
+    mantissa = np.maximum(np.floor(charge * (thresholds + 1 / 64) / 2**exponent), 1.0)
+    found = np.rint(mantissa * 2**exponent / charge - 1 / 64)
+    return found.astype(np.int64), -mantissa.astype(np.int64), exponent

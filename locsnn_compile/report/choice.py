@@ -1,4 +1,4 @@
-"""What strategy ``auto`` compared: its part of report.json, and how that is shown."""
+"""What settings were compared: its part of report.json, and how that is shown."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from locsnn_compile.report.content import Block, Document, Table
 from locsnn_compile.report.format import count, energy, share
 
 if TYPE_CHECKING:
-    from locsnn_compile.choose_strategy import Choice
+    from locsnn_compile.choose_strategy import Choice, Setting
 
 
 def choice_document(choice: Choice | None) -> dict[str, Any] | None:
@@ -20,10 +20,14 @@ def choice_document(choice: Choice | None) -> dict[str, Any] | None:
         "calibration_samples": choice.samples,
         "min_agreement": choice.budget.min_agreement,
         "max_spike_error": choice.budget.max_spike_error,
+        "kept": choice.keeps_budget,
         "taken": choice.taken.strategy,
+        "taken_weight_bits": choice.taken.setting.weight_bits,
+        "taken_split_weights": choice.taken.setting.split_weights,
         "candidates": [
             {
                 "strategy": candidate.strategy,
+                **_numbers(candidate.setting),
                 "prediction_agreement": candidate.prediction_agreement,
                 "spike_error": candidate.spike_error,
                 "energy_pj": candidate.energy_pj,
@@ -35,18 +39,19 @@ def choice_document(choice: Choice | None) -> dict[str, Any] | None:
 
 
 def choice_blocks(document: Document) -> tuple[Block, ...]:
-    """Return a table of the strategies that were compared; nothing where none were."""
+    """Return a table of the settings that were compared; nothing where none were."""
     choice = document.get("strategy_choice")
     if choice is None:
         return ()
+    taken = {**choice, "strategy": choice["taken"]}
     return (
         Table(
-            f"Strategies compared on {count(choice['calibration_samples'])} recordings of "
-            f"{choice['calibration_source']}; taken: {choice['taken']}, {_reason(choice)}",
-            ("strategy", "same prediction", "spikes that differ", "energy", "within the error budget"),
+            f"Settings compared on {count(choice['calibration_samples'])} recordings of "
+            f"{choice['calibration_source']}; taken: {_words(taken, 'taken_')}, {_reason(choice)}",
+            ("setting", "same prediction", "spikes that differ", "energy", "within the error budget"),
             tuple(
                 (
-                    row["strategy"],
+                    _words(row),
                     share(row["prediction_agreement"]),
                     share(row["spike_error"]),
                     energy(row["energy_pj"]),
@@ -58,6 +63,34 @@ def choice_blocks(document: Document) -> tuple[Block, ...]:
     )
 
 
+def unmet_budget(choice: Choice) -> str:
+    """Say in a line what a budget that no setting keeps came to, and a way out."""
+    best, bounds = choice.taken, choice.budget
+    asked = [
+        f"{option} {bound:g}"
+        for option, bound in (("--min-agreement", bounds.min_agreement), ("--max-spike-error", bounds.max_spike_error))
+        if bound is not None
+    ]
+    setting = _words({"strategy": best.strategy, **_numbers(best.setting)})
+    return (
+        f"no setting keeps {' and '.join(asked)} on {count(choice.samples)} recordings of {choice.source}: the best of "
+        f"{len(choice.candidates)} is {setting}, with prediction agreement {best.prediction_agreement:.4f} and "
+        f"{best.spike_error:.4f} of the spikes different. Train for the chip with locsnn train --target, or allow more."
+    )
+
+
+def _numbers(setting: Setting) -> dict[str, Any]:
+    return {"weight_bits": setting.weight_bits, "split_weights": setting.split_weights}
+
+
+def _words(row: dict[str, Any], prefix: str = "") -> str:
+    """Name a setting."""
+    part = row[f"{prefix}split_weights"]
+    split = f", {'all' if part == 1 else share(part) + ' of'} weights split" if part else ""
+    return f"{row['strategy']}, {row[f'{prefix}weight_bits']} bits{split}"
+
+
 def _reason(choice: dict[str, Any]) -> str:
-    within = any(row["within_budget"] for row in choice["candidates"])
-    return "the cheapest within the error budget" if within else "the most accurate, as none is within the error budget"
+    if choice["kept"]:
+        return "the cheapest within the error budget"
+    return "the most accurate, as none is within the error budget"

@@ -45,7 +45,7 @@ def test_auto_says_what_it_compared(model, tmp_path, capsys):
     choice = report["strategy_choice"]
     assert choice["taken"] == report["strategy"]
     assert choice["calibration_source"] == "synthetic touches"
-    assert "Strategies compared on 16 recordings of synthetic touches" in (tmp_path / "b/report.md").read_text()
+    assert "Settings compared on 16 recordings of synthetic touches" in (tmp_path / "b/report.md").read_text()
 
 
 def test_a_generous_budget_takes_the_cheapest(model, tmp_path, capsys):
@@ -54,11 +54,72 @@ def test_a_generous_budget_takes_the_cheapest(model, tmp_path, capsys):
 
 
 def test_a_budget_that_nothing_keeps_is_a_gate_that_fails(model, tmp_path, capsys):
-    code, report, said = compiled(model, tmp_path / "b", capsys, "--max-spike-error", "0")
-    error = 1 - report["match"]["spike_agreement"]
+    code, report, said = compiled(model, tmp_path / "b", capsys, "--max-spike-error", "0", "--weight-bits", "1")
+    choice, error = report["strategy_choice"], 1 - report["match"]["spike_agreement"]
+    best = max(choice["candidates"], key=lambda row: (row["prediction_agreement"], -row["spike_error"]))
     assert code == 3
-    assert said == f"gate failed: --max-spike-error: {error:.4f} of the spikes differ, above 0.\n"
-    assert "taken: " + report["strategy"] + ", the most accurate" in (tmp_path / "b/report.md").read_text()
+    assert not choice["kept"]
+    assert said == (
+        f"gate failed: --max-spike-error: {error:.4f} of the spikes differ, above 0.\n"
+        "no setting keeps --max-spike-error 0 on 16 recordings of synthetic touches: the best of "
+        f"{len(choice['candidates'])} is {words(best)}, with prediction agreement {best['prediction_agreement']:.4f} and "
+        f"{best['spike_error']:.4f} of the spikes different. Train for the chip with locsnn train --target, or allow "
+        "more.\n"
+    )
+    assert f"taken: {words(best)}, the most accurate" in (tmp_path / "b/report.md").read_text()
+
+
+def words(row):
+    split = {0: "", 0.25: ", 25.0 % of weights split", 1: ", all weights split"}[row["split_weights"]]
+    return f"{row['strategy']}, {row['weight_bits']} bits{split}"
+
+
+def test_more_weights_are_split_until_the_budget_is_kept(model, tmp_path, capsys):
+    """Two bits a weight are too few, twice two bits enough; one more split would only cost more."""
+    code, report, said = compiled(model, tmp_path / "b", capsys, "--max-spike-error", "0.12", "--weight-bits", "3")
+    choice = report["strategy_choice"]
+    assert (code, said) == (0, "")
+    kept = [row for row in choice["candidates"] if row["within_budget"]]
+    taken = min(kept, key=lambda row: row["energy_pj"])
+    assert choice["kept"]
+    assert (choice["taken"], choice["taken_weight_bits"]) == (taken["strategy"], taken["weight_bits"])
+    assert choice["taken_split_weights"] == taken["split_weights"]
+    assert report["weight_bits"] == taken["weight_bits"]
+    assert max(row["weight_bits"] for row in choice["candidates"]) == 3
+
+
+@pytest.mark.parametrize(("share", "value"), [("none", 0.0), ("all", 1.0), ("0.5", 0.5)])
+def test_a_share_of_split_weights_can_be_asked_for(model, tmp_path, capsys, share, value):
+    options = ("--split-weights", share, "--weight-bits", "4", "--max-spike-error", "1")
+    _, report, _ = compiled(model, tmp_path / "b", capsys, *options)
+    assert {row["split_weights"] for row in report["strategy_choice"]["candidates"]} == {value}
+
+
+def test_split_weights_make_more_synapses(model, tmp_path, capsys):
+    options = ("--strategy", "dendrite", "--weight-bits", "4", "--split-weights")
+    none, some, all_of_them = (
+        compiled(model, tmp_path / share, capsys, *options, share)[1] for share in ("none", "0.5", "all")
+    )
+    synapses = [report["resources"]["synapses"] for report in (none, some, all_of_them)]
+    assert synapses == sorted(set(synapses))
+    assert all_of_them["match"]["spike_agreement"] > none["match"]["spike_agreement"]
+
+
+def test_no_share_of_the_weights(model, tmp_path, capsys):
+    assert main([str(model), "-o", str(tmp_path / "b"), "--split-weights", "2"]) == 2
+    said = capsys.readouterr().err
+    assert said == "split_weights: it is no share of the weights (2 against 0..1). Give 0 to 1.\n"
+
+
+def test_calibration_takes_the_train_part_of_an_archive(model, tmp_path, capsys):
+    r = np.random.default_rng(2)
+    for split, count in (("train", 3), ("test", 2)):
+        (tmp_path / "Ev" / split).mkdir(parents=True)
+        for i in range(count):
+            touch = (r.random((39, 2, 40)) < 0.1).astype(np.uint8)
+            np.save(tmp_path / "Ev" / split / f"sample_{i}_label_0.npy", touch)
+    _, report, _ = compiled(model, tmp_path / "b", capsys, "--calibration", str(tmp_path / "Ev"))
+    assert report["strategy_choice"]["calibration_samples"] == 3
 
 
 def test_calibration_recordings_can_be_given(model, tmp_path, capsys):

@@ -1,0 +1,43 @@
+"""Round weights each by itself, in formats by size."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from locsnn_compile.matrices import of_target, values_of
+from locsnn_compile.network import Projection
+from locsnn_compile.neurons import FloatArray
+from locsnn_compile.on_grid import ChipProjection
+from locsnn_compile.passes.grades import BoolArray, grades_for, in_grades
+from locsnn_compile.passes.rounding import Rounding
+from locsnn_compile.passes.scaling import Scaled
+
+
+def round_apart(
+    incoming: Sequence[Projection], scaled: Scaled, weight_bits: int, rounding: Rounding
+) -> list[list[ChipProjection]]:
+    """Round the weights onto a population to the nearest of the finest format that holds them.
+
+    The share that is split is the coarsest one. Returns the projections that each of ``incoming`` becomes.
+    """
+    ideal = [values_of(p.weights) * of_target(p.weights, scaled.gain * scaled.scale / 64) for p in incoming]
+    largest = max((float(np.abs(part).max(initial=0.0)) for part in ideal), default=0.0)
+    grades = grades_for(largest, weight_bits, rounding, scaled.neuron)
+    grade = [grades.grade(np.abs(part)) for part in ideal]
+    split = _coarsest(ideal, rounding.split)
+    return [
+        in_grades(p, grades.nearest(part, 1 << np.where(two, grades.second_grade(k), k), k), k, two, grades)
+        for p, part, k, two in zip(incoming, ideal, grade, split, strict=True)
+    ]
+
+
+def _coarsest(ideal: Sequence[FloatArray], share: float) -> list[BoolArray]:
+    """Mark the share of weights that are largest, over all projections."""
+    flat = np.concatenate([np.abs(part).ravel() for part in ideal]) if ideal else np.zeros(0)
+    count = round(share * int((flat > 0).sum()))
+    marked = np.zeros(len(flat), dtype=np.bool_)
+    marked[np.argsort(-flat, kind="stable")[:count]] = True
+    ends = np.cumsum([part.size for part in ideal])[:-1]
+    return [piece.reshape(part.shape) for piece, part in zip(np.split(marked, ends), ideal, strict=True)]
