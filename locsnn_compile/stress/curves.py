@@ -111,6 +111,9 @@ class _Axis:
     def ticks(self) -> list[float]:
         if self._log:
             low, high = math.ceil(self._low - 1e-9), math.floor(self._high + 1e-9)
+            if high - low < 2:
+                tried = [m * 10.0**decade for decade in range(low - 1, high + 1) for m in (1, 2, 5)]
+                return [value for value in tried if self._low - 1e-9 <= math.log10(value) <= self._high + 1e-9]
             step = max(1, math.ceil((high - low + 1) / 8))
             return [10.0**decade for decade in range(low, high + 1, step)]
         least = self._high / 5
@@ -123,7 +126,7 @@ class _Axis:
 
 
 def _figure(value: float) -> str:
-    if value == 0 or 1e-3 <= abs(value) < 1e6:
+    if value == 0 or 1e-3 <= abs(value) < 1e7:
         return f"{value:,.10g}"
     mantissa, exponent = f"{value:.0e}".split("e")
     return f"{mantissa}e{int(exponent)}"

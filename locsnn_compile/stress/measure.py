@@ -8,8 +8,10 @@ import hw_model as hw
 from hw_model.fixed_point import DECAY_ONE
 from locsnn_compile.error_budget.stages import STAGES
 from locsnn_compile.matching import PopulationMatch, fit_recordings
-from locsnn_compile.matrices import values_of
+from locsnn_compile.matrices import Matrix, values_of
+from locsnn_compile.network import Projection
 from locsnn_compile.neurons import Cuba
+from locsnn_compile.on_grid import ChipCuba, ChipProjection
 from locsnn_compile.pipeline import Levels, lower
 from locsnn_compile.stress.bounds import SOURCES, error_bound
 from locsnn_compile.stress.case import NATIVE, POPULATION, Case
@@ -56,7 +58,7 @@ def measure(case: Case, chip: hw.Chip) -> Measured:
         overflowed=int((chip_side != unlimited).sum()),
         wraps=found.counts.wraps,
         clips=found.counts.clips,
-        weights=lost_weights(levels),
+        weights=_lost_weights(levels, sides),
         biases=_lost_biases(levels),
         coarse_decays=_coarse_decays(sides),
         outside=int(outside.sum()),
@@ -64,35 +66,39 @@ def measure(case: Case, chip: hw.Chip) -> Measured:
     )
 
 
-def lost_weights(levels: Levels) -> Lost:
-    """Count the weights other than 0 that the chip has as 0; a kernel of no gain loses them too."""
-    lost = of = 0
-    for given, held in zip(levels.network.projections, levels.quantized.projections, strict=True):
-        there = values_of(getattr(given, "weights", held.mantissa)) != 0
-        of += int(there.sum())
-        lost += int((there & (values_of(held.mantissa) == 0)).sum())
-    return Lost(lost, of)
+def _lost_weights(levels: Levels, sides: Sides) -> Lost:
+    """Count the weights other than 0 that the chip has as 0, whatever they were rounded to in how many synapses."""
+    of = sum(int((values_of(_given(p)) != 0).sum()) for p in levels.network.projections)
+    inputs = [pair for pair in sides.phase.program_neurons.synapses if pair.exact.source in sides.lines]
+    return Lost(of - sum(int((values_of(pair.chip) != 0).sum()) for pair in inputs), of)
+
+
+def _given(projection: Projection | ChipProjection) -> Matrix:
+    return projection.mantissa if isinstance(projection, ChipProjection) else projection.weights
 
 
 def _lost_biases(levels: Levels) -> Lost:
     lost = of = 0
     for q in levels.quantized.populations:
-        if isinstance(q.population.neuron, Cuba):
+        if isinstance(q.population.neuron, Cuba) and isinstance(q.neuron, ChipCuba):
             there = q.population.neuron.bias != 0
             of += int(there.sum())
-            lost += int((there & (getattr(q.neuron, "bias_mantissa") == 0)).sum())  # noqa: B009 - a ChipCuba by then
+            lost += int((there & (q.neuron.bias_mantissa == 0)).sum())
     return Lost(lost, of)
 
 
 def _coarse_decays(sides: Sides) -> tuple[str, ...]:
-    """Name the decays that the grid of 1/4096 changes by more than ``COARSE``."""
+    """Name the decays that the grid of 1/4096 changes by more than ``COARSE``; two for one, by their mean."""
     found = []
     for pair in sides.phase.program_neurons.groups:
-        for register in ("u", "v"):
-            exact = float((1.0 - getattr(pair.exact, f"keep_{register}")).flat[0]) * DECAY_ONE
-            held = round(float((1.0 - getattr(pair.chip, f"keep_{register}")).flat[0]) * DECAY_ONE)
+        (u, v), (held_u, held_v) = (
+            [float(DECAY_ONE * (1.0 - keep.flat[0])) for keep in (group.keep_u, group.keep_v)]
+            for group in (pair.exact, pair.chip)
+        )
+        both = [(u, (held_u + held_v) / 2)] if u == v else [(u, held_u), (v, held_v)]
+        for exact, held in both:
             if abs(held - exact) > COARSE * exact:
                 way = "faster" if held > exact else "slower"
-                share = abs(held - exact) / exact
-                found.append(f"a decay of {exact:.4g} in 4096 is {held}: it fades {100 * share:.2g} % {way}")
+                changed = 100 * abs(held - exact) / exact
+                found.append(f"a decay of {exact:.4g} in 4096 is {held:g}: it fades {changed:.2g} % {way}")
     return tuple(dict.fromkeys(found))

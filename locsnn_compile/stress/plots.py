@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from locsnn_compile.stress.case import NATIVE
 from locsnn_compile.stress.curves import Curve, Panel, draw
-from locsnn_compile.stress.row import Measured, Row
+from locsnn_compile.stress.row import Drift, Measured, Row
 
 
 def pictures(rows: Sequence[Row]) -> dict[str, bytes]:
@@ -22,7 +22,7 @@ def pictures(rows: Sequence[Row]) -> dict[str, bytes]:
 def _time_constants(rows: Sequence[Row]) -> bytes | None:
     panels = [
         Panel(
-            f"{strategy}: thresholds",
+            f"{strategy}: error in thresholds",
             "time constant, steps",
             (
                 _curve("error found", rows, "time constants", strategy, lambda m: m.error),
@@ -54,21 +54,25 @@ def _weights(rows: Sequence[Row]) -> bytes | None:
 
 
 def _long_runs(rows: Sequence[Row]) -> bytes | None:
-    long = [row for row in rows if row.drift is not None and row.drift.error is not None]
-    named = [(f"{row.case.name}, {row.case.strategy}", row.drift) for row in long if row.case.strategy != "delay-line"]
-    errors = tuple(
-        Curve(name, tuple(((i + 1) * drift.steps / 10, e) for i, e in enumerate(drift.error or ())))
-        for name, drift in named
-        if drift is not None
-    )
-    bounds = tuple(
-        Curve(name, ((drift.steps / 10, drift.bound), (drift.steps, drift.bound))) for name, drift in named if drift
-    )
+    named = {
+        f"{row.case.name}, {row.case.strategy}": row.drift
+        for row in rows
+        if row.drift is not None and row.drift.error is not None and row.case.strategy != "delay-line"
+    }
+    errors = tuple(_by_tenth(name, drift, 1.0) for name, drift in named.items())
+    shares = tuple(_by_tenth(name, drift, drift.bound) for name, drift in named.items() if drift.bound)
     panels = [
         Panel("largest error of each tenth, thresholds", "step", errors, x_log=False),
-        Panel("bound for all of the run, thresholds", "step", bounds, x_log=False),
+        Panel("the same as a share of its bound", "step", shares, x_log=False, y_log=False),
     ]
     return _drawn("Neurons below the threshold in a long run", panels)
+
+
+def _by_tenth(name: str, drift: Drift, unit: float) -> Curve:
+    """Return the errors of a long run over a unit, at the end of each tenth."""
+    assert drift.error is not None
+    tenth = drift.steps / len(drift.error)
+    return Curve(name, tuple(((i + 1) * tenth, error / unit) for i, error in enumerate(drift.error)))
 
 
 def _curve(label: str, rows: Sequence[Row], group: str, strategy: str, figure: Callable[[Measured], float]) -> Curve:

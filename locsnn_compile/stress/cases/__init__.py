@@ -47,7 +47,8 @@ LEADS: dict[str, str] = {
     "above, a single step's charge fills its register.",
     "shapes of weights": "One exponent serves a population, so one huge weight takes the bits of all others.",
     "weight bits": "Every width of a synapse format, and 7, which none has.",
-    "weight exponents": "Integer weights at the ends of their grid; the threshold grows with the exponent.",
+    "weight exponents": "Integer weights at the ends of their grid; the threshold grows with the exponent. A negative "
+    "exponent takes the low bits, of the smallest weights all.",
     "extreme floats": "Denormal, infinite, not a number: refused, or counted as lost; nothing turns into nan.",
     "inputs": "Silence, single spikes, alternating, bursts and every line in every step, onto the published neuron.",
     "crowds of inputs": "All the inputs that a core has, with the largest weights there are, in every step: the charge "

@@ -1,0 +1,47 @@
+"""All rows, a million steps included: minutes."""
+
+import html
+import json
+from pathlib import Path
+
+import pytest
+
+import hw_model as hw
+import locsnn_compile as lc
+from locsnn_compile.errors import LocsnnError
+from locsnn_compile.report.html import render_html
+from locsnn_compile.report.markdown import render_markdown
+from locsnn_compile.stress.case import NATIVE, STRATEGIES
+from locsnn_compile.stress.cases import cases
+from locsnn_compile.stress.row import VERDICTS
+from locsnn_compile.stress.run import run_stress
+
+pytestmark = pytest.mark.slow
+PAGE = Path(__file__).parents[2] / "docs/numerics.md"
+
+
+def rows_of_page(text):
+    """Return (case, strategy, verdict) of the table rows of a page."""
+    lines = [html.unescape(line).replace("\\", "").strip("| ").split(" | ") for line in text.splitlines()]
+    return [tuple(cells[:3]) for cells in lines if len(cells) > 2 and cells[2] in VERDICTS and cells[1] in STRATEGIES]
+
+
+def test_every_row_is_explained_and_on_the_page():
+    rows = run_stress(hw.chip("loihi-sim"))
+    assert [row for row in rows if row.verdict == "unexplained"] == []
+    found = [(row.case.name, row.case.strategy, row.verdict) for row in rows]
+    assert rows_of_page(PAGE.read_text(encoding="utf-8")) == found
+
+
+@pytest.mark.parametrize("group", list(dict.fromkeys(case.group for case in cases())))
+def test_reports_of_all_cases_hold_finite_numbers(group):
+    for case in cases():
+        if case.group == group:
+            strategy = "auto" if case.strategy == NATIVE else case.strategy
+            try:
+                made = lc.compile(case.network, strategy=strategy, weight_bits=case.weight_bits, events=case.recordings)
+            except LocsnnError:
+                continue
+            json.dumps(made.report, allow_nan=False)
+            assert render_markdown(made.report)
+            assert render_html(made.report)
