@@ -55,6 +55,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add("--part", metavar="PART", help="train (default) or test, where the events are divided")
     add("--recordings", type=int, metavar="N", help="take only N of them, evenly spread")
     add("--report-on", metavar="FILE", help="recordings to measure the front on once more; nothing is chosen on them")
+    add("--calibration", metavar="FILE", help="recordings that the compiler calibrates on, as for `locsnn-compile`")
     add("--target", default="loihi-sim", metavar="CHIP", help="chip name or chip file (default loihi-sim)")
     for axis in AXES:
         listed = ", ".join(map(str, axis.values))
@@ -108,7 +109,7 @@ def _explore(
     """Measure the grid, then the front on the recordings to report on."""
     import hw_model as hw
     from locsnn_compile.choose_strategy import ErrorBudget
-    from locsnn_compile.explore.events import choose_events, report_events, written
+    from locsnn_compile.explore.events import calibration_recordings, choose_events, report_events, written
     from locsnn_compile.explore.exploration import Exploration
     from locsnn_compile.explore.model_file import ModelFile
     from locsnn_compile.explore.store import Store
@@ -119,13 +120,14 @@ def _explore(
     network, chip = model.load(), hw.chip(args.target)
     events = choose_events(network, args.events, args.part, args.recordings)
     reported_on = report_events(network, args.report_on) if args.report_on else None
-    study = Study(network, model.digest(), chip, events.recordings, tuple(args.engines))
+    calibration = calibration_recordings(network, args.calibration)
+    study = Study(network, model.digest(), chip, events.recordings, calibration, tuple(args.engines))
     store = Store(folder / "points")
     with progress_bar("exploring", show=not args.quiet) as progress:
         points = sweep(study, settings(network, wanted), store, executor, progress)
     events = written(events, folder / "events.npz")
     budget = ErrorBudget(args.min_agreement, args.max_spike_error)
-    found = Exploration(study, model, args.target, events, budget, points)
+    found = Exploration(study, model, args.target, args.calibration, events, budget, points)
     if reported_on is None:
         return found
     with progress_bar("reporting", show=not args.quiet) as progress:

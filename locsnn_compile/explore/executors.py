@@ -11,7 +11,7 @@ from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 
 from locsnn_compile.errors import InputError
 from locsnn_compile.explore.grid import Setting
@@ -57,6 +57,7 @@ def _in_processes(workers: int, study: Study, settings: Sequence[Setting]) -> Po
 
 def _one_pool(workers: int, packed: bytes, settings: Sequence[Setting]) -> Points:
     """Yield what a pool finishes before one of its processes dies, if one does: that ends the pool."""
+    before = set(active_children())
     # Forking a process with threads, the engine's, may hang.
     pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_leave_interrupts_to_parent)
     try:
@@ -67,6 +68,11 @@ def _one_pool(workers: int, packed: bytes, settings: Sequence[Setting]) -> Point
             except BrokenProcessPool:
                 continue
             yield point
+    except BaseException:
+        # Interrupted or left: nobody waits for what is under way.
+        for process in set(active_children()) - before:
+            process.terminate()
+        raise
     finally:
         pool.shutdown(cancel_futures=True)
 

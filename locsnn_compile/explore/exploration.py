@@ -23,13 +23,14 @@ from locsnn_compile.explore.sweep import Progress, sweep
 class Exploration:
     """Points in the order of the grid, and what they were measured on.
 
-    ``model`` and ``target`` as they were given; ``events`` are in a file.
+    ``model``, ``target`` and ``calibration`` as they were given; ``events`` are in a file.
     ``reported``: points of the front on other recordings, ``reported_on``, on which nothing was chosen.
     """
 
     study: Study
     model: ModelFile
     target: str
+    calibration: str | None
     events: Chosen
     budget: ErrorBudget
     points: tuple[Point, ...]
@@ -67,5 +68,6 @@ class Exploration:
 
     def _command(self, setting: Setting, events: Chosen) -> str:
         assert events.file is not None
-        model = [*self.model.arguments(), "--target", self.target]
-        return shlex.join(["locsnn-compile", *model, *setting.arguments(), "--events", events.file])
+        given = [*self.model.arguments(), "--target", self.target]
+        played = [*(("--calibration", self.calibration) if self.calibration else ()), "--events", events.file]
+        return shlex.join(["locsnn-compile", *given, *setting.arguments(), *played])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,7 @@ from locsnn_compile.errors import InputError, did_you_mean
 if TYPE_CHECKING:
     from locsnn_compile.network import Network
 
-Value = str | int
+Value = str | int | float
 
 
 def has_srm_neurons(network: Network) -> bool:
@@ -31,7 +31,8 @@ def has_float_weights(network: Network) -> bool:
 class Axis:
     """One option of the compiler: ``name`` is its keyword in ``compile``, and its option with dashes for underscores.
 
-    ``values`` are tried where the option ``matters`` to a network; elsewhere there is only the ``neutral`` one.
+    ``values`` are tried where the option ``matters`` to a network; elsewhere there is only the ``neutral`` one. Others
+    can be asked for between ``bounds``, where these are given.
     """
 
     name: str
@@ -41,6 +42,9 @@ class Axis:
     help: str
     text: str = "{}"
     """How a value reads in the name of a setting."""
+    unsaid: Value | None = None
+    """A value that the name of a setting leaves out."""
+    bounds: tuple[float, float] | None = None
 
     @property
     def option(self) -> str:
@@ -49,16 +53,30 @@ class Axis:
 
     def check(self, value: Value) -> None:
         """Refuse a value that is not on this axis."""
-        if value in self.values:
-            return
-        listed = ", ".join(str(known) for known in self.values)
-        near = did_you_mean(value, map(str, self.values)) if isinstance(value, str) else f"Choose from {listed}."
-        raise InputError(f"{self.option} {value}", "it cannot be explored", fix=near)
+        if isinstance(value, str):
+            fits, fix = value in self.values, did_you_mean(value, map(str, self.values))
+        elif self.bounds is None:
+            fits, fix = value in self.values, f"Choose from {', '.join(map(str, self.values))}."
+        else:
+            least, most = self.bounds
+            fits, fix = least <= value <= most, f"Give a number from {least:g} to {most:g}."
+        if not fits:
+            raise InputError(f"{self.option} {value}", "it cannot be explored", fix=fix)
 
 
 AXES = (
     Axis("strategy", ("dendrite", "delay-line", "reset"), "auto", has_srm_neurons, "lowerings of SRM neurons"),
     Axis("weight_bits", (1, 2, 3, 4, 5, 6, 8), 8, has_float_weights, "bits of a weight", "{}-bit"),
+    Axis(
+        "split_weights",
+        (0.0, 0.5, 1.0),
+        0.0,
+        has_float_weights,
+        "shares of the weights that get a second synapse",
+        "{:.0%} split",
+        unsaid=0.0,
+        bounds=(0.0, 1.0),
+    ),
 )
 
 
@@ -77,7 +95,14 @@ class Setting:
         return [text for axis, value in zip(AXES, self.values, strict=True) for text in (axis.option, str(value))]
 
     def __str__(self) -> str:
-        return ", ".join(axis.text.format(value) for axis, value in zip(AXES, self.values, strict=True))
+        return self.name()
+
+    def name(self, axes: Collection[int] | None = None) -> str:
+        """Return what tells a setting from others, by the axes of these numbers or by all."""
+        rows = [(i, axis, value) for i, (axis, value) in enumerate(zip(AXES, self.values, strict=True))]
+        return ", ".join(
+            axis.text.format(value) for i, axis, value in rows if (axes is None or i in axes) and value != axis.unsaid
+        )
 
 
 def settings(network: Network, wanted: Mapping[str, Sequence[Value]]) -> tuple[Setting, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from locsnn_compile.explore.exploration import Exploration
-from locsnn_compile.explore.grid import AXES, Setting
+from locsnn_compile.explore.grid import AXES, Setting, Value
 from locsnn_compile.explore.plot import Mark, Panel, draw
 from locsnn_compile.explore.point import Figures, Point
 from locsnn_compile.report.format import energy, share, time
@@ -61,7 +61,7 @@ def _panel(found: Exploration, title: str, text: Callable[[float], str], y: Call
     return Panel(title, X_LABEL, _percent, text, marks)
 
 
-def _kinds(found: Exploration) -> list[str | int]:
+def _kinds(found: Exploration) -> list[Value]:
     """Return the values of the first axis, each of which has a shape of its own."""
     return list(dict.fromkeys(point.setting.values[0] for point in found.points))
 
@@ -70,7 +70,7 @@ def _label(found: Exploration, setting: Setting) -> str:
     """Return the values of the other axes that differ between points."""
     columns = list(zip(*(point.setting.values for point in found.points), strict=True))
     differing = [i for i in range(1, len(AXES)) if len(set(columns[i])) > 1]
-    return ", ".join(AXES[i].text.format(setting.values[i]) for i in differing)
+    return setting.name(differing)
 
 
 def _words(setting: Setting, figures: Figures) -> str:

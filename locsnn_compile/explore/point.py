@@ -138,7 +138,14 @@ def _compile(study: Study, setting: Setting) -> CompiledModel:
         # The chip's file may lie on another machine.
         chip_file = Path(folder) / "chip.yaml"
         chip_file.write_text(study.chip.document, encoding="utf-8")
-        return compile(study.network, chip_file, events=study.recordings, diagnosis=False, **options)
+        return compile(
+            study.network,
+            chip_file,
+            events=study.recordings,
+            calibration=study.calibration,
+            diagnosis=False,
+            **options,
+        )
 
 
 def _timings(program: hw.ChipProgram, recordings: ByteArray, engines: tuple[Engine, ...]) -> dict[str, Timing]:

@@ -19,12 +19,16 @@ from locsnn_compile.network import Network
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """``network`` is the model of the digest, :meth:`ModelFile.digest`; ``engines`` are timed on each point."""
+    """``network`` is the model of the digest, :meth:`ModelFile.digest`; ``engines`` are timed on each point.
+
+    ``calibration``: what the compiler calibrates on; None leaves that to it.
+    """
 
     network: Network
     model_digest: str
     chip: hw.Chip
     recordings: Recordings
+    calibration: Recordings | None = None
     engines: tuple[Engine, ...] = ()
 
     def key(self, setting: Setting) -> str:
@@ -38,12 +42,17 @@ class Study:
 
     @cached_property
     def _digest(self) -> str:
-        spikes, labels = self.recordings.spikes, self.recordings.labels
-        about = [self.network.name, self.model_digest, self.chip.document, spikes.shape, self.engines]
-        digest = hashlib.sha256(json.dumps(about).encode())
-        digest.update(spikes.tobytes())
-        digest.update(b"" if labels is None else labels.astype("<i8").tobytes())
-        return digest.hexdigest()
+        played = [_recordings_digest(self.recordings), self.calibration and _recordings_digest(self.calibration)]
+        about = [self.network.name, self.model_digest, self.chip.document, self.engines, played]
+        return hashlib.sha256(json.dumps(about).encode()).hexdigest()
+
+
+def _recordings_digest(recordings: Recordings) -> str:
+    spikes, labels = recordings.spikes, recordings.labels
+    digest = hashlib.sha256(json.dumps([spikes.shape, labels is not None, recordings.step_seconds]).encode())
+    digest.update(spikes.tobytes())
+    digest.update(b"" if labels is None else labels.astype("<i8").tobytes())
+    return digest.hexdigest()
 
 
 @lru_cache(maxsize=2)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from locsnn_compile.cli.main import main
-from locsnn_compile.explore.grid import Setting
+from locsnn_compile.explore.grid import AXES, Setting
 from locsnn_compile.explore.point import Figures, Point
 from locsnn_compile.models.checkpoint import save_checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
@@ -53,6 +53,17 @@ def explore(*arguments):
     return main(["explore", *map(str, arguments)])
 
 
+def narrow(*strategies, bits=(8,)):
+    """Options of a grid of some strategies and weight bits; every other axis has its neutral value."""
+    others = [text for axis in AXES[2:] for text in (axis.option, axis.neutral)]
+    return ["--strategy", *strategies, "--weight-bits", *bits, *others]
+
+
+def setting(strategy, bits):
+    """A setting whose other values are neutral."""
+    return Setting((strategy, bits, *(axis.neutral for axis in AXES[2:])))
+
+
 def explored(folder):
     return json.loads((folder / "explore.json").read_text())
 
@@ -81,5 +92,4 @@ def figures(spikes=0.9, predictions=1.0, energy=1e6, time=1e6):
 
 
 def point(name="dendrite", bits=8, found=None, refusal=None, timings=None):
-    setting = Setting((name, bits))
-    return Point(setting, None if refusal else found or figures(), refusal, timings or {}, "1+code")
+    return Point(setting(name, bits), None if refusal else found or figures(), refusal, timings or {}, "1+code")

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 from distributed import Client, LocalCluster
-from small_model import explore, lasting
+from small_model import explore, lasting, narrow, setting
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -17,13 +17,13 @@ from locsnn_compile.explore import code, dask_cluster, executors
 from locsnn_compile.explore.dask_cluster import on_dask
 from locsnn_compile.explore.events import choose_events
 from locsnn_compile.explore.executors import here, in_processes
-from locsnn_compile.explore.grid import Setting, settings
+from locsnn_compile.explore.grid import AXES, settings
 from locsnn_compile.explore.point import measure, measure_packed
 from locsnn_compile.explore.store import Store
 from locsnn_compile.explore.study import Study
 from locsnn_compile.explore.sweep import sweep
 
-GRID = ("--strategy", "dendrite", "reset", "--weight-bits", 2, 4, 6, 8)
+GRID = narrow("dendrite", "reset", bits=(2, 4, 6, 8))
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,9 @@ def study(model, events):
 
 @pytest.fixture(scope="module")
 def grid(study):
-    return settings(study.network, {"strategy": ["dendrite", "reset"], "weight_bits": [1, 2, 3, 4, 5, 6, 8]})
+    neutral = {axis.name: [axis.neutral] for axis in AXES}
+    wanted = {"strategy": ["dendrite", "reset"], "weight_bits": [1, 2, 3, 4, 5, 6, 8]}
+    return settings(study.network, neutral | wanted)
 
 
 @pytest.fixture(scope="module")
@@ -76,8 +78,8 @@ def killed_after(first, pids):
 
 
 def test_a_packed_study_is_the_same(study):
-    setting = Setting(("dendrite", 4))
-    assert measure_packed(study.packed(), setting) == measure(study, setting)
+    one = setting("dendrite", 4)
+    assert measure_packed(study.packed(), one) == measure(study, one)
 
 
 def test_processes_find_the_same_bytes(model, events, serial, tmp_path):

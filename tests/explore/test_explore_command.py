@@ -9,12 +9,13 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from small_model import explore, explored, lasting
+from small_model import explore, explored, lasting, narrow
 
 import hw_model as hw
 from locsnn_compile.cli import explore as explore_cli
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.explore import point as point_module
+from locsnn_compile.explore.grid import AXES
 from locsnn_compile.explore.point import Figures
 
 FILES = {"explore.json", "explore.csv", "explore.svg", "timings.csv", "timings.svg"}
@@ -24,13 +25,13 @@ FILES = {"explore.json", "explore.csv", "explore.svg", "timings.csv", "timings.s
 def small(model, events, tmp_path_factory):
     """Two strategies, two widths."""
     folder = tmp_path_factory.mktemp("explored") / "out"
-    grid = ("--strategy", "dendrite", "reset", "--weight-bits", 4, 8)
+    grid = narrow("dendrite", "reset", bits=(4, 8))
     assert explore(model, "--events", events, *grid, "-o", folder, "--quiet") == 0
     return folder
 
 
 def settings_of(document):
-    return [tuple(row["setting"].values()) for row in document["points"]]
+    return [(row["setting"]["strategy"], row["setting"]["weight_bits"]) for row in document["points"]]
 
 
 def test_the_grid_is_complete_and_in_order(small):
@@ -67,7 +68,7 @@ def test_the_table_of_the_csv_has_the_figures_of_the_json(small):
     with (small / "explore.csv").open() as file:
         rows = list(csv.DictReader(file))
     for row, wanted in zip(rows, explored(small)["points"], strict=True):
-        assert (row["strategy"], int(row["weight_bits"])) == tuple(wanted["setting"].values())
+        assert {axis.name: row[axis.name] for axis in AXES} == {k: str(v) for k, v in wanted["setting"].items()}
         assert float(row["energy_pj"]) == wanted["figures"]["energy_pj"]
         assert float(row["spike_error"]) == wanted["figures"]["spike_error"]
         assert (row["on_front"] == "True", row["command"]) == (wanted["on_front"], wanted["command"])
@@ -97,13 +98,13 @@ def test_pictures_are_whole_and_have_a_mark_for_each_point_and_panel(small, name
 def test_finished_points_are_not_measured_again(model, events, small, monkeypatch):
     before = lasting(small)
     monkeypatch.setattr(point_module, "compile", None)
-    grid = ("--strategy", "dendrite", "reset", "--weight-bits", 4, 8)
+    grid = narrow("dendrite", "reset", bits=(4, 8))
     assert explore(model, "--events", events, *grid, "-o", small, "--quiet") == 0
     assert lasting(small) == before
 
 
 def test_an_interrupted_run_goes_on(model, events, small, tmp_path, monkeypatch, capsys):
-    grid = ("--strategy", "dendrite", "reset", "--weight-bits", 4, 8)
+    grid = narrow("dendrite", "reset", bits=(4, 8))
     arguments = (model, "--events", events, *grid, "-o", tmp_path / "out", "--quiet")
     measured = []
 
@@ -133,7 +134,7 @@ def test_an_interrupted_run_goes_on(model, events, small, tmp_path, monkeypatch,
 
 def test_the_front_is_reported_on_other_recordings(model, divided, tmp_path, capsys):
     out = tmp_path / "out"
-    assert explore(model, "--events", divided, "--report-on", divided, "--weight-bits", 8, "-o", out) == 0
+    assert explore(model, "--events", divided, "--report-on", divided, *narrow("dendrite", "reset"), "-o", out) == 0
     printed = capsys.readouterr().out
     found = explored(out)
     assert found["chosen_on"] == {"source": "touches", "part": "train", "recordings": 6, "available": 6}
@@ -151,7 +152,7 @@ def test_the_front_is_reported_on_other_recordings(model, divided, tmp_path, cap
 
 
 def test_choosing_on_test_recordings_is_said(model, divided, tmp_path, capsys):
-    grid = ("--strategy", "dendrite", "--weight-bits", 8)
+    grid = narrow("dendrite")
     assert explore(model, "--events", divided, "--part", "test", *grid, "-o", tmp_path / "out") == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[1] == "Chosen on test recordings: figures on these are no test of the choice any more."
@@ -159,7 +160,7 @@ def test_choosing_on_test_recordings_is_said(model, divided, tmp_path, capsys):
 
 
 def test_without_events_touches_are_made(model, tmp_path, capsys):
-    grid = ("--strategy", "dendrite", "--weight-bits", 8, "--engines")
+    grid = (*narrow("dendrite"), "--engines")
     assert explore(model, *grid, "-o", tmp_path / "out") == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "small on loihi-sim, 16 recordings of synthetic touches, profile davies2018"
@@ -170,7 +171,7 @@ def test_without_events_touches_are_made(model, tmp_path, capsys):
 
 
 def test_a_bound_takes_recordings_evenly(model, events, tmp_path):
-    grid = ("--strategy", "dendrite", "--weight-bits", 8, "--engines")
+    grid = (*narrow("dendrite"), "--engines")
     assert explore(model, "--events", events, "--recordings", 3, *grid, "-o", tmp_path / "out", "--quiet") == 0
     assert explored(tmp_path / "out")["chosen_on"]["recordings"] == 3
     played, given = np.load(tmp_path / "out/events.npz"), np.load(events)
@@ -179,26 +180,25 @@ def test_a_bound_takes_recordings_evenly(model, events, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("budget", "code", "why"),
-    [
-        (("--max-spike-error", 1), 0, "the least energy, "),
-        (("--min-agreement", 0, "--max-spike-error", 1), 0, "the least energy, "),
-        (("--max-spike-error", 0), 3, "no setting keeps --max-spike-error 0; the least spike error is "),
-    ],
-    ids=["generous", "both", "too strict"],
+    "budget", [("--max-spike-error", 1), ("--min-agreement", 0, "--max-spike-error", 1)], ids=["one", "both"]
 )
-def test_a_budget_decides(model, events, small, budget, code, why, capsys):
-    grid = ("--strategy", "dendrite", "reset", "--weight-bits", 4, 8)
-    assert explore(model, "--events", events, *grid, *budget, "-o", small, "--json") == code
+def test_a_budget_takes_the_cheapest_that_keeps_it(model, events, small, budget, capsys):
+    grid = narrow("dendrite", "reset", bits=(4, 8))
+    assert explore(model, "--events", events, *grid, *budget, "-o", small, "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    rows = [row for row in found["points"] if row["on_front"]]
+    assert found["recommended"]["setting"] == min(rows, key=lambda row: row["figures"]["energy_pj"])["setting"]
+    assert found["recommended"]["why"].startswith("the least energy, ")
+
+
+def test_a_budget_that_nothing_keeps_is_a_gate_that_fails(model, events, tmp_path, capsys):
+    grid = (*narrow("reset", bits=(1,)), "--engines")
+    assert explore(model, "--events", events, *grid, "--max-spike-error", 0, "-o", tmp_path / "out", "--json") == 3
     printed = capsys.readouterr()
     found = json.loads(printed.out)["recommended"]
-    assert found["why"].startswith(why)
-    if code:
-        assert found["setting"] is found["command"] is None
-        assert printed.err == f"gate failed: {found['why']}.\n"
-    else:
-        rows = [row for row in json.loads(printed.out)["points"] if row["on_front"]]
-        assert found["setting"] == min(rows, key=lambda row: row["figures"]["energy_pj"])["setting"]
+    assert found["setting"] is found["command"] is None
+    assert found["why"].startswith("no setting keeps --max-spike-error 0; the least spike error is ")
+    assert printed.err == f"gate failed: {found['why']}.\n"
 
 
 def test_refused_settings_are_rows_with_their_reason(model, events, tmp_path, capsys):
@@ -210,7 +210,7 @@ def test_refused_settings_are_rows_with_their_reason(model, events, tmp_path, ca
     )
     chip.write_text(tiny)
     assert tiny != text
-    grid = ("--target", chip, "--weight-bits", 8, "--engines")
+    grid = (*narrow("dendrite", "delay-line", "reset"), "--target", chip, "--engines")
     assert explore(model, "--events", events, *grid, "-o", tmp_path / "out") == 0
     found = explored(tmp_path / "out")
     said = [line for line in capsys.readouterr().out.splitlines() if line.startswith("dendrite, 8-bit: ")]
@@ -272,6 +272,6 @@ def test_the_bar_moves_with_each_setting(model, events, tmp_path, monkeypatch):
         yield lambda done, total: moved.append((title, done, total))
 
     monkeypatch.setattr(explore_cli, "progress_bar", bar)
-    grid = ("--strategy", "dendrite", "--weight-bits", 4, 8, "--engines")
+    grid = (*narrow("dendrite", bits=(4, 8)), "--engines")
     assert explore(model, "--events", events, *grid, "-o", tmp_path / "out", "--quiet") == 0
     assert moved == [("exploring", 0, 2), ("exploring", 1, 2), ("exploring", 2, 2)]

@@ -3,13 +3,15 @@
 import inspect
 
 import pytest
-from small_model import explore, explored
+from small_model import explore, explored, narrow
 
 import locsnn_compile as lc
 from hw_model.weights import WEIGHT_BITS
 from locsnn_compile.api import STRATEGIES
+from locsnn_compile.cli import explore as explore_cli
 from locsnn_compile.cli.compile import parser
-from locsnn_compile.explore import grid
+from locsnn_compile.errors import InputError
+from locsnn_compile.explore import grid, pictures, result, table
 from locsnn_compile.explore.grid import AXES, Axis, Setting, settings
 
 
@@ -50,12 +52,36 @@ def test_options_that_change_nothing_are_not_tried():
     assert [setting.values for setting in settings(network, {})] == [tuple(axis.neutral for axis in AXES)]
 
 
+PSI = Axis("psi", (5.0, 10.0), 10.0, lambda network: True, "late predictions", "psi {:g}", bounds=(0.0, 99.0))
+
+
 def test_one_row_adds_an_axis(model, events, tmp_path, monkeypatch):
-    """Grid, option, figures, files and commands follow the table."""
-    row = Axis("target", ("loihi-sim",), "loihi-sim", lambda network: True, "chips to try")
-    monkeypatch.setattr(grid, "AXES", (*AXES[:2], row))
-    assert len(settings(lc.load(model), {"weight_bits": [8], "strategy": ["reset"]})) == 1
-    assert str(settings(lc.load(model), {"weight_bits": [8], "strategy": ["reset"]})[0]) == "reset, 8-bit, loihi-sim"
+    """Option, grid, compilation, files and commands follow the table; ``psi`` is an option that changes no figure."""
+    for module in (grid, explore_cli, pictures, result, table):
+        monkeypatch.setattr(module, "AXES", (*AXES, PSI))
+    options = (*narrow("reset"), "--psi", 5, 10, "--engines", "--quiet")
+    assert explore(model, "--events", events, *options, "-o", tmp_path / "out") == 0
+    five, ten = explored(tmp_path / "out")["points"]
+    assert (five["setting"]["psi"], ten["setting"]["psi"]) == (5.0, 10.0)
+    assert five["figures"] == ten["figures"]
+    assert " --psi 5.0 --events " in five["command"]
+    header = (tmp_path / "out/explore.csv").read_text().splitlines()[0].split(",")
+    assert header[: len(AXES) + 1] == [*(axis.name for axis in AXES), "psi"]
+    assert ">psi 5</text>" in (tmp_path / "out/explore.svg").read_text()
+
+
+@pytest.mark.parametrize(
+    ("value", "line"),
+    [(0.0, None), (7.5, None), (99.5, "--psi 99.5: it cannot be explored. Give a number from 0 to 99.")],
+    ids=["least", "between", "too large"],
+)
+def test_bounds_let_other_values_in(value, line):
+    if line is None:
+        PSI.check(value)
+        return
+    with pytest.raises(InputError) as caught:
+        PSI.check(value)
+    assert str(caught.value) == line
 
 
 def test_neutral_settings_compile(model, events, tmp_path):

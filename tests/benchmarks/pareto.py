@@ -1,0 +1,133 @@
+"""Explore the example networks on real recordings, and write their Pareto fronts into the page.
+
+    python tests/benchmarks/pareto.py --data FOLDER --page docs/accuracy.md
+
+``FOLDER`` holds Ev-Objects.zip and Ev-Containers.zip. Settings are chosen on all train recordings; those of the front are
+then measured on the test recordings, once. Points are kept under ``--work``, so the script goes on where it was stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import shutil
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from locsnn_compile.cli.main import main as locsnn
+from locsnn_compile.cli.shell import EXIT_GATE
+from locsnn_compile.explore.grid import AXES
+from locsnn_compile.report.format import NONE, energy, share, time
+
+ROOT = Path(__file__).parents[2]
+DATASETS = ("objects", "containers")
+BUDGETS = (("--min-agreement", "0.99"), ("--max-spike-error", "0.15"), ("--max-spike-error", "0.05"))
+BEGIN, END = "<!-- pareto: begin -->", "<!-- pareto: end -->"
+Document = dict[str, Any]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, required=True)
+    parser.add_argument("--page", type=Path, required=True)
+    parser.add_argument("--work", type=Path, default=ROOT / "build" / "pareto")
+    args = parser.parse_args()
+    written = "\n\n".join(section(args.data, args.work / dataset, args.page, dataset) for dataset in DATASETS)
+    text = args.page.read_text(encoding="utf-8")
+    before, rest = text.split(BEGIN)
+    args.page.write_text(f"{before}{BEGIN}\n{written}\n{END}{rest.split(END)[1]}", encoding="utf-8")
+
+
+def section(data: Path, work: Path, page: Path, dataset: str) -> str:
+    """Return the section of one network, and put its picture beside the page."""
+    archive = f"Ev-{dataset.title()}.zip"
+    recordings = [
+        option for name in ("events", "calibration", "report-on") for option in (f"--{name}", str(data / archive))
+    ]
+    options = [*recordings, "-o", str(work)]
+    bounded = [(budget, explore(dataset, [*options, *budget])["recommended"]) for budget in BUDGETS]
+    found = explore(dataset, options)
+    picture = page.parent / "images" / f"pareto-{dataset}.svg"
+    shutil.copyfile(work / "explore.svg", picture)
+    chosen, reported = found["chosen_on"], found["reported_on"]
+    lines = [
+        f"### {dataset.title()}, chosen on {chosen['recordings']} train recordings, "
+        f"reported on {reported['recordings']} test recordings",
+        "",
+        f"![Energy and chip time over spike error, {dataset}](images/{picture.name})",
+        "",
+        *table(found, timings(work)),
+        "",
+        "Every row again, on the test recordings, with the options of the row:",
+        "",
+        f"    locsnn-compile examples/models/{dataset}-hybrid.pt --events {archive} --calibration {archive} OPTIONS",
+        "",
+        f"- Recommended: `{options_of(found['recommended']['setting'])}`, {found['recommended']['why']}.",
+        *(f"- With `{' '.join(budget)}`: {bound(recommended)}." for budget, recommended in bounded),
+        f"- Off the front, {off_front(found)}.",
+    ]
+    return "\n".join(lines)
+
+
+def explore(dataset: str, options: Sequence[str]) -> Document:
+    """Run the command; return explore.json."""
+    code = locsnn(["explore", f"examples/models/{dataset}-hybrid.pt", *options, "--quiet"])
+    if code not in (0, EXIT_GATE):
+        sys.exit(code)
+    document: Document = json.loads((Path(options[options.index("-o") + 1]) / "explore.json").read_text("utf-8"))
+    return document
+
+
+def table(found: Document, seconds: dict[tuple[str, ...], dict[str, float]]) -> list[str]:
+    """Return the front, the least energy first: figures on train recordings, and on test recordings."""
+    head = "| | options | spike error | classes changed | test: spike error | classes changed | accuracy | energy | chip time | simulator, fast | reference |"
+    lines = [head, "| --- | --- |" + " ---: |" * 9]
+    front = [row for row in found["points"] if row["on_front"]]
+    for row in sorted(front, key=lambda row: row["figures"]["energy_pj"]):
+        test, timed = row["reported"], seconds[key(row["setting"])]
+        cells = [
+            "**recommended**" if row["recommended"] else "",
+            f"`{options_of(row['setting'])}`",
+            *(share(row["figures"][name]) for name in ("spike_error", "prediction_error")),
+            *(share(test[name]) for name in ("spike_error", "prediction_error")),
+            NONE if test["accuracy"] is None else share(test["accuracy"]),
+            energy(test["energy_pj"]),
+            time(test["chip_time_ns"]),
+            *(time(1e9 * timed[engine]) for engine in ("fast", "reference")),
+        ]
+        lines.append(f"| {' | '.join(cells)} |")
+    return lines
+
+
+def timings(work: Path) -> dict[tuple[str, ...], dict[str, float]]:
+    """Return seconds of a recording by setting and engine."""
+    found: dict[tuple[str, ...], dict[str, float]] = {}
+    with (work / "timings.csv").open(encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            found.setdefault(key(row), {})[row["engine"]] = float(row["seconds_per_recording"])
+    return found
+
+
+def key(setting: dict[str, Any]) -> tuple[str, ...]:
+    return tuple(str(setting[axis.name]) for axis in AXES)
+
+
+def options_of(setting: dict[str, Any]) -> str:
+    return " ".join(f"{axis.option} {setting[axis.name]}" for axis in AXES)
+
+
+def bound(recommended: Document) -> str:
+    setting = recommended["setting"]
+    return recommended["why"] if setting is None else f"`{options_of(setting)}`, {recommended['why']}"
+
+
+def off_front(found: Document) -> str:
+    names = [f"`{options_of(row['setting'])}`" for row in found["points"] if not row["on_front"]]
+    return f"each beaten by another in every figure: {', '.join(names)}" if names else "there is nothing"
+
+
+if __name__ == "__main__":
+    main()
