@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 import hw_model as hw
 from locsnn_compile.calibration import calibrate
+from locsnn_compile.check_network import check_network
 from locsnn_compile.choose_strategy import Choice, ErrorBudget, Setting, choose_strategy, lower_as
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import Recordings
@@ -89,6 +90,7 @@ def compile(
         )
     check_weight_bits(weight_bits)
     _check_share(split_weights)
+    check_network(network)
     chip = hw.chip(target)
     recordings = recordings_for(network, events, labels)
     if network.any_length:

@@ -118,15 +118,14 @@ def _threshold_limits(task: _Task) -> FloatArray:
     """Return the largest threshold mantissas (m,) at which a neuron's weights fit a format, and its charge and current
     the registers: the charge whatever the input."""
     registers, ideal, theta = task.chip.registers, task.drive.ideal, task.neuron.theta
-    heaviest = float((1 << task.weight_bits) - 1 << coarsest(task.weight_bits)) / np.abs(ideal).max(
-        axis=1, initial=np.finfo(float).tiny
-    )
+    largest = np.abs(ideal).max(axis=1, initial=0.0)
     one_sign = np.maximum(np.maximum(ideal, 0).sum(axis=1), np.maximum(-ideal, 0).sum(axis=1))
-    charge = (1 << registers.charge_bits) / 64 / np.maximum(one_sign, np.finfo(float).tiny)
-    current = (
-        (1 << registers.current_bits) / 64 / CURRENT_ROOM / np.maximum(task.drive.peak_current, np.finfo(float).tiny)
-    )
-    limits: FloatArray = np.minimum(np.minimum(heaviest, charge), current) * theta - 1
+    # A neuron without weights, or with none to speak of, has no limit.
+    with np.errstate(divide="ignore", over="ignore"):
+        heaviest = float((1 << task.weight_bits) - 1 << coarsest(task.weight_bits)) / largest
+        charge = (1 << registers.charge_bits) / 64 / one_sign
+        current = (1 << registers.current_bits) / 64 / CURRENT_ROOM / task.drive.peak_current
+        limits: FloatArray = np.minimum(np.minimum(heaviest, charge), current) * theta - 1
     return limits
 
 

@@ -52,14 +52,16 @@ def whole_mantissas(neuron: SrmAlpha, thresholds: npt.NDArray[np.float64]) -> tu
     """Return threshold mantissas (k,) near those wanted, their refractory mantissas (k,), and the exponent of all.
 
     A scale is free, so it is chosen for the refractory weight: its mantissa is the largest whole one at which the
-    threshold is not above the one wanted, and the threshold follows from it.
+    threshold is not above the one wanted, and the threshold follows from it. Where that would be 0, the threshold is
+    the one wanted, and the refractory weight is rounded.
     """
     _, gain, _ = alpha_kernel(neuron.tau_ref, "tau_ref")
     charge = neuron.scale_ref * gain
-    if charge == 0.0:
-        return np.floor(thresholds).astype(np.int64), np.zeros(len(thresholds), dtype=np.int64), 0
     heaviest = charge * (float(thresholds.max()) + 1 / 64)
+    if heaviest < 0.5:
+        return np.floor(thresholds).astype(np.int64), np.zeros(len(thresholds), dtype=np.int64), 0
     exponent = max(0, math.ceil(math.log2(heaviest / 255)))
-    mantissa = np.maximum(np.floor(charge * (thresholds + 1 / 64) / 2**exponent), 1.0)
-    found = np.rint(mantissa * 2**exponent / charge - 1 / 64)
+    wanted = charge * (thresholds + 1 / 64) / 2**exponent
+    mantissa = np.where(wanted < 1, np.rint(wanted), np.floor(wanted))
+    found = np.where(wanted < 1, np.floor(thresholds), np.rint(mantissa * 2**exponent / charge - 1 / 64))
     return found.astype(np.int64), -mantissa.astype(np.int64), exponent

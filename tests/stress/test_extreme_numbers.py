@@ -223,3 +223,26 @@ def test_lost_biases_are_counted_in_the_report():
     report = lc.compile(network, events=np.ones((1, 30, 1), dtype=np.uint8)).report
     assert report["skipped"]["biases_lost"] == 1
     assert "- biases lost: 1, which round to 0\n" in render_markdown(report)
+
+
+FAINT = [
+    ("no weight", SRM, 0.0),
+    ("least scale_ref", replace(SRM, scale_ref=5e-324), 10.0),
+    ("small scale_ref", replace(SRM, scale_ref=1e-6), 10.0),
+    ("short kernel", replace(SRM, tau_sr=1e-3), 10.0),
+    ("denormal weight", SRM, 1e-310),
+]
+
+
+@pytest.mark.parametrize(("neuron", "weight"), [row[1:] for row in FAINT], ids=[row[0] for row in FAINT])
+@pytest.mark.filterwarnings("error")
+def test_rounding_for_recordings_takes_what_is_nearly_nothing(neuron, weight):
+    played = np.ones((1, 30, 1), dtype=np.uint8)
+    compiled = lc.compile(one(neuron, weight), strategy="dendrite", events=played)
+    assert compiled.levels.quantized.population("n").neuron.threshold[0] <= CHIP.registers.threshold_mantissa_max
+
+
+@pytest.mark.parametrize("changes", [{"theta": 5e-324}, {"theta": 1.7e308}, {"tau_sr": 1e-320}])
+def test_networks_are_checked_before_anything_is_evaluated(changes):
+    with pytest.raises(InputError, match="a number to compute with"):
+        lc.compile(one(replace(SRM, **changes)), events=np.ones((1, 30, 1), dtype=np.uint8))
