@@ -47,11 +47,11 @@ def choice_blocks(document: Document) -> tuple[Block, ...]:
     return (
         Table(
             f"Settings compared on {count(choice['calibration_samples'])} recordings of "
-            f"{choice['calibration_source']}; taken: {_words(taken, 'taken_')}, {_reason(choice)}",
+            f"{choice['calibration_source']}; taken: {setting_words(taken, 'taken_')}, {_reason(choice)}",
             ("setting", "same prediction", "spikes that differ", "energy", "within the error budget"),
             tuple(
                 (
-                    _words(row),
+                    setting_words(row),
                     share(row["prediction_agreement"]),
                     share(row["spike_error"]),
                     energy(row["energy_pj"]),
@@ -71,7 +71,7 @@ def unmet_budget(choice: Choice) -> str:
         for option, bound in (("--min-agreement", bounds.min_agreement), ("--max-spike-error", bounds.max_spike_error))
         if bound is not None
     ]
-    setting = _words({"strategy": best.strategy, **_numbers(best.setting)})
+    setting = setting_words({"strategy": best.strategy, **_numbers(best.setting)})
     return (
         f"no setting keeps {' and '.join(asked)} on {count(choice.samples)} recordings of {choice.source}: the best of "
         f"{len(choice.candidates)} is {setting}, with prediction agreement {best.prediction_agreement:.4f} and "
@@ -83,7 +83,7 @@ def _numbers(setting: Setting) -> dict[str, Any]:
     return {"weight_bits": setting.weight_bits, "split_weights": setting.split_weights}
 
 
-def _words(row: dict[str, Any], prefix: str = "") -> str:
+def setting_words(row: dict[str, Any], prefix: str = "") -> str:
     """Name a setting."""
     part = row[f"{prefix}split_weights"]
     split = f", {'all' if part == 1 else share(part) + ' of'} weights split" if part else ""
