@@ -35,7 +35,9 @@ def round_apart(
 
 def _coarsest(ideal: Sequence[FloatArray], share: float) -> list[BoolArray]:
     """Mark the share of weights that are largest, over all projections."""
-    flat = np.concatenate([np.abs(part).ravel() for part in ideal]) if ideal else np.zeros(0)
+    if not ideal:
+        return []
+    flat = np.concatenate([np.abs(part).ravel() for part in ideal])
     count = round(share * int((flat > 0).sum()))
     marked = np.zeros(len(flat), dtype=np.bool_)
     marked[np.argsort(-flat, kind="stable")[:count]] = True
