@@ -46,7 +46,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
-    add("model", metavar="MODEL", help="a checkpoint (.pt) that `locsnn train` wrote")
+    add("model", metavar="MODEL", help="a checkpoint (.pt) of `locsnn train`, a NIR graph (.nir), a lava-dl net (.net)")
     add("--config", metavar="FILE", help="network description, for model formats that need one; a checkpoint does not")
     add("--dt", type=float, metavar="SECONDS", help="NIR: seconds of a step (default 1e-4, the convention)")
     add("--reset", metavar="NAME", help="NIR: what a spike does to the potential (default zero)")
@@ -55,7 +55,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add("--part", metavar="PART", help="train (default) or test, where the events are divided")
     add("--recordings", type=int, metavar="N", help="take only N of them, evenly spread")
     add("--report-on", metavar="FILE", help="recordings to measure the front on once more; nothing is chosen on them")
-    add("--calibration", metavar="FILE", help="recordings that the compiler calibrates on, as for `locsnn-compile`")
+    add("--calibration", metavar="FILE", help="recordings that the compiler calibrates on (default: those of --events)")
     add("--target", default="loihi-sim", metavar="CHIP", help="chip name or chip file (default loihi-sim)")
     for axis in AXES:
         listed = ", ".join(map(str, axis.values))
@@ -120,8 +120,9 @@ def _explore(
     network, chip = model.load(), hw.chip(args.target)
     events = choose_events(network, args.events, args.part, args.recordings)
     reported_on = report_events(network, args.report_on) if args.report_on else None
-    calibration = calibration_recordings(network, args.calibration)
-    study = Study(network, model.digest(), chip, events.recordings, calibration, tuple(args.engines))
+    # Never those that the model carries, by default: they may be of its test part.
+    calibration = calibration_recordings(network, args.calibration) if args.calibration else events.recordings
+    study = Study(network, model.digest(), chip, events.recordings, calibration, tuple(dict.fromkeys(args.engines)))
     store = Store(folder / "points")
     with progress_bar("exploring", show=not args.quiet) as progress:
         points = sweep(study, settings(network, wanted), store, executor, progress)

@@ -27,7 +27,8 @@ REPORTING = "test"
 class Chosen:
     """Recordings, ``available`` before they were bounded, and the ``part`` they are of; None where there are none.
 
-    ``file``: what ``--events`` of ``locsnn-compile`` is given to play the same ones; None where they are in no file.
+    ``file``: what ``--events`` or ``--calibration`` of ``locsnn-compile`` is given for the same ones; None where no
+    file holds just these.
     """
 
     recordings: Recordings
@@ -63,22 +64,22 @@ def choose_events(network: Network, events: str | None, part: str | None, bound:
         )
     taken = part or (CHOOSING if parts else None)
     recordings = read_recordings(events, split=taken, step_seconds=network.step_seconds)
-    # `locsnn-compile` plays the test part of what is divided.
-    file = events if taken in (None, REPORTING) else None
+    # What is divided means one part as events and another as calibration recordings.
+    file = None if parts else events
     return _bounded(Chosen(recordings, len(recordings), taken, file), bound)
 
 
-def calibration_recordings(network: Network, calibration: str | None) -> Recordings | None:
+def calibration_recordings(network: Network, calibration: str) -> Recordings:
     """Return what ``--calibration`` of ``locsnn-compile`` reads: of what is divided the train part."""
-    if calibration is None:
-        return None
     part = CHOOSING if CHOOSING in recording_parts(calibration) else None
     return read_recordings(calibration, split=part, step_seconds=network.step_seconds)
 
 
 def report_events(network: Network, events: str) -> Chosen:
     """Return recordings to report on: all, of what is divided the test part."""
-    return choose_events(network, events, REPORTING if recording_parts(events) else None, None)
+    chosen = choose_events(network, events, REPORTING if recording_parts(events) else None, None)
+    # `locsnn-compile` plays the test part of what is divided.
+    return replace(chosen, file=events)
 
 
 def written(chosen: Chosen, path: Path) -> Chosen:

@@ -23,7 +23,7 @@ from locsnn_compile.explore.sweep import Progress, sweep
 class Exploration:
     """Points in the order of the grid, and what they were measured on.
 
-    ``model``, ``target`` and ``calibration`` as they were given; ``events`` are in a file.
+    ``model``, ``target`` and ``calibration`` as they were given, the last None where it is the ``events``, in a file.
     ``reported``: points of the front on other recordings, ``reported_on``, on which nothing was chosen.
     """
 
@@ -67,7 +67,9 @@ class Exploration:
         return replace(self, reported=sweep(study, self.front, store, executor, progress), reported_on=events)
 
     def _command(self, setting: Setting, events: Chosen) -> str:
+        calibration = self.calibration or self.events.file
         assert events.file is not None
+        assert calibration is not None
         given = [*self.model.arguments(), "--target", self.target]
-        played = [*(("--calibration", self.calibration) if self.calibration else ()), "--events", events.file]
+        played = ["--calibration", calibration, "--events", events.file]
         return shlex.join(["locsnn-compile", *given, *setting.arguments(), *played])

@@ -21,14 +21,14 @@ from locsnn_compile.network import Network
 class Study:
     """``network`` is the model of the digest, :meth:`ModelFile.digest`; ``engines`` are timed on each point.
 
-    ``calibration``: what the compiler calibrates on; None leaves that to it.
+    Settings are checked on ``recordings``, and compiled for the ``calibration`` recordings.
     """
 
     network: Network
     model_digest: str
     chip: hw.Chip
     recordings: Recordings
-    calibration: Recordings | None = None
+    calibration: Recordings
     engines: tuple[Engine, ...] = ()
 
     def key(self, setting: Setting) -> str:
@@ -42,7 +42,7 @@ class Study:
 
     @cached_property
     def _digest(self) -> str:
-        played = [_recordings_digest(self.recordings), self.calibration and _recordings_digest(self.calibration)]
+        played = [_recordings_digest(self.recordings), _recordings_digest(self.calibration)]
         about = [self.network.name, self.model_digest, self.chip.document, self.engines, played]
         return hashlib.sha256(json.dumps(about).encode()).hexdigest()
 

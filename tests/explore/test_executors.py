@@ -37,7 +37,8 @@ def serial(model, events, tmp_path_factory):
 @pytest.fixture(scope="module")
 def study(model, events):
     network = lc.load(model)
-    return Study(network, "digest", hw.chip("loihi-sim"), choose_events(network, str(events), None, None).recordings)
+    recordings = choose_events(network, str(events), None, None).recordings
+    return Study(network, "digest", hw.chip("loihi-sim"), recordings, recordings)
 
 
 @pytest.fixture(scope="module")

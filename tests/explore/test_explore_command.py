@@ -12,8 +12,10 @@ import pytest
 from small_model import explore, explored, lasting, narrow
 
 import hw_model as hw
+from hw_model.simulation import ENGINES
 from locsnn_compile.cli import explore as explore_cli
 from locsnn_compile.cli.compile import main as compile_main
+from locsnn_compile.data.archives import PARTS
 from locsnn_compile.explore import point as point_module
 from locsnn_compile.explore.grid import AXES
 from locsnn_compile.explore.point import Figures
@@ -156,7 +158,27 @@ def test_choosing_on_test_recordings_is_said(model, divided, tmp_path, capsys):
     assert explore(model, "--events", divided, "--part", "test", *grid, "-o", tmp_path / "out") == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[1] == "Chosen on test recordings: figures on these are no test of the choice any more."
-    assert explored(tmp_path / "out")["points"][0]["command"].endswith(f"--events {divided}")
+    assert explored(tmp_path / "out")["chosen_on"]["part"] == "test"
+
+
+def test_weights_are_rounded_for_the_recordings_compared_on(model, events, small):
+    """Not for those that a model carries, which may be of its test part."""
+    assert explored(small)["points"][0]["command"].endswith(f"--calibration {events} --events {events}")
+
+
+def test_calibration_recordings_can_be_given(model, events, divided, tmp_path):
+    options = (*narrow("dendrite", bits=(4,)), "--engines", "--calibration", divided, "-o", tmp_path / "out", "--quiet")
+    assert explore(model, "--events", events, *options) == 0
+    row = explored(tmp_path / "out")["points"][0]
+    assert row["command"].endswith(f"--calibration {divided} --events {events}")
+    assert compile_main([*shlex.split(row["command"])[1:], "-o", str(tmp_path / "build"), "--quiet"]) == 0
+    figures = Figures.of(json.loads((tmp_path / "build/report.json").read_text()))
+    assert {name: row["figures"][name] for name in vars(figures)} == vars(figures)
+
+
+def test_names_of_the_options_are_those_of_the_readers():
+    assert explore_cli.PARTS == PARTS
+    assert sorted(explore_cli.ENGINES) == sorted(ENGINES)
 
 
 def test_without_events_touches_are_made(model, tmp_path, capsys):

@@ -64,7 +64,7 @@ def test_one_row_adds_an_axis(model, events, tmp_path, monkeypatch):
     five, ten = explored(tmp_path / "out")["points"]
     assert (five["setting"]["psi"], ten["setting"]["psi"]) == (5.0, 10.0)
     assert five["figures"] == ten["figures"]
-    assert " --psi 5.0 --events " in five["command"]
+    assert " --psi 5.0 --calibration " in five["command"]
     header = (tmp_path / "out/explore.csv").read_text().splitlines()[0].split(",")
     assert header[: len(AXES) + 1] == [*(axis.name for axis in AXES), "psi"]
     assert ">psi 5</text>" in (tmp_path / "out/explore.svg").read_text()
