@@ -14,6 +14,7 @@ from locsnn_compile.matrices import matrix
 from locsnn_compile.network import InputView, Network, Neuron, Population, Projection
 from locsnn_compile.neurons import Cuba, FloatArray, SrmAlpha
 from locsnn_compile.on_grid import ChipCuba, ChipProjection, ChipSrm, Signs
+from locsnn_compile.passes.rounding import FINE, Rounding
 
 SRM_STRATEGIES = ("dendrite", "delay-line", "reset")
 NATIVE = "native"
@@ -32,8 +33,8 @@ SEED = 0
 class Case:
     """One row of the table: a network, how it is lowered, and recordings (samples, steps, channels) of 0 and 1.
 
-    ``x`` is the number that the group of cases varies, where it has a place on an axis. ``quick`` cases are part of
-    every run.
+    It is rounded as `locsnn-compile` rounds, unless ``rounding`` says otherwise. ``x`` is the number that the group of
+    cases varies, where it has a place on an axis. ``quick`` cases are part of every run.
     """
 
     group: str
@@ -42,6 +43,7 @@ class Case:
     network: Network
     recordings: ByteArray
     weight_bits: int = 8
+    rounding: Rounding = FINE
     x: float | None = None
     quick: bool = False
 
@@ -96,10 +98,10 @@ def weights(tau: float = 10.0, *, response: str = "alpha", size: int = NEURONS, 
 
 
 def random_input(
-    steps: int = STEPS, *, channels: int = CHANNELS, rate: float = RATE, samples: int = SAMPLES
+    steps: int = STEPS, *, channels: int = CHANNELS, rate: float = RATE, samples: int = SAMPLES, seed: int = SEED + 1
 ) -> ByteArray:
     """Return recordings (samples, steps, channels) in which every channel spikes at random, at a rate a step."""
-    drawn = np.random.default_rng(SEED + 1).random((samples, steps, channels)) < rate
+    drawn = np.random.default_rng(seed).random((samples, steps, channels)) < rate
     return drawn.astype(np.uint8)
 
 

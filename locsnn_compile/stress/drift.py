@@ -56,13 +56,12 @@ def long_row(run: LongRun, chip: hw.Chip, float_run: FloatRun) -> Row:
 def measure_drift(run: LongRun, chip: hw.Chip, wanted: FloatRun) -> tuple[Drift, str | None]:
     """Return figures by tenth of the run, and what differs from the simulation, if anything does."""
     steps = len(wanted.spikes)
-    network = replace(run.case.network, steps=steps)
-    levels = lowered(replace(run.case, network=network), chip)
+    levels = lowered(run.case, chip, steps)
     played = np.tile(run.block, (-(-steps // len(run.block)), 1))[:steps]
     found = hw.simulate(levels.program, played, probe=("spikes", hw.Probe("potential", (POPULATION,))))
     spikes, potential = found.spikes[POPULATION], found.potential[POPULATION]
     scale = levels.quantized.population(POPULATION).scale
-    theta = np.array([network.populations[0].threshold_of(i) for i in range(len(scale))])
+    theta = np.array([run.case.network.populations[0].threshold_of(i) for i in range(len(scale))])
     quiet: BoolArray = ~np.asarray(wanted.spikes.any(axis=0) | spikes.any(axis=0))
     parts = [slice(part[0], part[-1] + 1) for part in np.array_split(np.arange(steps), TENTHS)]
     error = [

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 import hw_model as hw
 from hw_model.fixed_point import DECAY_ONE
+from locsnn_compile.calibration import calibrate
+from locsnn_compile.check_network import check_network
+from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.error_budget.stages import STAGES
 from locsnn_compile.matching import PopulationMatch, fit_recordings
 from locsnn_compile.matrices import Matrix, values_of
@@ -14,21 +19,32 @@ from locsnn_compile.neurons import Cuba
 from locsnn_compile.on_grid import ChipCuba, ChipProjection
 from locsnn_compile.pipeline import Levels, lower
 from locsnn_compile.stress.bounds import SOURCES, error_bound
-from locsnn_compile.stress.case import NATIVE, POPULATION, Case
+from locsnn_compile.stress.case import NATIVE, POPULATION, SEED, Case, random_input
 from locsnn_compile.stress.engines import odd_one_out
 from locsnn_compile.stress.row import Lost, Measured
 from locsnn_compile.stress.sides import Sides
 
 FLOAT_ROUNDING = 1e-9
 """Share of a potential, or of a threshold, that float64's own rounding may come to: far less than a register's unit."""
+CALIBRATION_SEED = SEED + 2
 COARSE = 0.01
 """A decay that fades faster or slower than asked for by more than this share is named."""
 WITHOUT_LIMITS = tuple(stage for stage in STAGES if stage != "wraps_clips")
 
 
-def lowered(case: Case, chip: hw.Chip) -> Levels:
-    """Lower a case by its strategy."""
-    return lower(case.network, chip, case.weight_bits, "dendrite" if case.strategy == NATIVE else case.strategy)
+def lowered(case: Case, chip: hw.Chip, steps: int | None = None) -> Levels:
+    """Lower a case by its strategy; recordings may have other ``steps`` than those that weights are rounded for.
+
+    Weights are rounded for random recordings that are not the ones of the case.
+    """
+    network = case.network
+    check_network(network)
+    drawn = random_input(network.steps, channels=network.channels, seed=CALIBRATION_SEED)
+    recordings = Recordings(drawn, None, None, "random")
+    calibration = None if network.populations[0].on_grid else calibrate(network, recordings, chip.registers)
+    strategy = "dendrite" if case.strategy == NATIVE else case.strategy
+    wanted = network if steps is None else replace(network, steps=steps)
+    return lower(wanted, chip, case.weight_bits, strategy, case.rounding, calibration)
 
 
 def measure(case: Case, chip: hw.Chip) -> Measured:

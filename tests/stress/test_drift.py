@@ -8,6 +8,7 @@ import pytest
 import hw_model as hw
 from locsnn_compile.matching import PopulationMatch
 from locsnn_compile.reference import evaluate
+from locsnn_compile.report.format import short
 from locsnn_compile.stress import drift as drift_module
 from locsnn_compile.stress.cases.long_runs import long_runs
 from locsnn_compile.stress.drift import long_row, measure_drift, play_float
@@ -61,7 +62,8 @@ def test_a_session_that_counts_otherwise_is_unexplained(monkeypatch):
 
 def test_an_error_beyond_its_bound_is_unexplained(monkeypatch):
     run = RUNS["leak of 10 steps", "native"]
-    monkeypatch.setattr(drift_module, "_bound", lambda *given: 0.001)
+    monkeypatch.setattr(drift_module, "_bound", lambda *given: 1e-5)
     row = long_row(run, CHIP, play_float(run.case.network, run.block, 1_000))
     assert row.verdict == "unexplained"
-    assert row.causes == ("an error of 0.0070 thresholds in the long run is beyond the bound of 0.0010",)
+    largest = short(max(row.drift.error))
+    assert row.causes == (f"an error of {largest} thresholds in the long run is beyond the bound of 0.000010",)

@@ -11,6 +11,7 @@ from locsnn_compile.stress.cases.formats import delays, weight_bits, weight_expo
 from locsnn_compile.stress.cases.inputs import crowds, input_patterns
 from locsnn_compile.stress.cases.magnitudes import one_scale_for_all, weights_against_thresholds
 from locsnn_compile.stress.cases.resets import biases, refractory_counts
+from locsnn_compile.stress.cases.roundings import roundings
 from locsnn_compile.stress.cases.ties import exact_thresholds
 from locsnn_compile.stress.cases.time_constants import refractory_time_constants, time_constants
 from locsnn_compile.stress.cases.weights import weight_shapes
@@ -23,6 +24,7 @@ GROUPS: tuple[Callable[[], Iterable[Case]], ...] = (
     weights_against_thresholds,
     weight_shapes,
     weight_bits,
+    roundings,
     weight_exponents,
     float_extremes,
     input_patterns,
@@ -47,6 +49,8 @@ LEADS: dict[str, str] = {
     "above, a single step's charge fills its register.",
     "shapes of weights": "One exponent serves a population, so one huge weight takes the bits of all others.",
     "weight bits": "Every width of a synapse format, and 7, which none has.",
+    "roundings": "Each step beyond rounding to the nearest, alone and all together; the other groups have all but "
+    "splitting, as `locsnn-compile` does. Weights are rounded for recordings that are not played here.",
     "weight exponents": "Integer weights at the ends of their grid; the threshold grows with the exponent. A negative "
     "exponent takes the low bits, of the smallest weights all.",
     "extreme floats": "Denormal, infinite, not a number: refused, or counted as lost; nothing turns into nan.",
