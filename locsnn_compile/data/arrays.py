@@ -6,15 +6,17 @@ import io
 import re
 import zipfile
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hw_model.files import pack_arrays, replace_file
+from locsnn_compile.data.event_stream import Binning, bin_streams
 from locsnn_compile.data.npy import load_npy, to_step_major
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Recordings
+from locsnn_compile.data.structured import parse_structured
 from locsnn_compile.data.torch_file import load_plain, read_bytes
 from locsnn_compile.errors import InputError
 
@@ -26,8 +28,8 @@ _LABEL = re.compile(r"_label_(\d{1,6})(?=\.|_|$)")
 _BESIDE = ("labels", "step_seconds")
 
 
-def read_arrays(path: Path, *, step_seconds: float | None) -> Recordings:
-    """Return the recordings of a ``.npy``, ``.npz`` or ``.pt`` file.
+def read_arrays(path: Path, *, binning: Binning) -> Recordings:
+    """Return the recordings of a ``.npy``, ``.npz`` or ``.pt`` file; a structured array is one recording of events.
 
     Shapes as in :func:`locsnn_compile.data.npy.to_step_major`. In ``.npz`` and ``.pt`` the recordings are the
     entry ``spikes``, or the only one beside ``labels`` and ``step_seconds``; a ``.pt`` may also be the array
@@ -44,33 +46,25 @@ def read_arrays(path: Path, *, step_seconds: float | None) -> Recordings:
         entries = _npz_entries(data, where)
     else:
         entries = _torch_entries(data, where)
-    spikes = to_step_major(_find_spikes(entries, where), where)
+    seconds = binning.step_seconds
+    if seconds is None and "step_seconds" in entries:
+        seconds = _number(entries["step_seconds"], where)
+    found = _find_spikes(entries, where)
+    if found.dtype.names is not None:
+        stream = parse_structured(found, where)
+        spikes, seconds = bin_streams([stream], [where], where, replace(binning, step_seconds=seconds))
+    else:
+        spikes = to_step_major(found, where)
     labels = entries.get("labels")
     if labels is None:
         labels = _labels_beside(path, len(spikes))
-    seconds = step_seconds
-    if seconds is None and "step_seconds" in entries:
-        stored = entries["step_seconds"]
-        if stored.size != 1 or stored.dtype.kind not in "iuf":
-            raise InputError(where, "its entry 'step_seconds' is not one number", fix="Give the width of a bin.")
-        seconds = float(stored.reshape(()))
     return Recordings(spikes, labels, seconds, path.name)
 
 
-def write_recordings(path: Path | str, recordings: Recordings) -> None:
-    """Write ``recordings`` as ``.npz``, whole or not at all; equal recordings give equal bytes everywhere.
-
-    Entries: ``spikes`` uint8 (samples, channels, steps), ``labels`` int64 (samples,) where there are any, and
-    ``step_seconds`` where it is known. Raises ``InputError`` where the file cannot be written.
-    """
-    path = Path(path)
-    entries: dict[str, NDArray[Any]] = {"spikes": np.ascontiguousarray(recordings.spikes.transpose(0, 2, 1))}
-    if recordings.labels is not None:
-        entries["labels"] = recordings.labels
-    if recordings.step_seconds is not None:
-        entries["step_seconds"] = np.array(recordings.step_seconds, dtype=np.float64)
-    # Stored, not compressed: compressed bytes differ between builds of zlib.
-    replace_file(path, pack_arrays(entries, compressed=False), f"file {path.name!r}")
+def _number(stored: NDArray[Any], where: str) -> float:
+    if stored.size != 1 or stored.dtype.kind not in "iuf":
+        raise InputError(where, "its entry 'step_seconds' is not one number", fix="Give the width of a bin.")
+    return float(stored.reshape(()))
 
 
 def label_in_name(name: str) -> int | None:

@@ -14,7 +14,7 @@ from locsnn_compile.errors import InputError
 
 
 def load_npy(data: bytes, where: str) -> NDArray[Any]:
-    """Return the array in the bytes of a ``.npy`` file, never unpickling anything.
+    """Return the array in the bytes of a ``.npy`` file, of numbers or structured, never unpickling anything.
 
     Raises ``InputError`` for bytes that are no such file, values that are no numbers, a declared shape that
     is too large, and bytes that end before the array does.
@@ -31,9 +31,9 @@ def load_npy(data: bytes, where: str) -> NDArray[Any]:
     # A hostile header meets numpy's parser in many ways; each means the same to the user.
     except Exception:
         raise InputError(where, "it is damaged or not a numpy file", fix=fix) from None
-    if dtype.kind not in "biuf":
+    if dtype.kind not in "biuf" and (dtype.names is None or dtype.hasobject):
         raise InputError(where, "its values are no numbers", measured=f"dtype {dtype}", fix=fix)
-    if any(size < 0 for size in shape) or math.prod(shape) > MAX_ELEMENTS:
+    if any(size < 0 for size in shape) or math.prod(shape) * max(1, dtype.itemsize // 8) > MAX_ELEMENTS:
         raise InputError(
             where,
             "its declared shape is too large",

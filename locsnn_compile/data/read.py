@@ -4,47 +4,52 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from locsnn_compile.data.archives import PARTS, archive_parts, read_archive
-from locsnn_compile.data.arrays import read_arrays
+from locsnn_compile.data.arrays import label_in_name, read_arrays
+from locsnn_compile.data.event_stream import MAX_EVENTS, MAX_STEP_SECONDS, MIN_STEP_SECONDS, Binning, bin_streams
 from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.data.tact import read_tact, read_tact_folder
+from locsnn_compile.data.streams import EVENT_SUFFIXES, parse_events
+from locsnn_compile.data.torch_file import read_bytes
 from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.models.description import MAX_STEPS
 
-#: Widths of a time bin that are accepted.
-MIN_STEP_SECONDS, MAX_STEP_SECONDS = 1e-6, 1e3
-
-_SUFFIXES = (".zip", ".npy", ".npz", ".pt", ".tact")
+_SUFFIXES = (".zip", ".npy", ".npz", ".pt", *EVENT_SUFFIXES)
+#: Ranges of the whole numbers that describe how events become bins.
+_RANGES = {
+    "threshold": (0, MAX_EVENTS),
+    "channels": (1, 1_000_000),
+    "steps": (1, MAX_STEPS),
+    "polarities": (1, 2),
+    "columns": (1, 1_000_000),
+}
 
 
 def read_recordings(
-    path: Path | str, *, split: str | None = None, step_seconds: float | None = None, threshold: int = 1
+    path: Path | str,
+    *,
+    split: str | None = None,
+    step_seconds: float | None = None,
+    threshold: int | None = None,
+    channels: int | None = None,
+    steps: int | None = None,
+    polarities: int | None = None,
+    columns: int | None = None,
 ) -> Recordings:
     """Return the recordings at ``path``, of whatever supported format.
 
-    A ``.zip`` or folder of EvTouch files, a folder of ``.tact``, or one ``.npy``, ``.npz``, ``.pt`` or ``.tact``.
-    ``split`` is ``train`` or ``test`` of an archive or folder that is so divided (None: ``test``); a single
-    file has no parts. ``step_seconds`` is the width of a bin where the file does not say it (``.tact``: the
-    width to bin with, and ``threshold`` the events a bin must exceed). Every unusable input is one
-    ``InputError``.
+    A ``.zip`` or folder of ``.npy``, ``.tact``, ``.bs1`` or ``.bs2``, one recording each, or one file of these, or
+    ``.npz`` or ``.pt``. ``split`` is ``train`` or ``test`` of an archive or folder that is so divided (None:
+    ``test``); a single file has no parts. ``step_seconds`` is the width of a bin where the file does not say it. Events
+    are binned as :class:`locsnn_compile.data.event_stream.Binning` says, by it and the other options, which binned
+    arrays have no use for. Every unusable input is one ``InputError``.
     """
     path = Path(path)
-    if split is not None and split not in PARTS:
-        raise InputError("split", f"{split!r} is not known", fix=did_you_mean(split, PARTS))
-    if step_seconds is not None and not MIN_STEP_SECONDS <= step_seconds <= MAX_STEP_SECONDS:
-        raise InputError(
-            "step_seconds",
-            "it is out of range",
-            measured=f"got {step_seconds!r} against {MIN_STEP_SECONDS:g}..{MAX_STEP_SECONDS:g}",
-            fix="Give the width of a bin in seconds.",
-        )
-    if threshold < 0:
-        raise InputError(
-            "threshold", "it is negative", measured=f"got {threshold}", fix="Give the events that a bin must exceed."
-        )
-    if path.is_dir() and split is None and any(path.glob("*.tact")):
-        return read_tact_folder(path, step_seconds=step_seconds, threshold=threshold)
+    binning = Binning(step_seconds, threshold, channels, steps, polarities, columns)
+    _check_options(split, binning)
     if path.is_dir() or path.suffix == ".zip":
-        return read_archive(path, split=split, step_seconds=step_seconds)
+        return read_archive(path, split=split, binning=binning)
     _check_file(path)
     if split is not None:
         raise InputError(
@@ -53,9 +58,38 @@ def read_recordings(
             measured="a single file is not divided",
             fix="Leave the part out.",
         )
-    if path.suffix == ".tact":
-        return read_tact(path, step_seconds=step_seconds, threshold=threshold)
-    return read_arrays(path, step_seconds=step_seconds)
+    return _read_events(path, binning) if path.suffix in EVENT_SUFFIXES else read_arrays(path, binning=binning)
+
+
+def _check_options(split: str | None, binning: Binning) -> None:
+    if split is not None and split not in PARTS:
+        raise InputError("split", f"{split!r} is not known", fix=did_you_mean(split, PARTS))
+    seconds = binning.step_seconds
+    if seconds is not None and not MIN_STEP_SECONDS <= seconds <= MAX_STEP_SECONDS:
+        raise InputError(
+            "step_seconds",
+            "it is out of range",
+            measured=f"got {seconds!r} against {MIN_STEP_SECONDS:g}..{MAX_STEP_SECONDS:g}",
+            fix="Give the width of a bin in seconds.",
+        )
+    for name, (low, high) in _RANGES.items():
+        value = getattr(binning, name)
+        if value is not None and not low <= value <= high:
+            raise InputError(
+                name, "it is out of range", measured=f"got {value} against {low}..{high}", fix="Correct the number."
+            )
+
+
+def _read_events(path: Path, binning: Binning) -> Recordings:
+    """Return the one recording of a file of events, with the label that its name has."""
+    where = f"file {path.name!r}"
+    beside = path.with_suffix(".startend")
+    beside_where = f"file {beside.name!r}"
+    startend = read_bytes(beside, beside_where) if path.suffix == ".tact" and beside.exists() else None
+    stream = parse_events(read_bytes(path, where), path.suffix, where, startend, beside_where)
+    spikes, seconds = bin_streams([stream], [where], where, binning)
+    label = label_in_name(path.name)
+    return Recordings(spikes, None if label is None else np.array([label], dtype=np.int64), seconds, path.name)
 
 
 def recording_parts(path: Path | str) -> tuple[str, ...]:

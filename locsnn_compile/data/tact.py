@@ -9,16 +9,12 @@ falling (polarity 1).
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from locsnn_compile.data.arrays import label_in_name
-from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.data.torch_file import read_bytes
+from locsnn_compile.data.event_stream import EventStream
 from locsnn_compile.errors import InputError
-from locsnn_compile.models.description import MAX_STEPS
 
 CELLS = 80
 MISSING_CELLS = (17, 49)
@@ -26,71 +22,53 @@ MISSING_CELLS = (17, 49)
 PHASES = ("start", "reaching", "reached", "grasping", "lifting", "holding")
 #: Length of grasp, lift and hold together, from the time of ``grasping``.
 GRASP_SECONDS = 6.5
-STEP_SECONDS = 0.02
+#: A bin is 1 where a cell has more events of a polarity in it.
+THRESHOLD = 1
 
 _TAXEL_OF_CELL = {
     cell: taxel for taxel, cell in enumerate(cell for cell in range(1, CELLS + 1) if cell not in MISSING_CELLS)
 }
+#: Channels of a file: two fingertips of two polarities.
+CHANNELS = 2 * len(_TAXEL_OF_CELL)
 
 
-def read_tact(path: Path, *, step_seconds: float | None = None, threshold: int = 1) -> Recordings:
-    """Return the one recording of a ``.tact`` file: (1, steps, 156).
+def parse_tact(data: bytes, where: str, startend: bytes | None, startend_where: str) -> EventStream:
+    """Return the events of the bytes of a ``.tact`` file, times in seconds; x counts taxels.
 
-    A bin of ``step_seconds`` (0.02 by default; slip data use 0.001) is 1 where a cell has more than
-    ``threshold`` events of a polarity in it. With a ``.startend`` file beside it the recording is the 6.5 s
-    from "grasping"; without one it runs from the first event to the last. ``_label_<k>`` in the name gives
-    the label. Raises ``InputError`` with the line number of a line that is no event.
+    With the bytes of a ``.startend`` file the recording is the 6.5 s from "grasping"; without, it runs from the first
+    event to the last. Raises ``InputError`` with the line number of a line that is no event.
     """
-    width = STEP_SECONDS if step_seconds is None else step_seconds
-    where = f"file {path.name!r}"
-    channels, seconds = _parse(read_bytes(path, where), where)
-    beside = path.with_suffix(".startend")
-    start = float(seconds.min())
-    span_seconds = float(seconds.max()) - start
-    if beside.exists():
-        start, span_seconds = _grasping_seconds(beside), GRASP_SECONDS - width / 2
-    if not span_seconds / width < MAX_STEPS:
-        raise InputError(
-            where,
-            "it lasts too long for its bins",
-            measured=f"{span_seconds:g} s in bins of {width:g} s against {MAX_STEPS} bins",
-            fix="Give a .startend file beside it, or wider bins.",
-        )
-    steps = math.floor(span_seconds / width) + 1
-    # Absurd times overflow to infinity, which lies outside like any other time that is too late.
-    with np.errstate(over="ignore"):
-        bins = np.floor((seconds - start) / width)
-    inside = (bins >= 0) & (bins < steps)
-    counts = np.zeros((steps, 2 * len(_TAXEL_OF_CELL)), dtype=np.int64)
-    np.add.at(counts, (bins[inside].astype(np.int64), channels[inside]), 1)
-    label = label_in_name(path.name)
-    labels = None if label is None else np.array([label], dtype=np.int64)
-    return Recordings((counts > threshold).astype(np.uint8)[np.newaxis], labels, width, path.name)
-
-
-def read_tact_folder(path: Path, *, step_seconds: float | None = None, threshold: int = 1) -> Recordings:
-    """Return the recordings of all ``.tact`` files of a folder, by name, with labels where every name has one.
-
-    Raises ``InputError`` for an unusable file and for recordings of different length: ``.startend`` files beside
-    them give all the same.
-    """
-    files = sorted(path.glob("*.tact"))
-    found = [read_tact(file, step_seconds=step_seconds, threshold=threshold) for file in files]
-    for file, one in zip(files, found, strict=True):
-        if one.spikes.shape != found[0].spikes.shape:
-            raise InputError(
-                f"folder {path.name!r}, {file.name!r}",
-                "it is not as long as the other recordings",
-                measured=f"{one.spikes.shape[1]} against {found[0].spikes.shape[1]} steps",
-                fix="Give .startend files beside them.",
-            )
-    labels = [one.labels for one in found if one.labels is not None]
-    return Recordings(
-        np.concatenate([one.spikes for one in found]),
-        np.concatenate(labels) if len(labels) == len(found) else None,
-        found[0].step_seconds,
-        path.name,
+    channels, seconds = _parse(data, where)
+    start, span_seconds = float(seconds.min()), None
+    if startend is not None:
+        start, span_seconds = _grasping_seconds(startend, startend_where), GRASP_SECONDS
+    return EventStream(
+        times=seconds,
+        x=channels // 2,
+        y=np.zeros_like(channels),
+        polarity=channels % 2,
+        ticks_per_second=1,
+        start=start,
+        span_seconds=span_seconds,
+        threshold=THRESHOLD,
+        channels=CHANNELS,
+        polarities=2,
     )
+
+
+def tact_text(spikes: NDArray[np.uint8], step_seconds: float) -> bytes:
+    """Return the ``.tact`` lines of one recording, (steps, 156): as many events a bin as it takes, from 0 s on."""
+    steps, channels = np.nonzero(spikes)
+    cell_of = list(_TAXEL_OF_CELL)
+    lines: list[str] = []
+    for step, channel in zip(steps.tolist(), channels.tolist(), strict=True):
+        for event in range(THRESHOLD + 1):
+            # Well inside the bin, so that rounding moves no event into another one; but where nothing else says when
+            # the recording begins, its first event does.
+            part = (event + 1) / (THRESHOLD + 2) if lines or step else 0.0
+            seconds = (step + part) * step_seconds
+            lines.append(f"{1 - channel % 2} {cell_of[channel // 2]} {seconds:.9f}\n")
+    return "".join(lines).encode()
 
 
 def _parse(data: bytes, where: str) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -127,10 +105,9 @@ def _parse(data: bytes, where: str) -> tuple[NDArray[np.int64], NDArray[np.float
     return np.array(channels, dtype=np.int64), np.array(seconds, dtype=np.float64)
 
 
-def _grasping_seconds(path: Path) -> float:
+def _grasping_seconds(data: bytes, where: str) -> float:
     """Return the time of "grasping": of a line ``grasping <seconds>``, or the fourth of six plain numbers."""
-    where = f"file {path.name!r}"
-    words = read_bytes(path, where).decode("ascii", "replace").replace(",", " ").replace(":", " ").split()
+    words = data.decode("ascii", "replace").replace(",", " ").replace(":", " ").split()
     times: list[float] = []
     named: dict[str, float] = {}
     for index, word in enumerate(words):

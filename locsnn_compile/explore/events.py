@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from locsnn_compile.api import recordings_for
-from locsnn_compile.data.arrays import write_recordings
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.write import write_recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.network import Network
 

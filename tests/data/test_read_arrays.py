@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 import torch
 
-from locsnn_compile.data.arrays import write_recordings
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.write import write_recordings
 from locsnn_compile.errors import InputError
 
 # (samples, taxels, polarities, steps)
@@ -149,7 +149,7 @@ BAD: list[tuple[str, str, Callable[[Path], object], str]] = [
         "unknown kind",
         "a.csv",
         Path.touch,
-        "file 'a.csv': its kind is not known (ending '.csv'). Give one of: .zip, .npy, .npz, .pt, .tact, or a folder.",
+        "file 'a.csv': its kind is not known (ending '.csv'). Give one of: .zip, .npy, .npz, .pt, .tact, .bs1, .bs2, or a folder.",
     ),
     (
         "empty npy",

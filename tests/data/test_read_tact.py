@@ -142,7 +142,7 @@ def test_what_is_no_recording(tmp_path: Path, text: str, message: str) -> None:
         ),
         pytest.param(
             {"threshold": -1},
-            "threshold: it is negative (got -1). Give the events that a bin must exceed.",
+            "threshold: it is out of range (got -1 against 0..20000000). Correct the number.",
             id="negative threshold",
         ),
     ],

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from locsnn_compile.cli import train as command
-from locsnn_compile.data.arrays import write_recordings
 from locsnn_compile.data.synthetic import synthetic_touches
+from locsnn_compile.data.write import write_recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.training.state import EpochRecord

@@ -1,0 +1,165 @@
+"""``locsnn events``: what recordings hold, and recordings in another format."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from locsnn_compile.errors import InputError
+
+if TYPE_CHECKING:
+    from locsnn_compile.data.recordings import Recordings
+    from locsnn_compile.data.statistics import EventStatistics, Spread
+
+_EXAMPLE = """\
+example:
+  locsnn events examples/recordings/touches.npz --to touches.zip --members bs1
+
+A folder or .zip gets a file for each recording, of the kind of --members: npy, events (arrays with the fields t, x, p,
+as Tonic has them), bs1, bs2 or tact. What a format cannot say is printed as the options that give it back.
+"""
+_SHOWN_LABELS, _SHOWN_DEAD = 12, 24
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the ``events`` command."""
+    parser = subparsers.add_parser(
+        "events",
+        help="show what recordings hold, or write them in another format",
+        description="Show what recordings hold: rates, silence, polarity, busy and dead channels, and a raster of one. "
+        "--to writes them in the format that the name ends in.",
+        epilog=_EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add("file", metavar="FILE", help="recordings: .zip, folder, .npy, .npz, .pt, .tact, .bs1, .bs2")
+    add("--part", metavar="NAME", help="train or test of a divided archive or folder (default test)")
+    add("--step-seconds", type=float, metavar="X", help="width of a bin, where the file does not say it (default 0.02)")
+    add("--threshold", type=int, metavar="N", help="events that a bin must exceed (default 0; .tact 1)")
+    add("--channels", type=int, metavar="N", help="channels, where the highest ones are silent")
+    add("--steps", type=int, metavar="N", help="steps of a recording; later events are cut off")
+    add("--polarities", type=int, metavar="N", help="2, or 1 to put both together (default: as the events have it)")
+    add("--columns", type=int, metavar="N", help="columns of the grid of x and y (default: the highest x and 1)")
+    add("--recording", type=int, default=0, metavar="K", help="the recording of the raster, from 0 (default 0)")
+    add("-o", "--output", type=Path, metavar="FILE.svg", help="write the raster as a picture")
+    add("--to", type=Path, metavar="OUT", help="write the recordings: .npz, .npy, .pt, .tact, .bs1, .bs2, .zip, folder")
+    add("--members", default="npy", metavar="KIND", help="with --to a folder or .zip: what its files are (default npy)")
+    add("--structured", action="store_true", help="with --to .npy or .npz: one recording as fields t, x, p")
+    add("--json", action="store_true", help="print the figures as JSON, and nothing else")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the figures, and write what was asked for."""
+    _check_options(args)
+    from locsnn_compile.data.read import read_recordings
+    from locsnn_compile.data.statistics import event_statistics
+
+    recordings = read_recordings(
+        args.file,
+        split=args.part,
+        step_seconds=args.step_seconds,
+        threshold=args.threshold,
+        channels=args.channels,
+        steps=args.steps,
+        polarities=args.polarities,
+        columns=args.columns,
+    )
+    if not 0 <= args.recording < len(recordings):
+        raise InputError(
+            f"--recording {args.recording}",
+            "there is no such recording",
+            measured=f"{len(recordings)} in {recordings.source}",
+            fix=f"Count from 0 to {len(recordings) - 1}.",
+        )
+    found = event_statistics(recordings)
+    written = _write(args, recordings)
+    if args.json:
+        print(json.dumps(found.document(), indent=2, allow_nan=False))
+        return 0
+    print("\n".join([*statistics_lines(found), *_raster(recordings, args.recording), *written]))
+    return 0
+
+
+def statistics_lines(found: EventStatistics) -> list[str]:
+    """Return the figures as lines."""
+    width = found.step_seconds
+    seconds = "" if width is None else f" of {width:g} s ({found.steps * width:g} s)"
+    lines = [
+        f"{found.source}: {found.recordings} recordings, {found.steps} steps{seconds}, {found.channels} channels",
+        f"labels            {_labels(found.labels)}",
+        f"events            {found.events.mean:.1f} a recording ({found.events.least} to {found.events.most}), "
+        f"{100 * found.share:.2f} % of bins",
+    ]
+    if found.rate_hz is not None:
+        lines.append(
+            f"rate              {found.rate_hz:.3g} Hz a channel, {found.rate_hz * found.channels:.4g} Hz in all"
+        )
+    lines += [
+        f"silent at start   {_spread(found.silent_start_steps)}",
+        f"silent at end     {_spread(found.silent_end_steps)}",
+        f"silent steps      {100 * found.silent_steps:.1f} %, {found.empty} recordings without any event",
+    ]
+    if found.rising is not None:
+        lines.append(f"polarity          {100 * found.rising:.1f} % rising, {100 * (1 - found.rising):.1f} % falling")
+    busiest = [f"{one.channel}{one.place and f' ({one.place})'} {one.events}" for one in found.busiest]
+    lines.append(f"busiest channels  {', '.join(busiest) or 'none'}")
+    more = f", and {len(found.dead) - _SHOWN_DEAD} more" if len(found.dead) > _SHOWN_DEAD else ""
+    lines.append(f"dead channels     {', '.join(map(str, found.dead[:_SHOWN_DEAD])) or 'none'}{more}")
+    return lines
+
+
+def _labels(labels: dict[int, int] | None) -> str:
+    if labels is None:
+        return "none"
+    least, most = min(labels.values()), max(labels.values())
+    if least == most:
+        return f"{len(labels)} classes, {least} recordings each"
+    shown = ", ".join(f"{label}: {count}" for label, count in list(labels.items())[:_SHOWN_LABELS])
+    return f"{len(labels)} classes ({shown}{', ...' if len(labels) > _SHOWN_LABELS else ''})"
+
+
+def _spread(steps: Spread) -> str:
+    return f"{steps.mean:.1f} steps ({steps.least} to {steps.most})"
+
+
+def _raster(recordings: Recordings, index: int) -> Sequence[str]:
+    from locsnn_compile.data.raster import text_raster
+
+    label = "" if recordings.labels is None else f", label {recordings.labels[index]}"
+    return [f"recording {index}{label}:", *(f"|{line}|" for line in text_raster(recordings.spikes[index]))]
+
+
+def _write(args: argparse.Namespace, recordings: Recordings) -> list[str]:
+    """Write the files asked for; return a line for each, and one that says how to read what a format cannot hold."""
+    lines = []
+    if args.output is not None:
+        from hw_model.files import replace_file
+        from locsnn_compile.data.raster import raster_svg
+
+        title = f"{recordings.source}, recording {args.recording}"
+        picture = raster_svg(recordings.spikes[args.recording], title, recordings.step_seconds)
+        replace_file(args.output, picture, f"file {args.output.name!r}")
+        lines.append(f"wrote {args.output}")
+    if args.to is not None:
+        from locsnn_compile.data.write import write_recordings
+
+        left = write_recordings(args.to, recordings, members=args.members, structured=args.structured).options
+        lines.append(f"wrote {args.to}")
+        if left:
+            options = " ".join(f"--{name.replace('_', '-')} {value!r}" for name, value in left.items())
+            lines.append(f"read it with {options}: the format does not say so")
+    return lines
+
+
+def _check_options(args: argparse.Namespace) -> None:
+    """Refuse options that nothing would come of."""
+    if args.output is not None and args.output.suffix != ".svg":
+        raise InputError(f"-o {args.output.name!r}", "rasters are written as .svg", fix="End the name in .svg.")
+    if args.members != "npy" and (args.to is None or args.to.suffix not in ("", ".zip")):
+        raise InputError("--members", "no folder or .zip is written", fix="Add --to with a folder or .zip.")
+    if args.structured and (args.to is None or args.to.suffix not in (".npy", ".npz")):
+        raise InputError("--structured", "no .npy or .npz is written", fix="Add --to with such a file.")

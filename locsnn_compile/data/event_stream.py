@@ -1,0 +1,179 @@
+"""Single events, and how they become bins: channel ``polarities * (columns * y + x) + polarity``, one bit a step."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from locsnn_compile.data.recordings import MAX_ELEMENTS
+from locsnn_compile.errors import InputError
+from locsnn_compile.models.description import MAX_STEPS
+
+STEP_SECONDS = 0.02
+MICROSECONDS = 1_000_000
+#: Widths of a time bin that are accepted.
+MIN_STEP_SECONDS, MAX_STEP_SECONDS = 1e-6, 1e3
+#: Most events of one set of recordings.
+MAX_EVENTS = 20_000_000
+
+
+@dataclass(frozen=True)
+class Binning:
+    """What files of events leave open; None is as the format has it, else as the events need it.
+
+    - ``step_seconds``: width of a bin, 0.02 s by default; ``threshold``: a bin is 1 where it has more events
+    - ``channels``, ``steps``: of every recording; later events are cut off, events of other channels refused
+    - ``polarities``: 2, or 1 to put both together; ``columns``: width of a grid of x and y
+    """
+
+    step_seconds: float | None = None
+    threshold: int | None = None
+    channels: int | None = None
+    steps: int | None = None
+    polarities: int | None = None
+    columns: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class EventStream:
+    """The events of one recording, (events,) each: ``times`` in ticks, ``x``, ``y``, and ``polarity`` 0 or 1.
+
+    ``start`` is the tick at which bin 0 begins; ``span_seconds`` how long the recording is, None where it ends with
+    its last event. ``threshold``, ``channels`` and ``polarities`` are the format's own, None where it has none.
+    """
+
+    times: NDArray[Any]
+    x: NDArray[np.int64]
+    y: NDArray[np.int64]
+    polarity: NDArray[np.int64]
+    ticks_per_second: int = MICROSECONDS
+    start: float = 0.0
+    span_seconds: float | None = None
+    threshold: int = 0
+    channels: int | None = None
+    polarities: int | None = None
+
+
+def bin_streams(
+    streams: Sequence[EventStream], places: Sequence[str], where: str, binning: Binning
+) -> tuple[NDArray[np.uint8], float]:
+    """Return spikes (samples, steps, channels) and the width of a bin in seconds; ``places`` names the recordings.
+
+    All recordings get as many channels and steps as the one that needs most. Raises ``InputError`` for sets without
+    any event whose size is not given, and for sizes above the limits.
+    """
+    width = STEP_SECONDS if binning.step_seconds is None else binning.step_seconds
+    _check_sums(where, width, streams)
+    columns = binning.columns or 1 + max((int(one.x.max()) for one in streams if len(one.x)), default=0)
+    both = any(one.polarities == 2 or one.polarity.any() for one in streams)
+    polarities = binning.polarities or (2 if both else 1)
+    bins = [_bins(one, width) for one in streams]
+    lengths = [
+        binning.steps or _length(one, own, width, place) for one, own, place in zip(streams, bins, places, strict=True)
+    ]
+    channel = [_channels(one, columns, polarities, place) for one, place in zip(streams, places, strict=True)]
+    needed = max((int(own.max()) + 1 for own in channel if len(own)), default=0)
+    whole_cells = -(-needed // polarities) * polarities
+    channels = binning.channels or max((one.channels or whole_cells for one in streams), default=0)
+    steps = max(lengths, default=0)
+    _check_sizes(where, len(streams), steps, channels, needed)
+    spikes = np.zeros((len(streams), steps * channels), dtype=np.uint8)
+    for row, one, own, lines in zip(spikes, streams, bins, channel, strict=True):
+        inside = (own >= 0) & (own < steps)
+        places_hit, counts = np.unique(own[inside].astype(np.int64) * channels + lines[inside], return_counts=True)
+        row[places_hit[counts > (one.threshold if binning.threshold is None else binning.threshold)]] = 1
+    return spikes.reshape(len(streams), steps, channels), width
+
+
+def _check_sums(where: str, width: float, streams: Sequence[EventStream]) -> None:
+    if not MIN_STEP_SECONDS <= width <= MAX_STEP_SECONDS:
+        raise InputError(
+            where,
+            "the width of a bin is out of range",
+            measured=f"{width!r} s against {MIN_STEP_SECONDS:g}..{MAX_STEP_SECONDS:g}",
+            fix="Give the width of a bin in seconds.",
+        )
+    events = sum(len(one.times) for one in streams)
+    if events > MAX_EVENTS:
+        raise InputError(
+            where, "it has too many events", measured=f"{events} against {MAX_EVENTS}", fix="Give fewer recordings."
+        )
+
+
+def _bins(one: EventStream, width_seconds: float) -> NDArray[np.float64]:
+    ticks = width_seconds * one.ticks_per_second
+    if one.ticks_per_second > 1 and abs(ticks - round(ticks)) < 1e-6:
+        # 0.0003 s is not quite 300 microseconds in floats, and an event at 300 belongs to the second bin.
+        ticks = round(ticks)
+    # Absurd times overflow to infinity, which lies outside like any other time that is too late.
+    with np.errstate(over="ignore"):
+        found: NDArray[np.float64] = np.floor((one.times - one.start) / ticks)
+    return found
+
+
+def _length(one: EventStream, bins: NDArray[np.float64], width_seconds: float, place: str) -> int:
+    """Return the steps of a recording, 0 of one that has no events to tell them."""
+    if one.span_seconds is not None:
+        # The nearest whole number of bins, whatever floats make of the quotient.
+        last = one.span_seconds / width_seconds - 0.5
+    else:
+        last = float(bins.max()) if len(bins) else -1.0
+    if not last < MAX_STEPS:
+        beside = "a .startend file beside it, or " if one.ticks_per_second == 1 else ""
+        # In bins first: absurd times overflow to infinity there already.
+        span = last * width_seconds if math.isinf(last) else float(one.times.max() - one.start) / one.ticks_per_second
+        raise InputError(
+            place,
+            "it lasts too long for its bins",
+            measured=f"{span:g} s in bins of {width_seconds:g} s against {MAX_STEPS} bins",
+            fix=f"Give {beside}wider bins.",
+        )
+    return math.floor(last) + 1
+
+
+def _channels(one: EventStream, columns: int, polarities: int, place: str) -> NDArray[np.int64]:
+    if len(one.x) and int(one.x.max()) >= columns:
+        raise InputError(
+            place,
+            "an event lies beside the grid",
+            measured=f"x {int(one.x.max())} against {columns} columns",
+            fix="Give more columns.",
+        )
+    cells = columns * one.y + one.x
+    return cells if polarities == 1 else 2 * cells + one.polarity
+
+
+def _check_sizes(where: str, samples: int, steps: int, channels: int, needed: int) -> None:
+    if needed > channels:
+        raise InputError(
+            where,
+            "it has events of channels that are not asked for",
+            measured=f"channel {needed - 1} against 0..{channels - 1}",
+            fix="Give events of this sensor, or more channels.",
+        )
+    if steps == 0 or channels == 0:
+        raise InputError(where, "no events inside", fix="Give a recording with events.")
+    if samples * steps * channels > MAX_ELEMENTS:
+        raise InputError(
+            where,
+            "its recordings are too large together",
+            measured=f"{samples} x {steps} x {channels} values against {MAX_ELEMENTS}",
+            fix="Give fewer recordings, or wider bins.",
+        )
+
+
+def recording_events(
+    spikes: NDArray[np.uint8], polarities: int, step_seconds: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return (microseconds, cell, polarity) of the events of one recording (steps, channels), in order of time.
+
+    Each event lies in the middle of its bin, so that reading back needs no more than the width of a bin.
+    """
+    steps, channels = np.nonzero(spikes)
+    times = np.floor((steps + 0.5) * (step_seconds * MICROSECONDS)).astype(np.int64)
+    return times, channels // polarities, channels % polarities

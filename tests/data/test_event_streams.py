@@ -1,0 +1,190 @@
+"""Files of single events: bits, fields, grids, bins, and what is no such file."""
+
+from __future__ import annotations
+
+import io
+import stat
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from locsnn_compile.data.read import read_recordings
+from locsnn_compile.errors import InputError
+
+TXYP = np.dtype([("t", "i8"), ("x", "i2"), ("y", "i2"), ("p", "i1")])
+
+
+def bs1(*events: tuple[int, int, int]) -> bytes:
+    """Return events (neuron, polarity, microseconds) packed as one number each, which is another way than ours."""
+    return b"".join((n << 24 | p << 23 | t).to_bytes(5, "big") for n, p, t in events)
+
+
+def bs2(*events: tuple[int, int, int, int]) -> bytes:
+    return b"".join((x << 32 | y << 24 | p << 23 | t).to_bytes(5, "big") for x, y, p, t in events)
+
+
+def found_events(path: Path, **options: Any) -> tuple[tuple[int, ...], list[tuple[int, ...]]]:
+    found = read_recordings(path, **options)
+    return found.spikes.shape, [tuple(map(int, where)) for where in np.argwhere(found.spikes)]
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "options", "shape", "events"),
+    [
+        pytest.param("a.bs1", bs1((3, 0, 0), (1, 0, 40_000)), {}, (1, 3, 4), [(0, 0, 3), (0, 2, 1)], id="bs1"),
+        pytest.param("a.bs1", bs1((3, 0, 0), (1, 1, 1)), {}, (1, 1, 8), [(0, 0, 3), (0, 0, 6)], id="bs1 polarities"),
+        pytest.param("a.bs1", bs1((3, 0, 0), (1, 1, 1)), {"polarities": 1}, (1, 1, 4), [(0, 0, 1), (0, 0, 3)], id="bs1 polarities together"),
+        pytest.param("a.bs1", bs1((1, 0, 0)), {"polarities": 2}, (1, 1, 4), [(0, 0, 2)], id="bs1 one polarity of two"),
+        pytest.param("a.bs1", bs1((0, 0, 19_999), (0, 0, 20_000)), {}, (1, 2, 1), [(0, 0, 0), (0, 1, 0)], id="both sides of a bin's end"),
+        pytest.param("a.bs1", bs1((65_535, 0, 8_388_607)), {}, (1, 420, 65_536), [(0, 419, 65_535)], id="largest neuron and time"),
+        pytest.param("a.bs1", bs1((0, 0, 300)), {"step_seconds": 0.0003}, (1, 2, 1), [(0, 1, 0)], id="a width that floats miss"),
+        pytest.param("a.bs1", bs1((0, 0, 0), (0, 0, 1), (0, 0, 20_000)), {"threshold": 1}, (1, 2, 1), [(0, 0, 0)], id="threshold"),
+        pytest.param("a.bs1", bs1((0, 0, 0), (0, 0, 90_000)), {"steps": 3}, (1, 3, 1), [(0, 0, 0)], id="later events are cut off"),
+        pytest.param("a.bs1", bs1((2, 0, 0)), {"channels": 6, "steps": 2}, (1, 2, 6), [(0, 0, 2)], id="channels and steps given"),
+        pytest.param("a.bs1", b"", {"channels": 2, "steps": 3}, (1, 3, 2), [], id="silence of a given size"),
+        pytest.param("a.bs2", bs2((2, 0, 0, 0), (1, 3, 0, 0)), {}, (1, 1, 11), [(0, 0, 2), (0, 0, 10)], id="bs2"),
+        pytest.param("a.bs2", bs2((2, 0, 1, 0), (1, 1, 0, 0)), {"columns": 5}, (1, 1, 14), [(0, 0, 5), (0, 0, 12)], id="bs2 polarities and columns"),
+        pytest.param("a.bs2", bs2((255, 255, 1, 8_388_607)), {}, (1, 420, 131_072), [(0, 419, 131_071)], id="bs2 largest"),
+    ],
+)  # fmt: skip
+def test_slayer_events(
+    tmp_path: Path,
+    name: str,
+    data: bytes,
+    options: dict[str, Any],
+    shape: tuple[int, ...],
+    events: list[tuple[int, ...]],
+) -> None:
+    (tmp_path / name).write_bytes(data)
+    assert found_events(tmp_path / name, **options) == (shape, events)
+
+
+def structured(rows: list[tuple[float, ...]], dtype: Any = TXYP) -> np.ndarray:
+    return np.array(rows, dtype=dtype)
+
+
+@pytest.mark.parametrize(
+    ("array", "events"),
+    [
+        pytest.param(structured([(0, 1, 0, 0), (25_000, 0, 2, 1)]), [(0, 0, 2), (0, 1, 9)], id="t x y p"),
+        pytest.param(structured([(0, 1, 0), (25_000, 0, 1)], [("t", "u4"), ("x", "u1"), ("p", "?")]), [(0, 0, 2), (0, 1, 1)], id="without y, bool p"),
+        pytest.param(structured([(1, 0, 5e4), (-1, 1, 0)], [("p", "f4"), ("x", ">i8"), ("t", "f8")]), [(0, 0, 2), (0, 2, 1)], id="any order, floats, p -1"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("suffix", [".npy", ".npz"])
+def test_structured_arrays(tmp_path: Path, array: np.ndarray, events: list[tuple[int, ...]], suffix: str) -> None:
+    path = tmp_path / f"a_label_7{suffix}"
+    np.save(path, array) if suffix == ".npy" else np.savez(path, events=array)
+    assert found_events(path)[1] == events
+    labels = read_recordings(path).labels
+    assert labels is not None
+    assert labels.tolist() == [7]
+
+
+@pytest.mark.parametrize("packed", [False, True], ids=["folder", "archive"])
+def test_a_set_has_one_size_and_the_order_of_its_numbers(tmp_path: Path, packed: bool) -> None:
+    files = {"10_label_1.bs1": bs1((4, 0, 0)), "2_label_0.bs1": bs1((0, 1, 50_000)), "notes.txt": b"hello"}
+    (tmp_path / "set").mkdir()
+    for name, data in files.items():
+        (tmp_path / "set" / name).write_bytes(data)
+    path = tmp_path / "set"
+    if packed:
+        path = tmp_path / "set.zip"
+        with zipfile.ZipFile(path, "w") as archive:
+            for name, data in files.items():
+                archive.writestr(f"train/{name}", data)
+    assert found_events(path) == ((2, 3, 10), [(0, 2, 1), (1, 0, 8)])
+    found = read_recordings(path)
+    assert found.labels is not None
+    assert (found.labels.tolist(), found.step_seconds) == ([0, 1], 0.02)
+
+
+def test_an_archive_of_raw_text_with_its_phases(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        archive.writestr("a_label_2.tact", "1 3 100.0\n1 3 100.005\n")
+        archive.writestr("a_label_2.startend", "grasping 99.99\n")
+    assert found_events(tmp_path / "a.zip") == ((1, 325, 156), [(0, 0, 4)])
+
+
+def test_a_part_without_labels(tmp_path: Path) -> None:
+    for name in ("sample_0.npy", "sample_1_label_3.npy"):
+        np.save(tmp_path / name, np.ones((2, 3), dtype=np.uint8))
+    assert read_recordings(tmp_path).labels is None
+
+
+def put(name: str, data: bytes) -> Callable[[Path], Path]:
+    def make(folder: Path) -> Path:
+        (folder / name).write_bytes(data)
+        return folder / name
+
+    return make
+
+
+def put_npy(array: np.ndarray) -> Callable[[Path], Path]:
+    content = io.BytesIO()
+    np.save(content, array)
+    return put("a.npy", content.getvalue())
+
+
+def put_folder(**files: bytes) -> Callable[[Path], Path]:
+    def make(folder: Path) -> Path:
+        (folder / "set").mkdir()
+        for name, data in files.items():
+            (folder / "set" / name.replace("__", ".")).write_bytes(data)
+        return folder / "set"
+
+    return make
+
+
+def zip_of(members: list[tuple[str, int]]) -> Callable[[Path], Path]:
+    def make(folder: Path) -> Path:
+        with zipfile.ZipFile(folder / "a.zip", "w") as archive:
+            for name, mode in members:
+                entry = zipfile.ZipInfo(name)
+                entry.external_attr = mode << 16
+                archive.writestr(entry, bs1((0, 0, 0)))
+        return folder / "a.zip"
+
+    return make
+
+
+FIELDS = "Give the fields t (microseconds), x, y where there is one, and p (0 or 1)."
+BAD: list[tuple[str, Callable[[Path], Path], dict[str, Any], str]] = [
+    ("half an event", put("a.bs1", bs1((0, 0, 0)) + b"ab"), {}, "file 'a.bs1': it ends within an event (7 bytes, 5 an event). Give a whole file."),
+    ("no events", put("a.bs1", b""), {}, "file 'a.bs1': no events inside. Give a recording with events."),
+    ("no events, but steps", put("a.bs2", b""), {"steps": 4}, "file 'a.bs2': no events inside. Give a recording with events."),
+    ("a channel too high", put("a.bs1", bs1((78, 0, 0))), {"channels": 78}, "file 'a.bs1': it has events of channels that are not asked for (channel 78 against 0..77). Give events of this sensor, or more channels."),
+    ("beside the grid", put("a.bs2", bs2((7, 0, 0, 0))), {"columns": 7}, "file 'a.bs2': an event lies beside the grid (x 7 against 7 columns). Give more columns."),
+    ("too many bins", put("a.bs1", bs1((0, 0, 8_000_000))), {"step_seconds": 1e-5}, "file 'a.bs1': it lasts too long for its bins (8 s in bins of 1e-05 s against 20000 bins). Give wider bins."),
+    ("too large", put("a.bs1", bs1((65_535, 0, 8_000_000))), {"step_seconds": 0.001}, "file 'a.bs1': its recordings are too large together (1 x 8001 x 65536 values against 200000000). Give fewer recordings, or wider bins."),
+    ("three polarities", put("a.bs1", b""), {"polarities": 3}, "polarities: it is out of range (got 3 against 1..2). Correct the number."),
+    ("a field missing", put_npy(structured([(0, 1)], [("t", "i8"), ("x", "i8")])), {}, f"file 'a.npy': its values are no events (fields t, x). {FIELDS}"),
+    ("another field", put_npy(structured([(0, 1, 1, 1)], [("t", "i8"), ("x", "i8"), ("p", "i1"), ("z", "i8")])), {}, f"file 'a.npy': its values are no events (fields t, x, p, z). {FIELDS}"),
+    ("two axes", put_npy(structured([(0, 1, 1, 1)])[np.newaxis]), {}, f"file 'a.npy': its values are no events (2 axes). {FIELDS}"),
+    ("time before 0", put_npy(structured([(0, 1, 1, 1), (-5, 1, 1, 1)])), {}, f"file 'a.npy': its field 't' is out of range (-5 of event 1 against whole numbers 0..9007199254740992). {FIELDS}"),
+    ("time not a number", put_npy(structured([(np.nan, 1, 1)], [("t", "f8"), ("x", "i8"), ("p", "i1")])), {}, f"file 'a.npy': its field 't' is out of range (nan of event 0 against whole numbers 0..9007199254740992). {FIELDS}"),
+    ("a polarity of 2", put_npy(structured([(0, 1, 1, 2)])), {}, f"file 'a.npy': its field 'p' is out of range (2 of event 0 against whole numbers -1..1). {FIELDS}"),
+    ("a text as place", put_npy(structured([(0, "a", 1)], [("t", "i8"), ("x", "U3"), ("p", "i1")])), {}, f"file 'a.npy': its field 'x' is not one number (<U3). {FIELDS}"),
+    ("a vector as place", put_npy(np.zeros(2, dtype=[("t", "i8"), ("x", "i8", (3,)), ("p", "i1")])), {}, f"file 'a.npy': its field 'x' is not one number (int64). {FIELDS}"),
+    ("a pickle in a field", put_npy(np.zeros(2, dtype=[("t", "O"), ("x", "i8"), ("p", "i1")])), {}, "file 'a.npy': its values are no numbers (dtype [('t', 'O'), ('x', '<i8'), ('p', 'i1')]). Write it again with numpy.save."),
+    ("several kinds", put_folder(a__bs1=bs1((0, 0, 0)), b__bs2=bs2((0, 0, 0, 0))), {}, "folder 'set': its recordings are of several kinds (.bs1, .bs2). Give those of one."),
+    ("a name twice", zip_of([("a.bs1", 0o644), ("a.bs1", 0o644)]), {}, "archive 'a.zip': it holds 'a.bs1' twice. Fetch the archive again."),
+    ("a link in an archive", zip_of([("a.bs1", stat.S_IFLNK | 0o777)]), {}, "archive 'a.zip': 'a.bs1' is a link, and links are not followed. Store the file itself."),
+    ("half an event in a folder", put_folder(a__bs1=b"abc"), {}, "folder 'set', 'a.bs1': it ends within an event (3 bytes, 5 an event). Give a whole file."),
+    ("text that is too long", put("a.tact", b"1 1 0\n" * 2_000_000), {}, "file 'a.tact': it is too large (12000000 bytes against 10000000). Give one recording."),
+]  # fmt: skip
+
+
+@pytest.mark.filterwarnings("ignore:Duplicate name")
+@pytest.mark.parametrize(("make", "options", "message"), [row[1:] for row in BAD], ids=[row[0] for row in BAD])
+def test_what_are_no_events(
+    tmp_path: Path, make: Callable[[Path], Path], options: dict[str, Any], message: str
+) -> None:
+    path = make(tmp_path)
+    with pytest.raises(InputError) as caught:
+        read_recordings(path, **options)
+    assert str(caught.value) == message

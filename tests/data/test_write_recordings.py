@@ -1,0 +1,162 @@
+"""Every format that is written reads back to equal arrays, with what it says that it does not hold."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from locsnn_compile.data import Recordings, read_recordings, synthetic_touches, write_recordings
+from locsnn_compile.errors import InputError
+
+TOUCHES = synthetic_touches(3, steps=40, seed=5)
+BOTH = synthetic_touches(2, steps=325, fingertips=2, seed=6)
+
+
+def sparse(channels: int, *, steps: int = 30, seconds: float | None = 0.02, labels: bool = True) -> Recordings:
+    """Return three recordings that begin and end in silence, with silent last channels."""
+    spikes = (np.random.default_rng(channels).random((3, steps, channels)) < 0.1).astype(np.uint8)
+    spikes[:, :3], spikes[:, -4:], spikes[:, :, -5:] = 0, 0, 0
+    return Recordings(spikes, np.array([4, 0, 4]) if labels else None, seconds, "sparse")
+
+
+def rising_only() -> Recordings:
+    spikes = sparse(78).spikes.copy()
+    spikes[:, :, 1::2] = 0
+    return Recordings(spikes, None, 0.02, "rising")
+
+
+def no_last_column() -> Recordings:
+    spikes = BOTH.spikes.copy()
+    spikes[:, :, [76, 77]] = 0
+    spikes[:, :, 154] = spikes[:, :, 155] = 0
+    spikes[0, -1, 153] = 1
+    return Recordings(spikes, BOTH.labels, 0.02, "a column")
+
+
+def same(found: Recordings, wanted: Recordings) -> None:
+    assert np.array_equal(found.spikes, wanted.spikes)
+    assert (found.labels is None) == (wanted.labels is None)
+    if found.labels is not None and wanted.labels is not None:
+        assert found.labels.tolist() == wanted.labels.tolist()
+    assert found.step_seconds == wanted.step_seconds
+
+
+SETS = [
+    pytest.param(TOUCHES, id="touches"),
+    pytest.param(BOTH, id="two fingertips"),
+    pytest.param(sparse(78), id="silent ends"),
+    pytest.param(sparse(156, labels=False), id="no labels"),
+    pytest.param(sparse(100), id="no fingertip"),
+    pytest.param(sparse(78, seconds=0.001), id="milliseconds"),
+    pytest.param(rising_only(), id="one polarity"),
+    pytest.param(no_last_column(), id="a silent column"),
+]
+
+
+@pytest.mark.parametrize("recordings", SETS)
+@pytest.mark.parametrize("kind", ["npz", "pt", "npy", "events", "bs1", "bs2", "tact"])
+@pytest.mark.parametrize("suffix", ["", ".zip"])
+def test_sets_come_back(tmp_path: Path, recordings: Recordings, kind: str, suffix: str) -> None:
+    whole = kind in ("npz", "pt")
+    path = tmp_path / (f"out.{kind}" if whole else f"out{suffix}")
+    members = "npy" if whole else kind
+    if kind == "tact" and recordings.spikes.shape[2] == 100:
+        with pytest.raises(InputError) as caught:
+            write_recordings(path, recordings, members=members)
+        assert str(caught.value) == (
+            f"file '{path.name}': raw text is of one or two fingertips (100 channels against 78 or 156). Write .npz."
+        )
+        assert not list(tmp_path.iterdir())
+        return
+    left = write_recordings(path, recordings, members=members)
+    same(read_recordings(path, **left.options), recordings)  # type: ignore[arg-type]
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
+
+
+@pytest.mark.parametrize("kind", ["npy", "bs1", "bs2", "tact", "structured npy", "structured npz"])
+def test_one_recording_comes_back(tmp_path: Path, kind: str) -> None:
+    one = BOTH.subset([1])
+    assert one.spikes[0, 0].any()
+    path = tmp_path / f"touch_label_1.{kind.split()[-1]}"
+    left = write_recordings(path, one, structured=kind.startswith("structured"))
+    same(read_recordings(path, **left.options), one)  # type: ignore[arg-type]
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
+
+
+@pytest.mark.parametrize(
+    ("recordings", "kind", "options"),
+    [
+        pytest.param(TOUCHES, "npz", {}, id="npz"),
+        pytest.param(TOUCHES, "npy", {"step_seconds": 0.02}, id="npy"),
+        pytest.param(sparse(78), "bs1", {"channels": 78, "steps": 30}, id="bs1"),
+        pytest.param(sparse(156), "bs2", {"channels": 156, "steps": 30}, id="bs2"),
+        pytest.param(no_last_column(), "bs2", {"channels": 156, "columns": 39}, id="bs2 with a silent column"),
+        pytest.param(sparse(78, seconds=0.001), "events", {"step_seconds": 0.001, "channels": 78, "steps": 30}, id="events"),
+        pytest.param(rising_only(), "bs1", {"channels": 78, "steps": 30, "polarities": 2}, id="one polarity"),
+        pytest.param(sparse(78), "tact", {"channels": 78, "steps": 30}, id="tact"),
+        pytest.param(BOTH, "tact", {}, id="tact of two fingertips and 6.5 s"),
+    ],
+)  # fmt: skip
+def test_what_a_format_leaves_open(tmp_path: Path, recordings: Recordings, kind: str, options: dict[str, Any]) -> None:
+    path = tmp_path / ("a.npz" if kind == "npz" else "a.zip")
+    left = write_recordings(path, recordings, members="npy" if kind == "npz" else kind)
+    assert left.options == options
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    shape=st.tuples(st.integers(1, 3), st.integers(1, 40), st.sampled_from([1, 2, 7, 78, 90, 156])),
+    share=st.floats(0, 0.2),
+    seconds=st.sampled_from([None, 2e-6, 1 / 3000, 0.001, 0.02, 0.1]),
+    kind=st.sampled_from(["npy", "events", "bs1", "bs2"]),
+)
+@settings(max_examples=60, deadline=None)
+def test_any_recordings_come_back(
+    seed: int, shape: tuple[int, int, int], share: float, seconds: float | None, kind: str
+) -> None:
+    spikes = (np.random.default_rng(seed).random(shape) < share).astype(np.uint8)
+    recordings = Recordings(spikes, np.arange(shape[0]), seconds, "any")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "a.zip"
+        left = write_recordings(path, recordings, members=kind)
+        found = read_recordings(path, **left.options)  # type: ignore[arg-type]
+        assert np.array_equal(found.spikes, spikes)
+        again = Path(folder) / "b.zip"
+        write_recordings(again, recordings, members=kind)
+        assert again.read_bytes() == path.read_bytes()
+
+
+SILENT = Recordings(np.zeros((1, 5, 156), dtype=np.uint8), None, 0.02, "silent")
+REFUSED: list[tuple[str, str, Recordings, dict[str, Any], str]] = [
+    ("an unknown ending", "a.xyz", TOUCHES, {}, "file 'a.xyz': files ending in '.xyz' are not written. Choose one of: .bs1, .bs2, .npy, .npz, .pt, .tact, .zip."),
+    ("an unknown kind", "a.zip", TOUCHES, {"members": "bs"}, "members: 'bs' is not known. Did you mean 'bs2'?"),
+    ("several in one", "a.bs1", TOUCHES, {}, "file 'a.bs1': it holds one recording (got 3). Write a folder or .zip, with members."),
+    ("labels of an array", "a.npy", TOUCHES, {}, "file 'a.npy': labels are not held by it, and its name does not say these (3 of them). Write .npz, .pt, a folder or .zip, or one recording with _label_<k> in its name."),
+    ("a label that is not in the name", "a.bs1", TOUCHES.subset([2]), {}, "file 'a.bs1': labels are not held by it, and its name does not say these (2). Write .npz, .pt, a folder or .zip, or one recording with _label_<k> in its name."),
+    ("a label only in the name", "a_label_1.tact", SILENT, {}, "file 'a_label_1.tact': labels are not held by it, and its name does not say these (none). Write .npz, .pt, a folder or .zip, or one recording with _label_<k> in its name."),
+    ("silence as text", "a.tact", SILENT, {}, "file 'a.tact': recording 0 is silent, which raw text cannot say. Write .npz."),
+    ("silence at the start of one text", "a_label_4.tact", sparse(78).subset([0]), {}, "file 'a_label_4.tact': its first steps are silent, and without a .startend file a recording begins with its first event. Write a folder or .zip with members tact."),
+    ("times after 23 bits", "a.zip", sparse(4 * 39, steps=500), {"members": "bs1"}, "file 'a.zip': an event's microsecond does not fit its bits (9910000 against 8388607). Write .npz."),
+    ("bins below a microsecond", "a.zip", sparse(78, seconds=1e-6), {"members": "bs1"}, "file 'a.zip': its bins are too narrow for times in microseconds (1e-06 s against 2e-06). Write .npz."),
+    ("a folder that is not empty", ".", TOUCHES, {}, "folder '{folder}': it is not empty, and recordings would mix. Name a new folder, or a .zip."),
+    ("into no folder", "none/a.npz", TOUCHES, {}, "file 'a.npz': it cannot be written (No such file or directory). Give a file in a folder that exists and can be written."),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "recordings", "options", "message"), [row[1:] for row in REFUSED], ids=[row[0] for row in REFUSED]
+)
+def test_what_a_format_cannot_hold(
+    tmp_path: Path, name: str, recordings: Recordings, options: dict[str, Any], message: str
+) -> None:
+    (tmp_path / "mine.txt").touch()
+    with pytest.raises(InputError) as caught:
+        write_recordings(tmp_path / name, recordings, **options)
+    assert str(caught.value) == message.replace("{folder}", tmp_path.name)
+    assert [file.name for file in tmp_path.iterdir()] == ["mine.txt"]
