@@ -24,7 +24,16 @@ from numba.extending import intrinsic
 llvmlite.binding.set_option("hw_model", "-runtime-memory-check-threshold=200")
 
 
-FILES_OF_LOOPS = ("compiled", "engine_fast", "event_scan", "fast_kernels", "fast_layout", "registers32", "replay")
+FILES_OF_LOOPS = (
+    "compiled",
+    "engine_fast",
+    "event_scan",
+    "fast_kernels",
+    "fast_layout",
+    "live",
+    "registers32",
+    "replay",
+)
 
 _log = logging.getLogger("hw_model")
 
@@ -64,6 +73,16 @@ def inlined(function: Callable[..., Any]) -> Any:
 def absorbed(function: Callable[..., Any]) -> Any:
     """Compile a function that its callers take in as machine code: passing many arrays costs more than a short loop."""
     return _compile(function, forceinline=True)
+
+
+def entry(function: Any, *arguments: Any) -> Callable[..., Any]:
+    """Return the machine code of a compiled function for arguments of these kinds; it must never be given others.
+
+    A call of the function itself looks at the kind of every array that it is given, which takes longer than a short
+    loop.
+    """
+    found: Callable[..., Any] = function.compile(tuple(numba.typeof(argument) for argument in arguments))
+    return found
 
 
 def _compile(function: Callable[..., Any], **options: Any) -> Any:

@@ -7,14 +7,17 @@ changed; a spike that comes or goes changes charges of later steps by its weight
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from hw_model.compiled import absorbed, borrowed, compiled, trailing_zeros
+from hw_model.compiled import absorbed, borrowed, compiled, entry, trailing_zeros
 from hw_model.fast_kernels import AnyArray, add_up, advance, advance_pair, pass_on
 from hw_model.fast_layout import BIAS, BLOCKED, FIELDS, LANES, REFRACTORY, FastLayout, U
+from hw_model.fixed_point import IntArray
+from hw_model.trace import ByteArray
 
 
 class Order(NamedTuple):
@@ -58,18 +61,18 @@ _LANES, _CHUNK, _STATE = np.uint64(LANES), np.uint64(FIELDS * LANES), np.uint64(
 
 
 class Replay:
-    """A phase of ``steps`` steps that starts with no event at all; events of input ``node`` are then added to it."""
+    """A phase of ``steps`` steps that starts with no event at all; rows of a recording are then added to it.
 
-    def __init__(self, layout: FastLayout, steps: int) -> None:
+    ``positions[i]`` (channels,) are the steps in which input i plays the channels of its stream.
+    """
+
+    def __init__(self, layout: FastLayout, steps: int, positions: Sequence[IntArray]) -> None:
         chunks, blocks = layout.chunks, len(layout.chunks.feeds_itself)
         block_of = np.full(len(layout.nodes.first), -1, dtype=np.int64)
         for block in range(blocks):
             low, high = chunks.bundle[chunks.of_block[block : block + 2]]
             block_of[chunks.node[chunks.member[low:high]]] = block
         self._layout, self._steps = layout, steps
-        self._order = _order(layout)
-        self._registers = chunks.registers[chunks.member].reshape(-1)
-        self._at_rest = np.zeros(len(chunks.member), dtype=np.bool_)
         self._history = History(
             charge=np.zeros((steps, len(chunks.node) * LANES), dtype=np.int64 if layout.wide else np.int32),
             after=np.zeros((steps, len(chunks.node), KEPT), dtype=np.int32),
@@ -80,18 +83,31 @@ class Replay:
             run=np.zeros(1, dtype=np.int64),
             block_of=block_of,
         )
-        none = np.empty(0, dtype=np.int64)
-        self.push(none, none, none, np.zeros(2, dtype=np.int64))
+        channels = np.concatenate(positions)
+        self._played = (
+            np.cumsum([0, *map(len, positions)]), channels, layout.nodes, chunks, layout.links, _order(layout),
+            chunks.registers[chunks.member].reshape(-1), np.zeros(len(chunks.member), dtype=np.bool_), self._history,
+        )  # fmt: skip
+        self._silence = np.zeros((1, len(channels)), dtype=np.uint8)
+        self._push = entry(_push, 0, self._silence, *self._played, np.zeros((1, layout.columns), dtype=np.int64))
+        self.reset()
+
+    def reset(self) -> None:
+        """Go back to before the first row."""
+        # Registers after a step are read only where a run has written them, and the first run writes all.
+        for array in (self._history.charge, self._history.masks, self._history.reached, self._history.spikes):
+            array[:] = 0
+        self._history.changed[:] = 0
+        self.push(0, self._silence)
         self._history.run[0] = 0
 
-    def push(self, node: AnyArray, line: AnyArray, position: AnyArray, first: AnyArray) -> AnyArray:
-        """Add events: of row r those from ``first[r]`` on; return the spike counts after each row, (rows, columns)."""
-        layout = self._layout
-        counts = np.empty((len(first) - 1, layout.columns), dtype=np.int64)
-        _push(
-            node, line, position, first, layout.nodes, layout.chunks, layout.links, self._order, self._registers,
-            self._at_rest, self._history, counts,
-        )  # fmt: skip
+    def push(self, before: int, rows: ByteArray) -> AnyArray:
+        """Add rows from row ``before`` on, (rows, channels), side by side in memory and writeable.
+
+        Return the spike counts after each, (rows, columns).
+        """
+        counts = np.empty((len(rows), self._layout.columns), dtype=np.int64)
+        self._push(before, rows, *self._played, counts)
         return counts
 
     @property
@@ -133,17 +149,20 @@ def _order(layout: FastLayout) -> Order:
 
 @compiled
 def _push(  # type: ignore[no-untyped-def]
-    node, line, position, first, nodes, chunks, links, order, registers, at_rest, history, counts
+    before, rows, first_channel, positions, nodes, chunks, links, order, registers, at_rest, history, counts
 ):
-    node, line, position, nodes, chunks, links, order, registers, at_rest, history = borrowed(
-        (node, line, position, nodes, chunks, links, order, registers, at_rest, history)
+    nodes, chunks, links, order, registers, at_rest, history = borrowed(
+        (nodes, chunks, links, order, registers, at_rest, history)
     )
     steps = len(history.masks)
-    for row in range(len(counts)):
-        for e in range(first[row], first[row + 1]):
-            for link in range(len(links.source)):
-                if links.source[link] == node[e]:
-                    _change(np.uint64(link), line[e], position[e], 1, links, history)
+    for row in range(len(rows)):
+        line = before + row
+        for node in range(len(first_channel) - 1):
+            for channel in range(first_channel[node], first_channel[node + 1]):
+                if rows[row, channel] and line < nodes.size[node]:
+                    for link in range(len(links.source)):
+                        if links.source[link] == node:
+                            _change(np.uint64(link), line, positions[channel], 1, links, history)
         for block in range(len(history.changed)):
             start = history.changed[block]
             if start < steps:

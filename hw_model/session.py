@@ -9,15 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from hw_model.errors import InputError
-from hw_model.fast_kernels import NOTHING_KEPT, TILE, first_state, run_tile, workspace
 from hw_model.fast_layout import fast_layout
 from hw_model.fixed_point import IntArray
-from hw_model.graph import Input, Phase
+from hw_model.graph import Phase
+from hw_model.live import Live
 from hw_model.playing import Spikes, read_streams
 from hw_model.program import ChipProgram
 from hw_model.replay import Replay
@@ -69,13 +70,20 @@ class Session:
                 f"program {program.name!r}", "has no readout, so it predicts nothing", fix="Add a readout."
             )
         self.program, self.psi = program, psi
+        self.steps = 0
         self._length = _length(program, psi)
-        self.reset()
+        self._branches = [_Branch(program, phase) for phase in program.phases]
+        place = {name: i for i, branch in enumerate(self._branches) for name in branch.columns}
+        self._output = [
+            _Output(name, float(weight), place[name], self._branches[place[name]].columns[name])
+            for name, weight in zip(program.readout.populations, program.readout.weights, strict=True)
+        ]
 
     def reset(self) -> None:
         """Forget the recording, and be ready for another."""
         self.steps = 0
-        self._phases = [_phase(self.program, phase) for phase in self.program.phases]
+        for branch in self._branches:
+            branch.run.reset()
 
     def push(self, spikes: Spikes) -> StepScores:
         """Play further rows, (rows, channels) or (channels,) of 0 and 1, or a mapping of streams to them.
@@ -87,39 +95,32 @@ class Session:
         if batched:
             raise InputError("spikes", "a session plays one recording", fix="Give rows, (rows, channels).")
         rows = next(iter(streams.values())).shape[1]
-        counts: dict[str, IntArray] = {}
-        for phase in self._phases:
-            counts.update(phase.push(self.steps, {name: array[0] for name, array in streams.items()}))
+        counts = [branch.push(self.steps, streams) for branch in self._branches]
         self.steps += rows
-        readout = self.program.readout
-        assert readout is not None
-        found = {name: counts[name] for name in readout.populations}
-        step = np.arange(self.steps - rows + 1, self.steps + 1)
-        scores = np.zeros((rows, next(iter(found.values())).shape[1]))
-        for name, weight in zip(readout.populations, readout.weights, strict=True):
-            scores += (weight * self._share(name, step))[:, None] * found[name]
-        return StepScores(found, scores)
+        found = {output.population: counts[output.branch][:, output.columns] for output in self._output}
+        scores = sum(self._weight(output, rows) * found[output.population] for output in self._output)
+        return StepScores(found, np.asarray(scores, dtype=np.float64))
 
     @property
     def replayed(self) -> tuple[int, int]:
         """Steps of transposed phases run so far, and how many it would be to run all again after every step."""
-        parts = [(phase.replay.steps_run, phase.replay.steps_of_all) for phase in self._phases if phase.replay]
-        return sum(part[0] for part in parts), self.steps * sum(part[1] for part in parts)
+        replays = [branch.run for branch in self._branches if isinstance(branch.run, Replay)]
+        return sum(replay.steps_run for replay in replays), self.steps * sum(r.steps_of_all for r in replays)
 
     def spikes(self, population: str) -> ByteArray:
         """Return the spikes of a population of a transposed phase as things stand, (steps, n)."""
-        for phase in self._phases:
-            if phase.replay is not None and population in phase.columns:
-                return phase.replay.spikes()[:, phase.columns[population]]
+        for branch in self._branches:
+            if isinstance(branch.run, Replay) and population in branch.columns:
+                return branch.run.spikes()[:, branch.columns[population]]
         raise InputError(f"population {population!r}", "is in no transposed phase", fix="Read its counts from push.")
 
-    def _share(self, population: str, step: IntArray) -> FloatArray:
-        """Return what a population counts for after each step, by its axis."""
+    def _weight(self, output: _Output, rows: int) -> float | FloatArray:
+        """Return what spikes count for after each of the last rows: a number, or (rows, 1)."""
         if self.psi is None:
-            return np.ones(len(step))
-        location = location_share(self.psi, step, self._length)
-        axis = next(p.phase.axis for p in self._phases if population in p.columns)
-        return location if axis == "location" else 1.0 - location
+            return output.weight
+        location = location_share(self.psi, np.arange(self.steps - rows + 1, self.steps + 1), self._length)
+        axis = self._branches[output.branch].phase.axis
+        return output.weight * (location if axis == "location" else 1.0 - location)[:, None]
 
 
 def location_share(psi: float, step: IntArray, steps: int) -> FloatArray:
@@ -135,72 +136,40 @@ def check_psi(psi: float) -> None:
         raise InputError("psi", "it is no rate", measured=f"got {psi}", fix="Give 0 or more, such as 10.")
 
 
-class _Live:
-    """A phase whose inputs are played as they come: its state goes on from push to push."""
+class _Output(NamedTuple):
+    """A population of the readout: its ``columns`` in the phase of ``branch``."""
 
-    replay: None = None
-
-    def __init__(self, program: ChipProgram, phase: Phase, inputs: tuple[Input, ...]) -> None:
-        self.phase, self.inputs = phase, inputs
-        self.columns = program.columns_of(phase.name)
-        self._layout = fast_layout(program, phase.name)
-        self._state, self._work = first_state(self._layout), workspace(self._layout)
-        self._sent = np.zeros(sum(item.size for item in inputs) + self._layout.columns, dtype=np.int64)
-
-    def push(self, before: int, streams: dict[str, ByteArray]) -> dict[str, IntArray]:
-        """Run the rows and return the spikes so far of every group after each of them, (rows, n)."""
-        rows = len(next(iter(streams.values())))
-        lasting = rows if self.phase.steps is None else max(0, min(rows, self.phase.steps - before))
-        layout, n = self._layout, self._layout.columns
-        counts = np.repeat(self._sent[None, -n:], rows, axis=0)
-        for low in range(0, lasting, TILE):
-            high = min(low + TILE, lasting)
-            first, line = _lists([streams[item.stream][low:high] for item in self.inputs])
-            spikes = np.zeros((high - low, n), dtype=np.uint8)
-            active = np.zeros((high - low, layout.cores), dtype=np.int64)
-            run_tile(
-                before + low, high - low, first, line, layout.nodes, layout.chunks, layout.links, self._state,
-                self._work, True, spikes, self._sent, active, 0, NOTHING_KEPT,
-            )  # fmt: skip
-            counts[low:high] += spikes.cumsum(axis=0, dtype=np.int64)
-            counts[high:] = self._sent[-n:]
-        return {name: counts[:, columns] for name, columns in self.columns.items()}
+    population: str
+    weight: float
+    branch: int
+    columns: slice
 
 
-class _Turned:
-    """A phase whose inputs come through the transpose buffer."""
+class _Branch:
+    """A phase of a session: played as it comes, or replayed from the first change on."""
 
-    def __init__(self, program: ChipProgram, phase: Phase, inputs: tuple[Input, ...]) -> None:
-        self.phase, self.inputs = phase, inputs
-        self.columns = program.columns_of(phase.name)
-        assert all(item.positions is not None for item in inputs)
-        self.replay = Replay(fast_layout(program, phase.name), phase.steps or len(inputs[0].positions or ()))
-
-    def push(self, before: int, streams: dict[str, ByteArray]) -> dict[str, IntArray]:
-        """Add the events of the rows and return the spikes of every group after each of them, (rows, n)."""
-        parts = []
-        for node, item in enumerate(self.inputs):
-            assert item.positions is not None
-            row, channel = np.nonzero(streams[item.stream][: max(0, item.size - before)])
-            parts.append(np.stack((row, np.full(len(row), node), before + row, item.positions[channel])))
-        row, nodes, line, position = np.concatenate(parts, axis=1)
-        order = np.argsort(row, kind="stable")
-        rows = len(next(iter(streams.values())))
-        first = np.searchsorted(row[order], np.arange(rows + 1))
-        counts = self.replay.push(nodes[order], line[order], position[order], first)
-        return {name: counts[:, columns] for name, columns in self.columns.items()}
-
-
-def _phase(program: ChipProgram, phase: Phase) -> _Live | _Turned:
-    inputs = program.inputs_of(phase.name)
-    turned = [item.positions is not None for item in inputs]
-    if any(turned) and not all(turned):
-        raise InputError(
-            f"phase {phase.name!r}",
-            "has inputs as they come beside transposed ones, so it cannot run as they arrive",
-            fix="Use simulate.",
+    def __init__(self, program: ChipProgram, phase: Phase) -> None:
+        self.phase, self.columns = phase, program.columns_of(phase.name)
+        inputs = program.inputs_of(phase.name)
+        self._streams = [item.stream for item in inputs]
+        positions = [item.positions for item in inputs if item.positions is not None]
+        if positions and len(positions) < len(inputs):
+            raise InputError(
+                f"phase {phase.name!r}",
+                "has inputs as they come beside transposed ones, so it cannot run as they arrive",
+                fix="Use simulate.",
+            )
+        layout = fast_layout(program, phase.name)
+        self.run = (
+            Replay(layout, phase.steps or len(positions[0]), positions) if positions else Live(layout, phase.steps)
         )
-    return _Turned(program, phase, inputs) if any(turned) else _Live(program, phase, inputs)
+
+    def push(self, before: int, streams: dict[str, ByteArray]) -> IntArray:
+        """Push rows (1, rows, channels), and return the spikes so far after each, (rows, columns)."""
+        given = [streams[name][0] for name in self._streams]
+        # A copy, whatever came: loops are compiled anew for what is read-only, or not side by side.
+        rows = np.array(given[0] if len(given) == 1 else np.concatenate(given, axis=1), order="C")
+        return self.run.push(before, rows)
 
 
 def _length(program: ChipProgram, psi: float | None) -> int:
@@ -211,14 +180,3 @@ def _length(program: ChipProgram, psi: float | None) -> int:
     if psi is not None and not lengths:
         raise InputError("psi", "the program does not say how long a recording is", fix="Fix the steps of its phase.")
     return lengths[0] if lengths else 1
-
-
-def _lists(rows: list[ByteArray]) -> tuple[IntArray, npt.NDArray[np.int32]]:
-    """Return the events of several inputs, (rows, lines) each, as lists, input after input."""
-    first, lines, before = [], [np.empty(0, dtype=np.int64)], 0
-    for array in rows:
-        row, line = np.nonzero(array)
-        first.append(before + np.searchsorted(row, np.arange(len(array) + 1)))
-        lines.append(line)
-        before += len(line)
-    return np.stack(first, axis=1), np.concatenate(lines).astype(np.int32)
