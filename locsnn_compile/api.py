@@ -19,6 +19,7 @@ from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.diagnosis import SAMPLE, Diagnosis
 from locsnn_compile.diagnosis import diagnose as find_diagnosis
 from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.excerpt import Excerpt, take_excerpt
 from locsnn_compile.matching import Match, Progress, compare, fit_recordings
 from locsnn_compile.network import Network
 from locsnn_compile.over_time import PSI, LeftOut, OverTime, over_time
@@ -45,6 +46,8 @@ class CompiledModel:
     """The content of report.json."""
     choice: Choice | None = None
     """What ``auto`` compared; None where the strategy was given, or there was nothing to choose."""
+    excerpt: Excerpt | None = None
+    """What the report shows of a recording; None without a diagnosis."""
 
     @property
     def program(self) -> hw.ChipProgram:
@@ -75,12 +78,13 @@ def compile(
 
     ``target``: a chip's name, or the path of a chip YAML. ``events``: recordings to check on - a file, archive or
     folder, or an array (samples, steps, channels) of 0 and 1; by default those that the model carries, else synthetic
-    touches. ``labels`` (samples,) where ``events`` is an array. ``diagnosis``: take the error apart too, and follow
-    predictions over time, on some of the recordings; ``psi`` is that of the time-weighted prediction. ``strategy``: how
-    SRM neurons are lowered; ``auto`` takes the cheapest. ``split_weights``: the share, 0 to 1, of their weights that
-    get a second synapse. A ``budget`` is kept by the cheapest setting of strategy, split weights and at most
-    ``weight_bits`` that keeps it on ``calibration``. Weights are rounded for these recordings, too. They are given like
-    ``events``, of a divided archive the train part; by default they are what the model carries, else synthetic
+    touches. ``labels`` (samples,) where ``events`` is an array. ``diagnosis``: take the error apart too, follow
+    predictions over time, on some of the recordings, and keep an excerpt of one to look at; ``psi`` is that of the
+    time-weighted prediction. ``strategy``: how SRM neurons are lowered; ``auto`` takes the cheapest. ``split_weights``:
+    the share, 0 to 1, of their weights that get a second synapse. A ``budget`` is kept by the cheapest setting of
+    strategy, split weights and at most ``weight_bits`` that keeps it on ``calibration``. Weights are rounded for these
+    recordings, too. They are given like ``events``, of a divided archive the train part; by default they are what the
+    model carries, else synthetic
     touches, so that the program does not depend on the recordings that it is checked on; else ``events``. Raises
     ``InputError`` for what cannot be used and ``TargetError`` for a model that the chip cannot hold.
     """
@@ -107,7 +111,7 @@ def compile(
     found = _diagnose(levels, recordings, match) if diagnosis else None
     followed = _follow(levels, recordings, psi) if diagnosis else None
     report = report_document(levels, match, found, followed) | {"strategy_choice": choice_document(choice)}
-    return CompiledModel(levels, match, report, choice)
+    return CompiledModel(levels, match, report, choice, _excerpt(levels, recordings, match) if diagnosis else None)
 
 
 def verify(
@@ -166,6 +170,11 @@ def _diagnose(
 ) -> Diagnosis:
     played = fit_recordings(levels.network, recordings.spikes, recordings.source)
     return find_diagnosis(levels, played, match.first_divergence, samples=samples, progress=progress)
+
+
+def _excerpt(levels: Levels, recordings: Recordings, match: Match) -> Excerpt:
+    played = fit_recordings(levels.network, recordings.spikes, recordings.source)
+    return take_excerpt(levels, played, match.first_divergence)
 
 
 def _follow(levels: Levels, recordings: Recordings, psi: float) -> OverTime | LeftOut:

@@ -152,8 +152,8 @@ def build_files(compiled: CompiledModel, emit: Sequence[str]) -> dict[str, bytes
     report = compiled.report
     texts = {
         "report.json": json.dumps(report, indent=2, allow_nan=False, ensure_ascii=False) + "\n",
-        "report.md": render_markdown(report),
-        "report.html": render_html(report),
+        "report.md": render_markdown(report, compiled.excerpt),
+        "report.html": render_html(report, compiled.excerpt),
         **{f"{kind}.txt": LEVEL_TEXTS[kind](compiled.levels) for kind in LEVEL_KINDS if kind in emit},
     }
     exchanged = {

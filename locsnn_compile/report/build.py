@@ -141,7 +141,7 @@ def _by_core(document: Document) -> Table | Paragraph:
     rows = document["resources"]["by_core"]
     if not rows:
         return Paragraph("No core is in use.")
-    keys = [key for key in rows[0] if key not in ("core", "phase")]
+    keys = [key for key in rows[0] if key not in ("core", "phase", "slot", "tile")]
     return Table(
         "Core by core",
         ("core", *(words(key).replace(" of a core", "") for key in keys)),

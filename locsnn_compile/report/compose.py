@@ -2,39 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
+from locsnn_compile.excerpt import Excerpt
 from locsnn_compile.report import accuracy, behaviour, build, cost
 from locsnn_compile.report.content import Document, Report, Section
+from locsnn_compile.report.cores import cores
 from locsnn_compile.report.format import plural
 from locsnn_compile.report.over_time import over_time
+from locsnn_compile.report.potential import potential
+from locsnn_compile.report.spikes import spikes
 from locsnn_compile.report.verdict import costs, fits, matches, notices
 
-SECTIONS: tuple[Callable[[Document], Section | None], ...] = (
-    behaviour.agreement,
-    accuracy.error_budget,
-    accuracy.margins,
-    over_time,
-    behaviour.operations,
-    cost.energy_section,
-    cost.latency_section,
-    build.resources,
-    behaviour.comparison,
-    build.left_out,
-    build.quantization,
-    build.ranges,
-    build.provenance,
-)
 
-
-def compose(document: Document) -> Report:
-    """Return the whole report as content without form."""
+def compose(document: Document, excerpt: Excerpt | None = None) -> Report:
+    """Return the whole report as content without form; ``excerpt`` is what there is to see of a recording."""
     return Report(
         title=f"{document['model']['name']} on {document['target']}",
         subtitle=subtitle(document),
         verdicts=(matches(document), costs(document), fits(document)),
         notices=notices(document),
-        sections=tuple(made for section in SECTIONS if (made := section(document))),
+        sections=tuple(section for section in _sections(document, excerpt) if section),
+    )
+
+
+def _sections(document: Document, excerpt: Excerpt | None) -> tuple[Section | None, ...]:
+    return (
+        cost.energy_section(document),
+        cost.latency_section(document),
+        cores(document),
+        behaviour.agreement(document),
+        spikes(document, excerpt),
+        potential(document, excerpt),
+        accuracy.error_budget(document),
+        accuracy.margins(document),
+        over_time(document),
+        behaviour.operations(document),
+        behaviour.comparison(document),
+        build.resources(document),
+        build.left_out(document),
+        build.quantization(document),
+        build.ranges(document),
+        build.provenance(document),
     )
 
 

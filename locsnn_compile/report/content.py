@@ -120,16 +120,70 @@ class Curve:
 
 @dataclass(frozen=True)
 class Plot:
-    """Curves over common axes; ticks are (place 0..1, text). A table of the section has its figures too."""
+    """Curves over common axes; ticks are (place 0..1, text). A table of the section has its figures too.
+
+    ``marked`` is a place on the horizontal axis that a line is drawn at.
+    """
 
     title: str
     x_label: str
     x_ticks: tuple[tuple[float, str], ...]
     y_ticks: tuple[tuple[float, str], ...]
     curves: tuple[Curve, ...]
+    marked: float | None = None
 
 
-Block = Paragraph | Facts | Bullets | Table | Stack | Span | Plot
+@dataclass(frozen=True)
+class Strokes:
+    """Spikes of one kind at (column, row): of both sides, of one alone, or of an input."""
+
+    kind: Literal["equal", "reference", "chip", "event"]
+    label: str
+    points: tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True)
+class Raster:
+    """Spikes over ``columns`` steps and ``rows`` neurons; ticks are (place 0..1, text). ``description`` is in words.
+
+    ``flag`` is a (column, row) to point at. A table of the section has its figures too.
+    """
+
+    title: str
+    description: str
+    columns: int
+    rows: int
+    x_label: str
+    x_ticks: tuple[tuple[float, str], ...]
+    strokes: tuple[Strokes, ...]
+    flag: tuple[int, int] | None = None
+    flag_label: str = ""
+
+
+@dataclass(frozen=True)
+class MeshCore:
+    """A core at (column, row) of all cores of the mesh, ``share`` (0..1) of it in use; ``text`` says so in it."""
+
+    column: int
+    row: int
+    share: float
+    text: str
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Tiles, columns by rows, each of cores, and how full these are. A table of the section has its figures too."""
+
+    title: str
+    description: str
+    columns: int
+    rows: int
+    tile_columns: int
+    tile_rows: int
+    cores: tuple[MeshCore, ...]
+
+
+Block = Paragraph | Facts | Bullets | Table | Stack | Span | Plot | Raster | Mesh
 
 MANY_ROWS = 12
 

@@ -180,7 +180,7 @@ def _latency(program: ChipProgram, match: Match, network: Network) -> Document:
 def _resources(program: ChipProgram) -> Document:
     limits = program.chip.limits
     word_bits = program.chip.synapse_memory.word_bits
-    rows = [_core_use(core) for core in program.cores]
+    rows = [_core_use(program.chip, core) for core in program.cores]
     of_core = {
         "compartments": limits.compartments_per_core,
         "axons_in": limits.input_axons_per_core,
@@ -201,14 +201,23 @@ def _resources(program: ChipProgram) -> Document:
             "cores": {"used": len(program.cores), "limit": program.chip.cores},
             **{key: {"used": max(row[key] for row in rows), "limit": limit} for key, limit in of_core.items()},
         },
+        "mesh": {
+            "chips": program.chip.chips,
+            "cores_per_chip": limits.cores_per_chip,
+            "columns": program.chip.mesh.columns,
+            "rows": program.chip.mesh.rows,
+            "cores_per_tile": program.chip.mesh.cores_per_tile,
+        },
         "by_core": rows,
     }
 
 
-def _core_use(core: Core) -> dict[str, Any]:
+def _core_use(chip: hw.Chip, core: Core) -> dict[str, Any]:
     return {
         "core": core.number,
         "phase": core.phase,
+        "slot": core.slot,
+        "tile": list(chip.tile_of(core.slot)),
         "compartments": core.compartments,
         "synapses": len(core.axons.target),
         "synapse_words": core.axons.synapse_words,

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from html import escape
 
-from locsnn_compile.report import figures
+from locsnn_compile.excerpt import Excerpt
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import (
     MANY_ROWS,
@@ -14,9 +15,11 @@ from locsnn_compile.report.content import (
     Document,
     Fact,
     Facts,
+    Mesh,
     Notice,
     Paragraph,
     Plot,
+    Raster,
     Report,
     Section,
     Span,
@@ -26,15 +29,25 @@ from locsnn_compile.report.content import (
 )
 from locsnn_compile.report.format import plain
 from locsnn_compile.report.html_style import STYLE
+from locsnn_compile.report.pictures.bars import bar, stack
+from locsnn_compile.report.pictures.mesh import mesh
+from locsnn_compile.report.pictures.patterns import patterns
+from locsnn_compile.report.pictures.plot import curve_mark, plot
+from locsnn_compile.report.pictures.raster import raster, stroke_mark
+from locsnn_compile.report.pictures.span import mark, span
 
 _SIGNS = {"yes": "✓", "nearly": "≈", "no": "✗", "unknown": "?", "modelled": "~"}
 _MANY_COLUMNS = 7
 """A table with more of them is set smaller."""
+_FEW_COLUMNS = 4
+"""A table with no more of them fits a phone."""
+MAX_ROWS = 200
+"""A table with more of them is cut: a network may have any number of populations, and a program of cores."""
 
 
-def render_html(document: Document) -> str:
-    """Return the page of a report; the same document gives the same bytes."""
-    report = compose(document)
+def render_html(document: Document, excerpt: Excerpt | None = None) -> str:
+    """Return the page of a report; the same document and excerpt give the same bytes."""
+    report = compose(document, excerpt)
     return f"""<!DOCTYPE html>
 <html lang="en">
 <head>
@@ -45,7 +58,7 @@ def render_html(document: Document) -> str:
 </head>
 <body>
 <a class="skip" href="#main">Skip to the verdict</a>
-{figures.patterns()}
+{patterns()}
 <div class="page">
 <header>
 <p class="eyebrow">locsnn-compile report</p>
@@ -117,11 +130,19 @@ def _block(block: Block) -> str:
         case Table():
             return _table(block)
         case Stack():
-            return f"<figure><figcaption>{text(block.label)}</figcaption>{figures.stack(block)}</figure>"
+            return _figure(block.label, stack(block))
         case Span():
             return _span(block)
         case Plot():
             return _plot(block)
+        case Raster():
+            return _raster(block)
+        case Mesh():
+            return _figure(block.title, mesh(block), f'<p class="said">{text(block.description)}</p>')
+
+
+def _figure(title: str, drawn: str, below: str = "") -> str:
+    return f"<figure><figcaption>{text(title)}</figcaption>{drawn}{below}</figure>"
 
 
 def _facts(facts: tuple[Fact, ...]) -> str:
@@ -136,47 +157,52 @@ def _bullets(block: Bullets) -> str:
 
 def _span(block: Span) -> str:
     facts = "".join(
-        f"<div><dt>{figures.mark(fact.label)}{text(fact.label)}</dt><dd>{text(fact.value)}</dd></div>"
+        f"<div><dt>{mark(fact.label)}{text(fact.label)}</dt><dd>{text(fact.value)}</dd></div>"
         for fact in (block.least, block.median, block.mean, block.most)
     )
-    return (
-        f"<figure><figcaption>{text(block.title)}</figcaption>{figures.span(block)}"
-        f'<dl class="stats">{facts}</dl></figure>'
-    )
+    return _figure(block.title, span(block), f'<dl class="stats">{facts}</dl>')
 
 
 def _plot(block: Plot) -> str:
-    curves = "".join(
-        f"<div><dt>{figures.curve_mark(i)}</dt><dd>{text(curve.label)}</dd></div>"
-        for i, curve in enumerate(block.curves)
+    return _figure(
+        block.title, plot(block), _legend((curve_mark(i), curve.label) for i, curve in enumerate(block.curves))
     )
-    return (
-        f"<figure><figcaption>{text(block.title)}</figcaption>{figures.plot(block)}"
-        f'<dl class="curves">{curves}</dl></figure>'
-    )
+
+
+def _raster(block: Raster) -> str:
+    return _figure(block.title, raster(block), _legend((stroke_mark(one.kind), one.label) for one in block.strokes))
+
+
+def _legend(entries: Iterable[tuple[str, str]]) -> str:
+    rows = "".join(f"<div><dt>{drawn}</dt><dd>{text(label)}</dd></div>" for drawn, label in entries)
+    return f'<dl class="curves">{rows}</dl>'
 
 
 def _table(table: Table) -> str:
-    """Return a table. Its roles are spelled out because the narrow layout takes the display types away."""
+    """Return a table that scrolls inside its place where it is wider; by keyboard, too, where that may be."""
     heads = "".join(_head(name) for name in table.columns)
     kinds = [] if all(table.columns) else ["barred"]
     if len(table.columns) > _MANY_COLUMNS:
         kinds.append("wide")
     last = len(table.rows) - 1
-    body = "".join(_row(table.columns, row, table.total and i == last) for i, row in enumerate(table.rows))
+    shown = [*range(min(MAX_ROWS, last)), last] if table.rows else []
+    body = "".join(_row(table.columns, table.rows[i], table.total and i == last) for i in shown)
+    caption = text(table.caption)
+    reached = f' tabindex="0" role="region" aria-label="{caption}"' if len(table.columns) > _FEW_COLUMNS else ""
     made = (
-        f'<table role="table" class="{" ".join(kinds) or "plain"}"><caption>{text(table.caption)}</caption>'
-        f'<thead role="rowgroup"><tr role="row">{heads}</tr></thead><tbody role="rowgroup">{body}</tbody></table>'
+        f'<div class="scroll"{reached}><table class="{" ".join(kinds) or "plain"}"><caption>{caption}</caption>'
+        f"<thead><tr>{heads}</tr></thead><tbody>{body}</tbody></table></div>"
     )
     if len(table.rows) <= MANY_ROWS:
         return made
-    return f"<details><summary>{text(table.caption)} ({len(table.rows)} rows)</summary>{made}</details>"
+    cut = "" if len(shown) == len(table.rows) else f", {len(shown)} of them here and all in report.json"
+    return f"<details><summary>{caption} ({len(table.rows)} rows{cut})</summary>{made}</details>"
 
 
 def _head(name: str) -> str:
     if name:
-        return f'<th scope="col" role="columnheader">{text(name)}</th>'
-    return '<th scope="col" role="columnheader" class="drawn"><span class="hidden">drawn</span></th>'
+        return f'<th scope="col">{text(name)}</th>'
+    return '<th scope="col" class="drawn"><span class="hidden">drawn</span></th>'
 
 
 def _row(columns: tuple[str, ...], row: tuple[str | Bar, ...], total: bool) -> str:
@@ -184,12 +210,15 @@ def _row(columns: tuple[str, ...], row: tuple[str | Bar, ...], total: bool) -> s
     head = name.label if isinstance(name, Bar) else name
     made = "".join(_cell(column, cell) for column, cell in zip(columns[1:], cells, strict=True))
     kind = ' class="total"' if total else ""
-    return f'<tr role="row"{kind}><th scope="row" role="rowheader">{text(head)}</th>{made}</tr>'
+    return f'<tr{kind}><th scope="row">{_breakable(head)}</th>{made}</tr>'
+
+
+def _breakable(name: str) -> str:
+    """Return a name that a narrow column breaks after its underscores and slashes."""
+    return text(name).replace("_", "_<wbr>").replace("/", "/<wbr>")
 
 
 def _cell(column: str, cell: str | Bar) -> str:
     if isinstance(cell, Bar):
-        return f'<td role="cell" class="drawn">{figures.bar(cell)}</td>'
-    if not column:
-        return '<td role="cell" class="drawn"></td>'
-    return f'<td role="cell" data-label="{text(column)}">{text(cell)}</td>'
+        return f'<td class="drawn">{bar(cell)}</td>'
+    return f"<td>{text(cell)}</td>" if column else '<td class="drawn"></td>'

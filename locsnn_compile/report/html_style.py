@@ -5,10 +5,10 @@ from __future__ import annotations
 _COLOURS = """
 :root{color-scheme:light dark;
 --paper:#fff;--wash:#f6f7f8;--ink:#15191e;--soft:#57606b;--rule:#dfe3e7;--accent:#1d5a86;--tint:#cfe0ec;--track:#e9edf0;
---yes:#176a3c;--nearly:#855300;--no:#a8231c;--unknown:#57606b}
+--yes:#176a3c;--nearly:#855300;--no:#a8231c;--unknown:#57606b;--warm:#b65200;--cool:#0a5fb4}
 @media (prefers-color-scheme:dark){:root{
 --paper:#121518;--wash:#1a1f24;--ink:#e8ebee;--soft:#a1abb6;--rule:#2d343b;--accent:#7db8e3;--tint:#2b4a61;--track:#262d34;
---yes:#6fce97;--nearly:#e3b25c;--no:#ff8f86;--unknown:#a1abb6}}
+--yes:#6fce97;--nearly:#e3b25c;--no:#ff8f86;--unknown:#a1abb6;--warm:#f0a35e;--cool:#6db3f2}}
 """
 
 _TEXT = """
@@ -62,6 +62,7 @@ nav+.section{margin-top:1.6rem}
 .blocks>p+p{margin-top:.7rem}
 .blocks>p{max-width:44rem}
 table{width:100%;border-collapse:collapse;font-size:.9rem}
+.scroll{overflow-x:auto}
 caption{text-align:left;font-weight:600;padding-bottom:.45rem}
 th,td{padding:.5rem 0 .5rem 1.1rem;text-align:right;vertical-align:baseline;font-weight:400;
 border-top:1px solid var(--rule)}
@@ -70,7 +71,7 @@ thead th{color:var(--soft);font-size:.8rem;line-height:1.3;border-top:0;vertical
 tbody th{overflow-wrap:anywhere;min-width:8.5rem}
 thead th{overflow-wrap:normal}
 td{white-space:nowrap}
-.wide{font-size:.82rem}
+.wide{font-size:.82rem}.wide td{white-space:normal}
 .wide th:not(:first-child),.wide td{padding-left:.7rem}
 .wide thead th{font-size:.75rem}
 .barred th:first-child{width:14.5rem}
@@ -94,10 +95,23 @@ svg{display:block;overflow:visible}
 .axis{stroke:var(--soft);stroke-width:1}.band{stroke:var(--tint);stroke-width:10}
 .end{stroke:var(--accent);stroke-width:2}.median{stroke:var(--ink);stroke-width:2}
 .mean{stroke:var(--paper);stroke-width:2}
-.grid{stroke:var(--rule);stroke-width:1}.tick{fill:var(--soft);font-size:11px}
+.grid{stroke:var(--rule);stroke-width:1}.tick{fill:var(--soft);font-size:11px;paint-order:stroke;stroke:var(--paper);stroke-width:3px}
 .curve{fill:none;stroke-width:2}.c0{stroke:var(--accent)}.c1{stroke:var(--ink);stroke-dasharray:5 4}
 .c2{stroke:var(--soft);stroke-dasharray:1.5 3}.c3{stroke:var(--accent);stroke-dasharray:10 3 2 3}
 .curves div{display:flex;gap:.6rem;align-items:center;font-size:.85rem}.curves dd{color:var(--soft)}
+"""
+
+_PICTURES = """
+.marked{stroke:var(--ink);stroke-width:1;stroke-dasharray:3 3}
+.ring{fill:none;stroke:var(--ink);stroke-width:1.5}
+.ground{fill:var(--wash)}
+.stroke{fill:none;stroke-width:1.1}.equal{stroke:var(--soft)}.event{stroke:var(--ink)}
+.reference{stroke:var(--warm);stroke-width:3.2}.chip{stroke:var(--cool);stroke-width:3.2}
+.tile{fill:none;stroke:var(--rule);stroke-width:1}
+.core{fill:var(--paper);stroke:var(--accent);stroke-width:1}.fill{fill:var(--tint)}
+.value{fill:var(--ink);font-size:11px;font-weight:600}
+.said{color:var(--soft);font-size:.85rem;margin-top:.5rem}
+dl.curves{display:flex;flex-wrap:wrap;gap:.1rem 1.6rem;margin-top:.3rem}
 """
 
 _NARROW = """
@@ -114,17 +128,13 @@ _NARROW = """
 h1{font-size:1.6rem}.summary{font-size:1.1rem}.summary p+p{margin-top:.5rem}
 .facts div{grid-template-columns:minmax(0,1fr);gap:0}
 .stats{grid-template-columns:repeat(2,minmax(0,1fr))}
-thead{position:absolute;width:1px;height:1px;overflow:hidden;clip-path:inset(50%)}
-table,tbody{display:block}
-caption{display:block}
-.barred th:first-child,.barred td:not(.drawn){width:auto;white-space:normal}
-.wide th:not(:first-child),.wide td{padding-left:0}
-tr{display:grid;padding:.55rem 0;border-top:1px solid var(--rule)}
-th,td{display:flex;justify-content:space-between;gap:1rem;padding:.1rem 0;border:0!important;text-align:right}
-tbody th{font-weight:600;min-width:0}td{white-space:normal}
-td::before{content:attr(data-label);color:var(--soft);font-weight:400;text-align:left}
-.drawn{width:auto;padding:.3rem 0}.drawn::before{content:none}
-.total{border-top:1px solid var(--ink)}
+.drawn{min-width:3.5rem}
+.plain,.barred{font-size:.82rem}
+th,td{padding:.4rem 0 .4rem .7rem}
+tbody th{min-width:6.2rem;max-width:9.5rem}
+thead th{overflow-wrap:break-word;font-size:.72rem}
+.barred th:first-child{width:auto}
+.scroll>table th:first-child{position:sticky;left:0;background:var(--paper)}
 }
 """
 
@@ -132,17 +142,18 @@ _PAPER = """
 @media print{
 @page{margin:16mm 14mm}
 :root{color-scheme:light;--paper:#fff;--wash:#fff;--ink:#000;--soft:#444;--rule:#c4c9ce;--accent:#1d5a86;--tint:#cfe0ec;
---track:#e9edf0;--yes:#176a3c;--nearly:#855300;--no:#a8231c;--unknown:#444}
+--track:#e9edf0;--yes:#176a3c;--nearly:#855300;--no:#a8231c;--unknown:#444;--warm:#b65200;--cool:#0a5fb4}
 html{font-size:12px}body{font-size:1rem}
 .page{max-width:none;padding:0}
 nav,.skip{display:none}
 .section{display:block;padding:1.6rem 0}.blocks{margin-top:1.2rem}
 h2,.lead,figcaption,caption,thead{break-after:avoid}
-.blocks>table,tr,figure,.bullets,.verdict,.notice{break-inside:avoid}
+.blocks>.scroll,tr,figure,.bullets,.verdict,.notice{break-inside:avoid}
 svg{-webkit-print-color-adjust:exact;print-color-adjust:exact}
 th,td,.wide th:not(:first-child),.wide td{padding:.25rem 0 .25rem .5rem}
+.scroll{overflow:visible}
 th:first-child{padding-left:0}
 }
 """
 
-STYLE = "".join((_COLOURS, _TEXT, _VERDICT, _SECTION, _NARROW, _PAPER))
+STYLE = "".join((_COLOURS, _TEXT, _VERDICT, _SECTION, _PICTURES, _NARROW, _PAPER))

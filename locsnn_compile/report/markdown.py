@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+from locsnn_compile.excerpt import Excerpt
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import (
     Bar,
@@ -12,8 +13,10 @@ from locsnn_compile.report.content import (
     Document,
     Fact,
     Facts,
+    Mesh,
     Paragraph,
     Plot,
+    Raster,
     Span,
     Stack,
     Table,
@@ -25,9 +28,9 @@ _SPECIAL = re.compile(r"[\\`*\[\]|~#$]|(?<![^\W_])_|_(?![^\W_])")
 """What Markdown may read as markup anywhere in a line; an underscore inside a word is text."""
 
 
-def render_markdown(document: Document) -> str:
-    """Return the report as Markdown; the same document gives the same bytes."""
-    report = compose(document)
+def render_markdown(document: Document, excerpt: Excerpt | None = None) -> str:
+    """Return the report as Markdown; the same document and excerpt give the same bytes."""
+    report = compose(document, excerpt)
     parts = [f"# {text(report.title)}", text(report.subtitle)]
     parts += [_verdict(verdict) for verdict in report.verdicts]
     parts += [f"> **{text(notice.title)}** {text(notice.text)}" for notice in report.notices]
@@ -60,7 +63,9 @@ def _block(block: Block) -> str:
             return _table(block)
         case Span():
             return f"{text(block.title)}:\n\n{_facts((block.least, block.median, block.mean, block.most))}"
-        case Stack() | Plot():
+        case Mesh():
+            return text(f"{block.title}: {block.description}.")
+        case Stack() | Plot() | Raster():
             return ""  # a table of the section has the same figures
 
 

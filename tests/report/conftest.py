@@ -2,7 +2,11 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
+
+from locsnn_compile.excerpt import Excerpt, InputSpikes, NeuronPotential, PopulationSpikes
+from locsnn_compile.matching import Divergence
 
 
 def error_budget() -> dict[str, Any]:
@@ -104,6 +108,34 @@ def over_time() -> dict[str, Any]:
             "profile": "davies2018",
         },
     }
+
+
+@pytest.fixture
+def excerpt() -> Excerpt:
+    """Four steps of two neurons; the second fires a step later on the chip, and the third step is the first to differ."""
+    reference = np.array([[1, 0], [0, 1], [0, 1], [1, 0]], dtype=np.uint8)
+    chip = np.array([[1, 0], [0, 1], [0, 0], [1, 1]], dtype=np.uint8)
+    potential = NeuronPotential(
+        population="time_output",
+        axis="time",
+        neuron=3,
+        first_step=39,
+        reference=np.array([4.0, 10.5, 10.25, 2.0]),
+        chip=np.array([4.0, 10.5, 9.75, 12.0]),
+        threshold=10.0,
+        reference_spikes=np.array([False, True, True, False]),
+        chip_spikes=np.array([False, True, False, True]),
+    )
+    return Excerpt(
+        recording=0,
+        first=Divergence(0, "time_output", 3, 41, 10.25, 9.75, 10.0),
+        steps={"time": range(39, 43)},
+        all_steps={"time": 100},
+        inputs=(InputSpikes("input", "time", 5, 2, np.array([[1, 0, 0]] * 4, dtype=np.uint8)),),
+        populations=(PopulationSpikes("time_output", "time", 36, np.array([1, 3]), reference, chip),),
+        populations_left_out=1,
+        potential=potential,
+    )
 
 
 @pytest.fixture
@@ -214,7 +246,11 @@ def document() -> dict[str, Any]:
             "limits": {
                 name: {"used": 2 if name == "cores" else core[name], "limit": limit} for name, limit in limits.items()
             },
-            "by_core": [{"core": 0, "phase": "time", **core}, {"core": 1, "phase": "location", **core}],
+            "mesh": {"chips": 1, "cores_per_chip": 128, "columns": 8, "rows": 4, "cores_per_tile": 4},
+            "by_core": [
+                {"core": 0, "phase": "time", "slot": 0, "tile": [0, 0], **core},
+                {"core": 1, "phase": "location", "slot": 39, "tile": [1, 1], **core},
+            ],
         },
         "ann_comparison": {
             "cnn-3d": {"operations": 18500, "ratio": 10.0},

@@ -2,14 +2,16 @@ from __future__ import annotations
 
 import itertools
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from typing import Any
 
 import pytest
 
+from locsnn_compile.excerpt import Excerpt
 from locsnn_compile.report.html import render_html
 
-VOID = {"meta", "link", "br", "img", "hr", "input"}
+VOID = {"meta", "link", "br", "img", "hr", "input", "wbr"}
 
 
 class Page(HTMLParser):
@@ -70,7 +72,14 @@ def test_key_figures_are_on_the_page(document: dict[str, Any]) -> None:
 
 def test_the_verdict_comes_first(document: dict[str, Any]) -> None:
     text = Page(render_html(document)).text
-    order = ["Does it match?", "What does it cost?", "Does it fit?", "Agreement by population", "Provenance"]
+    order = ["Does it match?", "What does it cost?", "Does it fit?", "Where the energy goes", "2 cores in use of 128"]
+    order += [
+        "Each stage alone, over",
+        "Distance of potentials",
+        "Accuracy after each step",
+        "the fullest first",
+        "model sha256",
+    ]
     assert [text.index(name) for name in order] == sorted(text.index(name) for name in order)
 
 
@@ -87,16 +96,19 @@ def test_the_page_asks_for_nothing(document: dict[str, Any]) -> None:
     assert len(html.encode()) < 70_000
 
 
-def test_structure_for_readers_without_sight_or_mouse(document: dict[str, Any]) -> None:
-    page = Page(render_html(document))
+def test_structure_for_readers_without_sight_or_mouse(document: dict[str, Any], excerpt: Excerpt) -> None:
+    page = Page(render_html(document, excerpt))
     assert page.named("html") == [{"lang": "en"}]
-    assert [len(page.named(tag)) for tag in ("title", "h1", "main", "nav", "header", "footer")] == [1] * 6
+    assert [len(page.named(tag)) for tag in ("h1", "main", "nav", "header", "footer")] == [1] * 5
     levels = [int(tag[1]) for tag, _ in page.tags if re.fullmatch("h[1-6]", tag)]
     assert all(after <= before + 1 for before, after in itertools.pairwise(levels))
     assert len(page.named("caption")) == len(page.named("table"))
     assert all(cell.get("scope") in ("row", "col") for cell in page.named("th"))
-    for drawing in page.named("svg"):
-        assert drawing.get("aria-hidden") == "true" or (drawing["role"] == "img" and drawing["aria-label"])
+    drawings = [drawing for drawing in page.named("svg") if drawing.get("aria-hidden") != "true"]
+    assert all(drawing["role"] == "img" for drawing in drawings)
+    named = [drawing for drawing in drawings if "aria-label" not in drawing]
+    assert len(page.named("title")) == 1 + len(named)
+    assert len(page.named("desc")) == len(named)
     ids = [attributes["id"] for _, attributes in page.tags if attributes.get("id")]
     assert len(ids) == len(set(ids))
     assert {link["href"] for link in page.named("a")} <= {f"#{name}" for name in ids}
@@ -117,16 +129,24 @@ def _hostile(value: Any) -> Any:
     return HOSTILE + value if isinstance(value, str) else value
 
 
-def test_every_string_is_escaped(document: dict[str, Any]) -> None:
-    tags = sorted(tag for tag, _ in Page(render_html(document)).tags)
+def test_every_string_is_escaped(document: dict[str, Any], excerpt: Excerpt) -> None:
+    tags = sorted(tag for tag, _ in Page(render_html(document, excerpt)).tags if tag != "wbr")
     document = _hostile(document)
+    names = [f"{HOSTILE}{item.name}" for item in (*excerpt.inputs, *excerpt.populations)]
+    excerpt = replace(
+        excerpt,
+        inputs=(replace(excerpt.inputs[0], name=names[0]),),
+        first=replace(excerpt.first, population=names[1]),
+        populations=(replace(excerpt.populations[0], name=names[1]),),
+        potential=replace(excerpt.potential, population=names[1]),
+    )
     for table in (document["match"]["by_population"], document["quantization"], document["energy"]["breakdown_pj"]):
         table[HOSTILE] = table.pop(next(iter(table)))
-    html = render_html(document)
+    html = render_html(document, excerpt)
     page = Page(html)
     assert "<script" not in html
     assert "\x1b" not in html
-    assert sorted(tag for tag, _ in page.tags) == tags
+    assert sorted(tag for tag, _ in page.tags if tag != "wbr") == tags
     assert '</title><script>alert("1")</script>\'&\\n`|\\x1b[31mtwo-branches on' in page.text
 
 
@@ -161,6 +181,12 @@ def test_many_cores_are_folded(document: dict[str, Any]) -> None:
     html = render_html(document)
     assert "<summary>Core by core (128 rows)</summary>" in html
     assert len(html.encode()) < 200_000
+    document["resources"]["mesh"]["chips"] = 40
+    tiles = [[i // 128 * 8 + i % 32 // 4, i % 128 // 32] for i in range(5000)]
+    document["resources"]["by_core"] = [{**row, "core": i, "slot": i, "tile": tile} for i, tile in enumerate(tiles)]
+    html = render_html(document)
+    assert "<summary>Core by core (5000 rows, 201 of them here and all in report.json)</summary>" in html
+    assert len(html.encode()) < 500_000
 
 
 def test_margins_are_drawn_with_the_error_where_there_is_any(document: dict[str, Any]) -> None:
@@ -169,14 +195,15 @@ def test_margins_are_drawn_with_the_error_where_there_is_any(document: dict[str,
         "neurons and steps with a larger error than that",
     )
     page = Page(render_html(document))
-    assert (page.text.count(nearer), page.text.count(larger), len(page.named("polyline"))) == (2, 2, 4 + 4)
+    # Once in the description of the drawing, once below it.
+    assert (page.text.count(nearer), page.text.count(larger), len(page.named("polyline"))) == (4, 4, 4 + 4)
     first, second = (curve["points"].split(" ") for curve in page.named("polyline")[:2])
     # Shares on a logarithmic axis of five decades, upwards from the edges of the bins: 0.1 %, 2 %, 50 % and all.
     assert first == ["25,60", "50,33.98", "75,6.021", "100,0"]
     assert [point.split(",")[0] for point in second] == ["0", "25", "50", "75"]
     document["margins"]["by_population"]["time_output"]["error_histogram"] = [0, 0, 0, 0]
     page = Page(render_html(document))
-    assert (page.text.count(nearer), page.text.count(larger)) == (2, 1)
+    assert (page.text.count(nearer), page.text.count(larger)) == (4, 2)
 
 
 def test_many_populations_are_not_all_drawn(document: dict[str, Any]) -> None:

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+from locsnn_compile.excerpt import Excerpt
 from locsnn_compile.report.markdown import render_markdown, text
 from locsnn_compile.report.terminal import render_terminal
 
@@ -50,8 +51,8 @@ def _bare(document: dict[str, Any]) -> dict[str, Any]:
     return document
 
 
-def test_markdown_golden(document: dict[str, Any]) -> None:
-    _check(render_markdown(document), "report.md")
+def test_markdown_golden(document: dict[str, Any], excerpt: Excerpt) -> None:
+    _check(render_markdown(document, excerpt), "report.md")
 
 
 def test_markdown_with_nothing_optional_golden(document: dict[str, Any]) -> None:

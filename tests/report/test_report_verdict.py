@@ -96,7 +96,7 @@ def test_first_divergence_says_which_side_fired(
     document: dict[str, Any], reference: float, chip: float, sentence: str
 ) -> None:
     document["match"]["first_divergence"] |= {"reference_potential": reference, "chip_potential": chip}
-    first = compose(document).sections[0].blocks[0]
+    first = next(section for section in compose(document).sections if section.key == "agreement").blocks[0]
     assert isinstance(first, Paragraph)
     assert sentence in first.text
 

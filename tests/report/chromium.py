@@ -1,0 +1,134 @@
+"""Headless Chromium driven over a pipe by the DevTools protocol: no package, no port, no network.
+
+As a script it takes the pictures of a page that the documentation shows:
+``python tests/report/chromium.py report.html folder``.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+Message = dict[str, Any]
+
+
+def find_chromium() -> str | None:
+    """Return the path of a Chromium, or None."""
+    return next((path for name in NAMES if (path := shutil.which(name))), None)
+
+
+class Chromium:
+    """One tab. ``events`` are all that the browser told, in order."""
+
+    def __init__(self, send: int, receive: int) -> None:
+        self._send, self._receive = send, receive
+        self._last, self._session, self._rest = 0, None, b""
+        self.events: list[Message] = []
+        target = self.call("Target.createTarget", url="about:blank")["targetId"]
+        self._session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        for domain in ("Page", "Runtime", "Log", "Network", "Accessibility"):
+            self.call(f"{domain}.enable")
+
+    def call(self, method: str, **params: Any) -> Any:
+        """Call a method and return its result."""
+        self._last += 1
+        message = {"id": self._last, "method": method, "params": params}
+        if self._session:
+            message["sessionId"] = self._session
+        os.write(self._send, json.dumps(message).encode() + b"\0")
+        while (answer := self._read()).get("id") != self._last:
+            self.events.append(answer)
+        assert "error" not in answer, answer["error"]
+        return answer["result"]
+
+    def _read(self) -> Message:
+        while b"\0" not in self._rest:
+            part = os.read(self._receive, 1 << 20)
+            assert part, "Chromium went away"
+            self._rest += part
+        line, self._rest = self._rest.split(b"\0", 1)
+        message: Message = json.loads(line)
+        return message
+
+    def open(self, page: Path, *, width: int = 1280, dark: bool = False, media: str = "screen") -> None:
+        """Show a page as a screen of that width, or another medium, shows it."""
+        self.events.clear()
+        self.call("Emulation.setDeviceMetricsOverride", width=width, height=800, deviceScaleFactor=1, mobile=False)
+        features = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
+        self.call("Emulation.setEmulatedMedia", media=media, features=features)
+        self.call("Page.navigate", url=page.resolve().as_uri())
+        while not any(event["method"] == "Page.loadEventFired" for event in self.events):
+            self.events.append(self._read())
+
+    def evaluate(self, expression: str) -> Any:
+        """Return the value of a JavaScript expression on the page."""
+        found = self.call("Runtime.evaluate", expression=expression, returnByValue=True)
+        assert "exceptionDetails" not in found, found
+        return found["result"].get("value")
+
+    def press(self, key: str, code: int) -> None:
+        """Press a key and let it go."""
+        text = {"text": "\r"} if key == "Enter" else {}
+        for kind in ("keyDown", "keyUp"):
+            self.call("Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code, **text)
+
+    def picture(self, *, height: int | None = None) -> bytes:
+        """Return a PNG of the whole page, or of its top."""
+        size = self.call("Page.getLayoutMetrics")["cssContentSize"]
+        clip = {"x": 0, "y": 0, "width": size["width"], "height": height or size["height"], "scale": 1}
+        found = self.call("Page.captureScreenshot", format="png", clip=clip, captureBeyondViewport=True)
+        return base64.b64decode(found["data"])
+
+    def pdf(self) -> bytes:
+        """Return the page as it is printed."""
+        return base64.b64decode(self.call("Page.printToPDF", paperWidth=8.27, paperHeight=11.69)["data"])
+
+
+@contextmanager
+def started(path: str) -> Iterator[Chromium]:
+    """Start a Chromium with a profile of its own, and end it."""
+    to_browser, from_us = os.pipe()
+    to_us, from_browser = os.pipe()
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
+        options = f"--headless=new --no-sandbox --disable-gpu --no-first-run --user-data-dir={profile}"
+        # The protocol is spoken on descriptors 3 and 4; the shell puts the pipes there.
+        shell = f'exec "$0" {options} --remote-debugging-pipe 3<&{to_browser} 4>&{from_browser}'
+        browser = subprocess.Popen(
+            ["/bin/sh", "-c", shell, path], pass_fds=(to_browser, from_browser), stderr=subprocess.DEVNULL
+        )
+        os.close(to_browser)
+        os.close(from_browser)
+        try:
+            yield Chromium(from_us, to_us)
+        finally:
+            browser.kill()
+            browser.wait()
+            os.close(from_us)
+            os.close(to_us)
+
+
+def main(page: Path, folder: Path) -> None:
+    """Write the pictures of a page: wide, narrow, dark, and on paper."""
+    path = find_chromium()
+    assert path, "no Chromium"
+    folder.mkdir(parents=True, exist_ok=True)
+    with started(path) as chromium:
+        for name, width, dark in (("wide", 1280, False), ("narrow", 360, False), ("dark", 1280, True)):
+            chromium.open(page, width=width, dark=dark)
+            (folder / f"{name}.png").write_bytes(chromium.picture())
+        chromium.open(page)
+        (folder / "paper.pdf").write_bytes(chromium.pdf())
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), Path(sys.argv[2]))

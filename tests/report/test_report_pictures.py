@@ -1,0 +1,141 @@
+"""Pictures: what is drawn where, by numbers that can be followed by hand."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from locsnn_compile.excerpt import LINES, MARKS, NEURONS, POPULATIONS, STEPS, Excerpt, InputSpikes, PopulationSpikes
+from locsnn_compile.report.compose import compose
+from locsnn_compile.report.content import Mesh, Paragraph, Plot, Raster, Section, Table
+from locsnn_compile.report.html import render_html
+from locsnn_compile.report.pictures.mesh import mesh
+from locsnn_compile.report.pictures.raster import raster
+from locsnn_compile.report.ticks import round_numbers, step_ticks
+
+
+def _section(key: str, document: dict[str, Any], excerpt: Excerpt | None = None) -> Section:
+    return next(section for section in compose(document, excerpt).sections if section.key == key)
+
+
+def _rasters(document: dict[str, Any], excerpt: Excerpt) -> list[Raster]:
+    return [block for block in _section("spikes", document, excerpt).blocks if isinstance(block, Raster)]
+
+
+def test_spikes_are_sorted_by_side(document: dict[str, Any], excerpt: Excerpt) -> None:
+    _, drawn = _rasters(document, excerpt)
+    assert drawn.title == "time_output: 2 of 36 neurons"
+    assert (drawn.columns, drawn.rows, drawn.flag) == (4, 2, (2, 1))
+    assert drawn.flag_label == "first difference: neuron 3, step 41"
+    assert [(one.kind, one.label, one.points) for one in drawn.strokes] == [
+        ("equal", "3 on both sides", ((0, 0), (3, 0), (1, 1))),
+        ("reference", "1 only in the float network", ((2, 1),)),
+        ("chip", "1 only on the chip", ((3, 1),)),
+    ]
+    assert drawn.x_ticks == ((0.125, "39"), (0.375, "40"), (0.625, "41"), (0.875, "42"))
+
+
+def test_sides_are_told_apart_without_colour(document: dict[str, Any], excerpt: Excerpt) -> None:
+    made = raster(_rasters(document, excerpt)[1])
+    paths = dict(re.findall(r'<path class="stroke (\w+)"[^>]* d="([^"]*)"/>', made))
+    # Rows are 8 units high: a shared spike is 6 long, one of the float network 4 from the top, one of the chip 4 below.
+    assert paths == {"equal": "M0 1v6M3 1v6M1 9v6", "reference": "M2 8v4", "chip": "M3 12v4"}
+
+
+def test_lines_share_rows(document: dict[str, Any], excerpt: Excerpt) -> None:
+    drawn, _ = _rasters(document, excerpt)
+    assert drawn.title == "Input of the time branch: 5 lines, 2 to a row"
+    assert [one.label for one in drawn.strokes] == ["4 strokes, each one event or more"]
+
+
+def test_what_is_left_out_is_said(document: dict[str, Any], excerpt: Excerpt) -> None:
+    first = _section("spikes", document, excerpt).blocks[0]
+    assert first == Paragraph(
+        "Recording 0, the first in which a spike differs. Of 100 time steps, 39 to 42 are drawn. Of a large "
+        "population, the neurons with the most differences in the recording are drawn. 1 further population is not."
+    )
+
+
+def test_nothing_is_shown_of_nothing(document: dict[str, Any]) -> None:
+    assert not {"spikes", "potential"} & {section.key for section in compose(document).sections}
+
+
+def test_the_potential_is_drawn_until_it_counts(document: dict[str, Any], excerpt: Excerpt) -> None:
+    section = _section("potential", document, excerpt)
+    both, error = (block for block in section.blocks if isinstance(block, Plot))
+    assert [curve.label for curve in both.curves] == ["float potential", "chip potential", "threshold, 10"]
+    assert both.marked == pytest.approx(2 / 3)
+    at_threshold = both.curves[2].points[0][1]
+    assert [y > at_threshold for _, y in both.curves[0].points] == [False, True, True, False]
+    assert [y > at_threshold for _, y in both.curves[1].points] == [False, True, False, True]
+    # The error in percent of the threshold: 0, 0 and -5; what the chip does after that has another cause.
+    assert [y for _, y in error.curves[0].points] == pytest.approx([5.3 / 5.6, 5.3 / 5.6, 0.3 / 5.6])
+    table = next(block for block in section.blocks if isinstance(block, Table))
+    assert table.rows[1:3] == (("40", "10.5", "10.5", "float and chip"), ("41", "10.25", "9.75", "float"))
+
+
+def test_without_a_difference_a_neuron_is_an_example(document: dict[str, Any], excerpt: Excerpt) -> None:
+    document["match"]["first_divergence"] = None
+    excerpt = replace(excerpt, first=None)
+    assert _section("potential", document, excerpt).title == "Potential of a neuron"
+    assert [drawn.flag for drawn in _rasters(document, excerpt)] == [None, None]
+    assert "the first; no spike of any recording differs." in render_html(document, excerpt)
+
+
+def test_cores_sit_where_they_are_and_are_as_full_as_their_fullest_limit(document: dict[str, Any]) -> None:
+    (drawn,) = (block for block in _section("cores", document).blocks if isinstance(block, Mesh))
+    # Slot 39 is core 3 of tile (1, 1): of 2 by 2 cores there the last. Three of 16 synapse formats are in use.
+    assert [(core.column, core.row, core.share, core.text) for core in drawn.cores] == [
+        (0, 0, 0.1875, "19"),
+        (3, 3, 0.1875, "19"),
+    ]
+    assert drawn.description == (
+        "core 0, time branch: 18.8 % of its synapse formats; core 1, location branch: 18.8 % of its synapse formats"
+    )
+    assert mesh(drawn).count('class="tile"') == 32
+
+
+def test_chips_are_drawn_one_by_one(document: dict[str, Any]) -> None:
+    found = document["resources"]
+    found["mesh"]["chips"] = 6
+    row = found["by_core"][0]
+    found["by_core"] = [{**row, "core": i, "slot": 128 * i, "tile": [8 * i, 0]} for i in range(6)]
+    blocks = _section("cores", document).blocks
+    assert [block.title for block in blocks if isinstance(block, Mesh)] == [
+        f"Chip {i} of loihi-sim: 1 core in use of 128" for i in range(4)
+    ]
+    assert blocks[-1] == Paragraph("2 chips are not drawn; see core by core.")
+    assert all(core.column == 0 for block in blocks if isinstance(block, Mesh) for core in block.cores)
+
+
+def test_the_largest_excerpt_is_a_small_page(document: dict[str, Any], excerpt: Excerpt) -> None:
+    steps = MARKS // NEURONS
+    full = np.ones((steps, NEURONS), dtype=np.uint8)
+    populations = tuple(
+        PopulationSpikes(f"layer{i}", "time", 100_000, np.arange(NEURONS), full, 1 - full) for i in range(POPULATIONS)
+    )
+    rows = np.ones((MARKS // LINES, LINES), dtype=np.uint8)
+    inputs = (InputSpikes("input", "time", 100_000, 782, np.pad(rows, ((0, steps - len(rows)), (0, 0)))),)
+    excerpt = replace(excerpt, first=None, steps={"time": range(steps)}, populations=populations, inputs=inputs)
+    assert len(render_html(document, excerpt).encode()) < 1_000_000
+    assert steps < STEPS
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "numbers"),
+    [
+        pytest.param(0, 100, [0, 20, 40, 60, 80, 100], id="hundred"),
+        pytest.param(-0.12, 0.02, [-0.1, -0.05, 0.0], id="small"),
+        pytest.param(3, 3, [], id="empty"),
+    ],
+)
+def test_round_numbers(low: float, high: float, numbers: list[float]) -> None:
+    assert round_numbers(low, high, 6) == pytest.approx(numbers)
+
+
+def test_one_step_has_one_tick() -> None:
+    assert step_ticks(range(7, 8), centred=True) == ((0.5, "7"),)
