@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test test-slow peers bench check check-rest examples format clean
+.PHONY: demo test test-slow peers bench check check-rest docs examples format clean
 
 demo: .venv/installed  ## install, then compile the example that ships, check it and write its reports
 	$(BIN)/locsnn-compile examples/models/objects-hybrid.pt --events examples/recordings/touches.npz
@@ -20,13 +20,17 @@ peers: .venv/installed-dev  ## compare the engine with public simulators, each i
 bench: .venv/installed-dev  ## measure speed and memory beside public simulators; writes docs/benchmarks.md (QUICK=1: only tries it)
 	$(BIN)/python tests/benchmarks/run.py $(if $(QUICK),--quick)
 
-check: test check-rest  ## all that must hold: format, lint, types, tests, examples
+check: test check-rest  ## all that must hold: format, lint, types, tests, documentation, examples
 
 check-rest: .venv/installed-dev  ## the part of it that is not `make test`
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+	$(MAKE) docs
 	$(MAKE) examples
+
+docs: .venv/installed-dev  ## build the documentation; a warning is an error
+	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet docs build/docs
 
 examples: .venv/installed-dev  ## run the example scripts and the demo
 	$(BIN)/python examples/model_to_report.py

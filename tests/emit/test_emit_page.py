@@ -1,20 +1,13 @@
-"""The Python of ``docs/emit.md`` runs, and its assertions hold."""
+"""``docs/emit.md`` names every kind."""
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 from locsnn_compile.emit import BENCH_KINDS
 from locsnn_compile.emit.sanafe_rules import DELAY_MAX
 
 PAGE = (Path(__file__).parents[2] / "docs/emit.md").read_text()
-
-
-def test_the_code_of_the_page_runs():
-    blocks = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
-    assert sum(block.count("assert ") for block in blocks) >= 10
-    exec("\n".join(blocks), {})
 
 
 def test_every_kind_has_a_row():

@@ -1,0 +1,58 @@
+"""Pages of the documentation, and the fenced code in them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PAGES = [
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")),
+    *sorted((ROOT / "docs").rglob("*.md")),
+    *sorted((ROOT / "examples").rglob("*.md")),
+]
+
+
+@dataclass(frozen=True)
+class Fence:
+    """A fenced block: ``line`` is that of its first line of code; ``words`` follow the language."""
+
+    page: Path
+    line: int
+    language: str
+    words: tuple[str, ...]
+    code: str
+
+    def __str__(self):
+        return f"{name(self.page)}:{self.line}"
+
+
+def name(page: Path) -> str:
+    """Return a page's path from the root of the project."""
+    return page.relative_to(ROOT).as_posix()
+
+
+def fences(page: Path) -> list[Fence]:
+    """Return the fenced blocks of a page, in order."""
+    found: list[Fence] = []
+    lines: list[str] = []
+    opening: re.Match[str] | None = None
+    for number, line in enumerate(page.read_text("utf-8").splitlines(), start=1):
+        if opening is None:
+            opening = re.match(r"(?P<mark>`{3,}|~{3,})(?P<info>.*)$", line)
+            lines = []
+        elif line.rstrip() == opening["mark"]:
+            language, *words = opening["info"].split() or [""]
+            found.append(Fence(page, number - len(lines), language, tuple(words), "\n".join(lines) + "\n"))
+            opening = None
+        else:
+            lines.append(line)
+    assert opening is None, f"{name(page)} ends within a fence"
+    return found
+
+
+def prose(page: Path) -> str:
+    """Return a page without its fenced blocks and code spans: there, brackets are no links."""
+    text = re.sub(r"^(`{3,}).*?^\1\s*$", "", page.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE)
+    return re.sub(r"(`+)(?!`).+?(?<!`)\1(?!`)", "", text)

@@ -1,0 +1,113 @@
+"""Every fenced block of README and documentation runs: what is not to run says so by its language.
+
+The blocks of a page run in their order, in a folder that holds ``examples``. Words after the language: ``slow`` blocks
+run with the slow tests, ``ci`` ones are what `.ci/run` does itself. Fast tests call the project's own commands within this
+process; the slow ones run all of a page, in a shell.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import yaml
+from fences import PAGES, ROOT, Fence, fences, name
+
+from locsnn_compile.cli.compile import main as compile_main
+from locsnn_compile.cli.main import main as locsnn_main
+
+BLOCKS = [fence for page in PAGES for fence in fences(page)]
+RUN = [fence for fence in BLOCKS if fence.language in ("python", "sh") and "ci" not in fence.words]
+COMMANDS = {"locsnn-compile": compile_main, "locsnn": locsnn_main}
+REAL = ROOT.parent / "shared/data/neutouch"
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Make a folder that holds the examples the current one; the commands of this environment are found first."""
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
+    return tmp_path
+
+
+def run_blocks(blocks: list[Fence], run_shell: Callable[[Fence], None]) -> None:
+    """Run blocks one after the other, those in Python in one namespace."""
+    namespace = {"__name__": "__main__"}
+    for block in blocks:
+        if block.language == "python":
+            exec(compile("\n" * (block.line - 1) + block.code, name(block.page), "exec"), namespace)
+        else:
+            run_shell(block)
+
+
+def in_shell(block: Fence) -> None:
+    command = ["bash", "-euo", "pipefail", "-c", block.code]
+    done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, f"{block}\n{block.code}\n{done.stdout[-2000:]}{done.stderr[-2000:]}"
+
+
+def in_process(block: Fence) -> None:
+    """Call the commands of a block here, if they are all ours and plain; else run it in a shell."""
+    lines = [shlex.split(line, comments=True) for line in block.code.splitlines()]
+    if not all(line and line[0] in COMMANDS for line in lines) or re.search(r"[|>&;$*\\]", block.code):
+        return in_shell(block)
+    for program, *arguments in lines:
+        assert COMMANDS[program](arguments) == 0, f"{block}\n{program} {shlex.join(arguments)}"
+
+
+def of_page(page: Path, *, slow: bool) -> list[Fence]:
+    return [fence for fence in RUN if fence.page == page and (slow or "slow" not in fence.words)]
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if of_page(page, slow=False)], ids=name)
+def test_the_code_of_a_page_runs(page, folder):
+    run_blocks(of_page(page, slow=False), in_process)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", sorted({b.page for b in RUN if "slow" in b.words or b.language == "sh"}), ids=name)
+def test_all_code_of_a_page_runs_in_a_shell(page, folder):
+    run_blocks(of_page(page, slow=True), in_shell)
+
+
+@pytest.mark.parametrize("fence", BLOCKS, ids=str)
+def test_a_block_says_what_it_is(fence):
+    """Run, compared, parsed, a directive of the documentation's builder, or text."""
+    if re.fullmatch(r"\{[a-z-]+\}", fence.language):
+        return
+    allowed = {"python": {"slow"}, "sh": {"slow", "ci"}, "console": set(), "yaml": set(), "text": set()}
+    assert fence.language in allowed
+    assert set(fence.words) <= allowed[fence.language]
+
+
+@pytest.mark.parametrize("fence", [fence for fence in BLOCKS if fence.language == "yaml"], ids=str)
+def test_yaml_is_yaml(fence):
+    assert isinstance(yaml.safe_load(fence.code), dict)
+
+
+@pytest.mark.parametrize("fence", [fence for fence in BLOCKS if "ci" in fence.words], ids=str)
+def test_what_ci_runs_is_a_target_of_make(fence):
+    targets = re.findall(r"^make ([a-z-]+)", fence.code, flags=re.MULTILINE)
+    assert len(targets) == len(fence.code.splitlines())
+    everything = (ROOT / ".ci/run").read_text() + (ROOT / "Makefile").read_text()
+    for target in targets:
+        assert re.search(rf"(make|\$\(MAKE\)) {target}$", everything, flags=re.MULTILINE), target
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not REAL.is_dir(), reason="the real recordings are not beside the repository")
+@pytest.mark.parametrize("fence", [fence for fence in BLOCKS if fence.language == "console"], ids=str)
+def test_a_session_prints_what_the_page_shows(fence, folder):
+    """The first line is the command, the rest its output; archives are those of the real recordings."""
+    (folder / "Ev-Objects.zip").symlink_to(REAL / "Ev-Objects.zip")
+    command, shown = fence.code.removeprefix("$ ").split("\n", maxsplit=1)
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
+    assert done.stdout == shown

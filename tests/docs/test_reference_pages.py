@@ -1,0 +1,44 @@
+"""The reference pages leave nothing public out, and the help they show is what commands print."""
+
+from __future__ import annotations
+
+import re
+import sys
+
+import pytest
+from fences import ROOT
+
+import hw_model
+import locsnn_compile
+
+sys.path.insert(0, str(ROOT / "docs/extensions"))
+from command_help import help_of, programs
+
+PAGE = (ROOT / "docs/reference/command-line.md").read_text("utf-8")
+
+
+@pytest.mark.parametrize("package", [hw_model, locsnn_compile], ids=lambda package: package.__name__)
+def test_every_public_name_is_in_the_reference(package):
+    page = (ROOT / f"docs/reference/{package.__name__.replace('_', '-')}.md").read_text("utf-8")
+    shown = set(re.findall(r"^\.\. auto(?:class|exception|function):: (\w+)$", page, flags=re.MULTILINE))
+    elsewhere = {"InputError", "LocsnnError", "TargetError"} if package is locsnn_compile else set()
+    assert shown == set(package.__all__) - elsewhere
+    for name in elsewhere:
+        assert f"`{name}`" in page
+
+
+def test_every_command_is_in_the_reference():
+    assert re.findall(r"^## (.*)$", PAGE, flags=re.MULTILINE) == programs()
+    assert re.findall(r"^```\{command-help\} (.*)$", PAGE, flags=re.MULTILINE) == programs()
+
+
+@pytest.mark.parametrize("program", programs())
+def test_the_reference_shows_what_help_prints(program, capsys, monkeypatch):
+    from locsnn_compile.cli.compile import main as compile_main
+    from locsnn_compile.cli.main import main as locsnn_main
+
+    monkeypatch.setenv("COLUMNS", "100")
+    command, *names = program.split()
+    with pytest.raises(SystemExit):
+        {"locsnn-compile": compile_main, "locsnn": locsnn_main}[command]([*names, "--help"])
+    assert help_of(program) == capsys.readouterr().out
