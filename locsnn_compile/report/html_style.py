@@ -150,6 +150,7 @@ nav,.skip{display:none}
 h2,.lead,figcaption,caption,thead{break-after:avoid}
 .blocks>.scroll,tr,figure,.bullets,.verdict,.notice{break-inside:avoid}
 svg{-webkit-print-color-adjust:exact;print-color-adjust:exact}
+details::details-content{content-visibility:visible}.ground{stroke:var(--rule)}
 th,td,.wide th:not(:first-child),.wide td{padding:.25rem 0 .25rem .5rem}
 .scroll{overflow:visible}
 th:first-child{padding-left:0}

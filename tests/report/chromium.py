@@ -7,10 +7,11 @@ As a script it takes the pictures of a page that the documentation shows:
 from __future__ import annotations
 
 import base64
+import fcntl
 import json
 import os
 import shutil
-import subprocess
+import signal
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -99,20 +100,22 @@ def started(path: str) -> Iterator[Chromium]:
     """Start a Chromium with a profile of its own, and end it."""
     to_browser, from_us = os.pipe()
     to_us, from_browser = os.pipe()
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
-        options = f"--headless=new --no-sandbox --disable-gpu --no-first-run --user-data-dir={profile}"
-        # The protocol is spoken on descriptors 3 and 4; the shell puts the pipes there.
-        shell = f'exec "$0" {options} --remote-debugging-pipe 3<&{to_browser} 4>&{from_browser}'
-        browser = subprocess.Popen(
-            ["/bin/sh", "-c", shell, path], pass_fds=(to_browser, from_browser), stderr=subprocess.DEVNULL
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile, open(os.devnull, "wb") as nothing:
+        options = ["--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run", "--remote-debugging-pipe"]
+        # The protocol is spoken on descriptors 3 and 4; ours go there by way of higher ones, for they may be these.
+        high = [(fcntl.fcntl(fd, fcntl.F_DUPFD, 64), place) for fd, place in ((to_browser, 3), (from_browser, 4))]
+        actions = [(os.POSIX_SPAWN_DUP2, nothing.fileno(), 2)]
+        actions += [(os.POSIX_SPAWN_DUP2, fd, place) for fd, place in high]
+        browser = os.posix_spawn(
+            path, [path, *options, f"--user-data-dir={profile}"], os.environ, file_actions=actions, setsid=True
         )
-        os.close(to_browser)
-        os.close(from_browser)
+        for fd in (to_browser, from_browser, *(fd for fd, _ in high)):
+            os.close(fd)
         try:
             yield Chromium(from_us, to_us)
         finally:
-            browser.kill()
-            browser.wait()
+            os.killpg(browser, signal.SIGKILL)
+            os.waitpid(browser, 0)
             os.close(from_us)
             os.close(to_us)
 
@@ -126,7 +129,7 @@ def main(page: Path, folder: Path) -> None:
         for name, width, dark in (("wide", 1280, False), ("narrow", 360, False), ("dark", 1280, True)):
             chromium.open(page, width=width, dark=dark)
             (folder / f"{name}.png").write_bytes(chromium.picture())
-        chromium.open(page)
+        chromium.open(page, media="print")
         (folder / "paper.pdf").write_bytes(chromium.pdf())
 
 

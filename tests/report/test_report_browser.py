@@ -1,0 +1,155 @@
+"""The page in a browser: what it asks for, what it says, and how it stands on a phone, in the dark and on paper."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from chromium import Chromium, find_chromium, started
+
+from locsnn_compile.cli.compile import main
+from locsnn_compile.excerpt import Excerpt
+from locsnn_compile.report.html import render_html
+
+ROOT = Path(__file__).parents[2]
+ENTER, TAB = ("Enter", 13), ("Tab", 9)
+LOUD = ("Runtime.exceptionThrown", "Runtime.consoleAPICalled", "Log.entryAdded")
+TOO_WIDE = """
+  [...document.querySelectorAll('body *')].filter(e => !e.closest('.scroll, .hidden, .skip, .defs')
+    && e.getBoundingClientRect().right > document.documentElement.clientWidth + 1).map(e => e.outerHTML.slice(0, 80))
+"""
+FAINT = """
+  (() => {
+    const parts = colour => colour.match(/[\\d.]+/g).map(Number)
+    const light = ([r, g, b]) => [r, g, b].map(v => v / 255).map(v => v <= .03928 ? v / 12.92 : ((v + .055) / 1.055) ** 2.4)
+      .reduce((sum, v, i) => sum + v * [.2126, .7152, .0722][i], 0)
+    const ground = e => { for (; e; e = e.parentElement) {
+      const [r, g, b, a = 1] = parts(getComputedStyle(e).backgroundColor); if (a > 0) return [r, g, b] } return [255, 255, 255] }
+    const ratio = (a, b) => (Math.max(a, b) + .05) / (Math.min(a, b) + .05)
+    return [...document.querySelectorAll('h1, h2, h3, p, dt, dd, th, td, li, a, caption, summary, figcaption, text')]
+      .filter(e => e.textContent.trim()).filter(e => { const style = getComputedStyle(e)
+        return ratio(light(parts(e.tagName == 'text' ? style.fill : style.color)), light(ground(e.parentElement))) < 4.5 })
+      .map(e => e.outerHTML.slice(0, 80))
+  })()
+"""
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Chromium]:
+    path = find_chromium()
+    if path is None:
+        pytest.skip("no Chromium on this machine; Debian has it as the package chromium")
+    with started(path) as chromium:
+        yield chromium
+
+
+@pytest.fixture
+def page(document: dict[str, Any], excerpt: Excerpt, tmp_path: Path) -> Path:
+    row = document["resources"]["by_core"][0]
+    document["resources"]["by_core"] = [{**row, "core": i, "slot": i, "tile": [i // 4, 0]} for i in range(20)]
+    path = tmp_path / "report.html"
+    path.write_text(render_html(document, excerpt), encoding="utf-8")
+    return path
+
+
+def _quiet_and_alone(browser: Chromium, page: Path) -> None:
+    """Nothing was said on the console, and nothing asked for but the page itself."""
+    assert [event for event in browser.events if event["method"] in LOUD] == []
+    asked = [e["params"]["request"]["url"] for e in browser.events if e["method"] == "Network.requestWillBeSent"]
+    assert asked == [page.resolve().as_uri()]
+
+
+def test_it_says_nothing_to_the_console_and_asks_for_nothing(browser: Chromium, page: Path) -> None:
+    browser.open(page)
+    _quiet_and_alone(browser, page)
+    shown = browser.evaluate("document.body.innerText")
+    for figure in ("two-branches on loihi-sim", "95.0 %", "100 nJ", "2 of 128 cores", "1 only on the chip"):
+        assert figure in shown
+
+
+@pytest.mark.parametrize("width", [320, 360, 768, 1280, 1920])
+def test_it_is_never_wider_than_the_screen(browser: Chromium, page: Path, width: int) -> None:
+    browser.open(page, width=width)
+    assert browser.evaluate(TOO_WIDE) == []
+    assert browser.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth") == 0
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+def test_all_text_stands_out_from_its_ground(browser: Chromium, page: Path, dark: bool) -> None:
+    browser.open(page, dark=dark)
+    ground = browser.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert ground == ("rgb(18, 21, 24)" if dark else "rgb(255, 255, 255)")
+    assert browser.evaluate(FAINT) == []
+
+
+def test_paper_is_white_and_whole(browser: Chromium, page: Path) -> None:
+    browser.open(page, dark=True, media="print")
+    assert browser.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    assert browser.evaluate(FAINT) == []
+    assert browser.evaluate("document.querySelector('details table').checkVisibility({contentVisibilityAuto: true})")
+    made = browser.pdf()
+    assert made.startswith(b"%PDF-")
+    assert made.count(b"/Type /Page\n") > 3
+
+
+def test_the_keyboard_reaches_and_opens_everything(browser: Chromium, page: Path) -> None:
+    browser.open(page, width=360)
+    browser.press(*TAB)
+    assert browser.evaluate("document.activeElement.textContent") == "Skip to the verdict"
+    assert browser.evaluate("document.activeElement.getBoundingClientRect().left >= 0")
+    browser.press(*ENTER)
+    assert browser.evaluate("location.hash") == "#main"
+    reached = []
+    for _ in range(200):
+        browser.press(*TAB)
+        reached.append(browser.evaluate("document.activeElement.outerHTML.slice(0, 40)"))
+        if "<summary" in reached[-1]:
+            assert browser.evaluate("getComputedStyle(document.activeElement).outlineStyle") == "solid"
+            browser.press(*ENTER)
+            assert browser.evaluate("document.activeElement.parentElement.open")
+        if reached[-1].startswith(("<body", '<a class="skip"')):  # round once
+            reached.pop()
+            break
+    links = browser.evaluate("document.querySelectorAll('nav a').length")
+    assert sum("<a " in element for element in reached) == links
+    for start, selector in (("<summary", "summary"), ('<div class="scroll" tabindex', ".scroll[tabindex]")):
+        there = browser.evaluate(f"document.querySelectorAll('{selector}').length")
+        assert sum(start in element for element in reached) == there > 0
+
+
+def test_pictures_and_tables_have_names(browser: Chromium, page: Path) -> None:
+    browser.open(page)
+    nodes = [node for node in browser.call("Accessibility.getFullAXTree")["nodes"] if not node["ignored"]]
+    names = [
+        (node["role"]["value"], node.get("name", {}).get("value", ""))
+        for node in nodes
+        if node["role"]["value"] in ("image", "table", "region")
+    ]
+    assert {"image", "table", "region"} == {role for role, _ in names}
+    assert [entry for entry in names if not entry[1]] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("model", "events", "predictions"),
+    [("objects-hybrid", "touches.npz", "8 of 8"), ("containers-hybrid", "touches-long.npz", "4 of 4")],
+    ids=["objects", "containers"],
+)
+def test_the_examples(browser: Chromium, tmp_path: Path, model: str, events: str, predictions: str) -> None:
+    examples = ROOT / "examples"
+    arguments = [str(examples / f"models/{model}.pt"), "--events", str(examples / "recordings" / events), "--quiet"]
+    assert main([*arguments, "-o", str(tmp_path / "build")]) == 0
+    page = tmp_path / "build" / "report.html"
+    assert page.stat().st_size < 2_000_000
+    browser.open(page)
+    _quiet_and_alone(browser, page)
+    shown = browser.evaluate("document.body.innerText")
+    for figure in (f"{model} on loihi-sim", "of 128 cores", "µJ", f"{predictions} recordings", "location_output"):
+        assert figure in shown
+    for dark in (False, True):
+        browser.open(page, width=360, dark=dark)
+        assert browser.evaluate(TOO_WIDE) == []
+        assert browser.evaluate(FAINT) == []
+    assert browser.pdf().startswith(b"%PDF-")
