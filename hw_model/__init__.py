@@ -11,7 +11,7 @@ from hw_model.lazy import lazy_names
 
 if TYPE_CHECKING:
     from hw_model.builder import ProgramBuilder
-    from hw_model.chip_description import Chip, chip, chip_names
+    from hw_model.chip_description import Chip, chip, chip_names, priced_by
     from hw_model.cost import energy_pj, latency
     from hw_model.counts import Counts
     from hw_model.early_stop import calibrate_margin, stop_at_margin, stop_when_proven, timestep_scores
@@ -40,6 +40,7 @@ __all__ = [
     "energy_pj",
     "latency",
     "load_program",
+    "priced_by",
     "prove_range",
     "simulate",
     "stop_at_margin",
@@ -69,6 +70,7 @@ __getattr__ = lazy_names(
         "energy_pj": "hw_model.cost",
         "latency": "hw_model.cost",
         "load_program": "hw_model.program_file",
+        "priced_by": "hw_model.chip_description",
         "prove_range": "hw_model.range_proof",
         "simulate": "hw_model.simulation",
     },

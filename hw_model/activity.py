@@ -2,25 +2,41 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
 from hw_model.counts import BY_CORE, COUNTED
 from hw_model.fixed_point import IntArray
+from hw_model.mesh_routes import PER_PACKET, Routes, routes_of
+from hw_model.pieces import Pieces, pieces_of
 from hw_model.program import ChipProgram
-from hw_model.trace import EVENTS, ByteArray, PhaseInput, PhaseTrace
-
-PER_PACKET = ("axon_packets", "packets_within_tile", "hops_x", "hops_y")
+from hw_model.trace import EVENTS, ByteArray, Int32Array, PhaseInput, PhaseTrace
 
 
 @dataclass(frozen=True, eq=False)
 class StepActivity:
-    """One recording in one phase: ``by_core[name]`` (steps, cores) for each of :data:`hw_model.counts.BY_CORE`."""
+    """One recording in one phase, step by step; several may be stacked, with a dimension in front.
 
-    by_core: dict[str, IntArray]
+    ``by_piece[name]`` (steps, pieces) for each of :data:`hw_model.counts.BY_CORE`; ``packets`` (steps, ways): packets
+    on each way of :class:`hw_model.mesh_routes.Routes`; ``input_packets`` (steps, cores): those that bring input
+    events; ``buffered`` (steps,): events that the transpose buffer gives out.
+    """
+
+    pieces: Pieces
+    routes: Routes
+    by_piece: dict[str, IntArray]
+    packets: IntArray
+    input_packets: IntArray
+    buffered: IntArray
+
+    @cached_property
+    def by_core(self) -> dict[str, IntArray]:
+        """The same counts by core, (steps, cores)."""
+        return {name: self.pieces.of_pieces(counts) for name, counts in self.by_piece.items()}
 
     def count(self, name: str) -> IntArray:
         """Return a count, or one derived from them, (steps, cores)."""
@@ -28,24 +44,39 @@ class StepActivity:
             return self.by_core["neuron_updates"] - self.by_core["neuron_updates_active"]
         if name == "hops":
             return self.by_core["hops_x"] + self.by_core["hops_y"]
+        if name == "packets_received":
+            arrived = self.input_packets.copy()
+            np.add.at(arrived.T, self.routes.target, self.packets.T)
+            return arrived
         return self.by_core[name]
+
+
+def stacked(items: Sequence[StepActivity]) -> StepActivity:
+    """Return recordings of one phase and of equal length as one, (recordings, steps, ...)."""
+    first = items[0]
+    return StepActivity(
+        first.pieces,
+        first.routes,
+        {name: np.stack([item.by_piece[name] for item in items]) for name in first.by_piece},
+        np.stack([item.packets for item in items]),
+        np.stack([item.input_packets for item in items]),
+        np.stack([item.buffered for item in items]),
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class FanOut:
     """What one spike of each source causes; sources are input lines, then columns.
 
-    ``synapses`` (sources, cores of the phase): synapses at each core. ``due_late`` (longest delay + 1, sources): of
+    ``synapses`` (sources, pieces of the phase): synapses at each piece. ``due_late`` (longest delay + 1, sources): of
     them, those with at least that delay. ``packets`` (sources, 4): of a compartment, :data:`PER_PACKET`.
-    ``input_packets`` (lines,): packets that carry an event of a line. ``core`` (columns,): where each column is among
-    the phase's cores.
+    ``input_packets`` (lines, cores of the phase): packets that carry an event of a line.
     """
 
-    synapses: IntArray
+    synapses: Int32Array
     due_late: IntArray
     packets: IntArray
     input_packets: IntArray
-    core: IntArray
 
 
 def count_totals(program: ChipProgram, phase: str, played: PhaseInput, trace: PhaseTrace) -> IntArray:
@@ -60,11 +91,11 @@ def count_totals(program: ChipProgram, phase: str, played: PhaseInput, trace: Ph
         "events_dropped": played.events_dropped,
         "synaptic_ops": trace.sent @ fan.synapses.sum(axis=1),
         "synaptic_ops_after_end": _due_after_end(played, trace.spikes, fan.due_late),
-        "neuron_updates": played.steps * len(fan.core),
+        "neuron_updates": played.steps * trace.spikes.shape[2],
         "neuron_updates_active": trace.active.sum(axis=(1, 2), dtype=np.int64),
         "spikes": trace.sent[:, lines:].sum(axis=1),
         **{name: packets[:, k] for k, name in enumerate(PER_PACKET)},
-        "input_packets": trace.sent[:, :lines] @ fan.input_packets,
+        "input_packets": trace.sent[:, :lines] @ fan.input_packets.sum(axis=1),
         **{name: events[:, k] for k, name in enumerate(EVENTS)},
         "skipped_steps": trace.skipped,
     }
@@ -77,26 +108,39 @@ def count_totals(program: ChipProgram, phase: str, played: PhaseInput, trace: Ph
 def count_steps(program: ChipProgram, phase: str, played: PhaseInput, trace: PhaseTrace) -> list[StepActivity]:
     """Return the counts of every recording step by step and core by core."""
     fan = fan_out(program, phase)
-    cores = len(program.cores_of(phase))
+    pieces, routes = pieces_of(program, phase), routes_of(program, phase)
     lines = len(fan.input_packets)
-    on_core = np.zeros((len(fan.core), cores), dtype=np.float64)
-    on_core[np.arange(len(fan.core)), fan.core] = 1
-    sizes = on_core.sum(axis=0).astype(np.int64)
+    from_buffer = _through_buffer(program, phase)
     found = []
     for i in range(len(trace.spikes)):
-        spikes = trace.spikes[i].astype(np.float64)
-        synapses = played.lines(i).astype(np.float64) @ fan.synapses[:lines] + spikes @ fan.synapses[lines:]
-        by_core = {
-            "synaptic_ops": _whole(synapses),
-            "neuron_updates": np.broadcast_to(sizes, (played.steps, cores)),
+        sent, played_lines = trace.spikes[i], played.lines(i)
+        events = played_lines.astype(np.float64)
+        by_piece = {
+            "synaptic_ops": _whole(events @ fan.synapses[:lines] + sent.astype(np.float64) @ fan.synapses[lines:]),
+            "neuron_updates": np.broadcast_to(pieces.size, (played.steps, len(pieces.group))),
             "neuron_updates_active": trace.active[i].astype(np.int64),
-            "spikes": _whole(spikes @ on_core),
+            "spikes": pieces.of_spikes(sent),
         }
-        for name, per_spike in zip(PER_PACKET, fan.packets[lines:].T, strict=True):
-            by_core[name] = _whole(spikes @ (on_core * per_spike[:, None]))
-        assert set(by_core) == set(BY_CORE)
-        found.append(StepActivity(by_core))
+        packets = routes.packets(sent)
+        by_piece |= routes.by_piece(packets, len(pieces.group))
+        assert set(by_piece) == set(BY_CORE)
+        found.append(
+            StepActivity(
+                pieces,
+                routes,
+                by_piece,
+                packets=packets,
+                input_packets=_whole(events @ fan.input_packets),
+                buffered=played_lines[:, from_buffer].sum(axis=1, dtype=np.int64),
+            )
+        )
     return found
+
+
+def _through_buffer(program: ChipProgram, phase: str) -> npt.NDArray[np.bool_]:
+    """Tell which lines of a phase the transpose buffer plays, (lines,)."""
+    inputs = program.inputs_of(phase)
+    return np.repeat([item.positions is not None for item in inputs], [item.size for item in inputs])
 
 
 def _whole(sums: npt.NDArray[np.float64]) -> IntArray:
@@ -122,46 +166,53 @@ def _due_after_end(played: PhaseInput, spikes: ByteArray, due_late: IntArray) ->
 @lru_cache(maxsize=8)
 def fan_out(program: ChipProgram, phase: str) -> FanOut:
     """Follow every axon of a phase. Programs are hashed by identity."""
-    cores = program.cores_of(phase)
+    cores, pieces = program.cores_of(phase), pieces_of(program, phase)
     place = {core.number: i for i, core in enumerate(cores)}
     columns = {core.number: program.columns_of_core(core) for core in cores}
     inputs = program.inputs_of(phase)
     lines = sum(item.size for item in inputs)
     count = lines + sum(core.compartments for core in cores)
     longest = max((int(core.axons.delay.max(initial=0)) for core in cores), default=0)
-    synapses = np.zeros((count, len(cores)), dtype=np.int64)
+    synapses = np.zeros((count, len(pieces.group)), dtype=np.int32)
     due_late = np.zeros((longest + 1, count), dtype=np.int64)
     packets = np.zeros((count, len(PER_PACKET)), dtype=np.int64)
-    input_packets = np.zeros(lines, dtype=np.int64)
-    core_of = np.empty(count - lines, dtype=np.int64)
+    input_packets = np.zeros((lines, len(cores)), dtype=np.int64)
 
-    # How many synapses of each delay an axon has, for every core.
-    by_delay = {}
+    # How many synapses of each delay, and at each piece, an axon has, for every core.
+    by_delay, by_piece = {}, {}
     for core in cores:
         axons = core.axons
         axon = np.repeat(np.arange(axons.input_axons), np.diff(axons.list_start))
-        table = np.bincount(axon * (longest + 1) + axons.delay, minlength=axons.input_axons * (longest + 1))
-        by_delay[core.number] = table.reshape(-1, longest + 1)
+        by_delay[core.number] = _tally(axon, axons.delay, (axons.input_axons, longest + 1))
+        piece = np.repeat(np.arange(len(core.slices)), [part.size for part in core.slices])
+        by_piece[core.number] = _tally(axon, piece[axons.target], (axons.input_axons, len(core.slices)))
 
     def arrive(sources: IntArray, to_core: IntArray, to_axon: IntArray) -> None:
-        for number in np.unique(to_core):
-            mine = to_core == number
-            table = by_delay[int(number)][to_axon[mine]]
-            np.add.at(synapses[:, place[int(number)]], sources[mine], table.sum(axis=1))
-            np.add.at(due_late.T, sources[mine], table[:, ::-1].cumsum(axis=1)[:, ::-1])
+        for number in np.unique(to_core).tolist():
+            mine, index = to_core == number, place[number]
+            here = slice(pieces.of_core[index], pieces.of_core[index + 1])
+            np.add.at(synapses[:, here], sources[mine], by_piece[number][to_axon[mine]])
+            late = by_delay[number][to_axon[mine]]
+            np.add.at(due_late.T, sources[mine], late[:, ::-1].cumsum(axis=1)[:, ::-1])
 
     first = 0
     for item in inputs:
         route = program.route_of(item.name)
         arrive(route.line + first, route.core, route.axon)
-        input_packets[first : first + item.size] = np.bincount(route.line, minlength=item.size)
+        to = np.array([place[number] for number in route.core.tolist()], dtype=np.int64)
+        np.add.at(input_packets, (route.line + first, to), 1)
         first += item.size
     for core in cores:
         axons, mine = core.axons, columns[core.number]
-        core_of[mine] = place[core.number]
         sources = lines + mine[axons.out_compartment]
         arrive(sources, axons.out_core, axons.out_axon)
         hops = {int(to): program.chip.hops(core.slot, program.cores[to].slot) for to in np.unique(axons.out_core)}
         ways = [(1, int(hops[to] == (0, 0)), *hops[to]) for to in axons.out_core.tolist()]
         np.add.at(packets, sources, np.array(ways, dtype=np.int64).reshape(-1, len(PER_PACKET)))
-    return FanOut(synapses, due_late, packets, input_packets, core_of)
+    return FanOut(synapses, due_late, packets, input_packets)
+
+
+def _tally(row: IntArray, column: IntArray, shape: tuple[int, int]) -> IntArray:
+    """Count how often each row meets each column."""
+    found: IntArray = np.bincount(row * shape[1] + column, minlength=shape[0] * shape[1])
+    return found.reshape(shape)

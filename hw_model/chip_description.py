@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, TypeVar, get_type_hints
 
-import yaml
-
-from hw_model.counts import BY_CORE, COUNT_NAMES
+from hw_model.description_reader import parse, read_description
 from hw_model.errors import InputError, did_you_mean
+from hw_model.profile import Profile
 
-T = TypeVar("T")
-MAX_CHIP_FILE_BYTES = 1 << 20
+_YAML = (".yaml", ".yml")
 
 
 @dataclass(frozen=True)
@@ -92,28 +89,13 @@ class SynapseMemory:
 
 
 @dataclass(frozen=True)
-class Barrier:
-    """Time of the mesh-wide barrier, for one tile and for all tiles of a chip."""
+class TransposeBuffer:
+    """The buffer that turns a recording for location phases: an assumption of this model, outside the cores.
 
-    one_tile: float
-    all_tiles: float
+    Events are written while the recording comes; each takes ``cycles_per_event`` to be read.
+    """
 
-    def ns(self, tiles: int, all_tiles: int) -> float:
-        """Interpolate linearly between the two published ends."""
-        share = (tiles - 1) / max(all_tiles - 1, 1)
-        return self.one_tile + share * (self.all_tiles - self.one_tile)
-
-
-@dataclass(frozen=True)
-class Profile:
-    """One published set of costs: picojoules and nanoseconds for each count it prices."""
-
-    source: str
-    basis: str
-    energy_pj: Mapping[str, float]
-    time_ns: Mapping[str, float]
-    barrier_ns: Barrier
-    not_included: tuple[str, ...]
+    cycles_per_event: float
 
 
 @dataclass(frozen=True)
@@ -131,6 +113,7 @@ class Chip:
     profiles: Mapping[str, Profile]
     document: str
     """The YAML text that this chip was read from: a saved program carries it."""
+    transpose_buffer: TransposeBuffer = TransposeBuffer(1.0)
 
     @property
     def cores(self) -> int:
@@ -159,7 +142,7 @@ class Chip:
             raise InputError(
                 f"chip {self.name}",
                 f"there is no energy profile {name!r}",
-                fix=did_you_mean(name, self.profiles),
+                fix=did_you_mean(name, self.profiles) + " A profile of your own is a file that ends in .yaml.",
             )
         return self.profiles[name]
 
@@ -167,7 +150,7 @@ class Chip:
 def chip(name_or_path: str | Path) -> Chip:
     """Return a chip by the name of a description that ships, or by the path of a YAML file."""
     text = str(name_or_path)
-    if not text.endswith((".yaml", ".yml")):
+    if not text.endswith(_YAML):
         if text not in chip_names():
             raise InputError(
                 f"target {text!r}",
@@ -176,21 +159,7 @@ def chip(name_or_path: str | Path) -> Chip:
             )
         return parse_chip((files("hw_model") / "chips" / f"{text}.yaml").read_text("utf-8"), where=text)
     path = Path(text)
-    try:
-        if path.stat().st_size > MAX_CHIP_FILE_BYTES:
-            raise InputError(
-                path.name,
-                "the file is too large for a chip description",
-                measured=f"{path.stat().st_size} bytes against {MAX_CHIP_FILE_BYTES}",
-                fix="Give a chip file like those that `locsnn targets` lists.",
-            )
-        return parse_chip(path.read_text("utf-8"), where=path.name)
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(
-            path.name,
-            f"the chip file cannot be read: {_reason(error)}",
-            fix="Give the path of a chip YAML file.",
-        ) from error
+    return parse_chip(read_description(path, "chip", "those that `locsnn targets` lists"), where=path.name)
 
 
 def chip_names() -> tuple[str, ...]:
@@ -201,87 +170,21 @@ def chip_names() -> tuple[str, ...]:
 
 def parse_chip(text: str, where: str) -> Chip:
     """Read a chip from YAML text; every missing, unknown or mistyped key is an ``InputError``."""
-    try:
-        document = yaml.safe_load(text)
-    except (yaml.YAMLError, RecursionError, ValueError) as error:
-        line = getattr(getattr(error, "problem_mark", None), "line", None)
+    return parse(Chip, text, where, "chip", document=text)
+
+
+def priced_by(chip: Chip, name_or_path: str | Path) -> Chip:
+    """Return the chip with another profile as its first: one of its own by name, or that of a YAML file.
+
+    The file holds what a profile of a chip file does; its name is the file's, without the ending.
+    """
+    text = str(name_or_path)
+    if not text.endswith(_YAML):
+        return replace(chip, profiles={text: chip.profile(text), **chip.profiles})
+    path = Path(text)
+    read = parse(Profile, read_description(path, "profile", "those in a chip file"), path.name, "profile")
+    if path.stem in chip.profiles:
         raise InputError(
-            where,
-            "the chip file is not YAML" + ("" if line is None else f" at line {line + 1}"),
-            fix="Compare it with a chip that ships.",
-        ) from error
-    return _Reader(where).build(Chip, document, "chip", document=text)
-
-
-def _reason(error: OSError | UnicodeDecodeError) -> str:
-    return "it is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else (error.strerror or "unknown")
-
-
-@dataclass(frozen=True)
-class _Reader:
-    """Builds the dataclasses above from nested mappings, refusing anything they do not name."""
-
-    where: str
-
-    def build(self, cls: type[T], value: object, key: str, **given: object) -> T:
-        hints = get_type_hints(cls)
-        wanted = [field.name for field in fields(cls) if field.name not in given]  # type: ignore[arg-type]
-        mapping = self.mapping(value, key)
-        for name in mapping:
-            if name not in wanted:
-                raise self.error(key, f"unknown key {name!r}", did_you_mean(str(name), wanted))
-        for name in wanted:
-            if name not in mapping:
-                raise self.error(key, f"the key {name!r} is missing", "Add it.")
-        return cls(**given, **{name: self.value(hints[name], mapping[name], name) for name in wanted})
-
-    def value(self, hint: Any, value: object, key: str) -> object:
-        if hint is int:
-            return self.number(value, key, whole=True)
-        if hint is float:
-            return self.number(value, key, whole=False)
-        if hint is str:
-            return self.text(value, key)
-        if hint == Mapping[str, float]:
-            return self.costs(value, key)
-        if hint == Mapping[str, Profile]:
-            profiles = self.mapping(value, key)
-            if not profiles:
-                raise self.error(key, "no energy profile is given", "Give at least one.")
-            return {name: self.build(Profile, item, name) for name, item in profiles.items()}
-        if hint == tuple[str, ...]:
-            if not isinstance(value, list):
-                raise self.error(key, "not a list", "List texts.")
-            return tuple(self.text(item, key) for item in value)
-        return self.build(hint, value, key)
-
-    def mapping(self, value: object, key: str) -> dict[str, object]:
-        if not isinstance(value, dict) or not all(isinstance(name, str) for name in value):
-            raise self.error(key, "not a mapping of names", "Compare it with a chip that ships.")
-        return value
-
-    def number(self, value: object, key: str, *, whole: bool) -> int | float:
-        kinds = int if whole else (int, float)
-        if isinstance(value, bool) or not isinstance(value, kinds) or not 0 <= value < 2**40:
-            kind = "whole number" if whole else "number"
-            raise self.error(key, f"{value!r} is not a {kind} from 0 up", "Correct it.")
-        if whole and key not in ("bias_exponent_max", "delay_max", "run_header_bits") and value == 0:
-            raise self.error(key, "0 leaves nothing to place on", "Give at least 1.")
-        return value if whole else float(value)
-
-    def text(self, value: object, key: str) -> str:
-        if not isinstance(value, str) or not value or len(value) > 500:
-            raise self.error(key, "not a text of 1 to 500 characters", "Correct it.")
-        return value
-
-    def costs(self, value: object, key: str) -> dict[str, float]:
-        costs = {}
-        for name, cost in self.mapping(value, key).items():
-            known = COUNT_NAMES if key == "energy_pj" else (*BY_CORE, "neuron_updates_inactive")
-            if name not in known:
-                raise self.error(key, f"{name!r} is not counted", did_you_mean(name, known))
-            costs[name] = float(self.number(cost, name, whole=False))
-        return costs
-
-    def error(self, key: str, what: str, fix: str) -> InputError:
-        return InputError(f"{self.where}: {key}", what, fix=fix)
+            path.name, f"{chip.name} has a profile {path.stem!r} of its own", fix="Give the file another name."
+        )
+    return replace(chip, profiles={path.stem: read, **chip.profiles})

@@ -33,7 +33,7 @@ def run_phase(
     trace = PhaseTrace(
         spikes=np.zeros((batch, played.steps, n), dtype=np.uint8),
         sent=np.zeros((batch, sum(played.sizes) + n), dtype=np.int64),
-        active=np.zeros((batch, played.steps, layout.cores), dtype=np.int64),
+        active=np.zeros((batch, played.steps, layout.pieces), dtype=np.int64),
         events=np.zeros((batch, len(EVENTS), n), dtype=np.int64),
         skipped=np.zeros(batch, dtype=np.int64),
         registers={kind: window.empty(batch) for kind, window in windows.items()},

@@ -42,7 +42,7 @@ def _run_recording(
         first += item.size
     steps = len(lines)
     spikes = np.zeros((steps, len(columns)), dtype=np.uint8)
-    active = np.zeros((steps, len(cores)), dtype=np.int64)
+    active = np.zeros((steps, sum(len(core.slices) for core in program.cores_of(phase))), dtype=np.int64)
     registers = {kind: window.empty(1)[0] for kind, window in windows.items()}
     for step in range(steps):
         for state in cores.values():
@@ -57,7 +57,7 @@ def _run_recording(
                 cores[int(route.core[k])].deliver(int(route.axon[k]), step)
 
         spikes[step, columns] = np.concatenate([state.fired for state in cores.values()])
-        active[step] = [state.active for state in cores.values()]
+        active[step] = np.concatenate([state.active() for state in cores.values()])
         for kind, window in windows.items():
             if window.start <= step < window.stop:
                 register = np.empty(len(columns), dtype=np.int64)
@@ -82,7 +82,7 @@ class _CoreState:
         self.u, self.v, self.potential = (np.zeros(n, dtype=np.int64) for _ in range(3))
         self.blocked = np.zeros(n, dtype=np.int64)
         self.fired = np.zeros(n, dtype=np.bool_)
-        self.active = 0
+        self.busy = np.zeros(n, dtype=np.bool_)
         self.generations = _generations(core.parent)
         self.events = np.zeros((len(EVENTS), n), dtype=np.int64)
 
@@ -102,9 +102,13 @@ class _CoreState:
         for members in self.generations:
             busy[members] |= joined[members] != 0
             self._update_voltage(members, joined)
-        self.active = int(busy.sum())
+        self.busy = busy
         self.blocked = np.maximum(self.blocked - 1, 0)
         self.blocked[self.fired] = self.refractory[self.fired] - 1
+
+    def active(self) -> list[int]:
+        """Count the compartments of every piece that had anything to work on."""
+        return [int(self.busy[p.offset : p.offset + p.size].sum()) for p in self.core.slices]
 
     def _update_voltage(self, i: IntArray, joined: IntArray) -> None:
         """Update v of compartments i, none the parent of another; ``joined[i]`` is complete."""

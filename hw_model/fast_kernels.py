@@ -368,7 +368,7 @@ def run_tile(  # type: ignore[no-untyped-def]
     """Run ``rows`` steps from ``step`` on; return how many of them nothing had to be updated in.
 
     ``first`` (rows + 1 or more, inputs) and ``line``: the lists of the tile's input events. ``spikes`` (rows, n) and
-    ``active`` (rows, cores) are written, ``sent`` (lines + n,) is added to, and registers are kept for ``recording``.
+    ``active`` (rows, pieces) are written, ``sent`` (lines + n,) is added to, and registers are kept for ``recording``.
     """
     for m in range(first.shape[1]):
         low = np.uint64(nodes.first[m])
@@ -456,7 +456,7 @@ def _run_block(  # type: ignore[no-untyped-def]
 @absorbed
 def _update_alone(k, rows, chunks, state, work, skip, active):  # type: ignore[no-untyped-def]
     """Do what :func:`_update_members` does for a chunk to which nothing is joined, in all rows: the shortest loop."""
-    core = np.uint64(chunks.core[k])
+    piece = np.uint64(chunks.piece[k])
     rests = skip and state.at_rest[k]
     fired = np.int32(0)
     for r in range(np.uint64(rows)):
@@ -466,7 +466,7 @@ def _update_alone(k, rows, chunks, state, work, skip, active):  # type: ignore[n
         rests = skip and restless == 0
         work.masks[r, k] = mask
         work.updated[r] = 1
-        active[r, core] += busy
+        active[r, piece] += busy
         fired |= mask
     state.at_rest[k] = rests
     return fired
@@ -492,7 +492,7 @@ def _update_members(start, stop, r, step, chunks, state, work, skip, active, rec
         at_rest[k] = restless == 0
         work.masks[r, k] = mask
         fired |= mask
-        active[r, chunks.core[k]] += busy
+        active[r, chunks.piece[k]] += busy
         work.updated[r] = 1
         stirred = True
         if chunks.parent[k] >= 0:

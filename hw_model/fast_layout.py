@@ -53,15 +53,16 @@ def aligned(shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
 class Chunks(NamedTuple):
     """Chunk k holds columns ``first_column[k]`` on, ``width[k]`` of them; its slots are ``LANES * k`` on.
 
-    ``node`` and ``core`` (of the phase) say where it is; ``parent``: the chunk that its voltages are added to, or -1;
-    ``sums``: it keeps nothing and no synapse reaches it, so that it only adds up its children. ``registers`` (chunks,
-    FIELDS, LANES) are its parameters, with a state of 0. Bundle i is ``member[bundle[i]:bundle[i + 1]]``, and
-    ``begins`` marks the first member of each. Block k is bundles ``of_block[k]`` to the next; it feeds itself where
-    ``feeds_itself[k]``, and the nodes in it that can spike are ``spiking_node[of_node[k]:of_node[k + 1]]``.
+    ``node`` and ``piece`` (of the phase, :mod:`hw_model.pieces`) say where it is; ``parent``: the chunk that its
+    voltages are added to, or -1; ``sums``: it keeps nothing and no synapse reaches it, so that it only adds up its
+    children. ``registers`` (chunks, FIELDS, LANES) are its parameters, with a state of 0. Bundle i is
+    ``member[bundle[i]:bundle[i + 1]]``, and ``begins`` marks the first member of each. Block k is bundles
+    ``of_block[k]`` to the next; it feeds itself where ``feeds_itself[k]``, and the nodes in it that can spike are
+    ``spiking_node[of_node[k]:of_node[k + 1]]``.
     """
 
     node: IntArray
-    core: IntArray
+    piece: IntArray
     parent: IntArray
     first_column: IntArray
     width: IntArray
@@ -124,7 +125,7 @@ class FastLayout:
     """
 
     inputs: int
-    cores: int
+    pieces: int
     nodes: Nodes
     chunks: Chunks
     links: Links
@@ -151,7 +152,7 @@ def fast_layout(program: ChipProgram, phase: str) -> FastLayout:
     np.add.at(charge, synapses.column, np.abs(synapses.weight))
     return FastLayout(
         inputs=nodes.inputs,
-        cores=len(program.cores_of(phase)),
+        pieces=sum(map(len, pieces.values())),
         nodes=Nodes(nodes.first, nodes.size, chunk_first),
         chunks=_chunks(program, phase, nodes, synapses, blocks, pieces, links),
         links=links,
@@ -262,11 +263,14 @@ def _parents(program: ChipProgram, phase: str, nodes: _Numbering) -> dict[int, i
 
 @dataclass(frozen=True)
 class _Piece:
-    """What one core holds of a group: columns ``first..stop``; ``parent``: the node it is joined to, or -1."""
+    """What one core holds of a group: columns ``first..stop``; ``parent``: the node it is joined to, or -1.
+
+    ``number`` counts the pieces of the phase as :mod:`hw_model.pieces` does.
+    """
 
     first: int
     stop: int
-    core: int
+    number: int
     parent: int
 
 
@@ -276,11 +280,11 @@ def _pieces(program: ChipProgram, phase: str, nodes: _Numbering) -> dict[int, li
     number = {name: i for i, name in enumerate(nodes.names)}
     parents = _parents(program, phase, nodes)
     found: dict[int, list[_Piece]] = {node: [] for node in range(nodes.inputs, len(nodes.names))}
-    for index, core in enumerate(program.cores_of(phase)):
-        for part in core.slices:
-            node = number[part.group]
-            first = first_column[part.group] + part.start
-            found[node].append(_Piece(first, first + part.size, index, parents.get(node, -1)))
+    slices = (part for core in program.cores_of(phase) for part in core.slices)
+    for index, part in enumerate(slices):
+        node = number[part.group]
+        first = first_column[part.group] + part.start
+        found[node].append(_Piece(first, first + part.size, index, parents.get(node, -1)))
     return {node: sorted(pieces, key=lambda piece: piece.first) for node, pieces in found.items()}
 
 
@@ -317,12 +321,12 @@ def _chunks(
     reached[slot[synapses.column] // LANES] = True
     keeps = registers[:, [KEEP_U, KEEP_V, BIAS]].any(axis=(1, 2))
     rows = [
-        (node, piece.core, first, min(LANES, piece.stop - first), piece.parent)
+        (node, piece.number, first, min(LANES, piece.stop - first), piece.parent)
         for node, parts in pieces.items()
         for piece in parts
         for first in range(piece.first, piece.stop, LANES)
     ]
-    node, core, first_column, width, parent_node = np.array(rows, dtype=np.int64).reshape(-1, 5).T.copy()
+    node, piece_number, first_column, width, parent_node = np.array(rows, dtype=np.int64).reshape(-1, 5).T.copy()
     # A child lies beside its parent on the same core, so both are cut into chunks at the same places.
     joined = parent_node >= 0
     parent = np.full(count, -1, dtype=np.int64)
@@ -345,7 +349,7 @@ def _chunks(
     spiking = [[n for n in block if n not in parents] for block in blocks]
     return Chunks(
         node=node,
-        core=core,
+        piece=piece_number,
         parent=parent,
         first_column=first_column,
         width=width,

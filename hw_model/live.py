@@ -39,7 +39,7 @@ class Live:
             spikes=np.zeros((TILE, layout.columns), dtype=np.uint8),
             so_far=np.zeros(layout.columns, dtype=np.int64),
             sent=np.zeros(lines + layout.columns, dtype=np.int64),
-            active=np.zeros((TILE, layout.cores), dtype=np.int64),
+            active=np.zeros((TILE, layout.pieces), dtype=np.int64),
             kept=NOTHING_KEPT,
         )
         self._steps, self._columns = steps, layout.columns

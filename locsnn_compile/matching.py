@@ -9,9 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 import hw_model as hw
-from hw_model.cost import Latency, latency
+from hw_model.cost import Latency
 from hw_model.counts import Counts, total
+from hw_model.profile import Range
+from hw_model.simulation import SimulationResult
 from hw_model.trace import ByteArray
+from hw_model.usage import PhaseUsage, added_usage, measure, total_ns
 from locsnn_compile.errors import InputError
 from locsnn_compile.network import Network
 from locsnn_compile.operations import network_additions
@@ -75,8 +78,9 @@ class Match:
     """How a program compares with the network it came from, over ``samples`` recordings.
 
     ``reference_prediction`` and ``chip_prediction`` are classes (samples,), ``labels`` likewise or None. ``counts``
-    holds the chip's counts of every recording, ``latencies`` their times under the default profile, ``additions`` the
-    reference's operations by axis over all recordings.
+    holds the chip's counts of every recording, ``latencies`` their times under the default profile, and
+    ``latency_range_ns`` the least and most of their mean where the profile has ranges; ``usage`` says by phase what
+    they did step by step, ``additions`` the reference's operations by axis over all recordings.
     """
 
     samples: int
@@ -90,6 +94,8 @@ class Match:
     counts_by_phase: dict[str, Counts]
     wraps_and_clips: dict[str, dict[str, int]]
     latencies: tuple[Latency, ...]
+    latency_range_ns: Range
+    usage: dict[str, PhaseUsage]
     additions: dict[str, int] = field(default_factory=dict)
 
     @property
@@ -131,9 +137,8 @@ def compare(
     counts: list[Counts] = []
     by_phase: dict[str, Counts] = {phase.name: Counts() for phase in program.phases}
     wraps_and_clips: dict[str, dict[str, int]] = {}
-    latencies: list[Latency] = []
+    times = _Times(program)
     additions: dict[str, int] = dict.fromkeys(network.axes, 0)
-    profile = program.chip.profile(program.chip.default_profile)
     first: tuple[int, str, int, int] | None = None
     for start in range(0, len(recordings), CHUNK):
         chunk = recordings[start : start + CHUNK]
@@ -150,10 +155,7 @@ def compare(
         for name, events in found.events.items():
             before = wraps_and_clips.setdefault(name, dict.fromkeys(events, 0))
             wraps_and_clips[name] = {event: before[event] + n for event, n in events.items()}
-        latencies += [
-            latency(program, {phase: found.activity[phase][i] for phase in found.activity}, profile)
-            for i in range(len(chunk))
-        ]
+        times.add(found)
         for axis, n in network_additions(network, wanted.spikes).items():
             additions[axis] += n
         if progress:
@@ -171,9 +173,42 @@ def compare(
         counts=tuple(counts),
         counts_by_phase=by_phase,
         wraps_and_clips=wraps_and_clips,
-        latencies=tuple(latencies),
+        latencies=tuple(times.latencies),
+        latency_range_ns=times.range_ns,
+        usage=times.usage,
         additions=additions,
     )
+
+
+class _Times:
+    """Latencies under the default profile of a chip, and what the recordings did, added up."""
+
+    def __init__(self, program: hw.ChipProgram) -> None:
+        self._program = program
+        self._profile = profile = program.chip.profile(program.chip.default_profile)
+        self._ends = [profile.with_times(end) for end in ("least", "most")]
+        self._sums = [0.0, 0.0]
+        self.latencies: list[Latency] = []
+        self.usage: dict[str, PhaseUsage] = {}
+
+    def add(self, played: SimulationResult) -> None:
+        """Add recordings that were played with their activity."""
+        latencies, usage = measure(self._program, played.activity, self._profile)
+        self.latencies += latencies
+        self.usage = added_usage((self.usage, usage))
+        for i, end in enumerate(self._ends):
+            if end is not None and end.time_ns != self._profile.time_ns:
+                self._sums[i] += total_ns(self._program, played.activity, end)
+            else:
+                self._sums[i] += sum(one.total_ns for one in latencies)
+
+    @property
+    def range_ns(self) -> Range:
+        """Least and most of the mean; None where an end is not known."""
+        least, most = (
+            None if end is None else ns / len(self.latencies) for end, ns in zip(self._ends, self._sums, strict=True)
+        )
+        return least, most
 
 
 def fit_recordings(network: Network, recordings: ByteArray, source: str) -> ByteArray:

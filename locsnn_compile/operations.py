@@ -8,6 +8,7 @@ the counts below give its printed figures to the last digit.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,23 +23,46 @@ FRAME = (9, 7)
 ANN_NAMES = ("cnn-3d", "gru-mlp")
 
 
+@dataclass(frozen=True)
+class AnnCounts:
+    """Operations of one recording; ``macs`` of the multiplications are each followed by an addition to a sum."""
+
+    macs: int
+    multiplications: int
+    additions: int
+
+    @property
+    def operations(self) -> int:
+        """Multiplications plus additions."""
+        return self.multiplications + self.additions
+
+
 def ann_operations(name: str, *, fingertips: int, steps: int, classes: int) -> int:
-    """Return multiplications plus additions of one recording of ``steps`` time steps.
+    """Return multiplications plus additions of one recording of ``steps`` time steps; see :func:`ann_counts`."""
+    return ann_counts(name, fingertips=fingertips, steps=steps, classes=classes).operations
+
+
+def ann_counts(name: str, *, fingertips: int, steps: int, classes: int) -> AnnCounts:
+    """Count the operations of one recording of ``steps`` time steps.
 
     ``cnn-3d``: for each fingertip Conv3d(2 -> 4, kernel 7x3x3, stride 4x1x1) and Conv3d(4 -> 8, kernel 5x3x3, stride
-    3x1x1) on steps x 9 x 7 frames, then one linear layer over both. ``gru-mlp``: GRU(78 a fingertip -> 32), then one
-    linear layer at the last step. Biases are not counted, as in the published figures.
+    3x1x1) on steps x 9 x 7 frames, then one linear layer over both; its biases are not counted, as in the published
+    figures. ``gru-mlp``: GRU(78 a fingertip -> 32), then one linear layer at the last step. Beside its products with
+    weights, a step of the published count has 13 operations for each of the 32: nine additions in the gates (two
+    biases each, and the sum of input and state), the product with the reset gate, and, for the new state, two products
+    and their sum.
     """
     if name == "cnn-3d":
-        return _cnn_3d(fingertips, steps, classes)
+        macs = _cnn_3d_macs(fingertips, steps, classes)
+        return AnnCounts(macs, macs, macs)
     if name == "gru-mlp":
         inputs, hidden = CHANNELS_PER_FINGERTIP * fingertips, GRU_HIDDEN
-        a_step = 2 * 3 * (inputs * hidden + hidden * hidden) + 13 * hidden
-        return steps * a_step + 2 * hidden * classes
+        macs = steps * 3 * (inputs * hidden + hidden * hidden) + hidden * classes
+        return AnnCounts(macs, macs + 3 * steps * hidden, macs + 10 * steps * hidden)
     raise InputError(f"network {name!r}", "its operations are not known", fix=did_you_mean(name, ANN_NAMES))
 
 
-def _cnn_3d(fingertips: int, steps: int, classes: int) -> int:
+def _cnn_3d_macs(fingertips: int, steps: int, classes: int) -> int:
     size = np.array([steps, *FRAME])
     macs, channels = 0, 2
     for out_channels, kernel, stride in ((4, (7, 3, 3), (4, 1, 1)), (8, (5, 3, 3), (3, 1, 1))):
@@ -53,7 +77,7 @@ def _cnn_3d(fingertips: int, steps: int, classes: int) -> int:
         macs += int(size.prod()) * out_channels * channels * int(np.prod(kernel))
         channels = out_channels
     features = int(size.prod()) * channels * fingertips
-    return 2 * (fingertips * macs + features * classes)
+    return fingertips * macs + features * classes
 
 
 def network_additions(network: Network, spikes: Mapping[str, ByteArray]) -> dict[str, int]:

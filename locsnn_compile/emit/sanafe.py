@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import yaml
 
 import hw_model as hw
-from hw_model.chip_description import Profile
+from hw_model.profile import Profile
 from locsnn_compile.emit.names import code_span, unique_names
 from locsnn_compile.emit.played import Played
 from locsnn_compile.emit.sanafe_arch import PROFILE, TileUse, architecture, priced_by, tile_number

@@ -10,7 +10,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
-from hw_model.chip_description import Chip, Profile
+from hw_model.chip_description import Chip
+from hw_model.profile import Profile
 from locsnn_compile.emit.sanafe_rules import UNIT_SIZE
 from locsnn_compile.errors import InputError
 
@@ -88,8 +89,9 @@ def _core(profile: Profile, name: str, replayed: int) -> Iterator[str]:
     yield f"        - name: {name}"
     buffer = {"buffer_position": "dendrite", "buffer_inside_unit": "true", "max_neurons_supported": str(UNIT_SIZE)}
     yield from _attributes(buffer, indent=10)
-    # A profile prices a packet once; all of it is put on the sender.
-    yield from _unit("axon_in", "axon_in", {"energy_message_in": "0.0", "latency_message_in": "0.0"})
+    # A profile prices the energy of a packet once; all of it is put on the sender.
+    arrives = {"energy_message_in": "0.0", "latency_message_in": _seconds(profile, "packets_received")}
+    yield from _unit("axon_in", "axon_in", arrives)
     synapse = {"energy_process_spike": _joules(profile, "synaptic_ops")}
     synapse["latency_process_spike"] = _seconds(profile, "synaptic_ops")
     yield from _unit("synapse", SYNAPSE, {"model": "current_based", **synapse})

@@ -1,7 +1,7 @@
 """``--emit trace``: a timeline of steps and cores in the Trace Event Format, which chrome://tracing and Perfetto show.
 
-A phase is a process, a core a thread. The model adds up what a core does in a step and knows no order within it: here
-it is drawn as updates, sending, synapses, then the packets' longest way.
+A phase is a process, a core a thread. A core updates and sends; when its last packet is there, it takes in what has
+arrived and adds up the synapses (:mod:`hw_model.cost`).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.cost import StepTimes, step_times
+from hw_model.cost import DELIVERIES, SENDING, SYNAPSES, UPDATES, StepTimes, step_times
 from locsnn_compile.emit.played import Played
 
 FILE = "trace.json"
@@ -23,9 +23,10 @@ _NAMES = {
     "spikes": "spikes",
     "axon_packets": "packets sent",
     "packets_within_tile": "packets within the tile",
+    "packets_received": "packets received",
     "synaptic_ops": "synaptic operations",
 }
-"""Operations that a profile may give a time, in the order in which they are drawn, and what they are called."""
+"""Operations that a profile may give a time, and what they are called."""
 _STEPS_THREAD = 0
 
 Event = dict[str, Any]
@@ -70,23 +71,31 @@ def _names(played: Played, phase: str, process: int) -> Iterator[Event]:
 
 def _step(played: Played, phase: str, process: int, step: int, times: StepTimes, start_ns: float) -> Iterator[Event]:
     """Yield what happens in a step: the step itself, its barrier, and what each core works on."""
-    slowest = float(times.core_ns[step].max())
+    core_ns, begin_ns, sent_ns = times.core_ns[step], times.begin_ns[step], times.sent_ns[step]
+    slowest = float(core_ns.max())
     cores = played.program.cores_of(phase)
-    critical = {"slowest core": cores[int(times.core_ns[step].argmax())].number}
+    critical = {"slowest core": cores[int(core_ns.argmax())].number}
     yield _slice(f"step {step}", process, _STEPS_THREAD, start_ns, slowest + times.barrier_ns, critical)
     yield _slice("barrier", process, _STEPS_THREAD, start_ns + slowest, times.barrier_ns, {})
     activity = played.result.activity[phase][0]
-    drawn = sorted(times.work_ns, key=list(_NAMES).index)
     for i, core in enumerate(cores):
-        at_ns = start_ns
-        for count in drawn:
-            took_ns = float(times.work_ns[count][step, i])
-            if took_ns > 0:
-                operations = {"count": int(activity.count(count)[step, i])}
-                yield _slice(_NAMES[count], process, _thread(core.number), at_ns, took_ns, operations)
-                at_ns += took_ns
-        if times.way_ns[step, i] > 0:
-            yield _slice("longest way", process, _thread(core.number), at_ns, float(times.way_ns[step, i]), {})
+        thread = _thread(core.number)
+        before = [(_NAMES[name], name) for name in UPDATES + SENDING if name in times.work_ns]
+        after = [(_NAMES[name], name) for name in DELIVERIES + SYNAPSES if name in times.work_ns]
+        if times.buffer_ns[step, i] > 0:
+            events = {"count": int(activity.buffered[step])}
+            begin = start_ns + float(begin_ns[i])
+            yield _slice("transposed events", process, thread, begin, float(times.buffer_ns[step, i]), events)
+        if begin_ns[i] > sent_ns[i]:
+            waits = float(begin_ns[i] - sent_ns[i])
+            yield _slice("wait for packets", process, thread, start_ns + float(sent_ns[i]), waits, {})
+        for drawn, first_ns in ((before, 0.0), (after, float(begin_ns[i] + times.buffer_ns[step, i]))):
+            at_ns = start_ns + first_ns
+            for title, name in drawn:
+                took_ns = float(times.work_ns[name][step, i])
+                if took_ns > 0:
+                    yield _slice(title, process, thread, at_ns, took_ns, {"count": int(activity.count(name)[step, i])})
+                    at_ns += took_ns
 
 
 def _thread(core: int) -> int:

@@ -5,21 +5,23 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
-import numpy as np
 import numpy.typing as npt
 
 import hw_model as hw
 from hw_model.counts import Counts, total
 from hw_model.program import ChipProgram, Core
+from locsnn_compile.ann_energy import ANN_ENERGY_SOURCE, ANN_NOT_INCLUDED, ann_energy_pj
 from locsnn_compile.diagnosis import Diagnosis
 from locsnn_compile.matching import Match
 from locsnn_compile.network import Network
 from locsnn_compile.neurons import Cuba
 from locsnn_compile.on_grid import ChipCuba
-from locsnn_compile.operations import ANN_NAMES, ann_operations
+from locsnn_compile.operations import ANN_NAMES, ann_counts
 from locsnn_compile.over_time import LeftOut, OverTime
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.report.diagnosis_document import budget_entry, cause_entry, margins_entry
+from locsnn_compile.report.energy_document import energy_entry
+from locsnn_compile.report.latency_document import latency_entry
 from locsnn_compile.report.over_time import over_time_entry
 
 SCHEMA = "locsnn-report/1"
@@ -38,6 +40,7 @@ def report_document(
     """
     network, program = levels.network, levels.program
     counts = total(match.counts)
+    energy = energy_entry(program, match, network)
     return {
         "schema": SCHEMA,
         "model": {"name": network.name, "sha256": network.sha256},
@@ -54,10 +57,10 @@ def report_document(
             "by_branch": {name: _per_sample(c, match.samples) for name, c in match.counts_by_phase.items()},
             "published_method": _published(network, match),
         },
-        "energy": _energy(program, match, counts),
-        "latency": _latency(program, match, network),
+        "energy": energy,
+        "latency": latency_entry(program, match, network),
         "resources": _resources(program),
-        "ann_comparison": _ann_comparison(network, match),
+        "ann_comparison": _ann_comparison(network, match, energy["per_sample_pj"]),
         "skipped": {
             "steps": counts.skipped_steps,
             "events_dropped": counts.events_dropped,
@@ -135,48 +138,6 @@ def _published(network: Network, match: Match) -> Document:
     }
 
 
-def _energy(program: ChipProgram, match: Match, counts: Counts) -> Document:
-    name_of_profile = program.chip.default_profile
-    profile = program.chip.profile(name_of_profile)
-    breakdown = {name: pj / match.samples for name, pj in hw.energy_pj(counts, profile).items()}
-    each = [sum(hw.energy_pj(one, profile).values()) for one in match.counts]
-    return {
-        "profile": name_of_profile,
-        "source": profile.source,
-        "basis": profile.basis,
-        "per_sample_pj": sum(breakdown.values()),
-        "breakdown_pj": breakdown,
-        "by_branch_pj": {
-            phase: sum(hw.energy_pj(c, profile).values()) / match.samples for phase, c in match.counts_by_phase.items()
-        },
-        "over_samples_pj": {"min": min(each), "p50": float(np.median(each)), "max": max(each)},
-        "other_profiles_pj": {
-            name: sum(hw.energy_pj(counts, other).values()) / match.samples
-            for name, other in program.chip.profiles.items()
-            if name != name_of_profile
-        },
-        "not_included": list(profile.not_included),
-    }
-
-
-def _latency(program: ChipProgram, match: Match, network: Network) -> Document:
-    each = np.array([one.total_ns for one in match.latencies])
-    cores = [one.critical_core for one in match.latencies]
-    mean_ns = float(each.mean())
-    return {
-        "profile": program.chip.default_profile,
-        "per_sample_ns": mean_ns,
-        "per_sample_cycles": round(mean_ns * program.chip.clock_ghz),
-        "by_branch_ns": {
-            phase: float(np.mean([one.by_phase_ns[phase] for one in match.latencies]))
-            for phase in match.counts_by_phase
-        },
-        "over_samples_ns": {"min": float(each.min()), "p50": float(np.median(each)), "max": float(each.max())},
-        "critical_core": max(sorted(set(cores)), key=cores.count),
-        "recording_ns": None if network.step_seconds is None else network.steps * network.step_seconds * 1e9,
-    }
-
-
 def _resources(program: ChipProgram) -> Document:
     limits = program.chip.limits
     word_bits = program.chip.synapse_memory.word_bits
@@ -229,7 +190,7 @@ def _core_use(chip: hw.Chip, core: Core) -> dict[str, Any]:
     }
 
 
-def _ann_comparison(network: Network, match: Match) -> Document:
+def _ann_comparison(network: Network, match: Match, own_pj: float) -> Document:
     """The published comparison, at this network's input size; empty where the input is not a fingertip's."""
     if network.fingertips is None:
         return {}
@@ -237,12 +198,21 @@ def _ann_comparison(network: Network, match: Match) -> Document:
     found = {}
     for name in ANN_NAMES:
         try:
-            operations = ann_operations(
-                name, fingertips=network.fingertips, steps=network.steps, classes=network.classes
-            )
+            counted = ann_counts(name, fingertips=network.fingertips, steps=network.steps, classes=network.classes)
         except hw.InputError:  # the recording is too short for that network's kernels: nothing to compare with
             continue
-        found[name] = {"operations": operations, "ratio": operations / own if own else None}
+        energies = ann_energy_pj(counted)
+        found[name] = {
+            "operations": counted.operations,
+            "ratio": counted.operations / own if own else None,
+            "macs": counted.macs,
+            "multiplications": counted.multiplications,
+            "additions": counted.additions,
+            "energy_pj": energies,
+            "energy_ratio": {arithmetic: pj / own_pj if own_pj else None for arithmetic, pj in energies.items()},
+            "energy_source": ANN_ENERGY_SOURCE,
+            "energy_not_included": list(ANN_NOT_INCLUDED),
+        }
     return found
 
 

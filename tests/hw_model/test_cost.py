@@ -88,5 +88,6 @@ def test_times_of_every_step_and_core_of_a_chain():
     times = step_times(program, "time", result.activity["time"][0], CHIP.profile("davies2018"))
     assert times.work_ns["synaptic_ops"].ravel().tolist() == [3.5, 3.5, 0, 0]
     assert times.work_ns["neuron_updates_active"].ravel().tolist() == [0, 8.4, 2 * 8.4, 8.4]
-    assert times.way_ns.ravel().tolist() == [0, 0, 0, 0]
+    assert times.mesh_ns.ravel().tolist() == [0, 0, 0, 0]
+    assert times.used.ravel().tolist() == [False, True, False, False]  # a to b, on the same core
     assert times.barrier_ns == 113.0

@@ -1,0 +1,77 @@
+"""Energy and time profiles: published sets of costs, each constant with its source, its range and its voltage."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+Range = tuple[float | None, float | None]
+"""Least and most that a constant can be; None: not known."""
+End = Literal["least", "most"]
+
+
+@dataclass(frozen=True)
+class Barrier:
+    """Time of the mesh-wide barrier, for one tile and for all tiles of a chip."""
+
+    one_tile: float
+    all_tiles: float
+
+    def ns(self, tiles: int, all_tiles: int) -> float:
+        """Interpolate linearly between the two published ends."""
+        share = (tiles - 1) / max(all_tiles - 1, 1)
+        return self.one_tile + share * (self.all_tiles - self.one_tile)
+
+
+@dataclass(frozen=True)
+class StaticPower:
+    """Power that a whole chip draws whatever it does, in milliwatts."""
+
+    chip_mw: float
+    source: str
+
+    def pj(self, chips: int, ns: float) -> float:
+        """Return the energy of some chips over a time: a milliwatt is a picojoule a nanosecond."""
+        return self.chip_mw * chips * ns
+
+
+@dataclass(frozen=True)
+class NotIncluded:
+    """Something that a profile does not price; ``bound_pj`` bounds it by counts, where a bound is known."""
+
+    what: str
+    bound_pj: Mapping[str, float] = field(default_factory=dict)
+    bound_source: str = ""
+
+
+@dataclass(frozen=True)
+class Profile:
+    """One published set of costs: picojoules and nanoseconds for each count it prices.
+
+    ``energy_pj_range`` and ``time_ns_range`` hold the constants that the source gives as a least, a most or both;
+    ``sources`` those that are from elsewhere. ``voltage_v``: the supply voltage that they hold at; None: not said.
+    """
+
+    source: str
+    basis: str
+    energy_pj: Mapping[str, float]
+    time_ns: Mapping[str, float]
+    barrier_ns: Barrier
+    not_included: tuple[NotIncluded, ...]
+    voltage_v: float | None = None
+    energy_pj_range: Mapping[str, Range] = field(default_factory=dict)
+    time_ns_range: Mapping[str, Range] = field(default_factory=dict)
+    sources: Mapping[str, str] = field(default_factory=dict)
+    static_power: StaticPower | None = None
+
+    def source_of(self, count: str) -> str:
+        """Return the source of one constant."""
+        return self.sources.get(count, self.source)
+
+    def with_times(self, end: End) -> Profile | None:
+        """Return the profile with every time at one end of its range; None where that end is not known."""
+        ends = {name: found[end == "most"] for name, found in self.time_ns_range.items()}
+        if None in ends.values():
+            return None
+        return replace(self, time_ns={**self.time_ns, **ends}, time_ns_range={})  # type: ignore[dict-item]
