@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.errors import InputError
+from locsnn_compile.models.architectures import ARCHITECTURES
 
 if TYPE_CHECKING:
     from locsnn_compile.data.recordings import Recordings
@@ -43,12 +44,13 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     add = parser.add_argument
     add("--data", required=True, metavar="FILE", help="recordings: .zip or folder, .npy, .npz, .pt, .tact")
-    add("--model", metavar="NAME", help="hybrid (default), tactile-snn or location-tactile-snn")
+    add("--model", metavar="NAME", help=f"{', '.join(ARCHITECTURES)} (default hybrid)")
     add("--order", metavar="ORDER", help="loop (default), arch, whorl, or taxel numbers separated by commas")
     add("--config", metavar="FILE.yaml", help="training options, laid under those given here")
     add("--epochs", type=int, metavar="N", help="epochs of the schedule (default 250)")
     add("--seed", type=int, metavar="N", help="seed of weights, split, order and dropout (default 0)")
-    add("--hidden", type=int, metavar="N", help="hidden neurons of a branch (default 32)")
+    add("--hidden", type=int, metavar="N", help="hidden neurons of a branch (default 32; with a graph 128)")
+    add("--graph", metavar="NAME", help="taxels that a graph joins: manual (default), nearest or tree")
     add("--loss", metavar="NAME", help="cross-entropy (default) or spike-count")
     add("--lambda", dest="location_weight", type=float, metavar="X", help="weight of location spikes in the loss")
     add("--learning-rate", type=float, metavar="X", help="largest learning rate (default 0.003)")
@@ -126,7 +128,7 @@ def _config(args: argparse.Namespace, start: Checkpoint | None) -> TrainingConfi
 
     values: dict[str, Any] = read_config(args.config) if args.config is not None else {}
     options = (
-        *("model", "order", "epochs", "seed", "hidden", "loss", "location_weight", "learning_rate"),
+        *("model", "order", "graph", "epochs", "seed", "hidden", "loss", "location_weight", "learning_rate"),
         *("event_dropout", "validation_fraction", "refit", "target", "strategy", "weight_bits"),
     )
     values |= {name: getattr(args, name) for name in options if getattr(args, name) is not None}

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from hw_model.graph import Axis, Readout
 from locsnn_compile.data.sensor import channel_walk
-from locsnn_compile.matrices import matrix
+from locsnn_compile.errors import TargetError
+from locsnn_compile.matrices import Matrix, matrix
+from locsnn_compile.models.branch_graph import branch_graph, spread_weights
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.chip_numbers import ChipPopulation, OwnSynapse, Strategy
+from locsnn_compile.models.description import LifParameters
 from locsnn_compile.network import InputView, Network, Population, Projection
-from locsnn_compile.neurons import SrmAlpha
+from locsnn_compile.neurons import Cuba, SrmAlpha
 from locsnn_compile.on_grid import ChipCuba, ChipNeuron, ChipProjection, ChipSrm
 
 VIEW_NAMES: dict[Axis, str] = {"time": "touch", "location": "touch_transposed"}
@@ -25,14 +29,22 @@ def load_checkpoint(path: Path) -> Network:
 
 
 def network_of(checkpoint: Checkpoint) -> Network:
-    """Return the network of a checkpoint: one view, and two populations, for each of its branches."""
+    """Return the network of a checkpoint: one view, and its populations, for each of its branches.
+
+    Raises ``TargetError`` for an artificial network, which has no spikes to compile.
+    """
     description = checkpoint.description
+    if not description.structure.spiking:
+        raise TargetError(
+            f"model {description.name!r}",
+            f"a {description.architecture!r} has no spiking neurons, so no chip program can be made of it",
+            fix="Train a spiking network; of this one, operations are counted only.",
+        )
     views, populations, projections = [], [], []
     for axis in _axes(description.branches):
         view = _view(axis, checkpoint)
-        hidden, output = f"{axis}_hidden", f"{axis}_output"
         views.append(view)
-        for source, target in ((view.name, hidden), (hidden, output)):
+        for source, target in pairwise((view.name, *description.populations(axis))):
             population, projection = _layer(checkpoint, axis, source, target)
             populations.append(population)
             projections.append(projection)
@@ -56,16 +68,32 @@ def _layer(
     checkpoint: Checkpoint, axis: Axis, source: str, target: str
 ) -> tuple[Population, Projection | ChipProjection]:
     """Return a population and the weights onto it: in float, or in the integers that it was trained with."""
-    size = len(checkpoint.weights[target])
     if checkpoint.chip is None:
-        n = checkpoint.description.neuron
-        neuron = SrmAlpha(theta=n.theta, tau_sr=n.tau_sr, tau_ref=n.tau_ref, scale_ref=n.scale_ref)
-        weights = matrix(checkpoint.weights[target], np.float64)
-        return Population(target, axis, size, neuron), Projection(source, target, weights)
+        weights = _weights(checkpoint, axis, target)
+        size = weights.shape[0]
+        return Population(target, axis, size, _neuron(checkpoint, size)), Projection(source, target, weights)
     numbers = checkpoint.chip.populations[target]
     mantissa = matrix(checkpoint.weights[target], np.int64)
     projection = ChipProjection(source, target, mantissa, numbers.exponent, numbers.weight_bits)
+    size = len(mantissa)
     return Population(target, axis, size, _chip_neuron(numbers, checkpoint.chip.strategy, size)), projection
+
+
+def _weights(checkpoint: Checkpoint, axis: Axis, target: str) -> Matrix:
+    """Return the float weights of single neurons; a graph convolution becomes sparse."""
+    weights = checkpoint.weights[target]
+    if checkpoint.description.graph is not None and target == checkpoint.description.populations(axis)[0]:
+        return matrix(spread_weights(weights, branch_graph(checkpoint.description, axis)), np.float64)
+    return matrix(weights, np.float64)
+
+
+def _neuron(checkpoint: Checkpoint, size: int) -> SrmAlpha | Cuba:
+    """Return the float neuron: TLIF and LLIF keep nothing of a current, and of the voltage what they do not lose."""
+    n = checkpoint.description.neuron
+    if isinstance(n, LifParameters):
+        return Cuba.of(size, decay_v=1.0 - n.decay, threshold=n.threshold)
+    n = checkpoint.description.srm
+    return SrmAlpha(theta=n.theta, tau_sr=n.tau_sr, tau_ref=n.tau_ref, scale_ref=n.scale_ref)
 
 
 def _chip_neuron(numbers: ChipPopulation, strategy: Strategy, size: int) -> ChipNeuron:

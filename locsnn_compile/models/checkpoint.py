@@ -5,13 +5,19 @@
      "recordings": None or {"spikes": uint8 (samples, steps, channels), "labels": int64 (samples,) or None},
      "training": {plain numbers and strings}}
 
-That is version 1. A network trained on a chip's arithmetic is version 2: its weights are int16 mantissas, and
+That is version 1, a network of spike response neurons. One trained on a chip's arithmetic is version 2: its weights are
+int16 mantissas, and
 
     "chip": {"target", "strategy", "registers": {width: bits},
              "populations": {population: {fields of ChipPopulation, "own": [[mantissa, exponent, delay], ...]}}}
 
-holds the other integers that the chip is loaded with. Written here, read by
-:mod:`locsnn_compile.models.checkpoint_reader`, which never runs code of the file.
+holds the other integers that the chip is loaded with. Any other network is version 3: its ``neuron`` holds the
+constants of integrate-and-fire neurons, or nothing, its weights may have any number of axes, and
+
+    "graph": None or {"name", "taxel_edges": [[a, b], ...], "hops", "features", "step_features"}
+
+is its graph convolutions. Written here, read by :mod:`locsnn_compile.models.checkpoint_reader`, which never runs code
+of the file.
 """
 
 from __future__ import annotations
@@ -31,10 +37,13 @@ from locsnn_compile.errors import InputError
 from locsnn_compile.models.chip_entry import chip_entry
 from locsnn_compile.models.chip_numbers import ChipNumbers, ChipPopulation
 from locsnn_compile.models.description import NetworkDescription
+from locsnn_compile.models.graph_parameters import GraphParameters
 
 FORMAT = "locsnn-checkpoint"
-VERSION = 2
-"""The newest version; a network in float is written as version 1."""
+VERSION = 3
+"""The newest version."""
+CHIP_VERSION = 2
+"""That of networks on a chip's arithmetic."""
 
 #: What a training entry may be.
 Plain = str | int | float | bool | None
@@ -44,7 +53,7 @@ Plain = str | int | float | bool | None
 class Checkpoint:
     """A trained network as read from a file.
 
-    ``weights``: population name -> float32 [out, in], or int64 mantissas where there is a ``chip``; read-only, in
+    ``weights``: name -> float32 as in ``weight_shapes``, or int64 mantissas where there is a ``chip``; read-only, in
     evaluation order; ``recordings``: the ones the checkpoint carries for checks, or None; ``training``: how it came
     about, plain values; ``sha256`` of the file; ``chip``: the integers of a network trained on a chip's arithmetic.
     """
@@ -98,12 +107,13 @@ def save_checkpoint(
             check_on_grid(f"population {name!r}", weights[name], chip.populations[name])
         kind = np.float32 if chip is None else np.int16
         tensors[name] = torch.from_numpy(np.array(weights[name], dtype=kind, order="C"))
+    srm = description.structure.neurons == "srm"
     values = {
         "format": FORMAT,
-        "version": 1 if chip is None else VERSION,
+        "version": CHIP_VERSION if chip is not None else 1 if srm else VERSION,
         "name": description.name,
         "architecture": description.architecture,
-        "neuron": asdict(description.neuron),
+        "neuron": {} if description.neuron is None else asdict(description.neuron),
         "input": asdict(description.input),
         "location_order": _order_entry(description),
         "hidden": description.hidden,
@@ -114,6 +124,8 @@ def save_checkpoint(
     }
     if chip is not None:
         values["chip"] = chip_entry(chip)
+    if not srm:
+        values["graph"] = _graph_entry(description.graph)
     content = io.BytesIO()
     torch.save(values, content)
     replace_file(path, content.getvalue(), f"checkpoint {path.name!r}")
@@ -123,11 +135,10 @@ def check_finite(where: str, weights: NDArray[Any]) -> None:
     """Raise ``InputError`` naming the first weight that is NaN or infinite."""
     bad = np.argwhere(~np.isfinite(weights))
     if len(bad):
-        row, column = (int(index) for index in bad[0])
         raise InputError(
             where,
-            f"weight [{row}, {column}] is not finite",
-            measured=f"got {weights[row, column]}, {len(bad)} such weights",
+            f"weight {bad[0].tolist()} is not finite",
+            measured=f"got {weights[tuple(bad[0])]}, {len(bad)} such weights",
             fix="Train the network again.",
         )
 
@@ -150,6 +161,12 @@ def _order_entry(description: NetworkDescription) -> dict[str, Any] | None:
     if description.location_taxels is None:
         return None
     return {"name": description.location_order, "taxels": list(description.location_taxels)}
+
+
+def _graph_entry(graph: GraphParameters | None) -> dict[str, Any] | None:
+    if graph is None:
+        return None
+    return asdict(graph) | {"taxel_edges": [list(edge) for edge in graph.taxel_edges]}
 
 
 def _recordings_entry(recordings: Recordings | None) -> dict[str, Any] | None:

@@ -17,10 +17,19 @@ from numpy.typing import NDArray
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.torch_file import load_plain, read_bytes
 from locsnn_compile.errors import InputError, did_you_mean
-from locsnn_compile.models.checkpoint import FORMAT, VERSION, Checkpoint, Plain, check_finite, check_on_grid
+from locsnn_compile.models.checkpoint import (
+    CHIP_VERSION,
+    FORMAT,
+    VERSION,
+    Checkpoint,
+    Plain,
+    check_finite,
+    check_on_grid,
+)
 from locsnn_compile.models.chip_entry import parse_chip_entry
 from locsnn_compile.models.chip_numbers import ChipNumbers
-from locsnn_compile.models.description import InputLayout, NetworkDescription, NeuronParameters
+from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, NeuronParameters
+from locsnn_compile.models.graph_parameters import GraphParameters
 
 if TYPE_CHECKING:
     import torch
@@ -47,8 +56,17 @@ _INPUT_KEYS: dict[str, tuple[type, ...]] = {
     "taxels": (int,),
     "polarities": (int,),
 }
-_NEURON_KEYS: dict[str, tuple[type, ...]] = {
-    name: (float, int) for name in ("theta", "tau_sr", "tau_ref", "scale_ref", "tau_rho", "scale_rho")
+_NUMBER = (float, int)
+_SRM_KEYS: dict[str, tuple[type, ...]] = dict.fromkeys(
+    ("theta", "tau_sr", "tau_ref", "scale_ref", "tau_rho", "scale_rho"), _NUMBER
+)
+_LIF_KEYS: dict[str, tuple[type, ...]] = dict.fromkeys(("decay", "threshold", "window"), _NUMBER)
+_GRAPH_KEYS: dict[str, tuple[type, ...]] = {
+    "name": (str,),
+    "taxel_edges": (list,),
+    "hops": (int,),
+    "features": (int,),
+    "step_features": (int,),
 }
 _TYPE_WORDS = {
     str: "text",
@@ -84,18 +102,20 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
             measured=f"version {version} against {VERSION}",
             fix="Update locsnn-compile.",
         )
-    on_chip = version == VERSION
-    _check_keys(where, "", values, _KEYS | {"chip": (dict,)} if on_chip else _KEYS)
-    if version not in (1, VERSION):
+    more: dict[object, dict[str, tuple[type, ...]]] = {
+        CHIP_VERSION: {"chip": (dict,)},
+        VERSION: {"graph": (dict, type(None))},
+    }
+    _check_keys(where, "", values, _KEYS | more.get(version, {}))
+    if version not in (1, *more):
         raise InputError(
             where,
             "its version does not exist",
             measured=f"version {version} against {VERSION}",
             fix=_WRITE_AGAIN,
         )
-    _check_keys(where, "neuron.", values["neuron"], _NEURON_KEYS)
     _check_keys(where, "input.", values["input"], _INPUT_KEYS)
-    name = _name(where, values["name"])
+    name = _name(where, "name", values["name"])
     order_name, taxels = _location_order(where, values["location_order"])
     try:
         description = NetworkDescription(
@@ -103,14 +123,18 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
             input=InputLayout(**values["input"]),
             classes=values["classes"],
             hidden=values["hidden"],
-            neuron=NeuronParameters(**values["neuron"]),
+            neuron=_neuron(where, values["neuron"], srm=version != VERSION),
             location_order=order_name,
             location_taxels=taxels,
             name=name,
+            graph=_graph(where, values.get("graph")),
         )
     except InputError as error:
-        raise InputError(f"{where}, {error.where}", error.what, measured=error.measured, fix=error.fix) from None
-    chip = parse_chip_entry(where, values["chip"], description.weight_shapes) if on_chip else None
+        place = error.where if error.where.startswith(where) else f"{where}, {error.where}"
+        raise InputError(place, error.what, measured=error.measured, fix=error.fix) from None
+    if (description.structure.neurons == "srm") != (version != VERSION):
+        raise InputError(where, f"version {version} does not hold such networks", fix=_WRITE_AGAIN)
+    chip = parse_chip_entry(where, values["chip"], description.weight_shapes) if version == CHIP_VERSION else None
     return Checkpoint(
         description=description,
         weights=_weights(where, values["weights"], description, chip),
@@ -145,10 +169,32 @@ def _check_keys(where: str, prefix: str, values: Mapping[Any, Any], known: Mappi
             )
 
 
-def _name(where: str, name: str) -> str:
+def _name(where: str, key: str, name: str) -> str:
     if not 0 < len(name) <= 200 or not name.isprintable() or "/" in name or "\\" in name:
-        raise InputError(where, "entry 'name' is no plain name", measured=f"got {name[:80]!r}", fix=_WRITE_AGAIN)
+        raise InputError(where, f"entry '{key}' is no plain name", measured=f"got {name[:80]!r}", fix=_WRITE_AGAIN)
     return name
+
+
+def _neuron(where: str, entry: dict[Any, Any], *, srm: bool) -> NeuronParameters | LifParameters | None:
+    """Return the constants of spike response or integrate-and-fire neurons; None where the entry is empty."""
+    if srm:
+        _check_keys(where, "neuron.", entry, _SRM_KEYS)
+        return NeuronParameters(**entry)
+    if not entry:
+        return None
+    _check_keys(where, "neuron.", entry, _LIF_KEYS)
+    return LifParameters(**entry)
+
+
+def _graph(where: str, entry: dict[Any, Any] | None) -> GraphParameters | None:
+    if entry is None:
+        return None
+    _check_keys(where, "graph.", entry, _GRAPH_KEYS)
+    edges = entry["taxel_edges"]
+    if any(not isinstance(edge, list) or len(edge) != 2 for edge in edges):
+        raise InputError(where, "entry 'graph.taxel_edges' must be a list of pairs", fix=_WRITE_AGAIN)
+    values = entry | {"name": _name(where, "graph.name", entry["name"])}
+    return GraphParameters(**values | {"taxel_edges": tuple((a, b) for a, b in edges)})
 
 
 def _location_order(where: str, entry: dict[Any, Any] | None) -> tuple[str | None, tuple[int, ...] | None]:

@@ -7,16 +7,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from locsnn_compile.errors import InputError, did_you_mean
-
-#: The structures of networks.md: which step axes a network of that name has, in population order.
-BRANCHES: dict[str, tuple[str, ...]] = {
-    "tactile-snn": ("time",),
-    "location-tactile-snn": ("location",),
-    "hybrid": ("time", "location"),
-}
+from locsnn_compile.models.ann_shapes import ann_shapes
+from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
+from locsnn_compile.models.graph_parameters import GraphParameters
 
 #: Largest sizes accepted anywhere: a few times what any published tactile recording needs.
 MAX_STEPS = 20_000
@@ -79,29 +75,61 @@ class NeuronParameters:
 
 
 @dataclass(frozen=True)
+class LifParameters:
+    """The constants of one leaky integrate-and-fire neuron, TLIF or LLIF.
+
+    u(t) = decay * u(t - 1) * (1 - o(t - 1)) + inputs; a spike where u > threshold. ``window`` shapes the surrogate
+    gradient only. Defaults: Gu et al. 2020, Kang et al. 2023.
+    """
+
+    decay: float = 0.2
+    threshold: float = 0.5
+    window: float = 0.5
+
+    def __post_init__(self) -> None:
+        for name in ("threshold", "window"):
+            _require_positive(f"neuron {name!r}", getattr(self, name))
+        if not (_is_number(self.decay) and 0 <= self.decay <= 1):
+            raise InputError(
+                "neuron 'decay'",
+                "it must be a number from 0 to 1",
+                measured=f"got {self.decay!r}",
+                fix="The published value is 0.2.",
+            )
+
+    @property
+    def keep(self) -> float:
+        """What a step keeps of u: ``decay``, rounded as 1 less the share that it loses is."""
+        return 1.0 - (1.0 - self.decay)
+
+
+@dataclass(frozen=True)
 class NetworkDescription:
     """A network without its weights.
 
+    ``neuron`` and ``graph`` are those of its architecture; None stands for the published neuron, and for no graph.
     ``location_order`` names the walk and ``location_taxels`` is it, 1-based taxel numbers of one fingertip;
-    both are None for a network without a location branch. Weights are [out, in] in ``weight_shapes``.
+    both are None for a network without a location branch. Weights have the shapes of ``weight_shapes``.
     """
 
     architecture: str
     input: InputLayout
     classes: int
     hidden: int = 32
-    neuron: NeuronParameters = field(default_factory=NeuronParameters)
+    neuron: NeuronParameters | LifParameters | None = None
     location_order: str | None = None
     location_taxels: tuple[int, ...] | None = None
     name: str = "model"
+    graph: GraphParameters | None = None
 
     def __post_init__(self) -> None:
-        if self.architecture not in BRANCHES:
+        if self.architecture not in ARCHITECTURES:
             raise InputError(
                 "architecture",
                 f"{self.architecture!r} is not known",
-                fix=did_you_mean(str(self.architecture), BRANCHES),
+                fix=did_you_mean(str(self.architecture), ARCHITECTURES),
             )
+        self._check_parts()
         _require_count("classes", self.classes, MAX_UNITS)
         _require_count("hidden", self.hidden, MAX_UNITS)
         if "location" not in self.branches:
@@ -120,20 +148,109 @@ class NetworkDescription:
         else:
             check_location_taxels(self.location_taxels, self.input.taxels)
 
-    @property
-    def branches(self) -> tuple[str, ...]:
-        """The step axes of the network: ``time``, ``location`` or both."""
-        return BRANCHES[self.architecture]
+    def _check_parts(self) -> None:
+        """Refuse a neuron and a graph that the architecture has not."""
+        kind = _NEURONS[self.structure.neurons]
+        if self.neuron is None and kind is not None:
+            object.__setattr__(self, "neuron", kind())
+        for what, got, wanted in (
+            ("neuron", self.neuron, kind),
+            ("graph", self.graph, GraphParameters if self.structure.graph else None),
+        ):
+            if type(got) is not (wanted or type(None)):
+                raise InputError(
+                    f"architecture {self.architecture!r}",
+                    f"its {what} is of another kind",
+                    measured=f"{type(got).__name__} against {(wanted or type(None)).__name__}",
+                    fix="Correct the description.",
+                )
+        if self.graph is not None:
+            self.graph.check(self.input.taxels)
+            for branch in self.branches:
+                nodes, _, features = self.graph_size(branch)
+                _require_count(f"neurons of {branch}_graph", nodes * features, MAX_UNITS)
+        if self.architecture == "cnn-3d" and (self.input.taxels, self.input.polarities) != (39, 2):
+            raise InputError(
+                "architecture 'cnn-3d'",
+                "its frames are those of one sensor",
+                measured=f"{self.input.taxels} taxels of {self.input.polarities} polarities against 39 of 2",
+                fix="Take another network.",
+            )
 
     @property
-    def weight_shapes(self) -> dict[str, tuple[int, int]]:
-        """Population name -> (out, in) of the weights into it, in evaluation order."""
-        shapes: dict[str, tuple[int, int]] = {}
+    def structure(self) -> Architecture:
+        """What a network of this name is made of."""
+        return ARCHITECTURES[self.architecture]
+
+    @property
+    def branches(self) -> tuple[str, ...]:
+        """The step axes of the network: ``time``, ``location`` or both; none of an artificial network."""
+        return self.structure.branches
+
+    @property
+    def srm(self) -> NeuronParameters:
+        """The neuron of a network of spike response neurons; ``InputError`` for any other."""
+        if not isinstance(self.neuron, NeuronParameters):
+            raise InputError(
+                f"architecture {self.architecture!r}",
+                "it has no spike response neurons",
+                fix=f"Take one of: {', '.join(name for name, a in ARCHITECTURES.items() if a.neurons == 'srm')}.",
+            )
+        return self.neuron
+
+    def populations(self, branch: str) -> tuple[str, ...]:
+        """Return the names of a branch's populations, in evaluation order; the last one is the output."""
+        layers = ("graph", "hidden", "hidden_2", "output") if self.structure.graph else ("hidden", "output")
+        return tuple(f"{branch}_{layer}" for layer in layers)
+
+    def graph_size(self, branch: str) -> tuple[int, int, int]:
+        """Return (nodes, inputs a node, features a node) of a branch's graph convolution.
+
+        The nodes of the time branch are the taxels, which all fingertips share: each adds its polarities to the inputs.
+        Those of the location branch are the time steps, with one input: the event of the step at a location.
+        """
+        assert self.graph is not None
+        if branch == "time":
+            return self.input.taxels, self.input.fingertips * self.input.polarities, self.graph.features
+        return self.input.steps, 1, self.graph.step_features
+
+    @property
+    def weight_shapes(self) -> dict[str, tuple[int, ...]]:
+        """Population name -> (out, in) of the weights into it, in evaluation order.
+
+        Of a graph convolution (features, (hops + 1) * inputs a node). Of an artificial network parameter name -> shape.
+        """
+        if not self.structure.spiking:
+            layout = self.input
+            return ann_shapes(
+                self.architecture,
+                fingertips=layout.fingertips,
+                channels=layout.channels // layout.fingertips,
+                steps=layout.steps,
+                classes=self.classes,
+                hidden=self.hidden,
+            )
+        shapes: dict[str, tuple[int, ...]] = {}
         for branch in self.branches:
+            names = self.populations(branch)
             sources = self.input.channels if branch == "time" else self.input.steps
-            shapes[f"{branch}_hidden"] = (self.hidden, sources)
-            shapes[f"{branch}_output"] = (self.classes, self.hidden)
+            if self.graph is not None:
+                nodes, inputs, features = self.graph_size(branch)
+                shapes[names[0]] = (features, (self.graph.hops + 1) * inputs)
+                shapes[names[1]] = (self.hidden, nodes * features)
+                shapes[names[2]] = (2 * self.hidden, self.hidden)
+                shapes[names[3]] = (self.classes, 2 * self.hidden)
+            else:
+                shapes[names[0]] = (self.hidden, sources)
+                shapes[names[1]] = (self.classes, self.hidden)
         return shapes
+
+
+_NEURONS: dict[str, type[NeuronParameters] | type[LifParameters] | None] = {
+    "srm": NeuronParameters,
+    "lif": LifParameters,
+    "none": None,
+}
 
 
 def check_location_taxels(taxels: Sequence[int], count: int) -> None:

@@ -1,14 +1,14 @@
-"""The three networks of Kang et al. 2022: time branch, location branch, and the hybrid of both.
+"""The spiking networks of Kang et al. 2022 and TactileSGNet: time branches, location branches, and hybrids of both.
 
-Every branch is two fully connected spike response layers; all networks take x (batch, steps, channels),
+A branch is two fully connected layers, or a graph convolution and three; all networks take x (batch, steps, channels),
 floats 0 or 1, and return their spikes by population name: ``time_*`` (batch, steps, n), ``location_*``
 (batch, locations, n) with locations in walk order.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import torch
@@ -17,17 +17,25 @@ from torch import Tensor, nn
 
 from locsnn_compile.data.sensor import channel_walk
 from locsnn_compile.errors import InputError
+from locsnn_compile.models.ann import ArtificialNetwork, Cnn3d, GruMlp
+from locsnn_compile.models.branch_graph import branch_graph
 from locsnn_compile.models.chip_layers import ChipLayer
 from locsnn_compile.models.chip_numbers import ChipNumbers
-from locsnn_compile.models.description import NetworkDescription
+from locsnn_compile.models.description import LifParameters, NetworkDescription
+from locsnn_compile.models.graph_layer import GraphLayer
+from locsnn_compile.models.lif import LLIF, TLIF, LifLayer
 from locsnn_compile.models.srm import INITIAL_SCALE, LSRM, TSRM, SRMLayer, transpose_recording
+from locsnn_compile.models.touch_model import TouchModel
 
 #: Longest step axis of a torch network in float: a matrix of this size squared takes 128 MB in double precision.
 MAX_MATRIX_STEPS = 4_000
 
 
-class TouchNetwork(nn.Module):
-    """A network by its description; layers are named as the populations and start from ``seed``.
+Layer = SRMLayer | LifLayer | GraphLayer | ChipLayer
+
+
+class TouchNetwork(TouchModel):
+    """A spiking network by its description; layers are named as the populations and start from ``seed``.
 
     With ``chip`` every population runs on the chip's integers, and its weights live on their grid.
     """
@@ -40,19 +48,11 @@ class TouchNetwork(nn.Module):
         initial_scale: float = INITIAL_SCALE,
         chip: ChipNumbers | None = None,
     ) -> None:
-        super().__init__()
-        self.description, self.chip = description, chip
-        self._kept: dict[str, Tensor] = {}
+        super().__init__(description, chip)
         generator = torch.Generator().manual_seed(seed)
         layout = description.input
-        longest = max(layout.steps, layout.channels)
-        if chip is None and longest > MAX_MATRIX_STEPS:
-            raise InputError(
-                f"network {description.name!r}",
-                "it has too many steps for torch layers, whose kernel is a matrix of steps by steps",
-                measured=f"{longest} against {MAX_MATRIX_STEPS}",
-                fix="Bin the recordings wider.",
-            )
+        if chip is None and description.structure.neurons == "srm":
+            _check_matrix(description)
         walk = np.zeros(0, dtype=np.int64)
         if description.location_taxels is not None:
             walk = channel_walk(
@@ -62,72 +62,62 @@ class TouchNetwork(nn.Module):
                 polarities=layout.polarities,
             )
         self.register_buffer("walk", torch.from_numpy(walk.copy()), persistent=False)
-        for name, (outputs, inputs) in description.weight_shapes.items():
-            make: Callable[..., SRMLayer | ChipLayer]
-            if chip is not None:
-                make = partial(ChipLayer, numbers=chip.populations[name], strategy=chip.strategy)
-            elif name.startswith("time"):
-                make = partial(TSRM, steps=layout.steps)
-            else:
-                make = partial(LSRM, steps=layout.channels)
-            layer = make(inputs, outputs, neuron=description.neuron, generator=generator, initial_scale=initial_scale)
-            self.add_module(name, layer)
+        for branch in description.branches:
+            for name in description.populations(branch):
+                self.add_module(name, self._make(name, branch, generator, initial_scale))
 
-    def layer(self, name: str) -> SRMLayer | ChipLayer:
+    def _make(self, name: str, branch: str, generator: torch.Generator, initial_scale: float) -> Layer:
+        """Return the layer of a population with its initial weights."""
+        description, on_time = self.description, branch == "time"
+        outputs, inputs = description.weight_shapes[name]
+        start: dict[str, Any] = {"generator": generator, "initial_scale": initial_scale}
+        neuron = description.neuron
+        if isinstance(neuron, LifParameters):
+            if name.endswith("_graph"):
+                return GraphLayer(branch_graph(description, branch), outputs, neuron, **start)
+            return (TLIF if on_time else LLIF)(inputs, outputs, neuron, **start)
+        if self.chip is not None:
+            numbers = self.chip.populations[name]
+            return ChipLayer(inputs, outputs, description.srm, numbers=numbers, strategy=self.chip.strategy, **start)
+        steps = description.input.steps if on_time else description.input.channels
+        return (TSRM if on_time else LSRM)(inputs, outputs, steps, description.srm, **start)
+
+    def layer(self, name: str) -> Layer:
         """Return the layer of a population."""
         layer = self.get_submodule(name)
-        assert isinstance(layer, SRMLayer | ChipLayer)
+        assert isinstance(layer, Layer)
         return layer
+
+    def weight(self, name: str) -> nn.Parameter:
+        """Return the weights of a population."""
+        return self.layer(name).weight
 
     def forward(self, x: Tensor) -> dict[str, Tensor]:
         """Return the output spikes of every population for ``x`` (batch, steps, channels)."""
-        layout = self.description.input
-        if x.ndim != 3 or tuple(x.shape[1:]) != (layout.steps, layout.channels):
-            raise InputError(
-                "recordings",
-                "their shape is not the network's",
-                measured=f"got {tuple(x.shape[1:])} against {(layout.steps, layout.channels)} steps x channels",
-                fix="Give recordings of the network's sensor and duration.",
-            )
+        self.check_shape(x)
         spikes: dict[str, Tensor] = {}
         for branch in self.description.branches:
             walk = self.get_buffer("walk")
             stream = x if branch == "time" else transpose_recording(x, walk)
-            for name in (f"{branch}_hidden", f"{branch}_output"):
+            for name in self.description.populations(branch):
                 stream = self.layer(name)(stream)
                 spikes[name] = stream
         return spikes
 
-    def branch_counts(self, x: Tensor) -> dict[str, Tensor]:
+    def scores(self, activity: Mapping[str, Tensor]) -> dict[str, Tensor]:
         """Return spikes a class, (batch, classes), of the output of every branch."""
-        spikes = self.forward(x)
-        return {branch: spikes[f"{branch}_output"].sum(dim=1) for branch in self.description.branches}
+        return {branch: activity[f"{branch}_output"].sum(dim=1) for branch in self.description.branches}
 
-    def counts(self, x: Tensor) -> Tensor:
-        """Return spikes a class, (batch, classes), over all steps of all branches; the largest is the
-        prediction.
-        """
-        return torch.stack(list(self.branch_counts(x).values())).sum(dim=0)
-
-    def prune(self, share: float) -> None:
-        """Set a ``share`` 0..1 of each population's weights, the smallest, to 0; :meth:`hold` keeps them there."""
-        for name in self.description.weight_shapes:
-            weight = self.layer(name).weight.detach()
-            order = weight.abs().flatten().argsort(stable=True)
-            kept = torch.ones(weight.numel(), dtype=torch.bool)
-            kept[order[: int(share * len(order))]] = False
-            self._kept[name] = kept.reshape(weight.shape)
-        self.hold()
+    def hidden_spikes(self, activity: Mapping[str, Tensor]) -> list[Tensor]:
+        """Return the spikes of every population but the outputs."""
+        return [spikes for name, spikes in activity.items() if not name.endswith("_output")]
 
     def hold(self) -> None:
         """Bring weights back where they must be after a step: pruned ones to 0, a chip's into their format's range."""
-        for name in self.description.weight_shapes:
-            layer = self.layer(name)
+        for layer in self.children():
             if isinstance(layer, ChipLayer):
                 layer.hold()
-            if name in self._kept:
-                with torch.no_grad():
-                    layer.weight.mul_(self._kept[name])
+        super().hold()
 
     def snap(self) -> None:
         """Put a chip network's latent weights where they round to, so that no later rounding can differ."""
@@ -140,27 +130,17 @@ class TouchNetwork(nn.Module):
         layers = {name: self.layer(name) for name in self.description.weight_shapes}
         return {name: layer.mantissas() for name, layer in layers.items() if isinstance(layer, ChipLayer)}
 
-    def weights(self) -> dict[str, NDArray[np.float32]]:
-        """Return copies of the weights [out, in] by population name."""
-        return {
-            name: self.layer(name).weight.detach().to(torch.float32).numpy().copy()
-            for name in self.description.weight_shapes
-        }
 
-    def load_weights(self, weights: Mapping[str, NDArray[np.floating]]) -> None:
-        """Take weights [out, in] by population name; ``InputError`` where a name or shape does not fit."""
-        for name, shape in self.description.weight_shapes.items():
-            if name not in weights or tuple(weights[name].shape) != shape:
-                got = tuple(weights[name].shape) if name in weights else "none"
-                raise InputError(
-                    f"population {name!r}",
-                    "its weights do not fit the network",
-                    measured=f"got {got} against {shape}",
-                    fix="Give the weights of a network of this description.",
-                )
-            layer = self.layer(name)
-            with torch.no_grad():
-                layer.weight.copy_(torch.from_numpy(np.array(weights[name])))
+def _check_matrix(description: NetworkDescription) -> None:
+    """Refuse more steps than a kernel matrix is made for."""
+    longest = max(description.input.steps, description.input.channels)
+    if longest > MAX_MATRIX_STEPS:
+        raise InputError(
+            f"network {description.name!r}",
+            "it has too many steps for torch layers, whose kernel is a matrix of steps by steps",
+            measured=f"{longest} against {MAX_MATRIX_STEPS}",
+            fix="Bin the recordings wider.",
+        )
 
 
 class TactileSNN(TouchNetwork):
@@ -175,11 +155,28 @@ class Hybrid(TouchNetwork):
     """``hybrid``: both branches; its output is the two outputs, concatenated along their steps."""
 
 
+class LifNetwork(TouchNetwork):
+    """``tactile-snn-lif``, ``location-tactile-snn-lif``, ``hybrid-lif``: the same of TLIF and LLIF neurons."""
+
+
+class GraphNetwork(TouchNetwork):
+    """``tactile-sgnet``, ``hybrid-graph``: branches of a graph convolution and three fully connected layers.
+
+    The taxels are the nodes of the time branch; the time steps those of the location branch.
+    """
+
+
 NETWORKS: dict[str, type[TouchNetwork]] = {
     "tactile-snn": TactileSNN,
     "location-tactile-snn": LocationTactileSNN,
     "hybrid": Hybrid,
+    "tactile-snn-lif": LifNetwork,
+    "location-tactile-snn-lif": LifNetwork,
+    "hybrid-lif": LifNetwork,
+    "tactile-sgnet": GraphNetwork,
+    "hybrid-graph": GraphNetwork,
 }
+ARTIFICIAL: dict[str, type[ArtificialNetwork]] = {"gru-mlp": GruMlp, "cnn-3d": Cnn3d}
 
 
 def build_network(
@@ -188,9 +185,12 @@ def build_network(
     seed: int = 0,
     initial_scale: float = INITIAL_SCALE,
     chip: ChipNumbers | None = None,
-) -> TouchNetwork:
+) -> TouchModel:
     """Return the network of ``description.architecture`` with initial weights of ``seed``.
 
-    They are uniform within +-``initial_scale`` / sqrt(inputs of the layer). With ``chip`` it runs on its integers.
+    Those of spiking layers are uniform within +-``initial_scale`` / sqrt(inputs of the layer). With ``chip`` it runs on
+    its integers.
     """
+    if description.architecture in ARTIFICIAL:
+        return ARTIFICIAL[description.architecture](description, seed=seed)
     return NETWORKS[description.architecture](description, seed=seed, initial_scale=initial_scale, chip=chip)

@@ -11,16 +11,26 @@ from typing import Any
 import yaml
 
 from hw_model.weights import WEIGHT_BITS
+from locsnn_compile.data.taxel_graph import GRAPHS
 from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.models.architectures import ARCHITECTURES
 from locsnn_compile.models.chip_numbers import STRATEGIES
-from locsnn_compile.models.description import BRANCHES
 
 LOSSES = ("cross-entropy", "spike-count")
 OPTIMIZERS = ("adamw", "rmsprop")
 SCHEDULES = ("cosine", "constant")
 
+USUAL: dict[str, dict[str, Any]] = {
+    "tactile-sgnet": {"hidden": 128},
+    "hybrid-graph": {"hidden": 128},
+    "gru-mlp": {"count_scale": 1.0},
+    "cnn-3d": {"count_scale": 1.0},
+}
+"""Network -> options whose usual value is not that of :class:`TrainingConfig`."""
+
 _CHOICES: dict[str, tuple[str | int, ...]] = {
-    "model": tuple(BRANCHES),
+    "model": tuple(ARCHITECTURES),
+    "graph": GRAPHS,
     "loss": LOSSES,
     "optimizer": OPTIMIZERS,
     "schedule": SCHEDULES,
@@ -52,6 +62,14 @@ _RANGES: dict[str, tuple[float, float]] = {
     "scale_ref": (0.0, 1e6),
     "tau_rho": (1e-6, 1e6),
     "scale_rho": (1e-6, 1e6),
+    "decay": (0.0, 1.0),
+    "threshold": (1e-6, 1e6),
+    "window": (1e-6, 1e6),
+    "neighbours": (1, 38),
+    "nearer_mm": (0.0, 100.0),
+    "hops": (1, 16),
+    "features": (1, 1024),
+    "step_features": (1, 1024),
     "weight_room": (1e-3, 1e3),
     "refractory": (1, 63),
     "pruned": (0.0, 0.999),
@@ -73,7 +91,13 @@ class TrainingConfig:
       epoch's figure noisy; see :func:`locsnn_compile.training.schedule.choose_epoch`.
     - ``refit``: once the epoch is chosen, train afresh on the whole train part for as many epochs, on a
       schedule of that length.
-    - time constants in steps; ``step_seconds`` is the width of a time bin, where the data do not say it.
+    - time constants in steps; ``step_seconds`` is the width of a time bin, where the data do not say it. ``theta`` to
+      ``scale_rho`` are those of spike response neurons, ``decay``, ``threshold`` and ``window`` those of
+      integrate-and-fire ones.
+    - ``hidden``: of a hidden layer; of networks with a graph of the first one, and the second has twice as many.
+      ``graph`` joins the taxels (``neighbours`` and ``nearer_mm``: see
+      :func:`locsnn_compile.data.taxel_graph.taxel_graph`); ``hops``, ``features`` and ``step_features``: see
+      :class:`locsnn_compile.models.graph_parameters.GraphParameters`.
     - ``target``: ``float``, or the chip whose integers the forward pass computes; there neurons are laid out by
       ``strategy``, weights have ``weight_bits``, and their range is ``weight_room`` times the largest weight of the
       network that the run starts from (from scratch: :data:`locsnn_compile.training.target.USUAL_LARGEST`).
@@ -111,6 +135,15 @@ class TrainingConfig:
     scale_ref: float = 2.0
     tau_rho: float = 1.0
     scale_rho: float = 1.0
+    decay: float = 0.2
+    threshold: float = 0.5
+    window: float = 0.5
+    graph: str = "manual"
+    neighbours: int = 3
+    nearer_mm: float = 3.0
+    hops: int = 3
+    features: int = 64
+    step_features: int = 8
     target: str = "float"
     strategy: str = "dendrite"
     weight_bits: int = 8
@@ -125,9 +158,12 @@ class TrainingConfig:
 
 
 def config_from_mapping(values: Mapping[str, Any], where: str = "training configuration") -> TrainingConfig:
-    """Return the configuration of ``values``; ``InputError`` for an unknown key or a value of the wrong kind."""
+    """Return the configuration of ``values``, others as usual for the network.
+
+    Raises ``InputError`` for an unknown key or a value of the wrong kind.
+    """
     known = {item.name: str(item.type) for item in fields(TrainingConfig)}
-    clean: dict[str, Any] = {}
+    clean: dict[str, Any] = dict(USUAL.get(str(values.get("model")), {}))
     for key, value in values.items():
         if key not in known:
             raise InputError(where, f"key {key!r} is not known", fix=did_you_mean(str(key), known))

@@ -19,7 +19,16 @@ nothing of it could choose an epoch."""
 def fixed_by(start: NetworkDescription) -> dict[str, Any]:
     """Return the options that a network to start from decides."""
     order = {} if start.location_order is None else {"order": start.location_order}
-    return {"model": start.architecture, "hidden": start.hidden} | order | asdict(start.neuron)
+    neuron = {} if start.neuron is None else asdict(start.neuron)
+    return {"model": start.architecture, "hidden": start.hidden} | order | neuron | _graph(start)
+
+
+def _graph(start: NetworkDescription) -> dict[str, Any]:
+    graph = start.graph
+    if graph is None:
+        return {}
+    sizes = {"hops": graph.hops, "features": graph.features, "step_features": graph.step_features}
+    return {"graph": graph.name} | sizes
 
 
 def check_fits_start(values: Mapping[str, Any], start: NetworkDescription) -> None:

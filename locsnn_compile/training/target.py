@@ -37,7 +37,7 @@ def chip_numbers(
     """
     chip = hw.chip(config.target)
     _check_registers(chip)
-    neuron = description.neuron
+    neuron = description.srm
     largest = {}
     for name, shape in description.weight_shapes.items():
         most = USUAL_LARGEST * neuron.theta if start is None else float(np.abs(start[name]).max())

@@ -19,14 +19,15 @@ from numpy.typing import NDArray
 
 from hw_model.files import replace_file
 from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.data.sensor import POLARITIES, TAXELS, parse_location_order
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.chip_numbers import ChipNumbers
-from locsnn_compile.models.description import BRANCHES, InputLayout, NetworkDescription, NeuronParameters
-from locsnn_compile.models.networks import TouchNetwork, build_network
+from locsnn_compile.models.description import NetworkDescription
+from locsnn_compile.models.networks import build_network
+from locsnn_compile.models.touch_model import TouchModel
 from locsnn_compile.training.batches import batches, epoch_generator, stratified_split
 from locsnn_compile.training.config import TrainingConfig
+from locsnn_compile.training.describe import describe
 from locsnn_compile.training.fine_tuning import check_recordings
 from locsnn_compile.training.measure import batch_loss, evaluate
 from locsnn_compile.training.schedule import choose_epoch, learning_rate
@@ -45,45 +46,10 @@ class TrainingResult:
     out.
     """
 
-    network: TouchNetwork
+    network: TouchModel
     chosen_epoch: int
     validation_accuracy: float | None
     history: tuple[EpochRecord, ...]
-
-
-def describe(recordings: Recordings, config: TrainingConfig, classes: int, name: str = "model") -> NetworkDescription:
-    """Return the network that ``config`` asks for on data of this shape; ``InputError`` where it does not
-    fit.
-    """
-    channels = recordings.spikes.shape[2]
-    per_fingertip = TAXELS * POLARITIES
-    if channels % per_fingertip:
-        raise InputError(
-            f"recordings {recordings.source!r}",
-            "their channels are not those of whole fingertips",
-            measured=f"{channels} channels against multiples of {per_fingertip}",
-            fix="Give recordings of one or two NeuTouch fingertips.",
-        )
-    order: str | None = None
-    taxels: tuple[int, ...] | None = None
-    if "location" in BRANCHES[config.model]:
-        order, taxels = parse_location_order(config.order)
-    return NetworkDescription(
-        architecture=config.model,
-        input=InputLayout(
-            fingertips=channels // per_fingertip,
-            steps=recordings.spikes.shape[1],
-            step_seconds=recordings.step_seconds or config.step_seconds,
-        ),
-        classes=classes,
-        hidden=config.hidden,
-        neuron=NeuronParameters(
-            config.theta, config.tau_sr, config.tau_ref, config.scale_ref, config.tau_rho, config.scale_rho
-        ),
-        location_order=order,
-        location_taxels=taxels,
-        name=name,
-    )
 
 
 def train(
@@ -162,7 +128,7 @@ class _Run:
     save_every: int
     progress: Progress | None
 
-    def network(self) -> TouchNetwork:
+    def network(self) -> TouchModel:
         """Return the network that a phase begins with."""
         config = self.config
         network = build_network(self.description, seed=config.seed, initial_scale=config.initial_scale, chip=self.chip)
@@ -223,7 +189,7 @@ def _run_phase(run: _Run, state: TrainingState, rows: NDArray[np.int64], held: N
             run.saved()
 
 
-def _optimizer(network: TouchNetwork, config: TrainingConfig) -> torch.optim.Optimizer:
+def _optimizer(network: TouchModel, config: TrainingConfig) -> torch.optim.Optimizer:
     kind = torch.optim.AdamW if config.optimizer == "adamw" else torch.optim.RMSprop
     return kind(network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay, foreach=True)
 

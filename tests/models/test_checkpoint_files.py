@@ -169,10 +169,10 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
     ),
     (
         "newer version",
-        put("version", value=3),
-        "it was written by a newer version (version 3 against 2). Update locsnn-compile.",
+        put("version", value=4),
+        "it was written by a newer version (version 4 against 3). Update locsnn-compile.",
     ),
-    ("version of 0", put("version", value=0), f"its version does not exist (version 0 against 2). {AGAIN}"),
+    ("version of 0", put("version", value=0), f"its version does not exist (version 0 against 3). {AGAIN}"),
     ("version of text", put("version", value="1"), f"entry 'version' must be a whole number (got str). {AGAIN}"),
     (
         "weights of text",

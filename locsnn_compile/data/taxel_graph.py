@@ -1,0 +1,71 @@
+"""Which taxels of a fingertip are neighbours: the graphs of TactileSGNet.
+
+Source of the three ways: Gu et al., IROS 2020. Edges are undirected here, each held once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import numpy.typing as npt
+
+from locsnn_compile.data.sensor import TAXEL_COORDINATES_MM, TAXELS
+from locsnn_compile.errors import InputError, did_you_mean
+
+Edges = tuple[tuple[int, int], ...]
+GRAPHS = ("manual", "nearest", "tree")
+CENTRE = 21
+"""The taxel in the middle of the fingertip, from which the spanning tree grows."""
+
+_MANUAL: tuple[tuple[int, ...], ...] = (
+    *((2, 3, 6), (7, 9), (8, 10), (7, 11), (8, 13), (9, 10, 15), (12, 18), (14, 19), (12, 16), (14, 15)),
+    *((18, 25), (16, 20), (19, 26), (17, 22), (16, 17, 21), (21, 23), (21, 24), (20, 25, 30), (22, 26, 32)),
+    *((23, 29), (23, 24, 27), (28,), (27, 29), (27, 28, 31), (35,), (36,), (33, 34), (31, 32), (30, 33)),
+    *((35, 37), (34, 38), (36, 38), (34, 37), (39,), (), (), (39,), (39,), ()),
+)
+"""Taxel 1, 2, ... -> its neighbours of a higher number, as the authors joined them by hand."""
+
+
+def taxel_graph(kind: str, *, neighbours: int, nearer_mm: float) -> Edges:
+    """Return the edges of a fingertip's graph, pairs of 1-based taxel numbers, the lower first, sorted.
+
+    ``manual``: joined by hand. ``nearest``: every taxel and its ``neighbours`` nearest ones, of equally near ones those
+    of the lowest number. ``tree``: the minimum spanning tree that grows from the centre taxel, and all pairs nearer
+    than ``nearer_mm`` millimetres. Raises ``InputError`` for another kind.
+    """
+    if kind == "manual":
+        return tuple((a, b) for a, others in enumerate(_MANUAL, start=1) for b in others)
+    distance = _distances_mm()
+    if kind == "nearest":
+        near = np.argsort(distance + np.diag(np.full(TAXELS, np.inf)), axis=1, kind="stable")
+        return _edges((a, int(b)) for a in range(TAXELS) for b in near[a, :neighbours])
+    if kind == "tree":
+        close = zip(*np.nonzero(np.triu(distance < nearer_mm, k=1)), strict=True)
+        return _edges([*_spanning_tree(distance), *((int(a), int(b)) for a, b in close)])
+    raise InputError("taxel graph", f"{kind!r} is not known", fix=did_you_mean(kind, GRAPHS))
+
+
+def _distances_mm() -> npt.NDArray[np.float64]:
+    """Return all distances (taxels, taxels), rounded so that equal ones compare as equal."""
+    points = np.array(TAXEL_COORDINATES_MM)
+    apart = points[:, np.newaxis] - points
+    distance: npt.NDArray[np.float64] = np.sqrt((apart**2).sum(axis=2)).round(9)
+    return distance
+
+
+def _spanning_tree(distance: npt.NDArray[np.float64]) -> list[tuple[int, int]]:
+    """Return the edges, 0-based, by which a tree grows from the centre to the nearest taxel outside it."""
+    inside, edges = [CENTRE - 1], []
+    outside = [taxel for taxel in range(TAXELS) if taxel != CENTRE - 1]
+    while outside:
+        _, a, b = min((distance[a, b], a, b) for a in inside for b in outside)
+        edges.append((a, b))
+        inside.append(b)
+        outside.remove(b)
+    return edges
+
+
+def _edges(pairs: Iterable[tuple[int, int]]) -> Edges:
+    """Return 1-based pairs in order, of 0-based ones that may come twice or turned round."""
+    return tuple(sorted({(min(a, b) + 1, max(a, b) + 1) for a, b in pairs}))

@@ -1,0 +1,88 @@
+"""The artificial networks that spiking ones are compared with: GRU-MLP and CNN-3D of Kang et al. 2022.
+
+Both take x (batch, steps, channels), floats 0 or 1, and return class scores (batch, classes) under the name
+``output``. They are trained here and counted, not compiled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from locsnn_compile.data.frame import frame_cells
+from locsnn_compile.models.ann_shapes import CONVOLUTIONS, FRAME
+from locsnn_compile.models.description import NetworkDescription
+from locsnn_compile.models.touch_model import TouchModel
+
+
+class ArtificialNetwork(TouchModel):
+    """A network without spikes; weights start as torch starts them, from ``seed``."""
+
+    def __init__(self, description: NetworkDescription, *, seed: int) -> None:
+        super().__init__(description)
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            self.build()
+
+    def build(self) -> None:
+        """Make the layers."""
+        raise NotImplementedError
+
+    def weight(self, name: str) -> nn.Parameter:
+        """Return a parameter."""
+        return self.get_parameter(name)
+
+    def scores(self, activity: Mapping[str, Tensor]) -> dict[str, Tensor]:
+        """Return the class scores as they are."""
+        return dict(activity)
+
+
+class GruMlp(ArtificialNetwork):
+    """``gru-mlp``: GRU(channels -> hidden), then one linear layer at the last step."""
+
+    def build(self) -> None:
+        """Make the layers."""
+        description = self.description
+        self.gru = nn.GRU(description.input.channels, description.hidden, batch_first=True)
+        self.readout = nn.Linear(description.hidden, description.classes)
+
+    def forward(self, x: Tensor) -> dict[str, Tensor]:
+        """Return the class scores of ``x`` (batch, steps, channels)."""
+        self.check_shape(x)
+        return {"output": self.readout(self.gru(x)[0][:, -1])}
+
+
+class Cnn3d(ArtificialNetwork):
+    """``cnn-3d``: two convolutions with ReLU over frames of each fingertip, then one linear layer over all of them.
+
+    A frame has 9 x 7 cells, of which :data:`locsnn_compile.data.frame.FRAME_OF_TAXELS` gives 39 to taxels, and a
+    channel a polarity. All fingertips go through the same convolutions.
+    """
+
+    cells: Tensor
+
+    def build(self) -> None:
+        """Make the layers."""
+        shapes = self.description.weight_shapes
+        for number, (outputs, kernel, stride) in enumerate(CONVOLUTIONS, start=1):
+            inputs = shapes[f"conv_{number}.weight"][1]
+            self.add_module(f"conv_{number}", nn.Conv3d(inputs, outputs, kernel, stride))
+            self.add_module(f"relu_{number}", nn.ReLU())
+        self.readout = nn.Linear(shapes["readout.weight"][1], self.description.classes)
+        self.register_buffer("cells", torch.from_numpy(frame_cells().copy()), persistent=False)
+
+    def forward(self, x: Tensor) -> dict[str, Tensor]:
+        """Return the class scores of ``x`` (batch, steps, channels)."""
+        self.check_shape(x)
+        layout = self.description.input
+        touch = x.reshape(len(x), layout.steps, layout.fingertips, layout.taxels, layout.polarities)
+        frames = x.new_zeros(len(x), layout.fingertips, layout.polarities, layout.steps, int(np.prod(FRAME)))
+        frames[..., self.cells] = touch.permute(0, 2, 4, 1, 3)
+        stream = frames.reshape(-1, layout.polarities, layout.steps, *FRAME)
+        for number in range(1, len(CONVOLUTIONS) + 1):
+            for kind in ("conv", "relu"):
+                stream = self.get_submodule(f"{kind}_{number}")(stream)
+        return {"output": self.readout(stream.reshape(len(x), -1))}

@@ -1,0 +1,40 @@
+"""The structures of networks that ``locsnn train`` knows, as rows of one table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class Architecture:
+    """What a network of a name is made of.
+
+    ``branches``: its step axes, in population order; none for an artificial network. ``neurons``: spike response
+    (``srm``) or leaky integrate-and-fire (``lif``) ones, or none that spike. ``graph``: whether the first layer of a
+    branch is a graph convolution.
+    """
+
+    branches: tuple[str, ...]
+    neurons: Literal["srm", "lif", "none"]
+    graph: bool = False
+
+    @property
+    def spiking(self) -> bool:
+        """Whether its neurons spike, so that it can be compiled."""
+        return self.neurons != "none"
+
+
+ARCHITECTURES: dict[str, Architecture] = {
+    "tactile-snn": Architecture(("time",), "srm"),
+    "location-tactile-snn": Architecture(("location",), "srm"),
+    "hybrid": Architecture(("time", "location"), "srm"),
+    "tactile-snn-lif": Architecture(("time",), "lif"),
+    "location-tactile-snn-lif": Architecture(("location",), "lif"),
+    "hybrid-lif": Architecture(("time", "location"), "lif"),
+    "tactile-sgnet": Architecture(("time",), "lif", graph=True),
+    "hybrid-graph": Architecture(("time", "location"), "lif", graph=True),
+    "gru-mlp": Architecture((), "none"),
+    "cnn-3d": Architecture((), "none"),
+}
+"""Name of a network -> its structure. Source: Kang et al., IJCNN 2022; TactileSGNet: Gu et al., IROS 2020."""

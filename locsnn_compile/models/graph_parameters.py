@@ -1,0 +1,54 @@
+"""Graph convolutions in plain values: which nodes are joined, how far they hear, how many features they give.
+
+Nothing here imports torch, so that the compiler can read descriptions without it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from locsnn_compile.errors import InputError
+
+MAX_HOPS = 16
+MAX_FEATURES = 1024
+
+
+@dataclass(frozen=True)
+class GraphParameters:
+    """The topology-adaptive graph convolutions of a network (Du et al. 2017), one for each of its branches.
+
+    ``taxel_edges``: pairs of 1-based taxel numbers of a fingertip, the lower first, each pair once; ``name`` says how
+    they were found. A node hears nodes up to ``hops`` edges away and gives ``features`` outputs; on the location axis,
+    where nodes are the time steps of the recording and neighbours in time are joined, ``step_features``.
+    """
+
+    name: str
+    taxel_edges: tuple[tuple[int, int], ...]
+    hops: int = 3
+    features: int = 64
+    step_features: int = 8
+
+    def check(self, taxels: int) -> None:
+        """Raise ``InputError`` for numbers out of range, and for a pair that is none of ``taxels`` taxels."""
+        limits = {"hops": MAX_HOPS, "features": MAX_FEATURES, "step_features": MAX_FEATURES}
+        for name, limit in limits.items():
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= limit:
+                raise InputError(
+                    f"graph {name!r}",
+                    "it must be a whole number in range",
+                    measured=f"got {value!r} against 1..{limit}",
+                    fix="Correct the description.",
+                )
+        seen: set[tuple[int, int]] = set()
+        for a, b in self.taxel_edges:
+            if any(isinstance(n, bool) or not isinstance(n, int) for n in (a, b)) or not 1 <= a < b <= taxels:
+                raise InputError(
+                    "taxel graph",
+                    "an edge is no pair of taxels, the lower number first",
+                    measured=f"got {a!r}-{b!r} against 1..{taxels}",
+                    fix="Correct the graph.",
+                )
+            if (a, b) in seen:
+                raise InputError("taxel graph", f"edge {a}-{b} is given twice", fix="Give every edge once.")
+            seen.add((a, b))

@@ -1,0 +1,99 @@
+"""What every network that learns from touch recordings has in common."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from locsnn_compile.errors import InputError
+from locsnn_compile.models.chip_numbers import ChipNumbers
+from locsnn_compile.models.description import NetworkDescription
+
+
+class TouchModel(nn.Module):
+    """A network by its description; ``chip`` holds the numbers of one that runs on a chip's integers."""
+
+    def __init__(self, description: NetworkDescription, chip: ChipNumbers | None = None) -> None:
+        super().__init__()
+        self.description, self.chip = description, chip
+        self._kept: dict[str, Tensor] = {}
+
+    @abstractmethod
+    def weight(self, name: str) -> nn.Parameter:
+        """Return the weights of a name in ``description.weight_shapes``."""
+
+    @abstractmethod
+    def scores(self, activity: Mapping[str, Tensor]) -> dict[str, Tensor]:
+        """Return class scores (batch, classes) of every branch, of what ``forward`` returned."""
+
+    def hidden_spikes(self, activity: Mapping[str, Tensor]) -> list[Tensor]:
+        """Return the spikes (batch, steps, n) of every hidden population, of what ``forward`` returned."""
+        return []
+
+    def branch_counts(self, x: Tensor) -> dict[str, Tensor]:
+        """Return class scores, (batch, classes), of every branch: spikes a class, where there are spikes."""
+        return self.scores(self(x))
+
+    def counts(self, x: Tensor) -> Tensor:
+        """Return class scores (batch, classes) over all branches; the largest is the prediction."""
+        return torch.stack(list(self.branch_counts(x).values())).sum(dim=0)
+
+    def check_shape(self, x: Tensor) -> None:
+        """Refuse recordings that are not (batch, steps, channels) of the network's input."""
+        layout = self.description.input
+        if x.ndim != 3 or tuple(x.shape[1:]) != (layout.steps, layout.channels):
+            raise InputError(
+                "recordings",
+                "their shape is not the network's",
+                measured=f"got {tuple(x.shape[1:])} against {(layout.steps, layout.channels)} steps x channels",
+                fix="Give recordings of the network's sensor and duration.",
+            )
+
+    def prune(self, share: float) -> None:
+        """Set a ``share`` 0..1 of each population's weights, the smallest, to 0; :meth:`hold` keeps them there."""
+        for name in self.description.weight_shapes:
+            weight = self.weight(name).detach()
+            order = weight.abs().flatten().argsort(stable=True)
+            kept = torch.ones(weight.numel(), dtype=torch.bool)
+            kept[order[: int(share * len(order))]] = False
+            self._kept[name] = kept.reshape(weight.shape)
+        self.hold()
+
+    def hold(self) -> None:
+        """Bring weights back where they must be after a step: pruned ones to 0."""
+        with torch.no_grad():
+            for name, kept in self._kept.items():
+                self.weight(name).mul_(kept)
+
+    def snap(self) -> None:
+        """Put latent weights where they round to; those of a float network stay as they are."""
+
+    def mantissas(self) -> dict[str, NDArray[np.int64]]:
+        """Return the mantissas [out, in] by population name, of a network on the chip's integers."""
+        return {}
+
+    def weights(self) -> dict[str, NDArray[np.float32]]:
+        """Return copies of the weights by name."""
+        return {
+            name: self.weight(name).detach().to(torch.float32).numpy().copy() for name in self.description.weight_shapes
+        }
+
+    def load_weights(self, weights: Mapping[str, NDArray[Any]]) -> None:
+        """Take weights by name; ``InputError`` where a name or shape does not fit."""
+        for name, shape in self.description.weight_shapes.items():
+            if name not in weights or tuple(weights[name].shape) != shape:
+                got = tuple(weights[name].shape) if name in weights else "none"
+                raise InputError(
+                    f"population {name!r}",
+                    "its weights do not fit the network",
+                    measured=f"got {got} against {shape}",
+                    fix="Give the weights of a network of this description.",
+                )
+            with torch.no_grad():
+                self.weight(name).copy_(torch.from_numpy(np.array(weights[name])))

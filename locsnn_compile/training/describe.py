@@ -1,0 +1,61 @@
+"""The network that a training configuration asks for, on data of a shape."""
+
+from __future__ import annotations
+
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.sensor import POLARITIES, TAXELS, parse_location_order
+from locsnn_compile.data.taxel_graph import taxel_graph
+from locsnn_compile.errors import InputError
+from locsnn_compile.models.architectures import ARCHITECTURES
+from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, NeuronParameters
+from locsnn_compile.models.graph_parameters import GraphParameters
+from locsnn_compile.training.config import TrainingConfig
+
+
+def describe(recordings: Recordings, config: TrainingConfig, classes: int, name: str = "model") -> NetworkDescription:
+    """Return the network that ``config`` asks for on data of this shape; ``InputError`` where it does not
+    fit.
+    """
+    channels = recordings.spikes.shape[2]
+    per_fingertip = TAXELS * POLARITIES
+    if channels % per_fingertip:
+        raise InputError(
+            f"recordings {recordings.source!r}",
+            "their channels are not those of whole fingertips",
+            measured=f"{channels} channels against multiples of {per_fingertip}",
+            fix="Give recordings of one or two NeuTouch fingertips.",
+        )
+    order: str | None = None
+    taxels: tuple[int, ...] | None = None
+    structure = ARCHITECTURES[config.model]
+    if "location" in structure.branches:
+        order, taxels = parse_location_order(config.order)
+    return NetworkDescription(
+        architecture=config.model,
+        input=InputLayout(
+            fingertips=channels // per_fingertip,
+            steps=recordings.spikes.shape[1],
+            step_seconds=recordings.step_seconds or config.step_seconds,
+        ),
+        classes=classes,
+        hidden=config.hidden,
+        neuron=_neuron(config),
+        location_order=order,
+        location_taxels=taxels,
+        name=name,
+        graph=_graph(config) if structure.graph else None,
+    )
+
+
+def _neuron(config: TrainingConfig) -> NeuronParameters | LifParameters | None:
+    neurons = ARCHITECTURES[config.model].neurons
+    if neurons == "srm":
+        return NeuronParameters(
+            config.theta, config.tau_sr, config.tau_ref, config.scale_ref, config.tau_rho, config.scale_rho
+        )
+    return LifParameters(config.decay, config.threshold, config.window) if neurons == "lif" else None
+
+
+def _graph(config: TrainingConfig) -> GraphParameters:
+    edges = taxel_graph(config.graph, neighbours=config.neighbours, nearer_mm=config.nearer_mm)
+    return GraphParameters(config.graph, edges, config.hops, config.features, config.step_features)

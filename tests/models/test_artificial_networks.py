@@ -1,0 +1,116 @@
+"""GRU-MLP and CNN-3D: what they compute, and the frames that a fingertip's taxels lie on."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from scipy.optimize import linear_sum_assignment
+
+from locsnn_compile.data.frame import FRAME_OF_TAXELS, frame_cells
+from locsnn_compile.data.sensor import TAXEL_COORDINATES_MM
+from locsnn_compile.errors import InputError
+from locsnn_compile.models.ann import Cnn3d
+from locsnn_compile.models.description import InputLayout, NetworkDescription
+from locsnn_compile.models.networks import build_network
+
+
+def description(architecture: str, fingertips: int = 1, steps: int = 30) -> NetworkDescription:
+    layout = InputLayout(fingertips=fingertips, steps=steps, step_seconds=0.02)
+    return NetworkDescription(architecture, layout, classes=5, hidden=7)
+
+
+def recording(fingertips: int = 1, samples: int = 3, steps: int = 30) -> torch.Tensor:
+    generator = torch.Generator().manual_seed(11)
+    return (torch.rand(samples, steps, 78 * fingertips, generator=generator) < 0.15).float()
+
+
+def sigmoid(x: np.ndarray) -> np.ndarray:
+    return 1 / (1 + np.exp(-x))
+
+
+@pytest.mark.parametrize("fingertips", [1, 2])
+def test_gru_mlp_is_its_equations(fingertips: int) -> None:
+    network = build_network(description("gru-mlp", fingertips), seed=3).double()
+    x = recording(fingertips).double()
+    p = {name: value.detach().numpy() for name, value in network.named_parameters()}
+    h = np.zeros((3, 7))
+    for t in range(30):
+        r_in, z_in, n_in = np.split(x[:, t].numpy() @ p["gru.weight_ih_l0"].T + p["gru.bias_ih_l0"], 3, axis=1)
+        r_h, z_h, n_h = np.split(h @ p["gru.weight_hh_l0"].T + p["gru.bias_hh_l0"], 3, axis=1)
+        z, n = sigmoid(z_in + z_h), np.tanh(n_in + sigmoid(r_in + r_h) * n_h)
+        h = (1 - z) * n + z * h
+    np.testing.assert_allclose(network.counts(x).detach().numpy(), h @ p["readout.weight"].T + p["readout.bias"])
+
+
+def convolved(x: np.ndarray, weight: np.ndarray, bias: np.ndarray, stride: tuple[int, ...]) -> np.ndarray:
+    """Return ReLU of a convolution of x (channels, steps, rows, columns), output by output."""
+    kernel = weight.shape[2:]
+    size = [(n - k) // s + 1 for n, k, s in zip(x.shape[1:], kernel, stride, strict=True)]
+    found = np.zeros((len(weight), *size))
+    for at in np.ndindex(*size):
+        window = tuple(slice(i * s, i * s + k) for i, s, k in zip(at, stride, kernel, strict=True))
+        found[(slice(None), *at)] = np.tensordot(weight, x[(slice(None), *window)], axes=4) + bias
+    return np.maximum(found, 0)
+
+
+def test_cnn_3d_is_its_equations() -> None:
+    network = build_network(description("cnn-3d", 2), seed=3).double()
+    x = recording(2, samples=1).double()
+    p = {name: value.detach().numpy() for name, value in network.named_parameters()}
+    features = []
+    for fingertip in range(2):
+        frames = np.zeros((2, 30, 9, 7))
+        for row, column in np.ndindex(9, 7):
+            taxel = FRAME_OF_TAXELS[row][column]
+            if taxel:
+                first = 78 * fingertip + 2 * (taxel - 1)
+                frames[:, :, row, column] = x[0, :, first : first + 2].numpy().T
+        first_layer = convolved(frames, p["conv_1.weight"], p["conv_1.bias"], (4, 1, 1))
+        features.append(convolved(first_layer, p["conv_2.weight"], p["conv_2.bias"], (3, 1, 1)).ravel())
+    expected = p["readout.weight"] @ np.concatenate(features) + p["readout.bias"]
+    np.testing.assert_allclose(network.counts(x).detach().numpy()[0], expected)
+
+
+def test_a_seed_gives_the_same_weights_and_leaves_torchs_alone() -> None:
+    torch.manual_seed(5)
+    before = torch.get_rng_state()
+    first, again, other = (build_network(description("cnn-3d"), seed=seed).weights() for seed in (1, 1, 2))
+    assert torch.equal(torch.get_rng_state(), before)
+    assert all(np.array_equal(first[name], again[name]) for name in first)
+    assert not np.array_equal(first["conv_1.weight"], other["conv_1.weight"])
+
+
+@pytest.mark.parametrize("architecture", ["gru-mlp", "cnn-3d"])
+def test_parameters_have_the_described_names_and_shapes(architecture: str) -> None:
+    network = build_network(description(architecture, 2))
+    assert {name: tuple(p.shape) for name, p in network.named_parameters()} == network.description.weight_shapes
+    assert network.hidden_spikes(network(recording(2))) == []
+
+
+def test_every_taxel_has_the_cell_that_costs_least() -> None:
+    rows, columns = np.linspace(-8.9, 8.9, 9), np.linspace(-6, 6, 7)
+    cells = np.array([(x, y) for y in rows for x in columns])
+    distance = ((np.array(TAXEL_COORDINATES_MM)[:, None] - cells) ** 2).sum(axis=2)
+    least = distance[linear_sum_assignment(distance)].sum()
+    assert distance[np.arange(39), frame_cells()].sum() == pytest.approx(least, rel=1e-12)
+    assert len(set(frame_cells().tolist())) == 39
+
+
+def test_recordings_that_are_too_short() -> None:
+    with pytest.raises(InputError) as caught:
+        Cnn3d(description("cnn-3d", steps=22), seed=0)
+    assert str(caught.value) == (
+        "network 'cnn-3d': the recording is too short for its two convolutions (22 steps against at least 23). "
+        "Take longer recordings."
+    )
+
+
+def test_frames_are_those_of_one_sensor() -> None:
+    layout = InputLayout(fingertips=1, steps=30, step_seconds=0.02, taxels=12, polarities=1)
+    with pytest.raises(InputError) as caught:
+        NetworkDescription("cnn-3d", layout, classes=5)
+    assert str(caught.value) == (
+        "architecture 'cnn-3d': its frames are those of one sensor (12 taxels of 1 polarities against 39 of 2). "
+        "Take another network."
+    )

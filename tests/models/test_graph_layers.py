@@ -1,0 +1,215 @@
+"""Graph convolutions against sums over walks written out, taxel graphs against other ways to find them."""
+
+from __future__ import annotations
+
+from itertools import combinations, pairwise, product
+
+import networkx as nx
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from locsnn_compile.data.sensor import LOCATION_ORDERS, TAXEL_COORDINATES_MM
+from locsnn_compile.data.taxel_graph import CENTRE, GRAPHS, taxel_graph
+from locsnn_compile.errors import InputError
+from locsnn_compile.models.branch_graph import BranchGraph, branch_graph, hop_matrix, spread_weights, step_edges
+from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription
+from locsnn_compile.models.graph_layer import GraphLayer
+from locsnn_compile.models.graph_parameters import GraphParameters
+from locsnn_compile.models.lif import scan_spikes, spike
+
+SEEDS = st.integers(0, 2**31)
+
+
+def edges_of(kind: str, neighbours: int = 3, nearer_mm: float = 3.0) -> tuple[tuple[int, int], ...]:
+    return taxel_graph(kind, neighbours=neighbours, nearer_mm=nearer_mm)
+
+
+def length_mm(edge: tuple[int, int]) -> float:
+    a, b = (TAXEL_COORDINATES_MM[taxel - 1] for taxel in edge)
+    return float(np.hypot(a[0] - b[0], a[1] - b[1]))
+
+
+def complete() -> nx.Graph:
+    graph = nx.Graph()
+    graph.add_weighted_edges_from((a, b, length_mm((a, b))) for a, b in combinations(range(1, 40), 2))
+    return graph
+
+
+@pytest.mark.parametrize(("kind", "edges"), [("manual", 73), ("nearest", 78), ("tree", 70)])
+def test_taxel_graphs_join_all_taxels(kind: str, edges: int) -> None:
+    found = edges_of(kind)
+    assert len(found) == edges
+    assert list(found) == sorted({(min(e), max(e)) for e in found})
+    assert nx.is_connected(nx.Graph(found))
+    assert {taxel for edge in found for taxel in edge} == set(range(1, 40))
+
+
+@given(neighbours=st.integers(1, 38))
+@settings(max_examples=10, deadline=None)
+def test_every_taxel_has_its_nearest_neighbours(neighbours: int) -> None:
+    graph, whole = nx.Graph(edges_of("nearest", neighbours)), complete()
+    for taxel in range(1, 40):
+        near = sorted(
+            (round(whole.edges[taxel, other]["weight"], 9), other) for other in range(1, 40) if other != taxel
+        )
+        assert {other for _, other in near[:neighbours]} <= set(graph[taxel])
+
+
+def test_the_tree_is_minimal_and_all_near_pairs_come_with_it() -> None:
+    tree = edges_of("tree", nearer_mm=0.0)
+    assert len(tree) == 38
+    least = nx.minimum_spanning_tree(complete()).size("weight")
+    assert sum(map(length_mm, tree)) == pytest.approx(least, rel=1e-12)
+    near = {edge for edge in combinations(range(1, 40), 2) if length_mm(edge) < 2.5}
+    assert set(edges_of("tree", nearer_mm=2.5)) == near | set(tree)
+    assert TAXEL_COORDINATES_MM[CENTRE - 1] == (0, 0)
+
+
+def test_a_graph_that_is_not_known() -> None:
+    with pytest.raises(InputError) as caught:
+        edges_of("trees")
+    assert str(caught.value) == "taxel graph: 'trees' is not known. Did you mean 'tree'?"
+
+
+@st.composite
+def graphs(draw: st.DrawFn) -> tuple[tuple[tuple[int, int], ...], int]:
+    nodes = draw(st.integers(1, 6))
+    pairs = list(combinations(range(1, nodes + 1), 2))
+    return tuple(draw(st.lists(st.sampled_from(pairs), unique=True)) if pairs else ()), nodes
+
+
+def brute_convolution(x: np.ndarray, weight: np.ndarray, edges: tuple[tuple[int, int], ...], hops: int) -> np.ndarray:
+    """Return features (nodes, f) of inputs (nodes, c): every walk of up to ``hops`` edges that ends at a node."""
+    nodes, inputs = x.shape
+    near = {n: [b if a == n else a for a, b in edges if n in (a, b)] for n in range(1, nodes + 1)}
+    found = np.zeros((nodes, len(weight)))
+    for k in range(hops + 1):
+        for walk in product(range(1, nodes + 1), repeat=k + 1):
+            if all(b in near[a] for a, b in pairwise(walk)):
+                share = np.prod([1 / np.sqrt(len(near[a]) * len(near[b])) for a, b in pairwise(walk)])
+                found[walk[-1] - 1] += share * weight[:, k * inputs : (k + 1) * inputs] @ x[walk[0] - 1]
+    return found
+
+
+@given(graph=graphs(), hops=st.integers(1, 3), inputs=st.integers(1, 3), features=st.integers(1, 3), seed=SEEDS)
+@settings(max_examples=30, deadline=None)
+def test_spread_weights_sum_over_walks(
+    graph: tuple[tuple[tuple[int, int], ...], int], hops: int, inputs: int, features: int, seed: int
+) -> None:
+    edges, nodes = graph
+    rng = np.random.default_rng(seed)
+    weight, x = rng.normal(size=(features, (hops + 1) * inputs)), rng.normal(size=nodes * inputs)
+    lines = rng.permutation(nodes * inputs).reshape(nodes, inputs)
+    spread = spread_weights(weight, BranchGraph(hop_matrix(edges, nodes, hops), lines))
+    expected = brute_convolution(x[lines], weight, edges, hops).ravel()
+    np.testing.assert_allclose(spread @ x, expected, rtol=1e-9, atol=1e-12)
+
+
+@given(graph=graphs(), hops=st.integers(1, 3), inputs=st.integers(1, 3), seed=SEEDS)
+@settings(max_examples=25, deadline=None)
+def test_layer_and_its_gradient_equal_those_of_the_spread_weights(
+    graph: tuple[tuple[tuple[int, int], ...], int], hops: int, inputs: int, seed: int
+) -> None:
+    edges, nodes = graph
+    rng = np.random.default_rng(seed)
+    lines = rng.permutation(nodes * inputs).reshape(nodes, inputs)
+    parts, neuron = BranchGraph(hop_matrix(edges, nodes, hops), lines), LifParameters()
+    generator = torch.Generator().manual_seed(seed)
+    layer = GraphLayer(parts, 2, neuron, generator=generator, initial_scale=2.0).double()
+    x = (rng.random((2, 9, nodes * inputs)) < 0.4).astype(np.float64)
+    sent = rng.normal(size=(2, 9, nodes * 2))
+    spikes = layer(torch.from_numpy(x))
+    (spikes * torch.from_numpy(sent)).sum().backward()
+    weight = layer.weight.detach().numpy()
+    drive = x @ spread_weights(weight, parts).toarray().T
+    assert np.array_equal(spikes.detach().numpy(), scan_spikes(drive, neuron)[0])
+    # The drive is linear in the weights, so that its gradient is that of dense weights, spread back.
+    dense = torch.from_numpy(drive).requires_grad_()
+    (spike(dense, neuron) * torch.from_numpy(sent)).sum().backward()
+    assert dense.grad is not None
+    assert layer.weight.grad is not None
+    for f, term in np.ndindex(weight.shape):
+        unit = np.zeros(weight.shape)
+        unit[f, term] = 1
+        by_weight = x @ spread_weights(unit, parts).toarray().T
+        assert float(layer.weight.grad[f, term]) == pytest.approx((by_weight * dense.grad.numpy()).sum(), abs=1e-9)
+
+
+def description(fingertips: int) -> NetworkDescription:
+    return NetworkDescription(
+        "hybrid-graph",
+        InputLayout(fingertips=fingertips, steps=7, step_seconds=0.02),
+        classes=3,
+        hidden=4,
+        graph=GraphParameters("manual", edges_of("manual"), features=5, step_features=2),
+        location_order="loop",
+        location_taxels=LOCATION_ORDERS["loop"],
+    )
+
+
+@pytest.mark.parametrize("fingertips", [1, 2])
+def test_a_taxel_hears_its_polarities_on_every_fingertip(fingertips: int) -> None:
+    lines = branch_graph(description(fingertips), "time").lines
+    assert lines[4].tolist() == [8, 9, 86, 87][: 2 * fingertips]
+    assert sorted(lines.ravel().tolist()) == list(range(78 * fingertips))
+
+
+def test_a_time_step_hears_steps_up_to_three_away() -> None:
+    graph = branch_graph(description(1), "location")
+    weights = spread_weights(np.ones((2, 4)), graph).toarray()
+    assert weights.shape == (14, 7)
+    heard = {(neuron // 2, line) for neuron, line in zip(*np.nonzero(weights), strict=True)}
+    assert heard == {(a, b) for a, b in product(range(7), repeat=2) if abs(a - b) <= 3}
+    assert step_edges(4) == ((1, 2), (2, 3), (3, 4))
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        pytest.param(
+            {"taxel_edges": ((2, 1),)},
+            "taxel graph: an edge is no pair of taxels, the lower number first (got 2-1 against 1..39). "
+            "Correct the graph.",
+            id="turned round",
+        ),
+        pytest.param(
+            {"taxel_edges": ((1, 40),)},
+            "taxel graph: an edge is no pair of taxels, the lower number first (got 1-40 against 1..39). "
+            "Correct the graph.",
+            id="no such taxel",
+        ),
+        pytest.param(
+            {"taxel_edges": ((1, 2), (1, 2))},
+            "taxel graph: edge 1-2 is given twice. Give every edge once.",
+            id="twice",
+        ),
+        pytest.param(
+            {"hops": 0},
+            "graph 'hops': it must be a whole number in range (got 0 against 1..16). Correct the description.",
+            id="no hops",
+        ),
+        pytest.param(
+            {"features": 200},
+            "neurons of time_graph: it must be a whole number in range (got 7800 against 1..4096). "
+            "Correct the description.",
+            id="too many neurons",
+        ),
+    ],
+)
+def test_graphs_that_do_not_hold(values: dict[str, object], message: str) -> None:
+    good: dict[str, object] = {"name": "mine", "taxel_edges": ((1, 2),)}
+    with pytest.raises(InputError) as caught:
+        NetworkDescription(
+            "tactile-sgnet",
+            InputLayout(fingertips=1, steps=7, step_seconds=0.02),
+            classes=3,
+            graph=GraphParameters(**{**good, **values}),  # type: ignore[arg-type]
+        )
+    assert str(caught.value) == message
+
+
+def test_the_ways_to_make_a_graph_are_named() -> None:
+    assert GRAPHS == ("manual", "nearest", "tree")
