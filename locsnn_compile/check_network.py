@@ -12,7 +12,7 @@ from hw_model.graph import Axis
 from locsnn_compile.errors import InputError
 from locsnn_compile.matrices import values_of
 from locsnn_compile.network import Network, Population, Projection
-from locsnn_compile.neurons import Cuba, SrmAlpha
+from locsnn_compile.neurons import Cuba, SoftCuba, SrmAlpha
 from locsnn_compile.on_grid import ChipCuba, ChipProjection, ChipSrm, RefractoryDendrite
 
 _Array = npt.NDArray[Any]
@@ -33,6 +33,7 @@ _RULES: dict[type, dict[str, tuple[Callable[[_Array], Any], str]]] = {
         "bias": _FINITE,
         "refractory": _AT_LEAST_ONE,
     },
+    SoftCuba: {"decay_u": _FRACTION, "decay_v": _FRACTION, "threshold": _POSITIVE, "drop": _NOT_NEGATIVE},
 }
 """What a float parameter must be; integers are checked against the chip that they are compiled for."""
 

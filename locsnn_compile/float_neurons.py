@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from locsnn_compile.neurons import Cuba, FloatArray, SrmAlpha
+from locsnn_compile.neurons import Cuba, FloatArray, SoftCuba, SrmAlpha
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -57,3 +57,20 @@ class CubaSteps:
         self._voltage = np.where(fired, 0.0, potential)
         self._blocked = np.where(fired, n.refractory - 1, np.maximum(self._blocked - 1, 0))
         return fired, potential
+
+
+class SoftCubaSteps:
+    """Leaky integrate-and-fire neurons (batch, n) with a current, from which a spike takes its drop."""
+
+    def __init__(self, neuron: SoftCuba, batch: int, size: int) -> None:
+        self._neuron = neuron
+        self._current, self._voltage = np.zeros((2, batch, size))
+        self._fired = np.zeros((batch, size), dtype=np.bool_)
+
+    def step(self, arriving: FloatArray) -> tuple[BoolArray, FloatArray]:
+        """Take the weights that arrive, (batch, n); return spikes and the potential that decided them."""
+        n = self._neuron
+        self._current = (1.0 - n.decay_u) * self._current + arriving
+        self._voltage = (1.0 - n.decay_v) * self._voltage + self._current - n.drop * self._fired
+        self._fired = self._voltage > n.threshold
+        return self._fired, self._voltage

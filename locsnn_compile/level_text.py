@@ -11,7 +11,7 @@ from hw_model.graph import Axis
 from hw_model.level_text import array_text, compartments_text, placed_text, program_text, routed_text
 from locsnn_compile.matrices import values_of
 from locsnn_compile.network import Network, Neuron, Projection
-from locsnn_compile.neurons import Cuba, FloatArray, SrmAlpha
+from locsnn_compile.neurons import Cuba, FloatArray, SoftCuba, SrmAlpha
 from locsnn_compile.on_grid import ChipCuba, ChipProjection, RefractoryDendrite, RefractoryTaps
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.quantized import KernelFit, QuantizedNetwork
@@ -60,6 +60,11 @@ def _neuron_text(n: Neuron, axis: Axis) -> str:
         return (
             f"LIF neurons along {axis}, {decays}, threshold {n.rule} {_number_text(n.threshold)}, {bias}"
             f"refractory {array_text(n.refractory)}"
+        )
+    if isinstance(n, SoftCuba):
+        return (
+            f"LIF neurons along {axis}, {decays}, threshold > {_number_text(n.threshold)}, a spike takes "
+            f"{_number_text(n.drop)}"
         )
     if isinstance(n, ChipCuba):
         mantissa, exponent = array_text(n.bias_mantissa), array_text(n.bias_exponent)

@@ -15,10 +15,10 @@ from hw_model.fixed_point import IntArray
 from hw_model.graph import Axis, Readout
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.matrices import Matrix, fan_out
-from locsnn_compile.neurons import Cuba, SrmAlpha
+from locsnn_compile.neurons import Cuba, SoftCuba, SrmAlpha
 from locsnn_compile.on_grid import ChipCuba, ChipProjection, ChipSrm
 
-Neuron = SrmAlpha | Cuba | ChipSrm | ChipCuba
+Neuron = SrmAlpha | Cuba | SoftCuba | ChipSrm | ChipCuba
 """Float models, which ``quantize`` rounds, and on-grid ones, which every pass keeps exactly."""
 
 
@@ -64,7 +64,7 @@ class Population:
         neuron = self.neuron
         if isinstance(neuron, SrmAlpha):
             return neuron.theta
-        return float(neuron.threshold[i]) if isinstance(neuron, Cuba) else 64.0 * int(neuron.threshold[i])
+        return float(neuron.threshold[i]) if isinstance(neuron, Cuba | SoftCuba) else 64.0 * int(neuron.threshold[i])
 
 
 @dataclass(frozen=True, eq=False)

@@ -69,6 +69,23 @@ class Cuba:
         return cls(u, v, theta, drive, spread(refractory, size, np.int64), rule)
 
 
+@dataclass(frozen=True, eq=False)
+class SoftCuba:
+    """Like :class:`Cuba`, but a spike takes ``drop`` from the voltage, a step later, and leaves the rest.
+
+        i(t) = (1 - decay_u) * i(t - 1) + sum over inputs j and their spikes s = t - 1 - delay_j:  w_j
+        v(t) = (1 - decay_v) * v(t - 1) + i(t) - drop * (1 where it spiked at t - 1)
+
+    It spikes where ``v(t) > threshold``. A reset by subtraction of the threshold, at once, is a drop of
+    ``(1 - decay_v) * threshold``. Every parameter is an array (n,).
+    """
+
+    decay_u: FloatArray
+    decay_v: FloatArray
+    threshold: FloatArray
+    drop: FloatArray
+
+
 def spread(value: npt.ArrayLike, size: int, dtype: type[Number]) -> npt.NDArray[Number]:
     """Return a read-only array (size,) of a number or of as many numbers; integers must be whole."""
     given = whole_numbers(value) if issubclass(dtype, np.integer) else np.asarray(value, dtype=dtype)

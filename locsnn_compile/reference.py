@@ -16,11 +16,11 @@ import numpy.typing as npt
 import hw_model as hw
 from hw_model.chip_description import Registers
 from hw_model.trace import ByteArray
-from locsnn_compile.float_neurons import CubaSteps, SrmSteps
+from locsnn_compile.float_neurons import CubaSteps, SoftCubaSteps, SrmSteps
 from locsnn_compile.integer_neurons import ChipCubaSteps, ChipSrmSteps, effective_weights
 from locsnn_compile.matrices import Matrix, charge, values_of, with_values
 from locsnn_compile.network import Network, Population, Projection
-from locsnn_compile.neurons import Cuba, FloatArray, SrmAlpha
+from locsnn_compile.neurons import Cuba, FloatArray, SoftCuba, SrmAlpha
 from locsnn_compile.on_grid import ChipCuba, ChipProjection
 
 Potentials = npt.NDArray[Any]
@@ -147,6 +147,8 @@ def _steps(population: Population, registers: Registers, batch: int) -> NeuronSt
         return SrmSteps(neuron, batch, population.size)
     if isinstance(neuron, Cuba):
         return CubaSteps(neuron, batch, population.size)
+    if isinstance(neuron, SoftCuba):
+        return SoftCubaSteps(neuron, batch, population.size)
     if isinstance(neuron, ChipCuba):
         return ChipCubaSteps(neuron, registers, batch)
     return ChipSrmSteps(neuron, registers, batch)

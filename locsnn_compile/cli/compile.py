@@ -63,8 +63,12 @@ def parser() -> Parser:
     add("--weight-bits", type=int, default=8, metavar="BITS", help="1 to 6, or 8 (default 8); with a bound, at most")
     add("--config", metavar="FILE", help="network description, for model formats that need one; a checkpoint does not")
     add("--dt", type=number, metavar="SECONDS", help="NIR: seconds of a step (default 1e-4, the convention)")
-    add("--reset", metavar="NAME", help="NIR: what a spike does to the potential: zero, or subtract, which is refused")
-    add("--discretisation", metavar="NAME", help="NIR: euler, the usual one, or exact (default euler)")
+    add(
+        "--reset",
+        metavar="NAME",
+        help="NIR, what a spike does: zero, subtract, late-zero, late-subtract (default zero)",
+    )
+    add("--discretisation", metavar="NAME", help="NIR: euler, the usual one, hold, or exact (default euler)")
     add("--psi", type=number, default=10.0, metavar="X", help=_PSI)
     add("--emit", action="extend", nargs="+", default=[], metavar="KIND", help=f"also write: {', '.join(EMIT_KINDS)}")
     add("--recording", type=int, default=0, metavar="K", help="the recording to emit, counted from 0 (default 0)")

@@ -24,7 +24,7 @@ from locsnn_compile.error_budget.numbers import (
 )
 from locsnn_compile.error_budget.twin import TwinGroup, TwinSynapses
 from locsnn_compile.matrices import Matrix
-from locsnn_compile.neurons import Cuba, FloatArray, SrmAlpha
+from locsnn_compile.neurons import Cuba, FloatArray, SoftCuba, SrmAlpha
 from locsnn_compile.passes.kernels import kernel
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.quantized import QuantizedPopulation
@@ -44,7 +44,10 @@ def forms_of(levels: Levels, q: QuantizedPopulation) -> tuple[Numbers, Numbers]:
             return same, same
         program = _delay_line if q.strategy == "delay-line" else _reset
         return program(levels, q, neuron)
-    same = _native(levels, q, neuron) if isinstance(neuron, Cuba) else _on_grid(levels, q)
+    if isinstance(neuron, SoftCuba):
+        same = _soft(levels, q, neuron)
+    else:
+        same = _native(levels, q, neuron) if isinstance(neuron, Cuba) else _on_grid(levels, q)
     return same, same
 
 
@@ -163,6 +166,24 @@ def _native(levels: Levels, q: QuantizedPopulation, neuron: Cuba) -> Numbers:
     group = GroupNumbers(exact, chip)
     synapses = exact_synapses(levels.network, name, name, q.scale)
     return Numbers((group,), beside_chip(levels.compartments, synapses, group, name))
+
+
+def _soft(levels: Levels, q: QuantizedPopulation, neuron: SoftCuba) -> Numbers:
+    """A dendrite that is never reset, from which own spikes take the drop, and a soma without memory."""
+    graph, name = levels.compartments, q.population.name
+    dendrite, soma = (chip_group(graph.group(part)) for part in (f"{name}/dendrite", name))
+    threshold = neuron.threshold * q.scale * (1 + SLACK)
+    keep_u, keep_v = 1.0 - neuron.decay_u, 1.0 - neuron.decay_v
+    membrane = GroupNumbers(replace(_real(dendrite), keep_u=keep_u, keep_v=keep_v, threshold=threshold), dendrite)
+    top = GroupNumbers(replace(_real(soma), threshold=threshold), soma)
+    drop = neuron.drop * q.scale
+    synapses = exact_synapses(levels.network, name, dendrite.name, q.scale)
+    for delay, taken in ((0, -drop), (1, drop * keep_u)):
+        # Recurrent weights of that delay are one synapse with it.
+        beside = next((s for s in synapses if (s.source, s.delay) == (name, delay)), None)
+        weights = taken if beside is None else beside.weights + np.diag(taken)
+        synapses = [s for s in synapses if s is not beside] + [TwinSynapses(name, dendrite.name, weights, delay)]
+    return Numbers((membrane, top), beside_chip(graph, synapses, membrane, dendrite.name))
 
 
 def _on_grid(levels: Levels, q: QuantizedPopulation) -> Numbers:

@@ -24,9 +24,9 @@ def load(
 
     ``.pt`` is a checkpoint, one of slayerPytorch where ``config``, its YAML description, is given; HDF5 files are told
     apart by what they hold. For a NIR graph, ``dt`` is the seconds of a step (1e-4 by convention), ``reset`` what a
-    spike does to the potential (``zero``, or ``subtract``, which the chip cannot do), ``discretisation`` ``euler`` or
-    ``exact``. Other formats say these themselves, so giving them is an ``InputError``, like a file that cannot be read
-    or used. Nothing in the file is executed.
+    spike does to the potential (``zero``, ``subtract``, ``late-zero`` or ``late-subtract``), ``discretisation``
+    ``euler``, ``hold`` or ``exact``. Other formats say these themselves, so giving them is an ``InputError``, like a
+    file that cannot be read or used. Nothing in the file is executed.
     """
     path = Path(model)
     network = _load(path, config, dt, reset, discretisation)

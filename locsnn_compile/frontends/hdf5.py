@@ -42,15 +42,15 @@ class Group:
             raise InputError(self.where, f"{name!r} is a value, not a group", fix=_WHOLE)
         return Group(found, where or self.where, self._budget)
 
-    def array(self, name: str) -> npt.NDArray[Any]:
-        """Return a dataset of numbers, integers as int64 and others as float64."""
+    def array(self, name: str, *, infinite: bool = False) -> npt.NDArray[Any]:
+        """Return a dataset of numbers, integers as int64 and others as float64; ``infinite`` ones only if allowed."""
         found = self._dataset(name)
         if found.dtype.kind not in "biuf":
             raise InputError(self.where, f"{name!r} is not made of numbers", measured=f"{found.dtype}", fix=_WHOLE)
         values = np.asarray(self._read(found, name))
         if values.dtype.kind == "f":
             wide = values.astype(np.float64)
-            if not np.isfinite(wide).all():
+            if np.isnan(wide).any() or (not infinite and np.isinf(wide).any()):
                 raise InputError(self.where, f"{name!r} holds what is no finite number", fix="Train or export again.")
             return wide
         if values.dtype.kind == "u" and values.size and int(values.max()) > 2**62:

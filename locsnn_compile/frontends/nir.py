@@ -19,16 +19,19 @@ from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.frontends.linear_maps import check_entries, convolution, pooling
 from locsnn_compile.frontends.nir_flat import NEURONS, READOUTS, FlatGraph, flatten_graph, image_shape, ints, pool_shape
 from locsnn_compile.frontends.nir_graph import NirGraph, NirNode, read_nir
-from locsnn_compile.frontends.nir_neurons import Discretisation, neurons_of
+from locsnn_compile.frontends.nir_neurons import Discretisation, Reset, Stated, neurons_of
 from locsnn_compile.frontends.played import synthetic_recordings
 from locsnn_compile.frontends.signals import Signal, Term
+from locsnn_compile.matrices import matrix
 from locsnn_compile.network import InputView, Network, Population, Projection
-from locsnn_compile.neurons import Cuba
+from locsnn_compile.neurons import Cuba, FloatArray
 
 DT_SECONDS = 1e-4
 """The step by convention: NIR files do not hold one."""
 BIAS = "nir/bias"
 """The population of one neuron that spikes in every step and brings the biases; no node's name has a slash."""
+START = "nir/start"
+"""The population of one neuron that spikes once, in the first step, and brings potentials to rest."""
 STEPS = 100
 """Steps of synthetic recordings: NIR files do not hold a length either."""
 
@@ -59,8 +62,8 @@ def network_of_nir(
     where: str,
 ) -> Network:
     """State the network of a graph; options as in :func:`locsnn_compile.frontends.load`."""
-    how = _discretisation(discretisation)
-    _check_reset(reset)
+    how: Discretisation = _one_of(discretisation, Discretisation, "discretisation")
+    after: Reset = _one_of(reset or "zero", Reset, "reset")
     seconds = _step_seconds(dt, graph)
     flat = flatten_graph(graph, where)
     _refuse_integrators(flat, where)
@@ -71,15 +74,16 @@ def network_of_nir(
     depth = _depths(flat, view.name)
     for found in _in_order(flat, view.name):
         place, size = f"{where}, node {found!r}", flat.size(found)
-        neuron, driven = neurons_of(
-            flat.nodes[found], _arriving(flat, signals, found, place), size, seconds, how, place
-        )
-        populations.append(Population(found, "time", size, neuron))
-        brought = Term(BIAS, depth[found] - 1, sparse.csr_array(driven.constant[:, None]))
-        terms = (*driven.terms, brought) if driven.constant.any() else driven.terms
-        projections += Signal(terms, driven.constant).projections(found)
-    if any(projection.source == BIAS for projection in projections):
+        stated = neurons_of(flat.nodes[found], _arriving(flat, signals, found, place), size, seconds, how, after, place)
+        populations.append(Population(found, "time", size, stated.neuron))
+        projections += _onto(found, stated, depth[found]).projections(found)
+    sources = {projection.source for projection in projections}
+    if BIAS in sources:
         populations.append(Population(BIAS, "time", 1, Cuba.of(1, decay_v=1.0, threshold=1.0, bias=2.0)))
+    if START in sources:
+        # Its own spike inhibits it, and that current never decays.
+        populations.append(Population(START, "time", 1, Cuba.of(1, decay_u=0.0, decay_v=1.0, threshold=1.0, bias=2.0)))
+        projections.append(Projection(START, START, matrix(np.array([[-8.0]]), np.float64)))
     outputs = _outputs(flat, where)
     channels = view.lines
     return Network(
@@ -99,22 +103,31 @@ def network_of_nir(
     )
 
 
-def _discretisation(name: str) -> Discretisation:
-    for known in get_args(Discretisation):
-        if name == known:
-            return known  # type: ignore[no-any-return]
-    raise InputError(f"discretisation {name!r}", "is not known", fix=did_you_mean(name, get_args(Discretisation)))
+def _onto(name: str, stated: Stated, depth: int) -> Signal:
+    """Return all that reaches a population: its signal, constants, its own spikes, and what brings it to rest."""
+    neuron, terms = stated.neuron, list(stated.signal.terms)
+    if stated.signal.constant.any():
+        terms.append(Term(BIAS, depth - 1, _column(stated.signal.constant)))
+    if stated.own.any():
+        terms.append(Term(name, 0, sparse.csr_array(sparse.diags_array(-stated.own))))
+    if stated.first.any():
+        # The bias acts from step 0 on; in step 1 this is what is missing, and the current forgets it in step 2.
+        missing = stated.first * (1 - neuron.decay_v) ** 2
+        terms.append(Term(START, 0, _column(missing)))
+        if (neuron.decay_u < 1).any():
+            terms.append(Term(START, 1, _column(-(1 - neuron.decay_u) * missing)))
+    return Signal(tuple(terms), stated.signal.constant)
 
 
-def _check_reset(reset: str | None) -> None:
-    if reset == "subtract":
-        raise InputError(
-            "reset 'subtract'",
-            "the chip's neurons are reset to 0 and cannot subtract the threshold",
-            fix="Train with a reset to zero (snnTorch: reset_mechanism='zero', reset_delay=False) and take reset zero.",
-        )
-    if reset not in (None, "zero"):
-        raise InputError(f"reset {reset!r}", "is not known", fix=did_you_mean(str(reset), ("zero", "subtract")))
+def _column(values: FloatArray) -> Any:
+    return sparse.csr_array(values[:, None])
+
+
+def _one_of(name: str, kind: Any, what: str) -> Any:
+    """Return a name that is one of a literal type's."""
+    if name not in get_args(kind):
+        raise InputError(f"{what} {name!r}", "is not known", fix=did_you_mean(name, get_args(kind)))
+    return name
 
 
 def _step_seconds(dt: float | None, graph: NirGraph) -> float:

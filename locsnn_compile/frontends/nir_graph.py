@@ -56,6 +56,9 @@ OPTIONAL: Mapping[str, tuple[str, ...]] = {
 }
 """What may be missing: files of older versions lack ``v_reset``, which is then 0, and ``w_in``, which is then 1."""
 
+UNBOUNDED = ("tau", "tau_mem", "r")
+"""What may be infinite: snnTorch writes both so for a neuron that does not leak."""
+
 
 @dataclass(frozen=True, eq=False)
 class NirNode:
@@ -146,7 +149,7 @@ def _read_node(group: Group, where: str, depth: int, seen: list[int]) -> NirNode
 def _parameter(group: Group, name: str) -> Array | str:
     if name == "padding" and group.is_text(name):
         return group.text(name)
-    values = group.array(name)
+    values = group.array(name, infinite=name in UNBOUNDED)
     # A copy that nobody can write to: the graph goes out again as it came in.
     values = np.array(values)
     values.setflags(write=False)

@@ -10,9 +10,19 @@ With a step of dt, an input spike is a current of 1 for that step. Two discretis
 ``exact``: a time constant loses ``1 - exp(-dt / tau)``, and a spike's charge, ``dt``, arrives at once; then v is the
 equation's own solution at every step between two spikes of the neuron, and one step later with a synaptic current.
 
-Potentials are counted from v_reset, so that the chip's reset to 0 is NIR's reset to v_reset; they start there, too.
-A constant that arrives beside the spikes (a bias) is brought by a neuron that spikes in every step, so that it begins,
-as in a framework, with the first step of the input that its layer sees.
+``hold``: likewise, but what arrives in a step is held for that step: the shares that are lost are added of the input.
+
+    I(t) = exp(-dt / tau_syn) * I(t - 1) + (1 - exp(-dt / tau_syn)) * w_in * x(t)         and v(t) in the same way
+
+Neurons start at rest, v_leak. With a reset to a value, potentials are counted from v_reset, so that the chip's reset to
+0 is NIR's; with a reset by subtraction from v_leak. A constant that arrives beside the spikes (a bias) is brought by a
+neuron that spikes in every step, so that it begins, as in a framework, with the first step of the input that its layer
+sees; where rest is not the reset's value, a neuron that spikes once, in the first step, brings the difference.
+
+A reset by subtraction takes the threshold from the potential at once (``subtract``), or in the next step, after the
+decay (``late-subtract``). A membrane without a synaptic current is then the chip's current, which no spike resets, and
+a synapse of each neuron to itself takes the threshold; one with a current is a :class:`SoftCuba`. ``late-zero`` holds
+the potential at the reset's value for the step after a spike.
 """
 
 from __future__ import annotations
@@ -28,10 +38,10 @@ from locsnn_compile.frontends.nir_flat import READOUTS
 from locsnn_compile.frontends.nir_graph import NirNode
 from locsnn_compile.frontends.signals import Signal
 from locsnn_compile.matrices import matrix
-from locsnn_compile.neurons import Cuba, FloatArray
+from locsnn_compile.neurons import Cuba, FloatArray, SoftCuba
 
-Discretisation = Literal["euler", "exact"]
-DISCRETISATIONS = ("euler", "exact")
+Discretisation = Literal["euler", "exact", "hold"]
+Reset = Literal["zero", "subtract", "late-zero", "late-subtract"]
 
 _UNREACHED = 1.001
 """The threshold of a neuron that never spikes, as a multiple of what its inputs can reach."""
@@ -47,31 +57,72 @@ class Stepping:
     constant: FloatArray
 
 
+@dataclass(frozen=True, eq=False)
+class Stated:
+    """Neurons, the signal that drives them in units of their potential, and what is beside it, all (n,).
+
+    ``own`` is taken from the charge of the next step by a spike; ``first`` is to be on the potential before any input.
+    """
+
+    neuron: Cuba | SoftCuba
+    signal: Signal
+    own: FloatArray
+    first: FloatArray
+
+
 def neurons_of(
-    node: NirNode, signal: Signal, size: int, dt: float, how: Discretisation, where: str
-) -> tuple[Cuba, Signal]:
-    """Return the neurons of a node, and the signal that drives them in units of their potential."""
+    node: NirNode, signal: Signal, size: int, dt: float, how: Discretisation, reset: Reset, where: str
+) -> Stated:
+    """Return the neurons of a node."""
     values = {name: _spread(node, name, size, where) for name in node.parameters}
     stepping = _STEPPING[node.kind](values, dt, how, where)
-    leak, reset = (values.get(name, np.zeros(size)) for name in ("v_leak", "v_reset"))
-    bias = stepping.decay_v * (leak - reset)
+    leak, floor = (values.get(name, np.zeros(size)) for name in ("v_leak", "v_reset"))
     # A current that takes up decay_u of this in every step settles at what the constant gives.
     constant = stepping.constant * stepping.decay_u * signal.constant
     scaled = Signal(signal.scaled(stepping.spike).terms, constant)
     if node.kind in READOUTS:
-        threshold = _unreached(scaled, bias, stepping)
-    else:
-        threshold = values["threshold" if node.kind == "Threshold" else "v_threshold"] - reset
-        low = threshold[threshold <= 0]
-        if low.size:
-            raise InputError(
-                where,
-                "the threshold is not above the reset",
-                measured=f"by {low[0]:g}",
-                fix="Train with a threshold above v_reset, and above 0.",
-            )
-    made = Cuba.of(size, decay_u=stepping.decay_u, decay_v=stepping.decay_v, threshold=threshold, bias=bias)
-    return made, scaled
+        return _read_out(scaled, stepping)
+    if node.kind == "Threshold":
+        reset = "zero"
+    limit = values["threshold" if node.kind == "Threshold" else "v_threshold"]
+    soft = reset in ("subtract", "late-subtract")
+    zero = leak if soft else floor
+    _check_threshold(limit, zero, "v_leak, where it starts" if soft else "the reset", where)
+    bias, nothing = stepping.decay_v * (leak - zero), np.zeros(size)
+    if not soft:
+        made = Cuba.of(
+            size,
+            decay_u=stepping.decay_u,
+            decay_v=stepping.decay_v,
+            threshold=limit - zero,
+            bias=bias,
+            refractory=2 if reset == "late-zero" else 1,
+        )
+        return Stated(made, scaled, nothing, np.where(leak < limit, leak - zero, 0.0))
+    drop = (limit - floor) * (1.0 if reset == "late-subtract" else 1 - stepping.decay_v)
+    if (stepping.decay_u == 1).all():
+        held = Cuba.of(size, decay_u=stepping.decay_v, decay_v=1.0, threshold=limit - zero)
+        return Stated(held, scaled, drop, nothing)
+    return Stated(SoftCuba(stepping.decay_u, stepping.decay_v, limit - zero, drop), scaled, nothing, nothing)
+
+
+def _read_out(signal: Signal, stepping: Stepping) -> Stated:
+    """Return neurons that never spike: potentials are counted from v_leak, and all have one threshold, so one scale."""
+    threshold = np.full(len(stepping.decay_u), _unreached(signal, stepping).max())
+    made = Cuba.of(len(threshold), decay_u=stepping.decay_u, decay_v=stepping.decay_v, threshold=threshold)
+    return Stated(made, signal, np.zeros(len(threshold)), np.zeros(len(threshold)))
+
+
+def _check_threshold(limit: FloatArray, zero: FloatArray, name: str, where: str) -> None:
+    """Refuse neurons that would spike for ever."""
+    above = limit - zero
+    if (above <= 0).any():
+        raise InputError(
+            where,
+            f"the threshold is not above {name}",
+            measured=f"by {above[above <= 0][0]:g}",
+            fix="Train with a threshold above v_reset and v_leak, and above 0.",
+        )
 
 
 def _spread(node: NirNode, name: str, size: int, where: str) -> FloatArray:
@@ -89,33 +140,47 @@ def _lost(tau: FloatArray, dt: float, how: Discretisation, name: str, where: str
     """Return the share that a time constant loses in a step."""
     if (tau <= 0).any():
         raise InputError(where, f"{name} must be above 0", measured=f"{tau.min():g}", fix="Correct it.")
-    if how == "exact":
+    if how != "euler":
         return np.asarray(-np.expm1(-dt / tau))
     if (dt > tau * (1 + 1e-6)).any():
         raise InputError(
             where,
             f"{name} is shorter than a step",
             measured=f"{tau.min():g} s against {dt:g} s",
-            fix="Give a smaller --dt, or --discretisation exact.",
+            fix="Give a smaller --dt, or --discretisation exact or hold.",
         )
     return np.minimum(dt / tau, 1.0)
 
 
 def _leaky(p: dict[str, FloatArray], dt: float, how: Discretisation, where: str) -> Stepping:
     lost = _lost(p["tau"], dt, how, "tau", where)
-    spike = p["r"] * (lost if how == "euler" else dt / p["tau"])
-    return Stepping(np.ones_like(lost), lost, spike, p["r"] * lost)
+    gain = _gain(p["r"], lost, where)
+    return Stepping(np.ones_like(lost), lost, gain if how != "exact" else _gain(p["r"], dt / p["tau"], where), gain)
 
 
 def _integrating(p: dict[str, FloatArray], dt: float, how: Discretisation, where: str) -> Stepping:
-    return Stepping(np.ones_like(p["r"]), np.zeros_like(p["r"]), p["r"] * dt, p["r"] * dt)
+    """Frameworks write r = 1 where a spike adds its weight, whatever their step is."""
+    gain = np.where(p["r"] == 1, 1.0, p["r"] * dt)
+    return Stepping(np.ones_like(gain), np.zeros_like(gain), gain, gain)
 
 
 def _current_based(p: dict[str, FloatArray], dt: float, how: Discretisation, where: str) -> Stepping:
     tau_syn, tau_mem = p["tau_syn"], p["tau_mem"]
     u, v = (_lost(tau, dt, how, name, where) for tau, name in ((tau_syn, "tau_syn"), (tau_mem, "tau_mem")))
-    gain = p["r"] * p.get("w_in", np.ones_like(u))
-    return Stepping(u, v, gain * (u * v if how == "euler" else dt * _alpha(tau_syn, tau_mem, dt)), gain * v)
+    weight = p.get("w_in", np.ones_like(u))
+    settled = _gain(p["r"], v, where) * weight
+    spike = settled * u
+    if how == "exact":
+        spike = p["r"] * weight * dt * _alpha(tau_syn, tau_mem, dt)
+    return Stepping(u, v, spike, settled)
+
+
+def _gain(r: FloatArray, share: FloatArray, where: str) -> FloatArray:
+    """Return r times the share of its input that a membrane takes; a tau without end has an r without end."""
+    endless = np.isinf(r)
+    if (endless & (share > 0)).any() or (r == -np.inf).any():
+        raise InputError(where, "r is infinite, and its tau is not", fix="Give both as numbers.")
+    return np.where(endless, 1.0, np.where(endless, 1.0, r) * share)
 
 
 def _alpha(tau_syn: FloatArray, tau_mem: FloatArray, dt: float) -> FloatArray:
@@ -141,12 +206,12 @@ _STEPPING: dict[str, Callable[[dict[str, FloatArray], float, Discretisation, str
 }
 
 
-def _unreached(signal: Signal, bias: FloatArray, stepping: Stepping) -> FloatArray:
-    """Return thresholds that no input reaches: all excitation in every step, for ever, and the bias."""
-    most = np.zeros(len(bias))
+def _unreached(signal: Signal, stepping: Stepping) -> FloatArray:
+    """Return thresholds that no input reaches: all excitation in every step, for ever."""
+    most = np.zeros(len(signal.constant))
     for term in signal.terms:
         positive = matrix(term.weights, np.float64)
         most += np.asarray(positive.maximum(0).sum(axis=1)).reshape(-1)
     most += np.maximum(signal.constant, 0)
-    reached = most / (stepping.decay_u * stepping.decay_v) + np.maximum(bias, 0) / stepping.decay_v
+    reached = most / (stepping.decay_u * stepping.decay_v)
     return np.where(reached > 0, reached, 1.0) * _UNREACHED

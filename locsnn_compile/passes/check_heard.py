@@ -13,14 +13,14 @@ import numpy as np
 from locsnn_compile.errors import TargetError
 from locsnn_compile.matrices import row_maxima, values_of
 from locsnn_compile.network import Population, Projection
-from locsnn_compile.neurons import Cuba, FloatArray, SrmAlpha
+from locsnn_compile.neurons import Cuba, FloatArray, SoftCuba, SrmAlpha
 from locsnn_compile.on_grid import ChipProjection
 from locsnn_compile.passes.kernels import kernel
 
 
 def check_heard(
     population: Population,
-    neuron: SrmAlpha | Cuba,
+    neuron: SrmAlpha | Cuba | SoftCuba,
     incoming: Iterable[Projection],
     rounded: Iterable[ChipProjection],
     steps: int,
@@ -39,7 +39,7 @@ def check_heard(
         )
 
 
-def _answer(neuron: SrmAlpha | Cuba, steps: int) -> FloatArray:
+def _answer(neuron: SrmAlpha | Cuba | SoftCuba, steps: int) -> FloatArray:
     """Return how many thresholds a weight of 1 adds up to, (n,) or (), if its source spikes in every step.
 
     Of integrators at most: a register adds a steady input up to less than 1 / decay, and to less than its steps.
@@ -52,7 +52,7 @@ def _answer(neuron: SrmAlpha | Cuba, steps: int) -> FloatArray:
     return answer
 
 
-def _way_out(neuron: SrmAlpha | Cuba) -> str:
+def _way_out(neuron: SrmAlpha | Cuba | SoftCuba) -> str:
     if isinstance(neuron, SrmAlpha):
         return "Use larger weights, a shorter tau_sr, or a smaller scale_ref."
     return "Use larger weights, or smaller biases."

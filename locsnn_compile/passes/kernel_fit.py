@@ -12,7 +12,7 @@ import numpy as np
 from hw_model.chip_description import Registers
 from hw_model.fixed_point import IntArray
 from locsnn_compile.integer_neurons import input_response, own_spike_response, reset_response
-from locsnn_compile.neurons import Cuba, FloatArray, SrmAlpha
+from locsnn_compile.neurons import Cuba, FloatArray, SoftCuba, SrmAlpha
 from locsnn_compile.on_grid import ChipSrm
 from locsnn_compile.passes.kernels import kernel
 from locsnn_compile.passes.scaling import Scaled
@@ -25,10 +25,12 @@ FAINT = 0.5
 """A kernel whose largest value is less than half a unit of the registers is none to them."""
 
 
-def kernel_fit(neuron: SrmAlpha | Cuba, scaled: Scaled, registers: Registers) -> KernelFit:
+def kernel_fit(neuron: SrmAlpha | Cuba | SoftCuba, scaled: Scaled, registers: Registers) -> KernelFit:
     """Return the fit of the neuron that fits worst."""
     if isinstance(neuron, Cuba):
         return KernelFit(*_cuba_input(neuron, scaled, registers), None, None)
+    if isinstance(neuron, SoftCuba):
+        return KernelFit(*_cuba_input(neuron, scaled, registers), *_soft_drop(neuron, scaled, registers))
     theta = neuron.theta * scaled.scale
     k = np.arange(1, _steps(neuron.tau_sr) + 1, dtype=np.float64)[:, None]
     # The weight whose response peaks at the threshold: eps has its largest value, 1, at tau_sr.
@@ -46,7 +48,16 @@ def kernel_fit(neuron: SrmAlpha | Cuba, scaled: Scaled, registers: Registers) ->
     return KernelFit(*input_errors, *_errors(taken, wanted, theta))
 
 
-def _cuba_input(neuron: Cuba, scaled: Scaled, registers: Registers) -> tuple[float, float]:
+def _soft_drop(neuron: SoftCuba, scaled: Scaled, registers: Registers) -> tuple[float, float]:
+    """Return the errors of what a spike takes from the potential of neurons at rest."""
+    assert isinstance(scaled.neuron, ChipSrm)
+    slowest = float((1 - neuron.decay_v).max())
+    lags = np.arange(_steps(-1.0 / math.log(slowest)) if 0 < slowest < 1 else _steps(slowest * STEPS_MAX))[:, None]
+    wanted = -neuron.drop * scaled.scale * (1 - neuron.decay_v) ** lags
+    return _errors(own_spike_response(scaled.neuron, registers, len(lags)), wanted, neuron.threshold * scaled.scale)
+
+
+def _cuba_input(neuron: Cuba | SoftCuba, scaled: Scaled, registers: Registers) -> tuple[float, float]:
     """Return the errors of the response to one input spike that brings each neuron to its threshold."""
     slowest = float(np.maximum(1 - neuron.decay_u, 1 - neuron.decay_v).max())
     steps = _steps(-1.0 / math.log(slowest)) if 0 < slowest < 1 else _steps(slowest * STEPS_MAX)

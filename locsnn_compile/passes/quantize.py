@@ -16,12 +16,13 @@ from locsnn_compile.calibration import Calibration
 from locsnn_compile.errors import InputError
 from locsnn_compile.matrices import of_target, row_maxima, values_of, with_values
 from locsnn_compile.network import Network, Population, Projection
-from locsnn_compile.neurons import Cuba, SrmAlpha
+from locsnn_compile.neurons import Cuba, SoftCuba, SrmAlpha
 from locsnn_compile.on_grid import ChipCuba, ChipProjection, ChipSrm
 from locsnn_compile.passes.check_heard import check_heard
 from locsnn_compile.passes.fine_srm import fine_srm
 from locsnn_compile.passes.kernel_fit import kernel_fit
 from locsnn_compile.passes.quantize_cuba import quantize_cuba
+from locsnn_compile.passes.quantize_soft import quantize_soft
 from locsnn_compile.passes.quantize_srm import quantize_srm
 from locsnn_compile.passes.round_apart import round_apart
 from locsnn_compile.passes.rounding import NEAREST, Rounding
@@ -98,7 +99,7 @@ def check_weight_bits(weight_bits: int) -> None:
 
 def _scale(
     population: Population,
-    neuron: SrmAlpha | Cuba,
+    neuron: SrmAlpha | Cuba | SoftCuba,
     incoming: list[Projection],
     grid: WeightGrid,
     chip: Chip,
@@ -110,12 +111,25 @@ def _scale(
     if isinstance(neuron, SrmAlpha):
         heaviest = float(largest.max())
         return quantize_srm(neuron, population.size, heaviest, grid, chip, strategy, where, rounding.fitted_decays)
-    return quantize_cuba(neuron, largest, grid, chip, where)
+    if isinstance(neuron, SoftCuba):
+        return quantize_soft(neuron, largest, grid, chip, where)
+    return quantize_cuba(neuron, largest, grid, chip, where, _reach(neuron, incoming))
+
+
+def _reach(neuron: Cuba, incoming: list[Projection]) -> float:
+    """Return how many thresholds the currents of neurons whose voltage is their current may come to.
+
+    Such a current, a potential that no spike resets, wraps where a voltage would be clipped.
+    """
+    held = (neuron.decay_v == 1) & (neuron.decay_u < 1)
+    total = np.sum([np.zeros(len(held)), *(abs(p.weights).sum(axis=1) for p in incoming)], axis=0)
+    lost = np.maximum(neuron.decay_u, 1.0 / DECAY_ONE)
+    return float(np.where(held, total / lost / neuron.threshold, 0.0).max())
 
 
 def _round(
     population: Population,
-    neuron: SrmAlpha | Cuba,
+    neuron: SrmAlpha | Cuba | SoftCuba,
     incoming: list[Projection],
     scaled: Scaled,
     chip: Chip,

@@ -1,6 +1,8 @@
-"""NIR graphs run by the book: explicit Euler steps, node by node, no latency. It knows nothing of the project.
+"""NIR graphs run by the book: step by step, node by node, no latency. It knows nothing of the project.
 
-Independent of it in everything: convolutions by loops over the output, states in the equations' own units.
+Independent of it in everything: convolutions by loops over the output, states in the equations' own units. ``how`` is
+``euler``, dt / tau of everything, or ``hold``, 1 - exp(-dt / tau). ``reset``: ``zero``, ``subtract``, and as snnTorch
+does with its delay ``late-zero`` (of ``Synaptic``: the potential is 0 in the step after) and ``late-subtract``.
 """
 
 import networkx as nx
@@ -9,7 +11,7 @@ import numpy as np
 NEURONS = (("IF",), ("LIF", "LI", "CubaLIF", "CubaLI", "Threshold"))
 
 
-def run(graph, spikes, dt):
+def run(graph, spikes, dt, how="euler", reset="zero"):
     """Return what every node gives, by name, (steps, *shape), for input spikes (steps, *shape)."""
     order = nx.DiGraph()
     order.add_nodes_from(graph.nodes)
@@ -31,14 +33,14 @@ def run(graph, spikes, dt):
             now[name] = (
                 row
                 if type(graph.nodes[name]).__name__ == "Input"
-                else step(graph.nodes[name], arriving, state.setdefault(name, {}), dt)
+                else step(graph.nodes[name], arriving, state.setdefault(name, {}), dt, how, reset)
             )
         for name, value in now.items():
             gives[name].append(np.asarray(value))
     return {name: np.array(rows) for name, rows in gives.items()}
 
 
-def step(node, x, state, dt):
+def step(node, x, state, dt, how="euler", reset="zero"):
     """Return what a node gives for one step of its input."""
     kind = type(node).__name__
     if kind in ("Output", "Flatten"):
@@ -61,19 +63,36 @@ def step(node, x, state, dt):
     if kind == "Threshold":
         return (x > node.threshold) * 1.0
     shape = np.broadcast_shapes(np.shape(x), np.shape(node.r))
-    v, i = state.get("v", np.zeros(shape)), state.get("i", np.zeros(shape))
+    rest = np.broadcast_to(getattr(node, "v_leak", 0.0), shape)
+    v, i, before = (
+        state.get("v", rest),
+        state.get("i", np.zeros(shape)),
+        state.get("fired", np.zeros(shape, dtype=bool)),
+    )
+
+    def lost(tau):
+        return dt / tau if how == "euler" else 1 - np.exp(-dt / tau)
+
     if kind == "IF":
         v = v + dt * node.r * x
     elif kind in ("LIF", "LI"):
-        v = v + dt / node.tau * (node.v_leak - v + node.r * x)
+        v = v + lost(node.tau) * (node.v_leak - v + node.r * x)
     else:
-        i = i + dt / node.tau_syn * (node.w_in * x - i)
-        v = v + dt / node.tau_mem * (node.v_leak - v + node.r * i)
+        i = i + lost(node.tau_syn) * (node.w_in * x - i)
+        v = v + lost(node.tau_mem) * (node.v_leak - v + node.r * i)
     if kind in ("LI", "CubaLI"):
         state.update(v=v, i=i)
         return v
+    if reset == "late-subtract":
+        v = v - before * (node.v_threshold - node.v_reset)
+    if reset == "late-zero":
+        v = np.where(before, node.v_reset, v)
     fired = v > node.v_threshold
-    state.update(v=np.where(fired, node.v_reset, v), i=i)
+    if reset == "subtract":
+        v = v - fired * (node.v_threshold - node.v_reset)
+    elif reset != "late-subtract":
+        v = np.where(fired, node.v_reset, v)
+    state.update(v=v, i=i, fired=fired)
     return fired * 1.0
 
 

@@ -66,10 +66,12 @@ BROKEN = [
     ("text for numbers", put("node/nodes/lif/tau", "long"), "model 'model.nir', node 'lif': 'tau' is not made of numbers (object). Give a whole file, or write it again."),
     ("a parameter missing", lambda f: f.__delitem__("node/nodes/lif/r"), "model 'model.nir', node 'lif': 'r' is missing. Give a whole file, or write it again."),
     ("a group for a number", lambda f: (f.__delitem__("node/nodes/lif/r"), f.create_group("node/nodes/lif/r")), "model 'model.nir', node 'lif': 'r' is a group, not a value. Give a whole file, or write it again."),
+    ("an infinite resistance", put("node/nodes/lif/r", np.full(12, np.inf)), "model 'model.nir', node 'lif': r is infinite, and its tau is not. Give both as numbers."),
+    ("an infinite weight", put("node/nodes/fc/weight", np.full((12, 10), np.inf)), "model 'model.nir', node 'fc': 'weight' holds what is no finite number. Train or export again."),
     ("not a number", put("node/nodes/lif/tau", np.full(12, np.nan)), "model 'model.nir', node 'lif': 'tau' holds what is no finite number. Train or export again."),
     ("a negative tau", put("node/nodes/lif/tau", np.full(12, -1e-3)), "model 'model.nir', node 'lif': tau must be above 0 (-0.001). Correct it."),
-    ("a tau below a step", put("node/nodes/lif/tau", np.full(12, 1e-4)), "model 'model.nir', node 'lif': tau is shorter than a step (0.0001 s against 0.001 s). Give a smaller --dt, or --discretisation exact."),
-    ("a threshold below the reset", put("node/nodes/lif/v_reset", np.full(12, 2.0)), "model 'model.nir', node 'lif': the threshold is not above the reset (by -1). Train with a threshold above v_reset, and above 0."),
+    ("a tau below a step", put("node/nodes/lif/tau", np.full(12, 1e-4)), "model 'model.nir', node 'lif': tau is shorter than a step (0.0001 s against 0.001 s). Give a smaller --dt, or --discretisation exact or hold."),
+    ("a threshold below the reset", put("node/nodes/lif/v_reset", np.full(12, 2.0)), "model 'model.nir', node 'lif': the threshold is not above the reset (by -1). Train with a threshold above v_reset and v_leak, and above 0."),
     ("too few parameters", put("node/nodes/lif/tau", np.full(5, 1e-2)), "model 'model.nir', node 'lif': tau is not one number a neuron ((5,) against 12). Give as many."),
     ("an integrator", put("node/nodes/lif/type", "I"), "model 'model.nir', node 'lif': an integrator without leak or threshold overflows every register. Take an LI with a long tau, or an IF."),
     ("weights that do not fit", put("node/nodes/fc/weight", np.ones((12, 9))), "model 'model.nir', node 'fc': it is given another size (10 against 9). Correct its weight."),
@@ -87,7 +89,6 @@ def test_a_broken_graph_is_one_line(change, message, tmp_path):
 
 
 OPTIONS = [
-    ("subtract", {"reset": "subtract"}, "reset 'subtract': the chip's neurons are reset to 0 and cannot subtract the threshold. Train with a reset to zero (snnTorch: reset_mechanism='zero', reset_delay=False) and take reset zero."),
     ("another reset", {"reset": "zeros"}, "reset 'zeros': is not known. Did you mean 'zero'?"),
     ("another discretisation", {"discretisation": "exakt"}, "discretisation 'exakt': is not known. Did you mean 'exact'?"),
     ("no time", {"dt": 0.0}, "dt: a step must last more than 0 s (0). Give seconds a step."),

@@ -1,0 +1,151 @@
+"""What a spike does to the potential, where it starts, and how a step is taken: against plain steps of the equations."""
+
+import itertools
+
+import nir
+import numpy as np
+import pytest
+from nir_forward import run
+from nir_graphs import DT, chain, cuba, integrate, lif, linear
+from test_nir import load, spikes
+
+import hw_model as hw
+import locsnn_compile as lc
+from locsnn_compile.pipeline import lower
+from locsnn_compile.reference import evaluate
+
+RNG = np.random.default_rng(21)
+RESETS = ("zero", "subtract", "late-zero", "late-subtract")
+NEURONS = {
+    "LIF": lif(RNG, 12),
+    "CubaLIF": cuba(RNG, 12),
+    "IF": integrate(RNG, 12),
+    "LIF at rest off 0": lif(RNG, 12, v_leak=0.3, v_reset=0.1, v_threshold=0.9),
+    "LIF at rest below its reset": lif(RNG, 12, v_leak=-0.4, v_reset=0.2, v_threshold=0.8),
+    "CubaLIF at rest off 0": cuba(RNG, 12, v_leak=0.3, v_reset=-0.2, v_threshold=1.1),
+    "LIF of a tau of one step": nir.LIF(
+        tau=np.full(12, DT), r=np.ones(12), v_leak=np.zeros(12), v_threshold=np.ones(12), v_reset=np.zeros(12)
+    ),
+}  # fmt: skip
+BACK = linear(RNG, 12, 12, 0.2)
+
+
+def two_layers(neuron, bias=True):
+    """Return the neurons between weights, with recurrent weights, before a second layer of LIF neurons."""
+    first = linear(RNG, 12, 10)
+    nodes = {
+        "input": nir.Input(np.array([10])),
+        "fc": nir.Affine(first.weight, RNG.normal(0, 0.1, 12)) if bias else first,
+        "first": neuron,
+        "back": BACK,
+        "fc2": linear(RNG, 5, 12),
+        "second": lif(RNG, 5),
+        "output": nir.Output(np.array([5])),
+    }
+    edges = [*itertools.pairwise(k for k in nodes if k != "back"), ("first", "back"), ("back", "first")]
+    return nir.NIRGraph(nodes, edges, type_check=False)
+
+
+@pytest.mark.parametrize("reset", RESETS)
+@pytest.mark.parametrize("name", NEURONS)
+def test_the_reference_is_the_equation_with_every_reset(name, reset, tmp_path):
+    graph, given = two_layers(NEURONS[name]), spikes((10,))
+    wanted = run(graph, given, DT, reset=reset)
+    found = evaluate(load(graph, tmp_path, reset=reset), given[None]).spikes
+    for depth, node in enumerate(("first", "second"), start=1):
+        assert wanted[node].sum() > 10
+        np.testing.assert_array_equal(found[node][0, depth:], wanted[node][:-depth], err_msg=node)
+
+
+@pytest.mark.parametrize("reset", RESETS)
+@pytest.mark.parametrize("name", ["LIF", "CubaLIF", "CubaLIF at rest off 0"])
+def test_the_chip_follows_it_and_is_its_own_integers(name, reset, tmp_path):
+    given = spikes((10,), 80)[None]
+    network = load(two_layers(NEURONS[name]), tmp_path, reset=reset)
+    compiled = lc.compile(network, events=given, diagnosis=reset == "subtract")
+    by_population = compiled.match.by_population
+    assert min(by_population[node].agreement for node in ("first", "second")) > 0.6
+    exact = evaluate(compiled.levels.quantized.on_grid(), given).spikes
+    for engine in ("fast", "reference"):
+        result = hw.simulate(compiled.program, given, engine=engine)
+        for node in ("first", "second"):
+            np.testing.assert_array_equal(result.spikes[node], exact[node])
+
+
+def test_what_a_spike_takes_is_exact_but_for_the_current_that_is_left(tmp_path):
+    network = load(two_layers(NEURONS["CubaLIF"], bias=False), tmp_path, reset="subtract")
+    q = lower(network, hw.chip("loihi-sim"), 8).quantized.population("first")
+    assert q.strategy == "delay-line"
+    assert q.fit.refractory_max < 2e-3
+
+
+def test_a_soma_beside_one_dendrite_or_a_single_compartment(tmp_path):
+    sizes = {}
+    for kind in ("LIF", "CubaLIF"):
+        levels = lower(load(two_layers(NEURONS[kind]), tmp_path, reset="subtract"), hw.chip("loihi-sim"), 8)
+        sizes[kind] = [g.name for g in levels.compartments.groups if g.name.startswith("first")]
+    assert sizes == {"LIF": ["first"], "CubaLIF": ["first", "first/dendrite"]}
+
+
+def test_a_potential_that_no_spike_resets_has_room_below(tmp_path):
+    weights = np.where(np.arange(10) < 5, 1.0, -6.0) * np.ones((12, 1))
+    graph = chain((10,), ("fc", nir.Linear(weights)), ("lif", lif(RNG, 12)))
+    given = spikes((10,), 100, rate=0.6)[None]
+    compiled = lc.compile(load(graph, tmp_path, reset="subtract"), events=given, diagnosis=False)
+    assert compiled.match.wraps_and_clips == {}
+
+
+@pytest.mark.parametrize("name", ["LIF", "CubaLIF", "CubaLIF at rest off 0"])
+def test_inputs_held_for_a_step(name, tmp_path):
+    graph, given = two_layers(NEURONS[name]), spikes((10,))
+    wanted = run(graph, given, DT, how="hold")
+    found = evaluate(load(graph, tmp_path, discretisation="hold"), given[None]).spikes
+    for depth, node in enumerate(("first", "second"), start=1):
+        np.testing.assert_array_equal(found[node][0, depth:], wanted[node][:-depth], err_msg=node)
+
+
+@pytest.mark.parametrize("dt", [1e-4, 1e-3, 1.0])
+def test_integrators_of_r_1_add_weights_whatever_the_step(dt, tmp_path):
+    neuron = nir.IF(r=np.ones(12), v_threshold=np.full(12, 1.5), v_reset=np.zeros(12))
+    graph, given = chain((10,), ("fc", linear(RNG, 12, 10)), ("if", neuron)), spikes((10,))
+    wanted = run(graph, given, 1.0)["if"]
+    found = evaluate(load(graph, tmp_path, dt=dt), given[None]).spikes["if"]
+    assert wanted.sum() > 10
+    np.testing.assert_array_equal(found[0, 1:], wanted[:-1])
+
+
+@pytest.mark.parametrize("kind", ["LIF", "CubaLIF"])
+def test_a_tau_without_end_integrates(kind, tmp_path):
+    endless, zero = np.full(12, np.inf), np.zeros(12)
+    common = {"r": endless, "v_leak": zero, "v_threshold": zero + 1.5, "v_reset": zero}
+    node = (
+        nir.LIF(tau=endless, **common)
+        if kind == "LIF"
+        else nir.CubaLIF(tau_mem=endless, tau_syn=zero + DT, w_in=zero + 1, **common)
+    )
+    integrator = nir.IF(r=zero + 1 / DT, v_threshold=zero + 1.5, v_reset=zero)
+    weights, given = linear(RNG, 12, 10), spikes((10,))
+    wanted = run(chain((10,), ("fc", weights), ("n", integrator)), given, DT)["n"]
+    found = evaluate(load(chain((10,), ("fc", weights), ("n", node)), tmp_path), given[None]).spikes["n"]
+    np.testing.assert_array_equal(found[0, 1:], wanted[:-1])
+
+
+REFUSED = [
+    ("zero", {"v_reset": 1.5}, "the threshold is not above the reset (by -0.5)"),
+    ("subtract", {"v_leak": 1.5}, "the threshold is not above v_leak, where it starts (by -0.5)"),
+]
+
+
+@pytest.mark.parametrize(("reset", "more", "what"), REFUSED, ids=[row[0] for row in REFUSED])
+def test_neurons_that_spike_for_ever_are_refused(reset, more, what, tmp_path):
+    graph = chain((10,), ("fc", linear(RNG, 12, 10)), ("lif", lif(RNG, 12, **more)))
+    with pytest.raises(lc.InputError) as caught:
+        load(graph, tmp_path, reset=reset)
+    message = f"model 'graph.nir', node 'lif': {what}. Train with a threshold above v_reset and v_leak, and above 0."
+    assert str(caught.value) == message
+
+
+def test_a_neuron_whose_rest_is_above_its_threshold_spikes_by_itself(tmp_path):
+    graph = chain((10,), ("fc", linear(RNG, 12, 10)), ("lif", lif(RNG, 12, v_leak=1.5)))
+    silence = np.zeros((1, 60, 10), dtype=np.uint8)
+    assert evaluate(load(graph, tmp_path), silence).spikes["lif"].sum() > 12
