@@ -6,8 +6,8 @@ import math
 
 from locsnn_compile.report.accuracy import cause
 from locsnn_compile.report.content import Bar, Block, Document, Paragraph, Section, Table
-from locsnn_compile.report.format import NONE, any_value, count, plural, ratio, share, told_apart
-from locsnn_compile.report.words import words
+from locsnn_compile.report.format import NONE, any_value, count, energy, plural, ratio, share, told_apart
+from locsnn_compile.report.words import listed, words
 
 _SCORE = 1.959964
 """Two-sided 95 % point of the normal distribution."""
@@ -65,7 +65,7 @@ def comparison(document: Document) -> Section:
     own = document["operations"]["published_method"]["operations"]
     lead = (
         "Operations by the published method: for the conventional networks a multiplication and an addition are one "
-        "each, at this network's input size. It compares operations; not energy, and not accuracy."
+        "each, at this network's input size. It does not compare accuracy."
     )
     if not entries:
         text = "No comparison: the published networks are not defined for this network's input."
@@ -79,7 +79,34 @@ def comparison(document: Document) -> Section:
         ("network", "", "operations", "times this network"),
         tuple((name, Bar(n / most if most else 0.0, f"{count(n)} operations"), count(n), by) for name, n, by in rows),
     )
-    return Section("comparison", "Conventional networks", lead, (table,))
+    return Section("comparison", "Conventional networks", lead, (table, *_ann_energy(document)))
+
+
+def _ann_energy(document: Document) -> tuple[Block, ...]:
+    """What the arithmetic of the conventional networks would take, beside all that this one takes in the model."""
+    entries, own = document["ann_comparison"], document["energy"]
+    first = next(iter(entries.values()))
+    arithmetics = list(first["energy_pj"])
+    rows = [("this network, as modelled", NONE, NONE, *(energy(own["per_sample_pj"]) for _ in arithmetics))]
+    for name, entry in entries.items():
+        cells = [f"{energy(entry['energy_pj'][key])} ({_times(entry['energy_ratio'][key])})" for key in arithmetics]
+        rows.append((words(name), count(entry["multiplications"]), count(entry["additions"]), *cells))
+    return (
+        Table(
+            f"Energy of the arithmetic alone, and how many times this network's (profile {own['profile']})",
+            ("network", "multiplications", "additions", *(words(key) for key in arithmetics)),
+            tuple(rows),
+        ),
+        Paragraph(
+            f"Source: {first['energy_source']}. Not included for the conventional networks: "
+            f"{listed(first['energy_not_included'])}. This network's energy is of another process, and has "
+            "its memories and its mesh in it: the ratio is of what is published, not of two chips."
+        ),
+    )
+
+
+def _times(value: float | None) -> str:
+    return NONE if value is None else f"{ratio(value)} times"
 
 
 def _populations(document: Document) -> Table:

@@ -37,9 +37,12 @@ def _bare(document: dict[str, Any]) -> dict[str, Any]:
     """Take away everything that a document may lack."""
     document["accuracy"] = None
     document["ann_comparison"] = {}
-    document["latency"]["recording_ns"] = None
-    document["energy"]["other_profiles_pj"] = {}
-    document["energy"]["not_included"] = []
+    document["latency"] |= {"recording_ns": None, "real_time": None, "by_class": None, "links": []}
+    document["energy"] |= {"other_profiles_pj": {}, "other_profiles_by_branch_pj": {}, "static": None, "by_class": None}
+    document["energy"] |= {"not_included": [], "not_included_bounds": []}
+    for found, unit in ((document["energy"], "pj"), (document["latency"], "ns")):
+        found[f"range_{unit}"] = [found[f"per_sample_{unit}"]] * 2
+        found["worst_recording"]["class"] = None
     document["error_budget"] = None
     del document["margins"]
     document["over_time"] = {"left_out": "the network is too large to be followed step by step within seconds"}

@@ -107,15 +107,22 @@ def test_the_assumption_is_named_where_it_is_made(document: dict[str, Any], stra
     assert ("are an assumption about the chip" in str(compose(document).sections[-1])) == (strategy != "reset")
 
 
+ENDS = ("min", "mean", "max")
+
+
 def test_nothing_at_all_still_makes_a_report(document: dict[str, Any]) -> None:
     energy = document["energy"]
     energy |= {"per_sample_pj": 0.0, "breakdown_pj": dict.fromkeys(energy["breakdown_pj"], 0.0)}
-    energy |= {"by_branch_pj": {"time": 0.0}, "over_samples_pj": {"min": 0.0, "p50": 0.0, "max": 0.0}}
-    energy["other_profiles_pj"] = {"sanafe": 0.0}
-    document["latency"] |= {"per_sample_ns": 0.0, "over_samples_ns": {"min": 0.0, "p50": 0.0, "max": 0.0}}
+    nothing = dict.fromkeys(("min", "p50", "p99", "max"), 0.0)
+    energy |= {"by_branch_pj": {"time": 0.0}, "over_samples_pj": nothing, "by_core_pj": [], "by_population_pj": {}}
+    energy |= {"other_profiles_pj": {"sanafe": 0.0}, "other_profiles_by_branch_pj": {"sanafe": {"time": 0.0}}}
+    document["latency"] |= {"per_sample_ns": 0.0, "over_samples_ns": nothing, "by_core": [], "critical_paths": []}
+    for found, unit in ((energy, "pj"), (document["latency"], "ns")):
+        found["by_class"] = [{"class": 0, "recordings": 1, **dict.fromkeys((f"{e}_{unit}" for e in ENDS), 0.0)}]
     document["operations"]["published_method"] |= {"operations": 0.0}
     document["operations"]["per_sample"]["neuron_updates"] = 0.0
-    document["ann_comparison"] = {"cnn-3d": {"operations": 100, "ratio": None}}
+    document["ann_comparison"]["cnn-3d"] |= {"ratio": None, "energy_ratio": {"fp32": None}, "energy_pj": {"fp32": 1.0}}
+    del document["ann_comparison"]["gru-mlp"]
     document["resources"]["by_core"] = []
     document["quantization"] = {}
     made = str(compose(document))
@@ -125,7 +132,7 @@ def test_nothing_at_all_still_makes_a_report(document: dict[str, Any]) -> None:
 
 def test_every_row_has_every_column(document: dict[str, Any]) -> None:
     tables = [block for section in compose(document).sections for block in section.blocks if isinstance(block, Table)]
-    assert len(tables) == 20
+    assert len(tables) == 31
     assert all(len(row) == len(table.columns) for table in tables for row in table.rows)
 
 
