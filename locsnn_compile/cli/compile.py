@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from locsnn_compile.cli.completion import answer_shell
 from locsnn_compile.cli.shell import EXIT_GATE, Parser, guarded, progress_bar
 from locsnn_compile.emit import BENCH_KINDS
 from locsnn_compile.errors import InputError, did_you_mean
@@ -96,7 +97,9 @@ def parser() -> Parser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; return its exit code."""
-    args = parser().parse_args(argv)
+    made = parser()
+    answer_shell(made)
+    args = made.parse_args(argv)
     return guarded(lambda: run(args))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from locsnn_compile.cli import diff, events, explore, run, stress, targets, train
+from locsnn_compile.cli import completion, diff, events, explore, run, stress, targets, train
 from locsnn_compile.cli.shell import Parser, guarded
 
 
@@ -12,12 +12,14 @@ def parser() -> Parser:
     """Return the argument parser, with one below it for each command."""
     made = Parser("locsnn", description="Train, run and inspect spiking networks; `locsnn-compile` compiles them.")
     commands = made.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in (train, run, events, explore, diff, stress, targets):
+    for command in (train, run, events, explore, diff, stress, targets, completion):
         command.add_parser(commands)
     return made
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command that the first argument names; return its exit code."""
-    args = parser().parse_args(argv)
+    made = parser()
+    completion.answer_shell(made)
+    args = made.parse_args(argv)
     return guarded(lambda: int(args.run(args)))

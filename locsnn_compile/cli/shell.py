@@ -1,24 +1,34 @@
-"""What all commands share: one-line errors, exit codes, progress bars."""
+"""What all commands share: one-line errors, exit codes, streams, progress bars."""
 
 from __future__ import annotations
 
 import argparse
+import errno
+import io
 import logging
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from locsnn_compile.cli.interrupt import EXIT_INTERRUPTED as EXIT_INTERRUPTED
 from locsnn_compile.cli.interrupt import leaving_at_once
 from locsnn_compile.errors import InputError, LocsnnError
 
 EXIT_TARGET, EXIT_INPUT, EXIT_GATE = 1, 2, 3
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
 
 
 class Parser(argparse.ArgumentParser):
     """An argument parser whose errors are one line, like all others."""
+
+    def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
+        """Refuse arguments that are no text in this locale: they would be names in reports, which are text."""
+        for text in sys.argv[1:] if args is None else args:
+            if any("\udc80" <= letter <= "\udcff" for letter in text):
+                self.error(f"argument {text!r} is not text in this locale; rename the file, or choose a UTF-8 locale")
+        return super().parse_known_args(args, namespace)
 
     def error(self, message: str) -> NoReturn:
         """Print the one line and exit with 2."""
@@ -28,10 +38,13 @@ class Parser(argparse.ArgumentParser):
 
 def guarded(run: Callable[[], int]) -> int:
     """Run a command; print an error as its one line and return the exit code that its kind has."""
+    _ready_streams()
     _show_log()
     try:
         with leaving_at_once():
-            return run()
+            code = run()
+            sys.stdout.flush()
+            return code
     except InputError as error:
         print(error, file=sys.stderr)
         return EXIT_INPUT
@@ -42,9 +55,30 @@ def guarded(run: Callable[[], int]) -> int:
         print("Interrupted; nothing was written.", file=sys.stderr)
         return EXIT_INTERRUPTED
     except BrokenPipeError:
-        # The reader of our output went away: leave without a word, and keep the interpreter from flushing into it.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        # The reader of our output went away: leave without a word.
+        _drop_output()
         return 0
+    except OSError as error:
+        if error.errno not in _NO_ROOM or error.filename is not None:
+            raise
+        print(f"standard output: it cannot be written: {error.strerror}. Write it elsewhere.", file=sys.stderr)
+        _drop_output()
+        return EXIT_INPUT
+
+
+def _ready_streams() -> None:
+    """Go on where a stream is closed, and where the locale has no code for a letter, which is then a ``?``."""
+    if sys.stdout is None:
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")
+
+
+def _drop_output() -> None:
+    """Keep the interpreter, when it ends, from flushing into an output that takes nothing."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _show_log() -> None:

@@ -1,0 +1,118 @@
+"""``locsnn completion``: what a shell has to know to complete our commands; and the answers, when it asks."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Callable, Iterable, Iterator
+
+from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.explore.grid import AXES
+
+_EXAMPLE = """\
+example:
+  locsnn completion bash > locsnn-completion.sh
+
+Then `source` that file in ~/.bashrc or ~/.zshrc. For fish, write to ~/.config/fish/completions/locsnn.fish.
+"""
+SHELLS = ("bash", "zsh", "fish")
+PROGRAMS = ("locsnn", "locsnn-compile")
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the ``completion`` command."""
+    parser = subparsers.add_parser(
+        "completion",
+        help="print a script that completes commands in your shell",
+        description="Print a script that completes options, values and files of our commands in your shell.",
+        epilog=_EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("shell", metavar="SHELL", help=", ".join(SHELLS))
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the script."""
+    if args.shell not in SHELLS:
+        raise InputError(f"shell {args.shell!r}", "there is no completion for it", fix=did_you_mean(args.shell, SHELLS))
+    from argcomplete.shell_integration import shellcode
+
+    print(shellcode(list(PROGRAMS), shell=args.shell), end="")
+    return 0
+
+
+def answer_shell(parser: argparse.ArgumentParser) -> None:
+    """Where a shell asks how the command line at hand may go on, answer and exit; else do nothing."""
+    if "_ARGCOMPLETE" not in os.environ:
+        return
+    import argcomplete
+
+    for action in _actions(parser):
+        for option in action.option_strings or (action.dest,):
+            if option in _VALUES:
+                action.completer = _completer(_VALUES[option])  # type: ignore[attr-defined]
+    argcomplete.autocomplete(parser)
+
+
+def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
+    for action in parser._actions:
+        yield action
+        if isinstance(action.choices, dict):
+            for below in action.choices.values():
+                yield from _actions(below)
+
+
+def _completer(values: Callable[[str], Iterable[str]]) -> Callable[..., list[str]]:
+    return lambda prefix, **_: list(values(prefix))
+
+
+def _chips(prefix: str) -> Iterable[str]:
+    from argcomplete.completers import FilesCompleter
+
+    import hw_model as hw
+
+    return *hw.chip_names(), *FilesCompleter((".yaml", ".yml"))(prefix)
+
+
+def _emit_kinds(prefix: str) -> Iterable[str]:
+    from locsnn_compile.cli.compile import EMIT_KINDS
+
+    return EMIT_KINDS
+
+
+def _stops(prefix: str) -> Iterable[str]:
+    from locsnn_compile.cli.run import STOPS
+
+    return STOPS
+
+
+def _engines(prefix: str) -> Iterable[str]:
+    from locsnn_compile.cli.explore import ENGINES
+
+    return ENGINES
+
+
+def _parts(prefix: str) -> Iterable[str]:
+    from locsnn_compile.cli.explore import PARTS
+
+    return PARTS
+
+
+def _strategies(prefix: str) -> Iterable[str]:
+    return next(map(str, axis.values) for axis in AXES if axis.name == "strategy")
+
+
+_VALUES: dict[str, Callable[[str], Iterable[str]]] = {
+    "--target": _chips,
+    "--show": _chips,
+    "--emit": _emit_kinds,
+    "--stop": _stops,
+    "--engine": _engines,
+    "--engines": _engines,
+    "--part": _parts,
+    "--strategy": lambda prefix: ("auto", *_strategies(prefix)),
+    "--strategies": _strategies,
+    "shell": lambda prefix: SHELLS,
+}
+"""What an option, or an argument, may be; all others are completed as files, if they take a value at all."""

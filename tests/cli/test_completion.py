@@ -1,0 +1,72 @@
+"""Completion: the scripts for shells, and the answers that a command gives when a shell asks."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from locsnn_compile.cli.compile import EMIT_KINDS
+from locsnn_compile.cli.completion import PROGRAMS, SHELLS
+from locsnn_compile.cli.main import main
+
+BIN = Path(sys.executable).parent
+ENVIRONMENT = {**os.environ, "PATH": f"{BIN}{os.pathsep}{os.environ['PATH']}"}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name in ("my-chip.yaml", "notes.txt", "net.nir"):
+        (tmp_path / name).write_text("")
+    return tmp_path
+
+
+def complete(line, folder):
+    """Ask bash, with our script, how a line goes on."""
+    asked = (
+        f'source <(locsnn completion bash); COMP_WORDS=({line}); [[ "$1" == *" " ]] && COMP_WORDS+=("")\n'
+        'COMP_LINE="$1"; COMP_POINT=${#1}; COMP_CWORD=$((${#COMP_WORDS[@]} - 1)); COMP_TYPE=9\n'
+        '_python_argcomplete "${COMP_WORDS[0]}"; printf "%s\\n" "${COMPREPLY[@]}"\n'
+    )
+    command = ["bash", "--norc", "-c", asked, "bash", line]
+    done = subprocess.run(command, cwd=folder, env=ENVIRONMENT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return {word.rstrip() for word in done.stdout.splitlines()}
+
+
+@pytest.mark.parametrize(
+    ("line", "wanted"),
+    [
+        ("locsnn t", {"train", "targets"}),
+        ("locsnn targets --s", {"--show"}),
+        ("locsnn-compile --target ", {"loihi-sim", "my-chip.yaml"}),
+        ("locsnn-compile --emit ", set(EMIT_KINDS)),
+        ("locsnn-compile n", {"net.nir", "notes.txt"}),
+        ("locsnn-compile net.nir --strategy d", {"dendrite", "delay-line"}),
+        ("locsnn run build --stop ", {"proven", "margin"}),
+        ("locsnn completion ", set(SHELLS)),
+    ],
+)
+def test_bash_completes(line, wanted, folder):
+    assert wanted <= complete(line, folder)
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_a_script_is_one(shell, capsys, tmp_path):
+    assert main(["completion", shell]) == 0
+    script = capsys.readouterr().out
+    for program in PROGRAMS:
+        assert program in script
+    if shutil.which(shell):
+        (tmp_path / "script").write_text(script)
+        done = subprocess.run([shell, "-n", tmp_path / "script"], capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_other_shells_are_refused(capsys):
+    assert main(["completion", "fsh"]) == 2
+    assert capsys.readouterr() == ("", "shell 'fsh': there is no completion for it. Did you mean 'fish'?\n")
