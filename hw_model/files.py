@@ -13,14 +13,19 @@ import numpy as np
 import numpy.typing as npt
 
 from hw_model.errors import InputError
+from hw_model.partial import locked, partial_path, remove, remove_leftovers, sync
 
 
 def replace_file(path: Path, content: bytes, where: str) -> None:
     """Write a file under a temporary name beside it, then put it in place; ``where`` names it if that fails."""
-    partial = path.with_name(f".{path.name}.partial-{os.getpid()}")
+    remove_leftovers(path)
+    partial = partial_path(path)
     try:
-        partial.write_bytes(content)
-        os.replace(partial, path)
+        partial.touch(exist_ok=False)
+        with locked(partial):
+            partial.write_bytes(content)
+            sync(partial)
+            os.replace(partial, path)
     except OSError as error:
         raise InputError(
             where,
@@ -29,7 +34,7 @@ def replace_file(path: Path, content: bytes, where: str) -> None:
             fix="Give a file in a folder that exists and can be written.",
         ) from None
     finally:
-        partial.unlink(missing_ok=True)
+        remove(partial)
 
 
 def pack_arrays(arrays: Mapping[str, npt.NDArray[Any]], *, compressed: bool) -> bytes:

@@ -18,8 +18,9 @@ import yaml
 from hw_model.chip_description import parse_chip
 from hw_model.errors import InputError
 from hw_model.fan_in import SynapseFormat
-from hw_model.files import pack_arrays, replace_file
+from hw_model.files import pack_arrays
 from hw_model.fixed_point import IntArray
+from hw_model.folders import finish_writing, replace_entries
 from hw_model.graph import Input, Phase, Readout
 from hw_model.placement import Slice
 from hw_model.program import ChipProgram, CompartmentProfile, Core, check_program
@@ -43,20 +44,19 @@ def program_files(program: ChipProgram) -> dict[str, bytes]:
 
 
 def save_program(program: ChipProgram, folder: str | Path) -> None:
-    """Write both files, each under a temporary name first; the YAML file, which names the other's checksum, last."""
+    """Write both files, or none; what else the folder holds stays."""
     target = Path(folder)
     try:
-        target.mkdir(parents=True, exist_ok=True)
+        replace_entries(target, program_files(program))
     except OSError as error:
         raise InputError(
             f"folder {target.name!r}", f"cannot be written: {error.strerror}", fix="Choose a folder you may write to."
         ) from error
-    for name, content in program_files(program).items():
-        replace_file(target / name, content, name)
 
 
 def load_program(folder: str | Path) -> ChipProgram:
     """Read a program; anything missing, damaged, swapped or newer is an ``InputError``."""
+    finish_writing(Path(folder))
     yaml_bytes, npz_bytes = (_read(Path(folder) / name) for name in ("program.yaml", "program.npz"))
     try:
         document = yaml.safe_load(yaml_bytes)

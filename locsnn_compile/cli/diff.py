@@ -52,6 +52,9 @@ def run(args: argparse.Namespace) -> int:
 
 def read_report(folder: Path) -> Figures:
     """Return report.json of a build; anything else is an ``InputError``."""
+    from hw_model.folders import finish_writing
+
+    finish_writing(folder)
     path = folder / "report.json"
     where = f"build {folder.name!r}"
     fix = "Give a folder that locsnn-compile wrote."

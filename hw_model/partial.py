@@ -1,0 +1,96 @@
+"""Names under which output is written until it is whole, and the end of those that a killed process left behind.
+
+A partial file or folder lies beside its target, ``.<name>.partial-<token>``, and is locked by the process that writes
+it. The lock ends with the process, so what can be locked is nobody's any more.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import secrets
+import shutil
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+MAX_NAME_BYTES = 100
+"""Bytes of a target's name that its partial name keeps, for names have a largest length."""
+
+
+def partial_path(target: Path) -> Path:
+    """Return a new partial name for a target, beside it."""
+    return target.with_name(f"{_prefix(target)}{secrets.token_hex(6)}")
+
+
+@contextmanager
+def locked(partial: Path) -> Iterator[None]:
+    """Hold the lock of an existing partial file or folder."""
+    handle = os.open(partial, os.O_RDONLY)
+    try:
+        _lock(handle)
+        yield
+    finally:
+        os.close(handle)
+
+
+def remove_leftovers(target: Path) -> None:
+    """Remove what killed processes left of this target; that of living ones stays."""
+    ours = re.compile(re.escape(_prefix(target)) + "[0-9a-f]{12}")
+    try:
+        found = [name for name in os.listdir(target.parent) if ours.fullmatch(name)]
+    except OSError:
+        return
+    for name in found:
+        if not _is_locked(target.parent / name):
+            remove(target.parent / name)
+
+
+def remove(path: Path) -> None:
+    """Remove a file or folder as far as that can be done: leftovers must not keep anybody from working."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+        return
+    with contextlib.suppress(OSError):
+        path.unlink(missing_ok=True)
+
+
+def sync(path: Path) -> None:
+    """Have a file or folder written to the disk itself, where the system can."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        # Some file systems do not sync folders.
+        with contextlib.suppress(OSError):
+            os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _prefix(target: Path) -> str:
+    return f".{os.fsdecode(os.fsencode(target.name)[:MAX_NAME_BYTES])}.partial-"
+
+
+def _is_locked(path: Path) -> bool:
+    try:
+        handle = os.open(path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
+    except OSError:
+        return False
+    try:
+        return not _lock(handle)
+    finally:
+        os.close(handle)
+
+
+def _lock(handle: int) -> bool:
+    """Take a lock that ends with this process; tell whether it could be had."""
+    if sys.platform == "win32":
+        return False
+    import fcntl
+
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True

@@ -1,0 +1,134 @@
+"""Output is wholly old or wholly new, whenever its writer is killed; what else a folder holds stays."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hw_model as hw
+from hw_model import folders
+from hw_model.files import replace_file
+from hw_model.partial import locked, partial_path
+
+WRITER = Path(__file__).with_name("kill_writer.py")
+
+
+def kill_writers(mode, folder):
+    done = subprocess.run(
+        [sys.executable, str(WRITER), mode, str(folder)], capture_output=True, text=True, check=False, timeout=300
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    return json.loads(done.stdout)
+
+
+@pytest.mark.parametrize("mode", ["exchange", "rename", "journal", "file", "random"])
+def test_a_killed_writer_leaves_old_or_new(mode, tmp_path):
+    found = kill_writers(mode, tmp_path / "place")
+    assert found["other"] == []
+    assert found["old"] + found["new"] == found["killed"]
+    assert min(found["old"], found["new"]) >= 1
+
+
+@pytest.fixture(params=["exchange", "rename", "journal"])
+def mode(request, monkeypatch):
+    if request.param == "rename":
+        monkeypatch.setattr(folders, "_renameat2", lambda: None)
+    if request.param == "journal":
+        monkeypatch.setattr(folders, "_must_stay", lambda folder: True)
+    return request.param
+
+
+def names(folder):
+    return sorted(file.relative_to(folder).as_posix() for file in folder.rglob("*"))
+
+
+def test_what_else_a_folder_holds_stays(mode, tmp_path):
+    out = tmp_path / "out"
+    folders.replace_entries(out, {"a": b"1", "deep/b": b"1", "deep/c": b"1"})
+    (out / "points").mkdir()
+    (out / "points/p.json").write_bytes(b"{}")
+    (out / "link").symlink_to("nowhere")
+    out.chmod(0o750)
+    folders.replace_entries(out, {"a": b"2", "deep/b": b"2"})
+    assert names(tmp_path) == ["out", "out/a", "out/deep", "out/deep/b", "out/link", "out/points", "out/points/p.json"]
+    assert ((out / "a").read_bytes(), (out / "deep/b").read_bytes()) == (b"2", b"2")
+    assert (os.readlink(out / "link"), oct(out.stat().st_mode & 0o777)) == ("nowhere", "0o750")
+
+
+def test_a_folder_takes_the_place_of_a_file_and_the_other_way_round(mode, tmp_path):
+    out = tmp_path / "out"
+    folders.replace_entries(out, {"a": b"1", "b/c": b"1"})
+    folders.replace_entries(out, {"a/d": b"2", "b": b"2"})
+    assert names(out) == ["a", "a/d", "b"]
+
+
+def test_a_folder_that_is_linked_to_stays_linked_to(tmp_path):
+    (tmp_path / "real").mkdir()
+    (tmp_path / "latest").symlink_to("real")
+    folders.replace_entries(tmp_path / "latest", {"a": b"1"})
+    assert os.readlink(tmp_path / "latest") == "real"
+    assert (tmp_path / "real/a").read_bytes() == b"1"
+
+
+def test_the_folder_that_somebody_works_in_stays_that_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    number = tmp_path.stat().st_ino
+    for content in (b"1", b"2"):
+        folders.replace_entries(Path("."), {"a": content, "deep/b": content})
+    assert tmp_path.stat().st_ino == number
+    assert names(tmp_path) == ["a", "deep", "deep/b"]
+    assert Path("a").read_bytes() == b"2"
+
+
+def test_a_failed_write_leaves_the_folder_as_it_was(mode, tmp_path):
+    out = tmp_path / "out"
+    folders.replace_entries(out, {"a": b"1"})
+    with pytest.raises(OSError, match="File name too long"):
+        folders.replace_entries(out, {"a": b"2", "n" * 300: b"2"})
+    assert names(tmp_path) == ["out", "out/a"]
+    assert (out / "a").read_bytes() == b"1"
+
+
+def test_leftovers_of_the_dead_are_removed_and_those_of_the_living_stay(tmp_path):
+    out = tmp_path / "out.bin"
+    dead, living, foreign = partial_path(out), partial_path(out), tmp_path / ".out.bin.partial-mine"
+    for path in (dead, living, foreign):
+        path.write_bytes(b"x")
+    with locked(living):
+        replace_file(out, b"1", "out")
+        assert names(tmp_path) == sorted([living.name, foreign.name, out.name])
+    replace_file(out, b"2", "out")
+    assert names(tmp_path) == sorted([foreign.name, out.name])
+
+
+def test_the_longest_name_can_be_written(tmp_path):
+    name = "ü" * 127
+    replace_file(tmp_path / name, b"1", "out")
+    folders.replace_entries(tmp_path / ("f" + name), {"a": b"1"})
+    assert names(tmp_path) == sorted([name, f"f{name}", f"f{name}/a"])
+
+
+def program(weight):
+    builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
+    x = builder.add_input("x", 2)
+    h = builder.add_compartments("h", 2, decay_u=4096, decay_v=0, threshold=10)
+    builder.connect(x, h, np.full((2, 2), weight), weight_bits=8)
+    return builder.build()
+
+
+def test_a_program_whose_writing_was_cut_off_is_read(tmp_path):
+    out = tmp_path / "out"
+    program(4).save(out)
+    os.rename(out, tmp_path / ".out.locsnn-replaced")
+    assert hw.load_program(out).name == program(4).name
+    assert names(tmp_path) == ["out", "out/program.npz", "out/program.yaml"]
+    os.rename(out, tmp_path / "journal")
+    program(8).save(out)
+    os.rename(tmp_path / "journal", out / folders.JOURNAL)
+    loaded = hw.load_program(out)
+    assert set(loaded.cores[0].axons.mantissa.tolist()) == {4}
+    assert names(out) == ["program.npz", "program.yaml"]
