@@ -34,6 +34,8 @@ INPUT = "input"
 DELAY_MAX = 62
 THRESHOLD_MAX = 2**17 - 1
 BIAS_EXPONENT = 6
+INPUT_WEIGHT = 64
+"""A value of 1 at the neurons of an input layer, as slayer counts in training."""
 _REFUSED = {
     "convT": "Replace it with a convolution.",
     "unpool": "Train without it.",
@@ -97,14 +99,10 @@ def _simulation(file: NetFile) -> tuple[float | None, int]:
 def _add(built: _Built, layer: NetLayer, where: str) -> None:
     kind = layer.kind
     if kind == "input":
-        if any(key.startswith("neuron/") for key in layer.values):
-            raise InputError(
-                where,
-                "the input layer turns values into spikes with neurons of its own",
-                fix="Give these spikes as events, and leave the layer out (netx: skip_layers=1).",
-            )
         built.shape = _shape(layer, where)
         built.views.append(InputView(INPUT, "time", math.prod(built.shape)))
+        if any(key.startswith("neuron/") for key in layer.values):
+            _add_input_neurons(built, layer, where)
     elif kind == "flatten":
         built.shape = None if built.shape is None else (math.prod(built.shape),)
     elif kind in ("dense", "dense_rec", "conv", "pool"):
@@ -136,6 +134,16 @@ def _add_neurons(built: _Built, layer: NetLayer, where: str) -> None:
     built.source, built.shape = name, shape
 
 
+def _add_input_neurons(built: _Built, layer: NetLayer, where: str) -> None:
+    """Add the neurons of an input layer, each of which an event reaches as the value 1."""
+    assert built.shape is not None
+    name, size = f"layer{layer.number}", math.prod(built.shape)
+    one = matrix(sparse.csr_array(INPUT_WEIGHT * sparse.eye_array(size, dtype=np.int64)), np.int64)
+    built.populations.append(Population(name, "time", size, _neurons(layer, built.shape, where)))
+    built.projections.append(_projection(INPUT, name, one, 0, where))
+    built.source = name
+
+
 def _weights(built: _Built, layer: NetLayer, where: str) -> tuple[Matrix, Shape, int]:
     """Return the mantissas (n, n_source), the layer's shape and n_source."""
     weight = layer.whole("weight", where)
@@ -153,23 +161,35 @@ def _weights(built: _Built, layer: NetLayer, where: str) -> tuple[Matrix, Shape,
                 fix="Export it again.",
             )
         return matrix(held, np.int64), shape, source
-    if built.shape is None:
-        raise InputError(where, "the shape of its input is not known", fix="Export the input layer too.")
+    given = built.shape or _image_before(layer, weight.shape, shape, where)
     kernel = weight.reshape(weight.shape[:4]) if weight.ndim == 5 and weight.shape[4] == 1 else weight
     groups = layer.one("groups", where, 1)
     if layer.kind == "pool" and kernel.ndim == 4:
-        groups = built.shape[0]
+        groups = given[0]
         check_entries(kernel.size * groups, where)
         kernel = np.tile(kernel[:1, :1], (groups, 1, 1, 1))
-    if kernel.ndim != 4 or len(built.shape) != 3:
+    if kernel.ndim != 4 or len(given) != 3:
         raise InputError(where, "it is no layer of images", measured=f"weight {weight.shape}", fix="Export it again.")
     stride, padding, dilation = (_pair(layer, key, where) for key in ("stride", "padding", "dilation"))
     found, out = convolution(
-        kernel, built.shape, stride=stride, padding=padding, dilation=dilation, groups=groups, where=where
+        kernel, given, stride=stride, padding=padding, dilation=dilation, groups=groups, where=where
     )
     if out != shape:
         raise InputError(where, "its shape is not what it computes", measured=f"{shape} for {out}", fix="Export again.")
-    return matrix(found, np.int64), shape, math.prod(built.shape)
+    return matrix(found, np.int64), shape, math.prod(given)
+
+
+def _image_before(layer: NetLayer, kernel: Shape, shape: Shape, where: str) -> Shape:
+    """Return the image that a convolution is given where no layer says it: with a stride of 1 its own shape does."""
+    stride, padding, dilation = (_pair(layer, key, where) for key in ("stride", "padding", "dilation"))
+    if layer.kind != "conv" or len(kernel) < 4 or len(shape) != 3 or set(stride) != {1}:
+        raise InputError(where, "the shape of its input is not known", fix="Export the input layer too.")
+    rows, columns = (
+        n - 1 + d * (k - 1) + 1 - 2 * p for n, d, k, p in zip(shape[1:], dilation, kernel[2:4], padding, strict=True)
+    )
+    if min(rows, columns) < 1:
+        raise InputError(where, "its padding is wider than its input", measured=f"{padding}", fix="Export it again.")
+    return (kernel[1] * layer.one("groups", where, 1), rows, columns)
 
 
 def _pair(layer: NetLayer, name: str, where: str) -> tuple[int, int]:

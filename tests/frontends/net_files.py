@@ -63,7 +63,10 @@ def play(layers, spikes):
     for number, layer in enumerate(layers):
         if layer["type"] in ("input", "flatten"):
             shape = tuple(layer["shape"]) if layer["type"] == "input" else shape
-            continue
+            if "neuron" not in layer:
+                continue
+            # An event is the value 1, which is 64 on the scale of the weights.
+            layer = {**layer, "type": "dense", "weight": 64 * np.eye(int(np.prod(layer["shape"])))}
         rows = outputs[number] = play_layer(layer, rows, shape)
         shape = tuple(int(n) for n in layer["shape"])
     return outputs

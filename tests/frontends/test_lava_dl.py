@@ -27,6 +27,7 @@ CONV = {
 NETS = {
     "dense": [dense(RNG, 12, 10), dense(RNG, 5, 12)],
     "input layer": [{"type": "input", "shape": np.array([10])}, dense(RNG, 12, 10)],
+    "input layer with neurons": [{**IMAGE, "neuron": neuron(4096, 4096, 32)}, CONV, {"type": "flatten", "shape": np.array([36])}, dense(RNG, 5, 36)],
     "loihi neurons of old files": [dense(RNG, 12, 10, neuron=neuron(kind="LOIHI", theta=80.0, tauRho=1.0, scaleRho=1.0, wgtExp=0))],
     "a decay each": [dense(RNG, 12, 10, neuron=neuron(RNG.integers(0, 4097, 12), RNG.integers(0, 4097, 12), RNG.integers(100, 500, 12)))],
     "bias": [dense(RNG, 12, 10, bias=RNG.integers(-9, 30, 12).astype(np.float32))],
@@ -62,6 +63,14 @@ def test_the_chip_spikes_as_the_files_integers_say(name, tmp_path):
     np.testing.assert_array_equal(evaluate(network, given[None]).spikes[f"layer{max(wanted)}"][0], wanted[max(wanted)])
 
 
+def test_a_conv_of_stride_1_needs_no_input_layer(tmp_path):
+    layer = CONV | {"stride": np.array([1, 1]), "shape": np.array([4, 6, 6])}
+    for name, layers in (("with", [IMAGE, layer]), ("without", [layer])):
+        write_net(tmp_path / f"{name}.net", layers)
+    both = [lc.load(tmp_path / f"{name}.net").projections[0].mantissa.toarray() for name in ("with", "without")]
+    np.testing.assert_array_equal(*both)
+
+
 def test_integers_are_kept_as_they_are(tmp_path):
     layer = dense(RNG, 12, 10, bias=np.arange(12.0), neuron=neuron(RNG.integers(0, 4097, 12), 77, 4321))
     write_net(tmp_path / "model.net", [layer], {"Ts": 1.0, "tSample": 50})
@@ -85,7 +94,8 @@ REFUSED = [
     ("average", [dense(RNG, 3, 4), {"type": "average", "shape": np.array([3])}], ", layer 1: 'average' has no meaning on the chip. Count the spikes of the layer before it."),
     ("a layer of no kind", [{"type": "wide", "shape": np.array([3])}], ", layer 0: 'wide' is no known type of layer. Use dense and conv layers."),
     ("a decay out of range", [dense(RNG, 3, 4, neuron=neuron(5000))], ", layer 0: iDecay is no decay (5000..5000 against 0..4096). Correct."),
-    ("an input with neurons", [{"type": "input", "shape": np.array([4]), "neuron": neuron()}], ", layer 0: the input layer turns values into spikes with neurons of its own. Give these spikes as events, and leave the layer out (netx: skip_layers=1)."),
+    ("a conv of stride 2 on its own", [CONV], ", layer 0: the shape of its input is not known. Export the input layer too."),
+    ("a conv that is all padding", [CONV | {"stride": np.array([1, 1]), "padding": np.array([9, 9])}], ", layer 0: its padding is wider than its input ((9, 9)). Export it again."),
     ("absurd sizes", [{"type": "input", "shape": np.array([2**40])}], ", layer 0: no size to work with ((1099511627776,) against 1 to 1000000). Correct."),
 ]  # fmt: skip
 
