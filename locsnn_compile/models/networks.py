@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from locsnn_compile.data.sensor import channel_walk
-from locsnn_compile.errors import InputError
 from locsnn_compile.models.ann import ArtificialNetwork, Cnn3d, GruMlp
 from locsnn_compile.models.branch_graph import branch_graph
 from locsnn_compile.models.chip_layers import ChipLayer
@@ -26,10 +25,6 @@ from locsnn_compile.models.graph_layer import GraphLayer
 from locsnn_compile.models.lif import LLIF, TLIF, LifLayer
 from locsnn_compile.models.srm import INITIAL_SCALE, LSRM, TSRM, SRMLayer, transpose_recording
 from locsnn_compile.models.touch_model import TouchModel
-
-#: Longest step axis of a torch network in float: a matrix of this size squared takes 128 MB in double precision.
-MAX_MATRIX_STEPS = 4_000
-
 
 Layer = SRMLayer | LifLayer | GraphLayer | ChipLayer
 
@@ -51,8 +46,6 @@ class TouchNetwork(TouchModel):
         super().__init__(description, chip)
         generator = torch.Generator().manual_seed(seed)
         layout = description.input
-        if chip is None and description.structure.neurons == "srm":
-            _check_matrix(description)
         walk = np.zeros(0, dtype=np.int64)
         if description.location_taxels is not None:
             walk = channel_walk(
@@ -79,8 +72,7 @@ class TouchNetwork(TouchModel):
         if self.chip is not None:
             numbers = self.chip.populations[name]
             return ChipLayer(inputs, outputs, description.srm, numbers=numbers, strategy=self.chip.strategy, **start)
-        steps = description.input.steps if on_time else description.input.channels
-        return (TSRM if on_time else LSRM)(inputs, outputs, steps, description.srm, **start)
+        return (TSRM if on_time else LSRM)(inputs, outputs, description.srm, **start)
 
     def layer(self, name: str) -> Layer:
         """Return the layer of a population."""
@@ -129,18 +121,6 @@ class TouchNetwork(TouchModel):
         """Return the mantissas [out, in] by population name, of a network on the chip's integers."""
         layers = {name: self.layer(name) for name in self.description.weight_shapes}
         return {name: layer.mantissas() for name, layer in layers.items() if isinstance(layer, ChipLayer)}
-
-
-def _check_matrix(description: NetworkDescription) -> None:
-    """Refuse more steps than a kernel matrix is made for."""
-    longest = max(description.input.steps, description.input.channels)
-    if longest > MAX_MATRIX_STEPS:
-        raise InputError(
-            f"network {description.name!r}",
-            "it has too many steps for torch layers, whose kernel is a matrix of steps by steps",
-            measured=f"{longest} against {MAX_MATRIX_STEPS}",
-            fix="Bin the recordings wider.",
-        )
 
 
 class TactileSNN(TouchNetwork):

@@ -1,8 +1,11 @@
-"""Spike response layers in torch: the psp as a matrix product, the spikes as one compiled scan.
+"""Spike response layers in torch: sums of weights as a matrix product, potentials and spikes as one compiled scan.
 
-Forward: psp = M (x W^T) with M from :func:`psp_matrix`; then, step by step, u = psp + refractory terms and a
-spike where u >= theta. Backward: SLAYER's surrogate (Shrestha and Orchard 2018), with u after the refractory
-terms.
+Both kernels run in their recursive form, k * a^(k - 1) as two first-order filters in a row, with their whole tails:
+
+    psp(t) = gain * sum over s < t of (t - s) a^(t - s - 1) drive(s),   u = psp + refractory terms,   spike = u >= theta
+
+Backward: SLAYER's surrogate (Shrestha and Orchard 2018) with u after the refractory terms, then the same filter
+backwards in time. As in SLAYER, no gradient goes through the refractory terms.
 """
 
 from __future__ import annotations
@@ -17,7 +20,7 @@ from torch import Tensor, nn
 
 from hw_model.compiled import compiled
 from locsnn_compile.models.description import NeuronParameters
-from locsnn_compile.models.kernels import psp_matrix, refractory_recursion
+from locsnn_compile.models.kernels import psp_recursion, refractory_recursion
 
 #: Weights start uniform in +-INITIAL_SCALE / sqrt(inputs). SLAYER's dense layers start at 10; on validation
 #: recordings of Ev-Objects 3 did better (accuracy 0.88 against 0.85, two seeds), and still makes threshold 10 fire.
@@ -25,72 +28,89 @@ INITIAL_SCALE = 3.0
 
 
 @compiled
-def _scan(
-    potential: NDArray[Any],
-    spikes: NDArray[Any],
-    charge: NDArray[Any],
-    pull: NDArray[Any],
-    constants: tuple[Any, ...],
+def _respond(
+    drive: NDArray[Any], constants: tuple[Any, ...], potential: NDArray[Any], spikes: NDArray[Any]
 ) -> None:  # pragma: no cover - compiled
-    theta, decay, gain, zero, one = constants
-    batch, steps, size = potential.shape
+    # Zero and one travel as constants of the drive's type: literals would make the loop compute in float64.
+    theta, decay, gain, pull_decay, pull_gain, zero, one = constants
+    batch, steps, size = drive.shape
+    current, response = np.empty(size, drive.dtype), np.empty(size, drive.dtype)
+    charge, pull = np.empty(size, drive.dtype), np.empty(size, drive.dtype)
     for b in range(batch):
+        current[:] = zero
+        response[:] = zero
         charge[:] = zero
         pull[:] = zero
         for t in range(steps):
             for i in range(size):
-                pull[i] = decay * pull[i] + charge[i]
-                u = potential[b, t, i] + gain * pull[i]
+                response[i] = decay * response[i] + current[i]
+                pull[i] = pull_decay * pull[i] + charge[i]
+                u = gain * response[i] + pull_gain * pull[i]
                 spike = one if u >= theta else zero
-                charge[i] = decay * charge[i] + spike
+                current[i] = decay * current[i] + drive[b, t, i]
+                charge[i] = pull_decay * charge[i] + spike
                 potential[b, t, i] = u
                 spikes[b, t, i] = spike
 
 
-def scan_spikes(psp: NDArray[Any], neuron: NeuronParameters) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return (spikes, u) of postsynaptic potentials ``psp`` (batch, steps, n), in its own float type.
+@compiled
+def _respond_back(
+    by_potential: NDArray[Any], constants: tuple[Any, ...], by_drive: NDArray[Any]
+) -> None:  # pragma: no cover - compiled
+    decay, gain, zero = constants
+    batch, steps, size = by_potential.shape
+    current, response = np.empty(size, by_drive.dtype), np.empty(size, by_drive.dtype)
+    for b in range(batch):
+        current[:] = zero
+        response[:] = zero
+        for t in range(steps - 1, -1, -1):
+            for i in range(size):
+                response[i] = decay * response[i] + current[i]
+                current[i] = decay * current[i] + by_potential[b, t, i]
+                by_drive[b, t, i] = gain * response[i]
 
-    Per neuron, with r = sum over own past spikes of k * decay^(k - 1) kept in two state variables
-    (see :func:`refractory_recursion`): u(t) = psp(t) + gain * r(t); a spike (1) where u(t) >= theta.
+
+def respond(drive: NDArray[Any], neuron: NeuronParameters) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return (spikes, u), both (batch, steps, n), of the weights that each step's spikes add up to, ``drive``.
+
+    In the drive's own float type. u(t) = psp(t) + gain * r(t), where r sums k * decay^(k - 1) over own past spikes (see
+    :func:`refractory_recursion`); a spike (1) where u(t) >= theta.
     """
-    u = np.array(psp, order="C", copy=True)
-    spikes = np.empty_like(u)
-    decay, gain = refractory_recursion(neuron)
-    # Zero and one travel as constants of u's type: literals would make the compiled loop compute in float64.
-    constants = (
-        u.dtype.type(neuron.theta),
-        u.dtype.type(decay),
-        u.dtype.type(gain),
-        u.dtype.type(0),
-        u.dtype.type(1),
-    )
-    state = np.empty((2, u.shape[2]), dtype=u.dtype)
-    _scan(u, spikes, state[0], state[1], constants)
-    return spikes, u
+    drive = np.ascontiguousarray(drive)
+    kind = drive.dtype.type
+    values = (neuron.theta, *psp_recursion(neuron.tau_sr), *refractory_recursion(neuron), 0, 1)
+    potential, spikes = np.empty_like(drive), np.empty_like(drive)
+    _respond(drive, tuple(kind(value) for value in values), potential, spikes)
+    return spikes, potential
 
 
-class _Spike(torch.autograd.Function):
-    """grad_psp = grad_spikes * scale_rho / (tau_rho theta) * exp(-|u - theta| / (tau_rho theta))."""
+class _Response(torch.autograd.Function):
+    """grad_u = grad_spikes * scale_rho / (tau_rho theta) * exp(-|u - theta| / (tau_rho theta)); grad_drive is the
+    psp's filter of grad_u, backwards in time.
+    """
 
     @staticmethod
-    def forward(ctx: Any, psp: Tensor, neuron: NeuronParameters) -> Tensor:
-        spikes, u = scan_spikes(psp.detach().numpy(), neuron)
-        ctx.save_for_backward(torch.from_numpy(u))
-        ctx.neuron = neuron
+    def forward(ctx: Any, drive: Tensor, neuron: NeuronParameters) -> Tensor:
+        spikes, u = respond(drive.detach().numpy(), neuron)
+        ctx.neuron, ctx.u = neuron, u
         return torch.from_numpy(spikes)
 
     @staticmethod
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor, None]:
         neuron: NeuronParameters = ctx.neuron
-        (u,) = ctx.saved_tensors
         width = neuron.tau_rho * neuron.theta
-        slope = (u - neuron.theta).abs_().mul_(-1.0 / width).exp_().mul_(neuron.scale_rho / width)
-        return slope.mul_(grads[0]), None
+        slope = (torch.from_numpy(ctx.u) - neuron.theta).abs_().mul_(-1.0 / width).exp_()
+        by_potential = slope.mul_(grads[0]).numpy()
+        kind = by_potential.dtype.type
+        decay, gain = psp_recursion(neuron.tau_sr)
+        by_drive = np.empty_like(by_potential)
+        _respond_back(by_potential, (kind(decay), kind(gain * neuron.scale_rho / width), kind(0)), by_drive)
+        return torch.from_numpy(by_drive), None
 
 
-def spike(psp: Tensor, neuron: NeuronParameters) -> Tensor:
-    """Return the spikes (0 or 1) of psp (batch, steps, n), differentiable by the surrogate above."""
-    spikes: Tensor = _Spike.apply(psp, neuron)  # type: ignore[no-untyped-call]
+def response(drive: Tensor, neuron: NeuronParameters) -> Tensor:
+    """Return the spikes (0 or 1) of a drive (batch, steps, n), differentiable by the surrogate above."""
+    spikes: Tensor = _Response.apply(drive, neuron)  # type: ignore[no-untyped-call]
     return spikes
 
 
@@ -102,13 +122,10 @@ class SRMLayer(nn.Module):
     bias.
     """
 
-    psp: Tensor
-
     def __init__(
         self,
         in_features: int,
         out_features: int,
-        steps: int,
         neuron: NeuronParameters,
         *,
         generator: torch.Generator,
@@ -119,18 +136,10 @@ class SRMLayer(nn.Module):
         bound = initial_scale / math.sqrt(in_features)
         weight = torch.empty(out_features, in_features, dtype=torch.float32)
         self.weight = nn.Parameter(weight.uniform_(-bound, bound, generator=generator))
-        self._psp = psp_matrix(neuron.tau_sr, steps)
-        self.register_buffer("psp", torch.from_numpy(self._psp).to(torch.float32), persistent=False)
-
-    def _apply(self, fn: Any, recurse: bool = True) -> SRMLayer:
-        super()._apply(fn, recurse)  # type: ignore[no-untyped-call]
-        # From the double precision original: a float32 matrix made double would stay rounded to float32.
-        self.psp = torch.from_numpy(self._psp).to(self.psp.dtype)
-        return self
 
     def forward(self, x: Tensor) -> Tensor:
         """Return the spikes of this layer for spikes ``x``."""
-        return spike(torch.matmul(self.psp, torch.matmul(x, self.weight.T)), self.neuron)
+        return response(torch.matmul(x, self.weight.T), self.neuron)
 
 
 class TSRM(SRMLayer):
@@ -146,4 +155,6 @@ class LSRM(SRMLayer):
 
 def transpose_recording(x: Tensor, walk: Tensor) -> Tensor:
     """Return (batch, locations, steps) from x (batch, steps, channels): location l is channel ``walk[l]``."""
-    return x.index_select(2, walk).transpose(1, 2)
+    turned = x.transpose(1, 2)
+    in_channel_order = bool((walk[1:] > walk[:-1]).all()) and len(walk) == turned.shape[1]
+    return turned if in_channel_order else turned.index_select(1, walk)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from locsnn_compile.models.description import NeuronParameters
-from locsnn_compile.models.kernels import alpha_kernel, psp_matrix, refractory_recursion
-from locsnn_compile.models.srm import LSRM, TSRM, scan_spikes, spike, transpose_recording
+from locsnn_compile.models.kernels import psp_recursion, refractory_recursion
+from locsnn_compile.models.srm import LSRM, TSRM, SRMLayer, respond, response, transpose_recording
 
 TAUS = st.floats(0.5, 30.0)
 
@@ -26,40 +27,29 @@ def eps(tau: float, lag: int) -> float:
     return (lag / tau) * math.exp(1 - lag / tau)
 
 
-def brute_scan(psp: np.ndarray, neuron: NeuronParameters) -> tuple[np.ndarray, np.ndarray]:
-    """Sum nu over every own past spike, with no recursion."""
-    spikes, u = np.zeros_like(psp), np.zeros_like(psp)
-    batch, steps, size = psp.shape
+def brute_response(drive: np.ndarray, neuron: NeuronParameters) -> tuple[np.ndarray, np.ndarray]:
+    """Sum eps over every earlier drive and nu over every own past spike, with no recursion."""
+    spikes, u = np.zeros_like(drive), np.zeros_like(drive)
+    batch, steps, size = drive.shape
     for b in range(batch):
         for i in range(size):
             fired: list[int] = []
             for t in range(steps):
-                u[b, t, i] = psp[b, t, i] + sum(nu(neuron, t - s) for s in fired)
+                u[b, t, i] = sum(eps(neuron.tau_sr, t - s) * drive[b, s, i] for s in range(t))
+                u[b, t, i] += sum(nu(neuron, t - s) for s in fired)
                 if u[b, t, i] >= neuron.theta:
                     fired.append(t)
                     spikes[b, t, i] = 1
     return spikes, u
 
 
-@pytest.mark.parametrize(
-    ("tau", "lag", "value"),
-    [
-        pytest.param(10.0, 0, 0.0, id="zero at its start"),
-        pytest.param(10.0, 10, 1.0, id="one at tau"),
-        pytest.param(10.0, 1, 0.1 * math.exp(0.9), id="first step"),
-        pytest.param(1.0, 3, 3 * math.exp(-2), id="tail"),
-    ],
-)
-def test_alpha_kernel_values(tau: float, lag: int, value: float) -> None:
-    assert alpha_kernel(tau, 20)[lag] == pytest.approx(value, rel=1e-15)
-
-
-@given(tau=TAUS, steps=st.integers(1, 40), seed=st.integers(0, 2**32 - 1))
+@given(tau=TAUS)
 @settings(max_examples=30, deadline=None)
-def test_psp_matrix_is_the_kernel_sum(tau: float, steps: int, seed: int) -> None:
-    drive = np.random.default_rng(seed).normal(size=steps)
-    brute = [sum(eps(tau, t - s) * drive[s] for s in range(t + 1)) for t in range(steps)]
-    np.testing.assert_allclose(psp_matrix(tau, steps) @ drive, brute, rtol=1e-12, atol=1e-12)
+def test_psp_recursion_is_the_kernel(tau: float) -> None:
+    decay, gain = psp_recursion(tau)
+    assert gain * tau * decay ** (tau - 1) == pytest.approx(1.0, rel=1e-12)
+    for lag in range(1, 30):
+        assert gain * lag * decay ** (lag - 1) == pytest.approx(eps(tau, lag), rel=1e-12)
 
 
 @given(tau=TAUS, scale=st.floats(0.0, 5.0))
@@ -71,65 +61,121 @@ def test_refractory_recursion_is_the_kernel(tau: float, scale: float) -> None:
         assert gain * lag * decay ** (lag - 1) == pytest.approx(nu(neuron, lag), rel=1e-12, abs=1e-300)
 
 
-@given(tau=TAUS, scale=st.floats(0.0, 4.0), theta=st.floats(0.5, 20.0), seed=st.integers(0, 2**32 - 1))
+@given(tau=TAUS, tau_ref=TAUS, scale=st.floats(0.0, 4.0), theta=st.floats(0.5, 20.0), seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=40, deadline=None)
-def test_scan_equals_brute_force(tau: float, scale: float, theta: float, seed: int) -> None:
-    neuron = NeuronParameters(theta=theta, tau_ref=tau, scale_ref=scale)
-    psp = np.random.default_rng(seed).normal(theta, 2 * theta, size=(2, 25, 3))
-    spikes, u = scan_spikes(psp, neuron)
-    expected_spikes, expected_u = brute_scan(psp, neuron)
+def test_response_equals_brute_force(tau: float, tau_ref: float, scale: float, theta: float, seed: int) -> None:
+    neuron = NeuronParameters(theta=theta, tau_sr=tau, tau_ref=tau_ref, scale_ref=scale)
+    drive = np.random.default_rng(seed).normal(theta / 4, theta, size=(2, 25, 3))
+    spikes, u = respond(drive, neuron)
+    expected_spikes, expected_u = brute_response(drive, neuron)
     assert np.array_equal(spikes, expected_spikes)
     np.testing.assert_allclose(u, expected_u, rtol=1e-9, atol=1e-9 * theta)
 
 
-def test_scan_fires_at_the_threshold_itself() -> None:
-    below = np.nextafter(10.0, 0.0)
-    spikes, _ = scan_spikes(np.array([[[10.0, below]]]), NeuronParameters())
-    assert spikes.tolist() == [[[1.0, 0.0]]]
+def test_neurons_fire_at_the_threshold_itself() -> None:
+    neuron = NeuronParameters(tau_sr=1.0, scale_ref=0.0)
+    _, gain = psp_recursion(1.0)
+    exact = neuron.theta / gain
+    assert gain * exact == neuron.theta
+    drive = np.array([[[exact, np.nextafter(exact, 0.0)], [0.0, 0.0]]])
+    assert respond(drive, neuron)[0].tolist() == [[[0.0, 0.0], [1.0, 0.0]]]
 
 
-def test_scan_keeps_single_precision_and_its_argument() -> None:
-    psp = np.full((1, 4, 2), 12.0, dtype=np.float32)
-    spikes, u = scan_spikes(psp, NeuronParameters())
+def test_response_keeps_single_precision_and_its_argument() -> None:
+    drive = np.full((1, 4, 2), 12.0, dtype=np.float32)
+    spikes, u = respond(drive, NeuronParameters())
     assert (spikes.dtype, u.dtype) == (np.float32, np.float32)
-    assert (psp == 12.0).all()
+    assert (drive == 12.0).all()
+
+
+class Surrogate(torch.autograd.Function):
+    """A step forward; scale_rho / (tau_rho theta) * exp(-|u - theta| / (tau_rho theta)) backward."""
+
+    @staticmethod
+    def forward(ctx: Any, u: torch.Tensor, neuron: NeuronParameters) -> torch.Tensor:
+        ctx.save_for_backward(u)
+        ctx.neuron = neuron
+        return (u >= neuron.theta).to(u.dtype)
+
+    @staticmethod
+    def backward(ctx: Any, *grads: torch.Tensor) -> tuple[torch.Tensor, None]:
+        (u,), neuron = ctx.saved_tensors, ctx.neuron
+        width = neuron.tau_rho * neuron.theta
+        return grads[0] * neuron.scale_rho / width * torch.exp(-(u - neuron.theta).abs() / width), None
+
+
+def stepped(drive: torch.Tensor, neuron: NeuronParameters) -> torch.Tensor:
+    """The recursive form in plain torch, a step at a time, every gradient autograd's but the surrogate's.
+
+    As in SLAYER, the refractory terms carry none.
+    """
+    a, b = math.exp(-1 / neuron.tau_sr), math.exp(-1 / neuron.tau_ref)
+    gain = math.e * a / neuron.tau_sr
+    pull_gain = -neuron.scale_ref * neuron.theta * math.e * b / neuron.tau_ref
+    current, potential, charge, pull = (torch.zeros_like(drive[:, 0]) for _ in range(4))
+    spikes = []
+    for t in range(drive.shape[1]):
+        potential = a * potential + current
+        pull = b * pull + charge
+        fired = Surrogate.apply(gain * potential + pull_gain * pull, neuron)
+        current = a * current + drive[:, t]
+        charge = b * charge + fired.detach()
+        spikes.append(fired)
+    return torch.stack(spikes, dim=1)
 
 
 @given(
-    theta=st.floats(1.0, 20.0), tau_rho=st.floats(0.1, 3.0), scale_rho=st.floats(0.1, 3.0), seed=st.integers(0, 2**31)
-)
+    tau=TAUS, theta=st.floats(1.0, 20.0), tau_rho=st.floats(0.1, 3.0), scale_rho=st.floats(0.1, 3.0),
+    seed=st.integers(0, 2**31),
+)  # fmt: skip
 @settings(max_examples=30, deadline=None)
-def test_surrogate_gradient_is_slayers(theta: float, tau_rho: float, scale_rho: float, seed: int) -> None:
-    neuron = NeuronParameters(theta=theta, tau_rho=tau_rho, scale_rho=scale_rho)
+def test_gradient_is_that_of_the_recursion_by_autograd(
+    tau: float, theta: float, tau_rho: float, scale_rho: float, seed: int
+) -> None:
+    neuron = NeuronParameters(theta=theta, tau_sr=tau, tau_rho=tau_rho, scale_rho=scale_rho)
     generator = torch.Generator().manual_seed(seed)
-    psp = (torch.randn(2, 12, 3, generator=generator, dtype=torch.float64) * theta).requires_grad_()
-    weight = torch.randn(2, 12, 3, generator=generator, dtype=torch.float64)
-    (spike(psp, neuron) * weight).sum().backward()
-    _, u = brute_scan(psp.detach().numpy(), neuron)
-    width = tau_rho * theta
-    expected = scale_rho / width * np.exp(-np.abs(u - theta) / width) * weight.numpy()
-    assert psp.grad is not None
-    np.testing.assert_allclose(psp.grad.numpy(), expected, rtol=1e-9, atol=1e-12)
+    ours = (torch.randn(2, 20, 3, generator=generator, dtype=torch.float64) * theta).requires_grad_()
+    theirs = ours.detach().clone().requires_grad_()
+    weight = torch.randn(2, 20, 3, generator=generator, dtype=torch.float64)
+    (response(ours, neuron) * weight).sum().backward()
+    (stepped(theirs, neuron) * weight).sum().backward()
+    assert ours.grad is not None
+    assert theirs.grad is not None
+    assert theirs.grad.abs().max() > 0
+    np.testing.assert_allclose(ours.grad.numpy(), theirs.grad.numpy(), rtol=1e-9, atol=1e-12)
+
+
+def test_gradients_of_two_layers_are_those_of_the_recursion_by_autograd() -> None:
+    neuron = NeuronParameters()
+    generator = torch.Generator().manual_seed(11)
+    layers = [SRMLayer(*shape, neuron, generator=generator, initial_scale=40.0).double() for shape in ((8, 6), (6, 4))]
+    x = (torch.rand(3, 30, 8, generator=generator) < 0.3).double()
+    aim = torch.randn(3, 30, 4, generator=generator, dtype=torch.float64)
+    spikes = layers[1](layers[0](x))
+    (spikes * aim).sum().backward()
+    mine = [layer.weight.detach().clone().requires_grad_() for layer in layers]
+    expected = stepped(stepped(x @ mine[0].T, neuron) @ mine[1].T, neuron)
+    (expected * aim).sum().backward()
+    assert 10 < spikes.sum() == expected.sum()
+    for layer, weight in zip(layers, mine, strict=True):
+        assert layer.weight.grad is not None
+        assert weight.grad is not None
+        np.testing.assert_allclose(layer.weight.grad.numpy(), weight.grad.numpy(), rtol=1e-9, atol=1e-12)
 
 
 def brute_layer(x: np.ndarray, weight: np.ndarray, neuron: NeuronParameters) -> np.ndarray:
     """Every input spike through the kernel, one by one."""
-    batch, steps, inputs = x.shape
-    psp = np.zeros((batch, steps, len(weight)))
-    for b in range(batch):
-        for s in range(steps):
-            for j in range(inputs):
-                if x[b, s, j]:
-                    for t in range(s, steps):
-                        psp[b, t] += weight[:, j] * eps(neuron.tau_sr, t - s)
-    return brute_scan(psp, neuron)[0]
+    drive = np.zeros((*x.shape[:2], len(weight)))
+    for b, s, j in np.argwhere(x):
+        drive[b, s] += weight[:, j]
+    return brute_response(drive, neuron)[0]
 
 
 @pytest.mark.parametrize("kind", [TSRM, LSRM])
 def test_layer_equals_brute_force(kind: type[TSRM] | type[LSRM]) -> None:
     neuron = NeuronParameters()
     generator = torch.Generator().manual_seed(3)
-    layer = kind(6, 4, 20, neuron, generator=generator, initial_scale=10.0).double()
+    layer = kind(6, 4, neuron, generator=generator, initial_scale=10.0).double()
     x = np.random.default_rng(5).random((2, 20, 6)) < 0.3
     spikes = layer(torch.from_numpy(x.astype(np.float64))).detach().numpy()
     expected = brute_layer(x, layer.weight.detach().numpy(), neuron)
@@ -137,14 +183,8 @@ def test_layer_equals_brute_force(kind: type[TSRM] | type[LSRM]) -> None:
     assert np.array_equal(spikes, expected)
 
 
-def test_double_uses_the_kernel_in_full_precision() -> None:
-    layer = TSRM(3, 2, 15, NeuronParameters(), generator=torch.Generator().manual_seed(0))
-    assert layer.psp.dtype == torch.float32
-    assert np.array_equal(torch.nn.Sequential(layer).double()[0].psp.numpy(), psp_matrix(10.0, 15))
-
-
 def test_layer_takes_input_that_is_not_contiguous() -> None:
-    layer = LSRM(20, 3, 6, NeuronParameters(), generator=torch.Generator().manual_seed(1))
+    layer = LSRM(20, 3, NeuronParameters(), generator=torch.Generator().manual_seed(1))
     x = (torch.rand(2, 20, 6, generator=torch.Generator().manual_seed(2)) < 0.4).float()
     turned = x.transpose(1, 2)
     assert not turned.is_contiguous()

@@ -25,6 +25,8 @@ RECIPES: Mapping[str, Sequence[str]] = {
         "numpy<2 scipy h5py pyyaml matplotlib networkx asteval scikit-image",
     ),
     "sanafe": ("numpy<3 sanafe==2.2.9",),
+    "snntorch": ("numpy<3 torch==2.13.0 snntorch==1.0.0",),
+    "spikingjelly": ("numpy<3 torch==2.13.0 spikingjelly==2.0.0",),
 }
 """The calls of ``pip install`` that fill an environment; lava-dl's own requirements cannot be met together."""
 

@@ -1,0 +1,31 @@
+"""Sections of a page that a script of their own writes, between markers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+def markers(name: str) -> tuple[str, str]:
+    """Return the lines that a section lies between."""
+    return f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
+
+
+def section_of(page: str, name: str) -> str | None:
+    """Return a section with its markers, or None where the page has none."""
+    begin, end = markers(name)
+    if begin not in page or end not in page:
+        return None
+    return page[page.index(begin) : page.index(end) + len(end)]
+
+
+def with_section(page: str, name: str, text: str) -> str:
+    """Return the page with the section in the place of the one it has, or at its end."""
+    begin, end = markers(name)
+    new = f"{begin}\n{text.strip()}\n{end}"
+    old = section_of(page, name)
+    return page.replace(old, new) if old is not None else f"{page.rstrip()}\n\n{new}\n"
+
+
+def put_section(path: Path, name: str, text: str) -> None:
+    """Write a section into the page at ``path``."""
+    path.write_text(with_section(path.read_text(encoding="utf-8"), name, text), encoding="utf-8")
