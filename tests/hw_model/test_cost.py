@@ -4,26 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cost_programs import chain, crossroads, hybrid
 
 import hw_model as hw
-from hw_model.cost import energy_pj, latency, step_times
+from hw_model.cost import critical_path, energy_pj, latency, step_times
 
 CHIP = hw.chip("loihi-sim")
 
 
-def chain():
-    """x -> a -> b on one core: every input event makes a spike of a, and that one of b."""
-    builder = hw.ProgramBuilder(CHIP)
-    x = builder.add_input("x", 1)
-    a = builder.add_compartments("a", 1, decay_u=4096, decay_v=4096, threshold=10)
-    b = builder.add_compartments("b", 1, decay_u=4096, decay_v=4096, threshold=10)
-    builder.connect(x, a, [[20]])
-    builder.connect(a, b, [[20]])
-    return builder.build()
-
-
 def test_counts_of_a_chain():
-    counts = hw.simulate(chain(), [[1], [0], [0], [0]]).counts
+    worked = chain()
+    counts = hw.simulate(worked.program, worked.recording).counts
     assert counts.synaptic_ops == 2  # x -> a and a -> b
     assert counts.neuron_updates == 8  # two compartments, four steps
     assert counts.neuron_updates_active == 4  # a and b in the step of their charge, and with u left in the next
@@ -33,26 +24,56 @@ def test_counts_of_a_chain():
     assert (counts.input_events, counts.input_packets, counts.hops) == (1, 1, 0)
 
 
-@pytest.mark.parametrize(
-    ("profile", "pj"),
-    [
-        ("davies2018", 2 * 23.6 + 4 * 81 + 4 * 52 + 1 * 1.7),
-        ("sanafe", 2 * 35.5 + 8 * 51.2 + 4 * 21.6 + 2 * 69.3 + 1 * 111),
-    ],
-)
-def test_energy_of_a_chain(profile, pj):
-    counts = hw.simulate(chain(), [[1], [0], [0], [0]]).counts
-    assert sum(energy_pj(counts, CHIP.profile(profile)).values()) == pytest.approx(pj, rel=1e-12)
+@pytest.mark.parametrize("profile", CHIP.profiles)
+@pytest.mark.parametrize("worked", [chain(), crossroads(), hybrid()], ids=lambda worked: worked.program.name)
+def test_energy_and_latency_worked_out_by_hand(worked, profile):
+    """Equal to the last of the digits that the constants have, and far beyond."""
+    result = hw.simulate(worked.program, worked.recording, probe=("activity",))
+    costs = CHIP.profile(profile)
+    assert round(sum(energy_pj(result.counts, costs).values()), 9) == round(worked.pj[profile], 9)
+    time = latency(worked.program, {phase: found[0] for phase, found in result.activity.items()}, costs)
+    wanted = worked.phase_ns[profile]
+    assert {phase: round(ns, 9) for phase, ns in time.by_phase_ns.items()} == {
+        phase: round(ns, 9) for phase, ns in wanted.items()
+    }
+    assert round(time.total_ns, 9) == round(sum(wanted.values()), 9)
+    assert round(time.after_last_row_ns, 9) == round(worked.after_last_row_ns[profile], 9)
 
 
-def test_latency_of_a_chain():
-    program = chain()
-    result = hw.simulate(program, [[1], [0], [0], [0]], probe=("activity",))
-    time = latency(program, {"time": result.activity["time"][0]}, CHIP.profile("davies2018"))
-    # step 0: x's synapse; 1: a active, fires to b; 2: a (u left) and b active; 3: b (u left) active.
-    steps = (3.5 + 2 * 5.3, 8.4 + 5.3 + 3.5 + 2.1, 2 * 8.4, 8.4 + 5.3)
-    assert time.total_ns == pytest.approx(sum(steps) + 4 * 113.0, rel=1e-12)
-    assert time.critical_core == 0
+def test_the_figures_worked_out_by_hand_in_digits():
+    """The same figures as numbers, so that a slip of the working would show."""
+    found = {
+        worked.program.name: (worked.pj, {name: sum(ns.values()) for name, ns in worked.phase_ns.items()})
+        for worked in (chain(), crossroads(), hybrid())
+    }
+    assert {name: {p: round(v, 9) for p, v in pj.items()} for name, (pj, _) in found.items()} == {
+        "chain": {"davies2018": 580.9, "sanafe": 816.6},
+        "crossroads": {"davies2018": 876.4, "sanafe": 1487.8},
+        "hybrid": {"davies2018": 488.6, "sanafe": 672.4},
+    }
+    assert {name: {p: round(v, 9) for p, v in ns.items()} for name, (_, ns) in found.items()} == {
+        "chain": {"davies2018": 515.9, "sanafe": 2569.3},
+        "crossroads": {"davies2018": 1014.0, "sanafe": 4114.4},
+        "hybrid": {"davies2018": 624.8, "sanafe": 3228.3},
+    }
+
+
+def test_a_step_waits_for_the_farthest_packet():
+    worked = crossroads()
+    result = hw.simulate(worked.program, worked.recording, probe=("activity",))
+    times = step_times(worked.program, "time", result.activity["time"][0], CHIP.profile("davies2018"))
+    path = critical_path(times)
+    assert [worked.program.cores[i].slot for i in path.last] == [0, 2, 0]
+    assert [worked.program.cores[i].slot for i in path.sender] == [0, 0, 0]
+    assert {part: np.round(ns, 9).tolist() for part, ns in path.parts_ns.items()} == {
+        "updates": [5.3, 8.4, 8.4],
+        "sending": [0, 0, 0],
+        "mesh": [0, 12.3, 0],
+        "buffer": [0, 0, 0],
+        "deliveries": [0, 0, 0],
+        "synapses": [3.5, 3.5, 0],
+        "barrier": [324.2, 324.2, 324.2],
+    }
 
 
 def test_hops_are_counted_from_tile_to_tile():
@@ -83,8 +104,8 @@ def test_hops_table(slots, hops):
 
 
 def test_times_of_every_step_and_core_of_a_chain():
-    program = chain()
-    result = hw.simulate(program, [[1], [0], [0], [0]], probe=("activity",))
+    program = chain().program
+    result = hw.simulate(program, chain().recording, probe=("activity",))
     times = step_times(program, "time", result.activity["time"][0], CHIP.profile("davies2018"))
     assert times.work_ns["synaptic_ops"].ravel().tolist() == [3.5, 3.5, 0, 0]
     assert times.work_ns["neuron_updates_active"].ravel().tolist() == [0, 8.4, 2 * 8.4, 8.4]
