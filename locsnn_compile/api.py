@@ -73,20 +73,22 @@ def compile(
     budget: ErrorBudget | None = None,
     psi: float = PSI,
     split_weights: float | None = None,
+    profile: str | Path | None = None,
 ) -> CompiledModel:
     """Compile a network for a chip and check it against the float reference.
 
-    ``target``: a chip's name, or the path of a chip YAML. ``events``: recordings to check on - a file, archive or
-    folder, or an array (samples, steps, channels) of 0 and 1; by default those that the model carries, else synthetic
-    touches. ``labels`` (samples,) where ``events`` is an array. ``diagnosis``: take the error apart too, follow
-    predictions over time, on some of the recordings, and keep an excerpt of one to look at; ``psi`` is that of the
-    time-weighted prediction. ``strategy``: how SRM neurons are lowered; ``auto`` takes the cheapest. ``split_weights``:
-    the share, 0 to 1, of their weights that get a second synapse. A ``budget`` is kept by the cheapest setting of
-    strategy, split weights and at most ``weight_bits`` that keeps it on ``calibration``. Weights are rounded for these
-    recordings, too. They are given like ``events``, of a divided archive the train part; by default they are what the
-    model carries, else synthetic
-    touches, so that the program does not depend on the recordings that it is checked on; else ``events``. Raises
-    ``InputError`` for what cannot be used and ``TargetError`` for a model that the chip cannot hold.
+    ``target``: a chip's name, or the path of a chip YAML. ``profile``: the costs that ``auto`` and the report go by, a
+    profile of the chip, by default its first, or the path of a YAML file like one. ``events``: recordings to check on -
+    a file, archive or folder, or an array (samples, steps, channels) of 0 and 1; by default those that the model
+    carries, else synthetic touches. ``labels`` (samples,) where ``events`` is an array. ``diagnosis``: take the error
+    apart too, follow predictions over time, on some of the recordings, and keep an excerpt of one to look at; ``psi``
+    is that of the time-weighted prediction. ``strategy``: how SRM neurons are lowered; ``auto`` takes the cheapest.
+    ``split_weights``: the share, 0 to 1, of their weights that get a second synapse. A ``budget`` is kept by the
+    cheapest setting of strategy, split weights and at most ``weight_bits`` that keeps it on ``calibration``. Weights
+    are rounded for these recordings, too. They are given like ``events``, of a divided archive the train part; by
+    default they are what the model carries, else synthetic touches, so that the program does not depend on the
+    recordings that it is checked on; else ``events``. Raises ``InputError`` for what cannot be used and ``TargetError``
+    for a model that the chip cannot hold.
     """
     if strategy not in STRATEGIES:
         raise InputError(
@@ -95,7 +97,7 @@ def compile(
     check_weight_bits(weight_bits)
     _check_share(split_weights)
     check_network(network)
-    chip = hw.chip(target)
+    chip = hw.chip(target) if profile is None else hw.priced_by(hw.chip(target), profile)
     recordings = recordings_for(network, events, labels)
     if network.any_length:
         network = replace(network, steps=recordings.spikes.shape[1])

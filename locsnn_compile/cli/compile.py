@@ -40,6 +40,7 @@ _SPLIT = (
     "weights that get a second synapse for what the first cannot hold: none, all, or a share 0..1 (default: none, or "
     "what --min-agreement and --max-spike-error need)"
 )
+_PROFILE = "costs of the report: a profile of the chip, or a YAML file like one (default: the chip's first)"
 _PSI = "how late the time-weighted prediction of the report turns to the location branch (default 10)"
 LEVEL_KINDS = ("network", "quantized", "compartments", "placed", "routed", "program")
 EMIT_KINDS = (*LEVEL_KINDS, *BENCH_KINDS, *EXCHANGE_KINDS)
@@ -56,6 +57,7 @@ def parser() -> Parser:
     add = made.add_argument
     add("model", metavar="MODEL", help="a checkpoint (.pt) of `locsnn train`, a NIR graph (.nir), a lava-dl net (.net)")
     add("--target", default="loihi-sim", metavar="CHIP", help="chip name or chip file (default loihi-sim)")
+    add("--profile", metavar="NAME|FILE", help=_PROFILE)
     add("-o", "--output", metavar="DIR", help="folder to write (default build/<model name>)")
     add("--events", metavar="FILE", help="recordings to check on: .zip, folder, .npy, .npz, .pt, .tact")
     add("--strategy", default="auto", metavar="NAME", help=_STRATEGY)
@@ -132,6 +134,7 @@ def run(args: Namespace) -> int:
             budget=ErrorBudget(args.min_agreement, args.max_spike_error),
             split_weights=args.split_weights,
             psi=args.psi,
+            profile=args.profile,
         )
     files = build_files(compiled, args.emit) | _emitted(args, compiled, recordings)
     gates = check_gates(compiled.report, _bounds(args))

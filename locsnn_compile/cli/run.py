@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.cli.shell import progress_bar
@@ -39,6 +40,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add = parser.add_argument
     add("program", metavar="DIR", help="folder that locsnn-compile wrote")
     add("--events", required=True, metavar="FILE", help="recordings: .zip, folder, .npy, .npz, .pt, .tact")
+    add("--profile", metavar="NAME|FILE", help="costs to show: a profile of the chip, or a YAML file like one")
     add("--engine", default="fast", metavar="NAME", help="fast or reference (default fast); equal integers")
     add("--stream", action="store_true", help="play step by step; show each change of the prediction, and the pace")
     add("--psi", type=float, metavar="X", help="with --stream or --stop margin: weigh the branches by time, such as 10")
@@ -60,6 +62,8 @@ def run(args: argparse.Namespace) -> int:
     from locsnn_compile.data.read import read_recordings
 
     program = hw.load_program(args.program)
+    if args.profile:
+        program = replace(program, chip=hw.priced_by(program.chip, args.profile))
     recordings = read_recordings(args.events)
     rows, counts = _play(program, recordings, args.engine)
     totals = hw.energy_pj(counts, program.chip.profile(program.chip.default_profile))
