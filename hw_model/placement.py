@@ -176,18 +176,30 @@ def _fill(
 
 
 def _crowded_by_output(placed: PlacedGraph) -> dict[str, int]:
-    """Return the populations of cores with too many output axons, and how many neurons of each fit a core."""
+    """Return the populations of cores with too many output axons, and how many neurons of each fit a core.
+
+    Of several on one core it is the one with the most that gives way.
+    """
     limit = placed.chip.limits.output_axons_per_core
-    core_of = placed.core_of_source()
-    senders = np.concatenate([axons[core_of[axons] >= 0] for axons in placed.axons])
-    output_axons = np.bincount(core_of[senders], minlength=placed.cores)
-    crowded: dict[str, int] = {}
+    first, core_of = first_source(placed.graph), placed.core_of_source()
+    every = np.concatenate(placed.axons)
+    reached = np.bincount(every[core_of[every] >= 0], minlength=len(core_of))
     spiking = {group.name for group in placed.graph.groups if group.spiking}
-    for core in np.flatnonzero(output_axons > limit):
-        for piece in placed.slices:
-            if piece.core == core and piece.group in spiking:
-                fewer = min(piece.size - 1, int(piece.size * limit / output_axons[core]))
-                crowded[piece.group] = min(crowded.get(piece.group, fewer), fewer)
+    output_axons: dict[int, dict[Slice, int]] = {}
+    for piece in placed.slices:
+        if piece.group in spiking:
+            start = first[piece.group]
+            output_axons.setdefault(piece.core, {})[piece] = int(
+                reached[start + piece.start : start + piece.stop].sum()
+            )
+    crowded: dict[str, int] = {}
+    for on_core in output_axons.values():
+        total = sum(on_core.values())
+        if total > limit:
+            piece = max(on_core, key=lambda piece: on_core[piece])
+            left = max(0, limit - total + on_core[piece])
+            fewer = min(piece.size - 1, piece.size * left // on_core[piece])
+            crowded[piece.group] = min(crowded.get(piece.group, fewer), fewer)
     return crowded
 
 

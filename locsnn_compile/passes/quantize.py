@@ -7,6 +7,8 @@ After:  a QuantizedNetwork. Thresholds are exact, rule included; weights and dec
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from hw_model.chip_description import Chip
@@ -20,6 +22,7 @@ from locsnn_compile.neurons import Cuba, SoftCuba, SrmAlpha
 from locsnn_compile.on_grid import ChipCuba, ChipProjection, ChipSrm
 from locsnn_compile.passes.check_heard import check_heard
 from locsnn_compile.passes.fine_srm import fine_srm
+from locsnn_compile.passes.grades import GRADES
 from locsnn_compile.passes.kernel_fit import kernel_fit
 from locsnn_compile.passes.quantize_cuba import quantize_cuba
 from locsnn_compile.passes.quantize_soft import quantize_soft
@@ -56,7 +59,8 @@ def quantize(
             continue
         floats = [p for p in incoming if isinstance(p, Projection)]
         scaled = _scale(population, neuron, floats, grid, chip, strategy, rounding)
-        scaled, rounded = _round(population, neuron, floats, scaled, chip, grid, rounding, calibration)
+        here = rounding if _holds_grades(floats, chip) else replace(rounding, graded=False)
+        scaled, rounded = _round(population, neuron, floats, scaled, chip, grid, here, calibration)
         fit = kernel_fit(neuron, scaled, chip.registers)
         populations.append(QuantizedPopulation(population, scaled.neuron, scaled.scale, fit))
         parts = [part for of_one in rounded for part in of_one]
@@ -66,6 +70,15 @@ def quantize(
     result = QuantizedNetwork(network, tuple(populations), tuple(projections), pruned)
     check_quantized(result, chip)
     return result
+
+
+def _holds_grades(incoming: list[Projection], chip: Chip) -> bool:
+    """Whether weights in several formats leave a core room: the list of a source takes a word at least in each.
+
+    With that alone, both signs apart, half of a core's synapse memory may be taken.
+    """
+    sources = sum(p.weights.shape[1] for p in incoming)
+    return sources * 2 * GRADES <= chip.limits.synapse_words_per_core // 2
 
 
 def check_quantized(quantized: QuantizedNetwork, chip: Chip) -> None:

@@ -7,13 +7,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from networks import NEURON, hybrid
+from networks import NEURON, hybrid, single
 
 import hw_model as hw
 from hw_model.weights import WEIGHT_BITS
 from locsnn_compile.errors import TargetError
+from locsnn_compile.neurons import Cuba
 from locsnn_compile.passes.kernels import alpha_kernel
 from locsnn_compile.passes.quantize import quantize
+from locsnn_compile.passes.rounding import Rounding
 from locsnn_compile.passes.scaling import HEADROOM
 
 CHIP = hw.chip("loihi-sim")
@@ -90,3 +92,11 @@ def test_what_no_scale_fits(network, message):
 def test_silent_weights_are_held():
     quantized = quantize(hybrid(scale=0.0), CHIP)
     assert all((p.mantissa == 0).all() for p in quantized.projections)
+
+
+@pytest.mark.parametrize(("sources", "several"), [(1024, True), (1025, False)], ids=["room", "no room"])
+def test_weights_take_several_formats_where_a_core_has_room(sources, several):
+    weights = np.geomspace(0.001, 1.0, sources)[None, :]
+    network = single(Cuba.of(1, decay_v=1.0, threshold=1.0), weights)
+    quantized = quantize(network, hw.chip("loihi-sim"), rounding=Rounding(graded=True))
+    assert (len({p.exponent for p in quantized.projections}) > 1) == several

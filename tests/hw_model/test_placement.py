@@ -131,3 +131,18 @@ def test_placement_counts_the_words_that_routing_stores(seed, share, limit):
     assert all(
         one > limit - 10 or core.compartments == 1024 for one, core in zip(used[:-1], program.cores, strict=False)
     )
+
+
+def test_only_those_who_send_too_much_give_way():
+    limits = replace(CHIP.limits, compartments_per_core=40, output_axons_per_core=80, synapse_words_per_core=90)
+    b = hw.ProgramBuilder(replace(CHIP, limits=limits))
+    x = b.add_input("touch", 1)
+    wide, narrow = (
+        b.add_compartments(name, size, decay_u=4096, decay_v=4096, threshold=1)
+        for name, size in (("wide", 70), ("narrow", 24))
+    )
+    b.connect(x, wide, np.full((70, 1), 4))
+    b.connect(wide, narrow, np.full((24, 70), 4))
+    cores = [[(piece.group, piece.size) for piece in core.slices] for core in b.build().cores]
+    wide_alone, narrow_alone = [("wide", 20)], [("narrow", 6)]
+    assert cores == [*[wide_alone] * 3, [("wide", 10), ("narrow", 6)], *[narrow_alone] * 3]
