@@ -9,6 +9,16 @@ from pathlib import Path
 from hw_model.folders import replace_entries
 from locsnn_compile.errors import InputError
 
+LONGEST = 200
+"""Bytes of a folder's name; file systems allow 255, and a stage beside it has a longer one."""
+
+
+def default_folder(model: str, suffix: str = "") -> Path:
+    """Return ``build/<model name>``: one folder inside ``build``, whatever the file is called."""
+    name = "".join(c if c.isprintable() and c not in "/\\" else "_" for c in Path(model).stem)
+    name = name.encode()[:LONGEST].decode(errors="ignore")
+    return Path("build") / f"{name if name.strip('.') else 'model'}{suffix}"
+
 
 def check_folder(folder: Path) -> None:
     """Refuse a folder that cannot be written, before any work is done."""

@@ -43,7 +43,7 @@ _SPLIT = (
 _PROFILE = "costs of the report: a profile of the chip, or a YAML file like one (default: the chip's first)"
 _PSI = "how late the time-weighted prediction of the report turns to the location branch (default 10)"
 LEVEL_KINDS = ("network", "quantized", "compartments", "placed", "routed", "program")
-EMIT_KINDS = (*LEVEL_KINDS, *BENCH_KINDS, *EXCHANGE_KINDS)
+EMIT_KINDS = (*LEVEL_KINDS, *BENCH_KINDS, *EXCHANGE_KINDS, "csv")
 
 
 def parser() -> Parser:
@@ -108,9 +108,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 def run(args: Namespace) -> int:
     """Compile as ``args`` ask. Raises ``InputError`` and ``TargetError``."""
     _check_options(args)
-    from locsnn_compile.build_folder import check_folder, write_build
+    from locsnn_compile.build_folder import check_folder, default_folder, write_build
 
-    folder = Path(args.output) if args.output else Path("build") / Path(args.model).stem
+    folder = Path(args.output) if args.output else default_folder(args.model)
     check_folder(folder)
 
     from hw_model.files import replace_file
@@ -156,6 +156,7 @@ def build_files(compiled: CompiledModel, emit: Sequence[str]) -> dict[str, bytes
     from hw_model.program_file import program_files
     from locsnn_compile.exporters import exchange_file
     from locsnn_compile.level_text import LEVEL_TEXTS
+    from locsnn_compile.report.csv_files import csv_files
     from locsnn_compile.report.html import render_html
     from locsnn_compile.report.markdown import render_markdown
 
@@ -169,7 +170,10 @@ def build_files(compiled: CompiledModel, emit: Sequence[str]) -> dict[str, bytes
     exchanged = {
         f"network.{kind}": exchange_file(kind, compiled.levels.quantized) for kind in EXCHANGE_KINDS if kind in emit
     }
-    return {**program_files(compiled.program), **{name: text.encode() for name, text in texts.items()}, **exchanged}
+    tables = csv_files(report, compiled.excerpt) if "csv" in emit else {}
+    # A name may hold what is no text; JSON reads what stands for it here.
+    written = {name: text.encode(errors="backslashreplace") for name, text in texts.items()}
+    return {**program_files(compiled.program), **written, **exchanged, **tables}
 
 
 def _print_summary(report: dict[str, Any], folder: Path, files: dict[str, bytes]) -> None:

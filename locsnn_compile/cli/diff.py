@@ -5,52 +5,70 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.errors import InputError
 
+if TYPE_CHECKING:
+    from locsnn_compile.report.comparison import Build
+
 _EXAMPLE = """\
 example:
-  locsnn diff build/objects-hybrid build/objects-hybrid-4bit
+  locsnn diff build/objects-hybrid build/objects-hybrid-4bit --html diff.html
 """
 MAX_REPORT_BYTES = 64 << 20
-Figures = dict[str, Any]
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the ``diff`` command."""
     parser = subparsers.add_parser(
         "diff",
-        help="compare the reports of two builds",
-        description="Compare the reports of two builds, figure by figure; figures that are equal are left out.",
+        help="compare two builds",
+        description="Compare the reports and programs of two builds, figure by figure; equal figures are left out.",
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("before", metavar="BUILD_A", help="folder that locsnn-compile wrote")
     parser.add_argument("after", metavar="BUILD_B", help="another one")
     parser.add_argument("--json", action="store_true", help="print the differences as JSON")
+    parser.add_argument("--html", metavar="FILE", help="also write a page that shows them")
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print every figure that differs, with its change in percent where both are numbers."""
-    before, after = (flatten(read_report(Path(folder))) for folder in (args.before, args.after))
-    changed = {
-        key: {"before": before.get(key), "after": after.get(key)}
-        for key in [*before, *(key for key in after if key not in before)]
-        if before.get(key) != after.get(key)
-    }
+    """Print every figure that differs, with its change in percent where both are numbers; write the page."""
+    from locsnn_compile.report.comparison import changes, percent
+
+    before, after = (_build(Path(folder)) for folder in (args.before, args.after))
+    changed = changes(before, after)
+    if args.html:
+        from hw_model.files import replace_file
+        from locsnn_compile.report.comparison import comparison
+        from locsnn_compile.report.html import render_page
+
+        page = render_page(comparison(before, after), "locsnn diff", "Figures that are equal are left out.")
+        replace_file(Path(args.html), page.encode(), where=f"--html {args.html!r}")
     if args.json:
-        print(json.dumps(changed, indent=2))
+        print(json.dumps({key: {"before": a, "after": b} for key, (a, b) in changed.items()}, indent=2))
         return 0
-    for key, values in changed.items():
-        print(f"{key}: {values['before']} -> {values['after']}{_percent(**values)}")
+    for key, (a, b) in changed.items():
+        by = percent(a, b)
+        print(f"{key}: {a} -> {b}{f' ({by})' if by else ''}")
     if not changed:
-        print("The reports are equal.")
+        print("The builds are equal.")
     return 0
 
 
-def read_report(folder: Path) -> Figures:
+def _build(folder: Path) -> Build:
+    import hw_model as hw
+    from locsnn_compile.report.comparison import Build
+    from locsnn_compile.report.program_figures import program_figures
+
+    report = read_report(folder)
+    return Build(folder.absolute().name, report, program_figures(hw.load_program(folder)))
+
+
+def read_report(folder: Path) -> dict[str, Any]:
     """Return report.json of a build; anything else is an ``InputError``."""
     from hw_model.folders import finish_writing
 
@@ -69,24 +87,3 @@ def read_report(folder: Path) -> Figures:
     if not isinstance(document, dict) or not str(document.get("schema", "")).startswith("locsnn-report/"):
         raise InputError(where, "report.json is no report", fix=fix)
     return document
-
-
-def flatten(value: object, key: str = "") -> Figures:
-    """Return the leaves of nested values by dotted keys, in order; histograms are left to the reports."""
-    if key.endswith("_histogram"):
-        return {}
-    if isinstance(value, dict):
-        items = [(str(name), item) for name, item in value.items()]
-    elif isinstance(value, list):
-        items = [(str(index), item) for index, item in enumerate(value)]
-    else:
-        return {key: value}
-    found: Figures = {}
-    for name, item in items:
-        found.update(flatten(item, f"{key}.{name}" if key else name))
-    return found
-
-
-def _percent(before: Any, after: Any) -> str:
-    numbers = all(isinstance(value, int | float) and not isinstance(value, bool) for value in (before, after))
-    return f" ({100 * (after / before - 1):+.1f} %)" if numbers and before else ""

@@ -6,17 +6,20 @@ from locsnn_compile.excerpt import Excerpt
 from locsnn_compile.report import accuracy, behaviour, build, cost
 from locsnn_compile.report.content import Document, Report, Section
 from locsnn_compile.report.cores import cores
-from locsnn_compile.report.format import plural
+from locsnn_compile.report.format import plural, shortened
 from locsnn_compile.report.over_time import over_time
 from locsnn_compile.report.potential import potential
 from locsnn_compile.report.spikes import spikes
 from locsnn_compile.report.verdict import costs, fits, matches, notices
 
+LONGEST_NAME = 120
+"""Characters of the model's name in the title; under provenance it stands in full."""
+
 
 def compose(document: Document, excerpt: Excerpt | None = None) -> Report:
     """Return the whole report as content without form; ``excerpt`` is what there is to see of a recording."""
     return Report(
-        title=f"{document['model']['name']} on {document['target']}",
+        title=f"{shortened(document['model']['name'], LONGEST_NAME)} on {document['target']}",
         subtitle=subtitle(document),
         verdicts=(matches(document), costs(document), fits(document)),
         notices=notices(document),

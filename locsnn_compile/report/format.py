@@ -93,6 +93,11 @@ def plain(text: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
+def shortened(text: str, longest: int) -> str:
+    """Return a text of no more characters; where some are cut, an ellipsis stands for them."""
+    return text if len(text) <= longest else f"{text[: longest - 1]}…"
+
+
 def any_value(value: object) -> str:
     """Return a value whose kind the reader of the report does not know: None, number, text, or a list of these."""
     if value is None:

@@ -27,7 +27,7 @@ from locsnn_compile.report.content import (
     Table,
     Verdict,
 )
-from locsnn_compile.report.format import plain
+from locsnn_compile.report.format import plain, shortened
 from locsnn_compile.report.html_style import STYLE
 from locsnn_compile.report.pictures.bars import bar, stack
 from locsnn_compile.report.pictures.mesh import mesh
@@ -41,19 +41,26 @@ _MANY_COLUMNS = 7
 """A table with more of them is set smaller."""
 _FEW_COLUMNS = 4
 """A table with no more of them fits a phone."""
+_LONGEST, _LONGEST_NAME = 2000, 80
+"""Characters of a text, and of a name at the head of a row."""
 MAX_ROWS = 200
 """A table with more of them is cut: a network may have any number of populations, and a program of cores."""
 
 
 def render_html(document: Document, excerpt: Excerpt | None = None) -> str:
     """Return the page of a report; the same document and excerpt give the same bytes."""
-    report = compose(document, excerpt)
+    footer = "Per recording means the mean over the recordings of the check, unless a range is given."
+    return render_page(compose(document, excerpt), "locsnn-compile report", footer)
+
+
+def render_page(report: Report, kind: str, footer: str) -> str:
+    """Return a page of this content; ``kind`` stands above its title, ``footer`` at its end."""
     return f"""<!DOCTYPE html>
 <html lang="en">
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{text(report.title)} - locsnn-compile report</title>
+<title>{text(report.title)} - {text(kind)}</title>
 <style>{STYLE}</style>
 </head>
 <body>
@@ -61,7 +68,7 @@ def render_html(document: Document, excerpt: Excerpt | None = None) -> str:
 {patterns()}
 <div class="page">
 <header>
-<p class="eyebrow">locsnn-compile report</p>
+<p class="eyebrow">{text(kind)}</p>
 <h1>{text(report.title)}</h1>
 <p class="subtitle">{text(report.subtitle)}</p>
 </header>
@@ -71,7 +78,7 @@ def render_html(document: Document, excerpt: Excerpt | None = None) -> str:
 {_contents(report)}
 {"".join(_section(section) for section in report.sections)}
 </main>
-<footer><p>Per recording means the mean over the recordings of the check, unless a range is given.</p></footer>
+<footer><p>{text(footer)}</p></footer>
 </div>
 </body>
 </html>
@@ -79,8 +86,8 @@ def render_html(document: Document, excerpt: Excerpt | None = None) -> str:
 
 
 def text(value: str) -> str:
-    """Return a string safe in text and in quoted attributes."""
-    return escape(plain(value))
+    """Return a string safe in text and in quoted attributes; one that is absurdly long, cut."""
+    return escape(shortened(plain(value), _LONGEST))
 
 
 def _verdicts(report: Report) -> str:
@@ -215,7 +222,7 @@ def _row(columns: tuple[str, ...], row: tuple[str | Bar, ...], total: bool) -> s
 
 def _breakable(name: str) -> str:
     """Return a name that a narrow column breaks after its underscores and slashes."""
-    return text(name).replace("_", "_<wbr>").replace("/", "/<wbr>")
+    return text(shortened(name, _LONGEST_NAME)).replace("_", "_<wbr>").replace("/", "/<wbr>")
 
 
 def _cell(column: str, cell: str | Bar) -> str:

@@ -83,8 +83,12 @@ def test_diff_names_what_changed(build, tmp_path, capsys):
     assert not [key for key in changed if "histogram" in key]
     assert main(["diff", str(build / "out"), str(tmp_path / "four")]) == 0
     assert "weight_bits: 8 -> 4 (-50.0 %)" in capsys.readouterr().out.splitlines()
+    page = tmp_path / "diff.html"
+    assert main(["diff", str(build / "out"), str(tmp_path / "four"), "--html", str(page)]) == 0
+    assert "weight_bits: 8 -> 4 (-50.0 %)" in capsys.readouterr().out.splitlines()
+    assert "<h1>out → four</h1>" in page.read_text(encoding="utf-8")
     assert main(["diff", str(build / "out"), str(build / "out")]) == 0
-    assert capsys.readouterr().out == "The reports are equal.\n"
+    assert capsys.readouterr().out == "The builds are equal.\n"
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,56 @@
+"""What a program consists of, as figures that two builds are compared by."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+import hw_model as hw
+from locsnn_compile.report.content import Document
+
+
+def program_figures(program: hw.ChipProgram) -> Document:
+    """Return sizes and settings of every group of compartments, and what its synapses add up to.
+
+    Of many settings: the least and the largest. Weights are effective ones, ``64 * floor(mantissa * 2^exponent)``.
+    """
+    parts: dict[str, dict[str, list[npt.NDArray[Any]]]] = {}
+    for core in program.cores:
+        axons = core.axons
+        weights = core.effective_weights
+        for piece in core.slices:
+            here = slice(piece.offset, piece.offset + piece.size)
+            onto = (axons.target >= here.start) & (axons.target < here.stop)
+            values = {
+                "decay_u": core.setting("decay_u")[here],
+                "decay_v": core.setting("decay_v")[here],
+                "refractory": core.setting("refractory")[here],
+                "threshold_voltage": core.threshold_voltage[here],
+                "bias": core.bias[here],
+                "synaptic_delay": axons.delay[onto],
+                "weight": weights[onto],
+            }
+            group = parts.setdefault(piece.group, {})
+            for name, found in values.items():
+                group.setdefault(name, []).append(found)
+    return {
+        "cores": len(program.cores),
+        "groups": {
+            name: _group({key: np.concatenate(arrays) for key, arrays in found.items()})
+            for name, found in parts.items()
+        },
+    }
+
+
+def _group(found: dict[str, npt.NDArray[Any]]) -> Document:
+    weights = found["weight"].astype(np.int64)
+    return {
+        "compartments": len(found["decay_u"]),
+        "synapses": len(weights),
+        "weights_sum": int(weights.sum()),
+        "weights_magnitude": int(np.abs(weights).sum()),
+        **{f"least_{key}": int(values.min()) for key, values in found.items() if len(values)},
+        **{f"largest_{key}": int(values.max()) for key, values in found.items() if len(values)},
+    }

@@ -1,0 +1,145 @@
+"""Two builds side by side: what changed, what is asked first, and reports that lack what is needed."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import pytest
+
+import hw_model as hw
+from locsnn_compile.errors import InputError
+from locsnn_compile.report.comparison import MAX_ROWS, Build, changes, comparison, percent
+from locsnn_compile.report.content import Notice, Table
+from locsnn_compile.report.flat import flatten
+from locsnn_compile.report.html import render_page
+from locsnn_compile.report.program_figures import program_figures
+
+
+@pytest.fixture
+def builds(document: dict[str, Any]) -> tuple[Build, Build]:
+    """The second takes a quarter less energy, a core more, and differs in one more spike."""
+    other = copy.deepcopy(document)
+    other["energy"]["per_sample_pj"] = 75_000.0
+    other["resources"]["cores"] = 3
+    other["match"] |= {"spike_mismatches": 21, "spike_agreement": 0.895}
+    program = {"cores": 2, "groups": {"time_output": {"synapses": 40}}}
+    return Build("one", document, program), Build("two", other, {**program, "cores": 3})
+
+
+def test_all_that_changed(builds: tuple[Build, Build]) -> None:
+    assert changes(*builds) == {
+        "match.spike_agreement": (0.9, 0.895),
+        "match.spike_mismatches": (20, 21),
+        "energy.per_sample_pj": (100_000.0, 75_000.0),
+        "resources.cores": (2, 3),
+        "program.cores": (2, 3),
+    }
+    assert changes(builds[0], builds[0]) == {}
+
+
+def test_histograms_are_left_to_the_reports(builds: tuple[Build, Build]) -> None:
+    builds[1].report["margins"]["by_population"]["time_output"]["distance_histogram"] = [1]
+    assert not [key for key in changes(*builds) if "margins" in key]
+
+
+def test_three_questions(builds: tuple[Build, Build]) -> None:
+    report = comparison(*builds)
+    assert (report.title, report.notices) == ("one → two", ())
+    assert report.subtitle == "two-branches on loihi-sim, then two-branches on loihi-sim: 5 figures changed"
+    assert [(v.status, v.answer, v.figure, v.figure_label) for v in report.verdicts] == [
+        ("nearly", "As before, but fewer spikes are equal", "95.0 %", "same prediction; 95.0 % before"),
+        ("yes", "Less, -25.0 %", "75.0 nJ", "a recording, profile davies2018; 100 nJ before"),
+        ("no", "More", "3 cores", "2 before"),
+    ]
+    assert [section.title for section in report.sections] == ["Key figures", "Match", "Energy", "Resources", "Program"]
+    energy = next(b for b in report.sections[2].blocks if isinstance(b, Table))
+    assert energy.rows == (("per_sample_pj", "100,000.0", "75,000.0", "-25.0 %"),)
+
+
+def test_equal_builds_are_as_before(builds: tuple[Build, Build]) -> None:
+    report = comparison(builds[0], builds[0])
+    assert [verdict.answer for verdict in report.verdicts] == ["As before", "The same", "As much"]
+    assert [verdict.status for verdict in report.verdicts] == ["yes"] * 3
+
+
+def test_what_makes_them_less_comparable(builds: tuple[Build, Build]) -> None:
+    builds[1].report["model"]["sha256"] = "cd" * 32
+    builds[1].report["match"]["events_source"] = "others.npz"
+    builds[1].report["energy"]["profile"] = "sanafe"
+    report = comparison(*builds)
+    assert report.notices == (
+        Notice("The models differ.", "What changed may come from the model, not from the compiler."),
+        Notice(
+            "They were checked on different recordings.",
+            "20 recordings of touches.npz and 20 recordings of others.npz: figures of a recording differ so.",
+        ),
+        Notice("Their energy profiles differ.", "Energies and times of different profiles say nothing."),
+    )
+    assert (report.verdicts[1].status, report.verdicts[1].answer) == ("unknown", "Not comparable")
+
+
+@pytest.mark.parametrize("value", [None, "much", True, float("nan"), 10**400, [1]])
+def test_a_report_without_a_number_is_refused(builds: tuple[Build, Build], value: Any) -> None:
+    builds[1].report["energy"]["per_sample_pj"] = value
+    with pytest.raises(InputError) as caught:
+        comparison(*builds)
+    assert str(caught.value) == (
+        "build 'two': report.json has no number 'energy.per_sample_pj'. Compile it again with this version."
+    )
+
+
+def test_the_page_is_small_whatever_changed(builds: tuple[Build, Build]) -> None:
+    builds[1].report["<script>"] = {f"<b>{i}</b>": "x" * 10_000 for i in range(5000)}
+    page = render_page(comparison(*builds), "locsnn diff", "")
+    assert len(page) < 200_000
+    assert "<script" not in page
+    assert f"5,000 figures changed, the first {MAX_ROWS}; --json has all" in page
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "text"),
+    [(4, 5, "+25.0 %"), (0, 5, ""), ("a", 1, ""), (True, 2, ""), (10**400, 1, ""), (float("inf"), 1, "")],
+)
+def test_percent(before: Any, after: Any, text: str) -> None:
+    assert percent(before, after) == text
+
+
+def test_figures_of_a_program() -> None:
+    builder = hw.ProgramBuilder(hw.chip("loihi-sim"), name="tiny")
+    line = builder.add_input("line", 2)
+    cell = builder.add_compartments("cell", 2, decay_u=[4096, 2048], decay_v=128, threshold=15, bias=64, refractory=2)
+    builder.connect(line, cell, [[20, -2], [0, 4]], delay=3)
+    assert program_figures(builder.build()) == {
+        "cores": 1,
+        "groups": {
+            "cell": {
+                "compartments": 2,
+                "synapses": 3,
+                "weights_sum": 64 * 22,
+                "weights_magnitude": 64 * 26,
+                "least_decay_u": 2048,
+                "least_decay_v": 128,
+                "least_refractory": 2,
+                "least_threshold_voltage": 960,
+                "least_bias": 64,
+                "least_synaptic_delay": 3,
+                "least_weight": -128,
+                "largest_decay_u": 4096,
+                "largest_decay_v": 128,
+                "largest_refractory": 2,
+                "largest_threshold_voltage": 960,
+                "largest_bias": 64,
+                "largest_synaptic_delay": 3,
+                "largest_weight": 1280,
+            }
+        },
+    }
+
+
+def test_flatten_keeps_the_order_at_any_depth() -> None:
+    assert list(flatten({"b": [1, {"a": 2}], "a": {}, "c": None}).items()) == [("b.0", 1), ("b.1.a", 2), ("c", None)]
+    deep: Any = 1
+    for _ in range(5000):
+        deep = [deep]
+    assert list(flatten(deep).values()) == [1]

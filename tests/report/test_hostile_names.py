@@ -1,0 +1,116 @@
+"""Names that a model brings harm neither the page nor the files, whatever they hold."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import shutil
+import sys
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import locsnn_compile as lc
+from locsnn_compile.build_folder import default_folder, write_build
+from locsnn_compile.cli.compile import LEVEL_KINDS, build_files, main
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "compiler"))
+from networks import hybrid, recordings
+
+MODEL = Path(__file__).parents[2] / "examples/models/objects-hybrid.pt"
+NAMES = {
+    "script": "<script>alert(1)</script>",
+    "quotes": "\"><img src=x onerror='alert(1)'>`",
+    "newline": "two\nlines\r\x1b[31m\x00",
+    "path": "../../x",
+    "formula": "=HYPERLINK(1)",
+    "other letters": "拇指 µ \u202e\udcff",
+    "long": "n" * 10_000,
+}
+
+
+class Tags(HTMLParser):
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.found: set[str] = set()
+        self.handlers: set[str] = set()
+        self.feed(page)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.found.add(tag)
+        self.handlers |= {name for name, _ in attrs if name.startswith("on") or name in ("src", "style")}
+
+
+def renamed(name):
+    """A small hybrid with this name for itself and in those of its populations."""
+    network = hybrid(1, steps=40, hidden=6)
+    new = {p.name: f"{name}{p.name}" for p in network.populations}
+    return replace(
+        network,
+        name=name,
+        populations=tuple(replace(p, name=new[p.name]) for p in network.populations),
+        projections=tuple(
+            replace(p, source=new.get(p.source, p.source), target=new[p.target]) for p in network.projections
+        ),
+        readout=replace(network.readout, populations=tuple(new[n] for n in network.readout.populations)),
+    )
+
+
+@pytest.mark.parametrize("name", NAMES.values(), ids=NAMES.keys())
+def test_names_of_populations(name, tmp_path):
+    network = renamed(name)
+    compiled = lc.compile(network, events=recordings(network))
+    files = build_files(compiled, [*LEVEL_KINDS, "csv"])
+    page = files["report.html"].decode()
+    assert len(page) < 2_000_000
+    found = Tags(page)
+    assert not found.found & {"script", "img", "iframe", "object"}
+    assert not found.handlers
+    assert not set(page) & set("\x00\x1b\r\u202e")
+    for table in ("figures", "spikes", "potential"):
+        rows = list(csv.reader(io.StringIO(files[f"csv/{table}.csv"].decode())))
+        assert {len(row) for row in rows} == {len(rows[0])}
+        assert not [cell for row in rows for cell in row if cell.startswith(("=", "@"))]
+    folder = tmp_path / "inside" / "build"
+    write_build(folder, files)
+    assert [path.name for path in tmp_path.iterdir()] == ["inside"]
+    assert {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()} == set(files)
+
+
+@pytest.mark.parametrize(
+    ("model", "folder"),
+    [
+        pytest.param("...pt", "build/model", id="two dots"),
+        pytest.param("..pt", "build/model", id="one dot"),
+        pytest.param("a/../../x.pt", "build/x", id="path"),
+        pytest.param("two\nlines\x1b.pt", "build/two_lines_", id="newline"),
+        pytest.param("a\\..\\b.pt", "build/a_.._b", id="backslashes"),
+        pytest.param("<script>.pt", "build/<script>", id="script"),
+        pytest.param("指.pt", "build/指", id="other letters"),
+        pytest.param("\udcff.pt", "build/_", id="no letters"),
+        pytest.param("n" * 10_000 + ".pt", f"build/{'n' * 200}", id="long"),
+        pytest.param("指" * 100 + ".pt", f"build/{'指' * 66}", id="long in bytes"),
+    ],
+)
+def test_names_of_model_files(model, folder):
+    assert str(default_folder(model)) == folder
+
+
+@pytest.mark.parametrize("name", ["...pt", "\"'<script>alert(1)<script>\n指.pt"], ids=["dots", "script"])
+def test_a_model_file_with_a_bad_name(name, tmp_path, monkeypatch, capsys):
+    home = tmp_path / "home"
+    home.mkdir()
+    shutil.copy(MODEL, home / name)
+    np.save(home / "few.npy", np.zeros((1, 78, 60), dtype=np.uint8))
+    monkeypatch.chdir(home)
+    assert main([name, "--events", "few.npy", "--strategy", "reset"]) == 0
+    assert {path.name for path in tmp_path.iterdir()} == {"home"}
+    assert {path.name for path in home.iterdir()} == {name, "few.npy", "build"}
+    (build,) = (home / "build").iterdir()
+    assert "\n" not in build.name
+    assert "<script" not in (build / "report.html").read_text(encoding="utf-8")
+    assert json.loads((build / "report.json").read_text(encoding="utf-8"))["model"]["name"] == "objects-hybrid"
