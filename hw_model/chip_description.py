@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 
+from hw_model.check_chip import check_chip
 from hw_model.description_reader import parse, read_description
 from hw_model.errors import InputError, did_you_mean
 from hw_model.profile import Profile
@@ -170,7 +171,9 @@ def chip_names() -> tuple[str, ...]:
 
 def parse_chip(text: str, where: str) -> Chip:
     """Read a chip from YAML text; every missing, unknown or mistyped key is an ``InputError``."""
-    return parse(Chip, text, where, "chip", document=text)
+    chip = parse(Chip, text, where, "chip", document=text)
+    check_chip(chip, where)
+    return chip
 
 
 def priced_by(chip: Chip, name_or_path: str | Path) -> Chip:

@@ -1,5 +1,7 @@
 """Chip files: the one that ships, and every way to get one's own wrong."""
 
+import math
+
 import pytest
 import yaml
 
@@ -23,7 +25,21 @@ def changed(path, value):
 def test_the_chip_that_ships():
     chip = hw.chip("loihi-sim")
     assert (chip.registers.voltage_max, chip.registers.slots, chip.cores, chip.mesh.tiles) == (8388607, 64, 128, 32)
-    assert hw.chip_names() == ("loihi-sim",)
+    assert hw.chip_names() == ("loihi-sim", "tiny-sim")
+
+
+def test_the_small_chip_has_the_registers_of_the_large_one():
+    tiny, loihi = hw.chip("tiny-sim"), hw.chip("loihi-sim")
+    assert tiny.registers == loihi.registers
+    assert (tiny.cores, tiny.limits.compartments_per_core, tiny.mesh.tiles) == (16, 64, 4)
+    assert tiny.hops(0, 15) == (1, 1)
+
+
+def test_a_file_that_starts_from_one_that_ships(tmp_path, capsys):
+    for name in hw.chip_names():
+        path = tmp_path / f"{name}.yaml"
+        path.write_text(hw.chip(name).document)
+        assert hw.chip(path) == hw.chip(name)
 
 
 def test_a_chip_file_of_ones_own(tmp_path):
@@ -45,11 +61,40 @@ def test_a_chip_file_of_ones_own(tmp_path):
             "my.yaml: energy_pj: 'spike' is not counted. Did you mean 'spikes'?",
         ),
         (changed(["profiles"], {}), "my.yaml: profiles: no energy profile is given. Give at least one."),
+        (changed(["profile"], {}), "my.yaml: chip: unknown key 'profile'. Did you mean 'profiles'?"),
+        (changed(["registers", "voltage_bit"], 3), "my.yaml: registers: unknown key 'voltage_bit'. Did you mean 'voltage_bits'?"),
+        (changed(["profiles", "sanafe", "time_ns", "hop_x"], 1.0), "my.yaml: time_ns: 'hop_x' is not counted. Did you mean 'hops_x'?"),
+        (changed(["profiles", "sanafe", "barrier_ns", "one_tile"], None), "my.yaml: barrier_ns: the key 'one_tile' is missing. Add it."),
+        (changed(["limits"], [1]), "my.yaml: limits: not a mapping of names. Compare it with a chip that ships."),
+        (changed(["name"], ""), "my.yaml: name: not a text of 1 to 500 characters. Correct it."),
+        (changed(["name"], 3), "my.yaml: name: not a text of 1 to 500 characters. Correct it."),
+        (changed(["chips"], 1.5), "my.yaml: chips: 1.5 is not a whole number from 0 up. Correct it."),
+        (changed(["chips"], True), "my.yaml: chips: True is not a whole number from 0 up. Correct it."),
+        (changed(["clock_ghz"], math.nan), "my.yaml: clock_ghz: nan is not a number from 0 up. Correct it."),
+        (changed(["clock_ghz"], 0.0), "my.yaml: clock_ghz: a clock that stands has no cycles. Give more than 0, such as 1.0."),
+        (changed(["registers", "voltage_bits"], 40), "my.yaml: voltage_bits: the model has no such chip (40 against 9 to 23). Correct it."),
+        (changed(["registers", "charge_bits"], 10**12), "my.yaml: charge_bits: the model has no such chip (1000000000000 against 21). Correct it."),
+        (changed(["registers", "delay_max"], 10**9), "my.yaml: delay_max: the model has no such chip (1000000000 against 0 to 1022). Correct it."),
+        (changed(["chips"], 10**6), "my.yaml: chips: the board is too large (128000000 cores against 1048576). Correct it."),
+        (
+            changed(["mesh", "rows"], 5),
+            "my.yaml: mesh: its tiles and the cores of a chip disagree (8 x 5 tiles of 4 against cores_per_chip 128). "
+            "Make them equal.",
+        ),
+        ("name: a\nchips: 1\nname: b\n", "my.yaml: the key 'name' is given twice, again at line 3. Keep one."),
+        ("", "my.yaml: chip: not a mapping of names. Compare it with a chip that ships."),
+        ("name: &a [*a]", "my.yaml: chip: the key 'description' is missing. Add it."),
+        ("{" * 2000, "my.yaml: the chip file is not YAML. Compare it with a chip that ships."),
         ("[1, 2", "my.yaml: the chip file is not YAML at line 1. Compare it with a chip that ships."),
         ("- 1", "my.yaml: chip: not a mapping of names. Compare it with a chip that ships."),
         ("!!python/object/apply:os.system [id]", "my.yaml: the chip file is not YAML at line 1. Compare it with a chip that ships."),
     ],
-    ids=["missing", "unknown", "text", "zero", "negative", "uncounted", "no profile", "broken", "list", "code"],
+    ids=[
+        *("missing", "unknown", "text", "zero", "negative", "uncounted", "no profile", "near a section", "near a width"),
+        *("near a time", "missing below", "list for section", "no name", "number for name", "fraction", "truth", "nan"),
+        *("no clock", "too wide", "absurdly wide", "too late", "too many", "tiles", "twice", "empty", "cyclic", "deep"),
+        *("broken", "list", "code"),
+    ],
 )  # fmt: skip
 def test_chip_files_that_are_refused(tmp_path, text, message):
     path = tmp_path / "my.yaml"
@@ -63,7 +108,7 @@ def test_chip_files_that_are_refused(tmp_path, text, message):
     ("name", "message"),
     [
         ("loihi-sin", "target 'loihi-sin': no chip of this name ships. Did you mean 'loihi-sim'? A chip file of your own ends in .yaml."),
-        ("tpu", "target 'tpu': no chip of this name ships. Choose one of: loihi-sim. A chip file of your own ends in .yaml."),
+        ("tpu", "target 'tpu': no chip of this name ships. Choose one of: loihi-sim, tiny-sim. A chip file of your own ends in .yaml."),
         ("gone.yaml", "gone.yaml: the chip file cannot be read: No such file or directory. Give the path of a chip YAML file."),
     ],
     ids=["near miss", "far off", "no file"],

@@ -104,6 +104,30 @@ def test_engines_agree_on_every_probe_and_count(seed):
             assert all(np.array_equal(a.by_core[name], b.by_core[name]) for name in a.by_core)
 
 
+def test_engines_agree_on_a_chip_of_other_registers():
+    """Late spikes, long rests, wide biases and a narrow voltage, at the ends of what a chip file may have."""
+    registers = replace(
+        CHIP.registers, voltage_bits=15, delay_max=1022, refractory_max=300, bias_mantissa_bits=20, bias_exponent_max=2
+    )
+    builder = hw.ProgramBuilder(replace(CHIP, registers=registers))
+    line = builder.add_input("line", 3)
+    cell = builder.add_compartments(
+        "cell", 4, decay_u=900, decay_v=[0, 100, 4095, 4096], threshold=100, bias=[0, 5, -9, 1 << 20], refractory=300
+    )
+    builder.connect(line, cell, np.full((4, 3), 200), delay=[[0, 1, 1022]] * 4)
+    builder.connect(cell, cell, np.full((4, 4), -50), delay=700)
+    program = builder.build()
+    spikes = np.zeros((2500, 3), dtype=np.uint8)
+    spikes[[0, 3, 5, 1000]] = 1
+    fast, slow = (hw.simulate(program, spikes, engine=engine, probe=("spikes", "u", "v")) for engine in ENGINES)
+    assert np.array_equal(fast.u["cell"], slow.u["cell"])
+    assert np.array_equal(fast.v["cell"], slow.v["cell"])
+    assert replace(fast.counts, skipped_steps=0) == slow.counts
+    assert slow.counts.voltage_clips > 0
+    assert slow.u["cell"][2023].any()
+    assert np.diff(np.flatnonzero(slow.spikes["cell"][:, 3])).min() == 300
+
+
 @settings(max_examples=20, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_skipping_changes_nothing(seed):
