@@ -60,9 +60,11 @@ def check_network(network: Network) -> None:
     if not network.projections:
         raise InputError(f"model {network.name!r}", "it has no weights", fix="Connect an input to a population.")
     on_grid = {population.name: population.on_grid for population in network.populations}
+    dendrites = {p.name: p.neuron.dendrites for p in network.populations if isinstance(p.neuron, ChipSrm)}
     for projection in network.projections:
         _check_ends(projection, ends)
         _check_kind(projection, on_grid[projection.target])
+        _check_dendrite(projection, dendrites.get(projection.target, 1))
         _check_values(projection, (ends[projection.target][1], ends[projection.source][1]))
 
 
@@ -76,6 +78,10 @@ def _check_neuron(population: Population) -> None:
                 measured=f"{values.shape} against {shape}",
                 fix="Give one number a neuron.",
             )
+    if isinstance(population.neuron, ChipSrm) and population.neuron.dendrites < 1:
+        raise InputError(
+            where, "neurons without a dendrite", measured=f"{population.neuron.dendrites}", fix="Give 1 or more."
+        )
     for key, (holds, words) in _RULES.get(type(population.neuron), {}).items():
         values = np.asarray(getattr(population.neuron, key))
         bad = values[~(np.isfinite(values) & holds(values))]
@@ -127,6 +133,16 @@ def _check_kind(projection: Projection | ChipProjection, on_grid: bool) -> None:
             _where(projection),
             "float weights reach integer neurons" if on_grid else "integer weights reach float neurons",
             fix="Give a population and the weights onto it in one kind of number.",
+        )
+
+
+def _check_dendrite(projection: Projection | ChipProjection, dendrites: int) -> None:
+    if isinstance(projection, ChipProjection) and not 0 <= projection.dendrite < dendrites:
+        raise InputError(
+            _where(projection),
+            "the target has no such dendrite",
+            measured=f"{projection.dendrite} of {dendrites}, counted from 0",
+            fix="Name one that it has.",
         )
 
 

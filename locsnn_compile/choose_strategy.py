@@ -1,8 +1,8 @@
 """Choose a setting - strategy, weight bits, split weights - by what it does on calibration recordings.
 
 Without a budget the strategies are compared as they are. With one, every strategy is made more exact until it keeps the
-budget, by splitting more of its weights; then, where spikes are bounded, the cheapest that does is tried with fewer
-bits.
+budget, by splitting more of its weights; if none does, so is the strategy that costs more than all of them. Then, where
+spikes are bounded, the cheapest that does is tried with fewer bits.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ from locsnn_compile.pipeline import Levels, lower
 
 SPIKE_TOLERANCE = 0.01
 """Without a budget, so much more of the spikes may differ than with the first strategy, and no prediction more."""
+LAST_RESORT = ("paired-dendrite",)
+"""Strategies that cost more than any other, split or not: tried where no other keeps the budget, or where asked for."""
 SHARES = (0.0, 0.25, 1.0)
 """Shares of weights that are split in turn, until a budget is kept."""
 
@@ -111,12 +113,17 @@ def choose_strategy(
         return None
     trial = _Trial(network, chip, recordings, calibrate(network, recordings, chip.registers))
     firsts = [Setting(strategy, weight_bits, split_weights or 0.0) for strategy in strategies]
-    for setting in firsts:
+    usual = [setting for setting in firsts if setting.strategy not in LAST_RESORT] or firsts
+    for setting in usual:
         trial.measure(setting)
     if not trial.candidates:
         raise trial.errors[0]
     if budget.given:
-        _turn_dial(trial, firsts, budget, SHARES if split_weights is None else ())
+        shares = SHARES if split_weights is None else (split_weights,)
+        _split_more(trial, usual, budget, shares)
+        if not any(candidate.keeps(budget) for candidate in trial.candidates.values()):
+            _split_more(trial, [setting for setting in firsts if setting not in usual], budget, shares)
+        _take_bits_away(trial, budget)
     limits = budget if budget.given else _default(next(iter(trial.candidates.values())))
     candidates = tuple(trial.candidates.values())
     taken = _cheapest(candidates, limits) or max(candidates, key=lambda c: (c.prediction_agreement, -c.spike_error))
@@ -124,13 +131,17 @@ def choose_strategy(
     return Choice(taken, levels, candidates, limits, len(recordings), recordings.source)
 
 
-def _turn_dial(trial: _Trial, firsts: Sequence[Setting], budget: ErrorBudget, shares: Sequence[float]) -> None:
-    """Try settings until each strategy keeps the budget, then fewer bits until the cheapest does not."""
+def _split_more(trial: _Trial, firsts: Sequence[Setting], budget: ErrorBudget, shares: Sequence[float]) -> None:
+    """Split more weights of each setting, until it keeps the budget."""
     for setting in firsts:
         for share in shares:
             found = trial.measure(replace(setting, split_weights=share))
             if found is None or found.keeps(budget):
                 break
+
+
+def _take_bits_away(trial: _Trial, budget: ErrorBudget) -> None:
+    """Try the cheapest setting that keeps the budget with fewer bits, until it does not."""
     cheapest = _cheapest(tuple(trial.candidates.values()), budget)
     # A few recordings say much of spikes, and little of predictions: these alone do not take bits away.
     if cheapest is None or budget.max_spike_error is None:

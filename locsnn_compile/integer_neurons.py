@@ -52,26 +52,36 @@ class Filter:
 
 
 def input_response(neuron: ChipSrm | ChipCuba, charge: IntArray, registers: Registers, steps: int) -> IntArray:
-    """Return the voltage, without bias or spikes, after a charge (n,) in the first step alone; (steps, n)."""
-    state = Filter(neuron.decay_u, neuron.decay_v, registers, 1)
-    charges = [charge[None], *[np.zeros_like(charge[None])] * (steps - 1)]
-    return np.concatenate([state.step(q) for q in charges])
+    """Return the voltage, without bias or spikes, after a charge (n,) in the first step alone; (steps, n).
+
+    Of several dendrites each takes its share, and their voltages are added up.
+    """
+    dendrites = neuron.dendrites if isinstance(neuron, ChipSrm) else 1
+    parts = np.stack([(charge + number) // dendrites for number in range(dendrites)])
+    state = Filter(neuron.decay_u, neuron.decay_v, registers, dendrites)
+    charges = [parts, *[np.zeros_like(parts)] * (steps - 1)]
+    return np.stack([state.step(q).sum(axis=0) for q in charges])
 
 
 class ChipSrmSteps:
-    """SRM neurons (batch, n) of either strategy."""
+    """SRM neurons (batch, n) of either strategy, of d dendrites each."""
 
     def __init__(self, neuron: ChipSrm, registers: Registers, batch: int) -> None:
         self._threshold, self._registers = 64 * neuron.threshold, registers
-        self._alpha = Filter(neuron.decay_u, neuron.decay_v, registers, batch)
+        self._dendrites = neuron.dendrites
+        decay_u, decay_v = (np.tile(decay, neuron.dendrites) for decay in (neuron.decay_u, neuron.decay_v))
+        self._alpha = Filter(decay_u, decay_v, registers, batch)
         part = neuron.refractory
         self._own = _Dendrite(part, registers, batch) if isinstance(part, RefractoryDendrite) else _Taps(part, batch)
         self.fired = np.zeros((batch, len(neuron.threshold)), dtype=np.bool_)
 
     def step(self, arriving: IntArray) -> tuple[BoolArray, IntArray]:
-        """Take the charge that arrives from others, (batch, n); return spikes and the potential that decided them."""
+        """Take the charge that arrives from others, (batch, d n), dendrite by dendrite; return spikes and the potential
+        that decided them, (batch, n)."""
         charge, pull = self._own.step(self.fired)
-        potential = _clipped(self._alpha.step(arriving + charge) + pull, self._registers)
+        alpha = self._alpha.step(arriving + np.tile(charge, self._dendrites))
+        summed = alpha.reshape(len(alpha), self._dendrites, -1).sum(axis=1) + self._dendrites * pull
+        potential = _clipped(summed, self._registers)
         self.fired = potential > self._threshold
         return self.fired, potential
 
@@ -80,7 +90,7 @@ def own_spike_response(neuron: ChipSrm, registers: Registers, steps: int) -> Int
     """Return what a spike adds to the potential of neurons at rest in the steps after it, (steps, n)."""
     state = ChipSrmSteps(neuron, registers, 1)
     state.fired[:] = True
-    silence = np.zeros((1, len(neuron.threshold)), dtype=np.int64)
+    silence = np.zeros((1, neuron.dendrites * len(neuron.threshold)), dtype=np.int64)
     return np.concatenate([state.step(silence)[1] for _ in range(steps)])
 
 

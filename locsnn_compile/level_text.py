@@ -75,7 +75,7 @@ def _neuron_text(n: Neuron, axis: Axis) -> str:
         )
     return (
         f"integer SRM neurons along {axis}, {decays}, threshold {array_text(n.threshold)}, "
-        f"{_refractory_text(n.refractory)}"
+        f"{_refractory_text(n.refractory)}{f', {n.dendrites} dendrites of each kind' if n.dendrites > 1 else ''}"
     )
 
 
@@ -104,7 +104,8 @@ def _projection_text(p: Projection | ChipProjection) -> str:
     if isinstance(p, ChipProjection):
         text = f"{p.weight_bits}-bit, signs {p.signs}, exponent {p.exponent}, mantissa {text}"
     delay = f", delay {array_text(np.asarray(p.delay))}" if np.any(p.delay) else ""
-    return f"{p.source} -> {p.target}: {text}{delay}"
+    entrance = f", dendrite {p.dendrite}" if isinstance(p, ChipProjection) and p.dendrite else ""
+    return f"{p.source} -> {p.target}: {text}{delay}{entrance}"
 
 
 def _number_text(values: FloatArray | IntArray) -> str:

@@ -91,13 +91,16 @@ class ChipSrm:
         v(t) = rz(v(t - 1), decay_v) + u(t)
         potential(t) = v(t) + r(t)                           r of a refractory dendrite; without one, 0
 
-    It spikes where ``potential(t) > 64 * threshold``; nothing is reset. With taps, own spikes are part of ``q``.
+    It spikes where ``potential(t) > 64 * threshold``; nothing is reset. With taps, own spikes are part of ``q``. A
+    neuron may have ``dendrites`` of both kinds, with the same decays, each with inputs of its own and own spikes of the
+    refractory weight: the potential is the sum of all, and may be as many times as large.
     """
 
     decay_u: IntArray
     decay_v: IntArray
     threshold: IntArray
     refractory: RefractoryDendrite | RefractoryTaps
+    dendrites: int = 1
 
     @classmethod
     def with_dendrite(
@@ -139,7 +142,9 @@ class ChipSrm:
     @property
     def strategy(self) -> str:
         """The strategy that lays this neuron out."""
-        return "dendrite" if isinstance(self.refractory, RefractoryDendrite) else "delay-line"
+        if isinstance(self.refractory, RefractoryTaps):
+            return "delay-line"
+        return "dendrite" if self.dendrites == 1 else "paired-dendrite"
 
 
 ChipNeuron = ChipCuba | ChipSrm
@@ -149,8 +154,8 @@ ChipNeuron = ChipCuba | ChipSrm
 class ChipProjection:
     """Mantissas (n_target, n_source), int64, dense or CSR; effective weights are ``64 * floor(mantissa * 2^exponent)``.
 
-    ``delay`` in steps: one for all, or an array like the matrix's values. Several projections may join the same ends:
-    their weights add up.
+    ``delay`` in steps: one for all, or an array like the matrix's values. ``dendrite`` is that of the target's alpha
+    dendrites which the charge reaches. Several projections may join the same ends: their weights add up.
     """
 
     source: str
@@ -160,6 +165,7 @@ class ChipProjection:
     weight_bits: int
     signs: Signs = "apart"
     delay: int | IntArray = 0
+    dendrite: int = 0
 
     def fan_out(self) -> IntArray:
         """Return the synapses that each source has, (n_source,)."""

@@ -21,7 +21,7 @@ from locsnn_compile.integer_neurons import ChipCubaSteps, ChipSrmSteps, effectiv
 from locsnn_compile.matrices import Matrix, charge, values_of, with_values
 from locsnn_compile.network import Network, Population, Projection
 from locsnn_compile.neurons import Cuba, FloatArray, SoftCuba, SrmAlpha
-from locsnn_compile.on_grid import ChipCuba, ChipProjection
+from locsnn_compile.on_grid import ChipCuba, ChipProjection, ChipSrm
 
 Potentials = npt.NDArray[Any]
 """float64 of float neurons; of on-grid ones int64, in units of the registers."""
@@ -104,26 +104,29 @@ def _evaluate_together(
     steps = next(spikes[view.name].shape[1] for view in network.views if view.axis == together[0].axis)
     names = {population.name for population in together}
     arriving: dict[str, Potentials] = {}
-    inner: list[tuple[str, str, int, Matrix]] = []
+    inner: list[tuple[str, Potentials, int, Matrix]] = []
     for population in together:
         dtype = np.int64 if population.on_grid else np.float64
-        arriving[population.name] = np.zeros((batch, steps, population.size), dtype=dtype)
+        dendrites = population.neuron.dendrites if isinstance(population.neuron, ChipSrm) else 1
+        arriving[population.name] = np.zeros((batch, steps, dendrites * population.size), dtype=dtype)
         for projection in network.into(population.name):
+            first = population.size * (projection.dendrite if isinstance(projection, ChipProjection) else 0)
+            entrance = arriving[population.name][:, :, first : first + population.size]
             for delay, weights in _by_delay(projection):
                 if projection.source in names:
-                    inner.append((projection.source, population.name, delay, weights))
+                    inner.append((projection.source, entrance, delay, weights))
                 elif delay + 1 < steps:
                     sent = charge(spikes[projection.source], weights)
-                    arriving[population.name][:, delay + 1 :] += sent[:, : steps - delay - 1]
+                    entrance[:, delay + 1 :] += sent[:, : steps - delay - 1]
     state = {p.name: _steps(p, registers, batch) for p in together}
     for p in together:
         spikes[p.name] = np.zeros((batch, steps, p.size), dtype=np.uint8)
         if potential is not None:
-            potential[p.name] = np.empty_like(arriving[p.name])
+            potential[p.name] = np.empty((batch, steps, p.size), dtype=arriving[p.name].dtype)
     for step in range(steps):
-        for source, target, delay, weights in inner:
+        for source, entrance, delay, weights in inner:
             if step > delay:
-                arriving[target][:, step] += charge(spikes[source][:, step - 1 - delay], weights)
+                entrance[:, step] += charge(spikes[source][:, step - 1 - delay], weights)
         for name in arriving:
             fired, seen = state[name].step(arriving[name][:, step])
             spikes[name][:, step] = fired

@@ -29,8 +29,8 @@ Without --events the check plays recordings that the model carries, else synthet
 Exit codes: 0 done; 1 the chip cannot hold the model; 2 wrong usage or unreadable input; 3 a gate failed.
 """
 _STRATEGY = (
-    "lowering of SRM neurons: dendrite, delay-line, reset, or auto, the cheapest within --min-agreement and "
-    "--max-spike-error, by default what dendrite keeps (default auto)"
+    "lowering of SRM neurons: dendrite, delay-line, reset, paired-dendrite, or auto, the cheapest within "
+    "--min-agreement and --max-spike-error, by default what dendrite keeps (default auto)"
 )
 _CALIBRATION = (
     "recordings that weights are rounded for and settings chosen on, of an archive the train part; default: the "

@@ -25,7 +25,9 @@ from locsnn_compile.error_budget.numbers import (
 from locsnn_compile.error_budget.twin import TwinGroup, TwinSynapses
 from locsnn_compile.matrices import Matrix
 from locsnn_compile.neurons import Cuba, FloatArray, SoftCuba, SrmAlpha
+from locsnn_compile.on_grid import ChipSrm, RefractoryDendrite
 from locsnn_compile.passes.kernels import kernel
+from locsnn_compile.passes.lower_neurons import dendrite_name
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.quantized import QuantizedPopulation
 
@@ -39,7 +41,7 @@ def forms_of(levels: Levels, q: QuantizedPopulation) -> tuple[Numbers, Numbers]:
     """Return the numbers of the float neuron, and of the program's; the same object where they do not differ."""
     neuron = q.population.neuron
     if isinstance(neuron, SrmAlpha):
-        if q.strategy == "dendrite":
+        if isinstance(q.neuron, ChipSrm) and isinstance(q.neuron.refractory, RefractoryDendrite):
             same = _dendrite(levels, q, neuron)
             return same, same
         program = _delay_line if q.strategy == "delay-line" else _reset
@@ -52,9 +54,18 @@ def forms_of(levels: Levels, q: QuantizedPopulation) -> tuple[Numbers, Numbers]:
 
 
 def _dendrite(levels: Levels, q: QuantizedPopulation, neuron: SrmAlpha) -> Numbers:
-    graph, name = levels.compartments, q.population.name
-    parts = [chip_group(graph.group(part)) for part in (f"{name}/dendrite", f"{name}/refractory", name)]
-    return _srm(levels, q, neuron, *parts)
+    """As many pairs of dendrites as the chip has; of the float weights each has an equal share."""
+    assert isinstance(q.neuron, ChipSrm)
+    graph, name, count = levels.compartments, q.population.name, q.neuron.dendrites
+    soma = chip_group(graph.group(name))
+    pairs = []
+    for number in range(count):
+        dendrite, own = (
+            chip_group(graph.group(dendrite_name(name, kind, number))) for kind in ("dendrite", "refractory")
+        )
+        pairs.append(_srm(levels, q, neuron, dendrite, own, soma, share=1 / count))
+    groups = [group for pair in pairs for group in pair.groups[:-1]]
+    return Numbers((*groups, pairs[0].groups[-1]), tuple(s for pair in pairs for s in pair.synapses))
 
 
 def _delay_line(levels: Levels, q: QuantizedPopulation, neuron: SrmAlpha) -> tuple[Numbers, Numbers]:
@@ -126,8 +137,12 @@ def _srm(
     dendrite: TwinGroup,
     refractory: TwinGroup | None,
     soma: TwinGroup,
+    share: float = 1.0,
 ) -> Numbers:
-    """Lay an SRM neuron out as two dendrites and a memoryless soma, given the chip's; exact what the chip has not."""
+    """Lay an SRM neuron out as two dendrites and a memoryless soma, given the chip's; exact what the chip has not.
+
+    The dendrites get a ``share`` of the weights.
+    """
     graph, name, n = levels.compartments, q.population.name, q.population.size
     threshold = neuron.theta * q.scale * (1 - SLACK)
 
@@ -137,7 +152,8 @@ def _srm(
     a, gain = kernel_recursion(neuron.tau_sr)
     refractory_a, refractory_gain = kernel_recursion(neuron.tau_ref)
     alpha = GroupNumbers(exactly(dendrite, a), dendrite)
-    pull = TwinSynapses(name, f"{name}/refractory", -neuron.scale_ref * neuron.theta * refractory_gain * q.scale)
+    pulled = f"{name}/refractory" if refractory is None else refractory.name
+    pull = TwinSynapses(name, pulled, -neuron.scale_ref * neuron.theta * refractory_gain * share * q.scale)
     if refractory is None:
         exact = exactly(replace(dendrite, name=pull.target), refractory_a)
         own = GroupNumbers(exact, exact)
@@ -145,7 +161,7 @@ def _srm(
     else:
         own = GroupNumbers(exactly(refractory, refractory_a), refractory)
         pulls = beside_chip(graph, [pull], own, refractory.name)
-    inputs = exact_synapses(levels.network, name, dendrite.name, gain * q.scale)
+    inputs = exact_synapses(levels.network, name, dendrite.name, gain * share * q.scale)
     onto = dendrite.name if any(g.name == dendrite.name for g in graph.groups) else name
     return Numbers(
         (alpha, own, GroupNumbers(exactly(soma, 0.0), soma)), (*beside_chip(graph, inputs, alpha, onto), *pulls)

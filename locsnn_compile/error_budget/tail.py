@@ -45,9 +45,11 @@ def with_cut_tails(twin: Twin, network: Network) -> Twin:
 
 
 def _cut(synapses: TwinSynapses, cuts: dict[str, tuple[int, float]]) -> tuple[TwinSynapses, ...]:
-    if synapses.target not in cuts:
+    # Second dendrites have the kernels of the first.
+    target = synapses.target.removesuffix("_2")
+    if target not in cuts:
         return (synapses,)
-    taps, tau = cuts[synapses.target]
+    taps, tau = cuts[target]
     a = math.exp(-1.0 / tau)
     tail = ((taps - 1, -taps * a ** (taps - 1)), (taps, (taps - 1) * a**taps))
     return (

@@ -65,7 +65,13 @@ class Axis:
 
 
 AXES = (
-    Axis("strategy", ("dendrite", "delay-line", "reset"), "auto", has_srm_neurons, "lowerings of SRM neurons"),
+    Axis(
+        "strategy",
+        ("dendrite", "delay-line", "reset", "paired-dendrite"),
+        "auto",
+        has_srm_neurons,
+        "lowerings of SRM neurons",
+    ),
     Axis("weight_bits", (1, 2, 3, 4, 5, 6, 8), 8, has_float_weights, "bits of a weight", "{}-bit"),
     Axis(
         "split_weights",

@@ -22,7 +22,8 @@ from locsnn_compile.neurons import FloatArray, SrmAlpha
 from locsnn_compile.on_grid import ChipProjection, ChipSrm, RefractoryDendrite, integers
 from locsnn_compile.passes import srm_dendrite
 from locsnn_compile.passes.drive import Drive, drive_of
-from locsnn_compile.passes.grades import BoolArray, Grades, coarsest, grades_for, in_grades
+from locsnn_compile.passes.grades import BoolArray, Grades, coarsest, grades_for, in_grades, nearest, shares
+from locsnn_compile.passes.quantize_srm import of_a_dendrite
 from locsnn_compile.passes.round_together import round_together
 from locsnn_compile.passes.rounding import Rounding
 from locsnn_compile.passes.scaling import HEAVIEST, Scaled
@@ -88,35 +89,38 @@ def _scale(task: _Task, made: ChipSrm) -> FloatArray:
 def _scaled_apart(task: _Task, made: ChipSrm) -> ChipSrm:
     """Return the neurons each at the scale with which its potential errs least; the plain scale is always allowed."""
     assert isinstance(made.refractory, RefractoryDendrite)
-    wanted = np.append(SCALES * _largest_threshold(task), made.threshold[0])
-    thresholds, mantissas, exponent = srm_dendrite.whole_mantissas(task.neuron, wanted)
+    share, dendrites = of_a_dendrite(task.neuron, made.dendrites), made.dendrites
+    wanted = np.append(SCALES * _largest_threshold(task, share, dendrites), made.threshold[0])
+    thresholds, mantissas, exponent = srm_dendrite.whole_mantissas(share, wanted)
     decays = (int(made.decay_u[0]), int(made.decay_v[0]), int(made.refractory.decay[0]))
     size = task.population.size
-    candidates = _at(np.repeat(thresholds, size), np.repeat(mantissas, size), exponent, decays)
+    candidates = _at(np.repeat(thresholds, size), np.repeat(mantissas, size), exponent, decays, dendrites)
     errors = _errors(task, candidates, len(thresholds))
-    errors[:-1][thresholds[:-1, None] > _threshold_limits(task)] = np.inf
+    errors[:-1][thresholds[:-1, None] > dendrites * _threshold_limits(task)] = np.inf
     best = errors.argmin(axis=0)
-    return _at(thresholds[best], mantissas[best], exponent, decays)
+    return _at(thresholds[best], mantissas[best], exponent, decays, dendrites)
 
 
-def _at(thresholds: IntArray, mantissas: IntArray, exponent: int, decays: tuple[int, int, int]) -> ChipSrm:
+def _at(
+    thresholds: IntArray, mantissas: IntArray, exponent: int, decays: tuple[int, int, int], dendrites: int
+) -> ChipSrm:
     """Return neurons with these threshold and refractory mantissas, (n,)."""
     size = len(thresholds)
     u, v, own, threshold, mantissa = (integers(value, size) for value in (*decays, thresholds, mantissas))
-    return ChipSrm(u, v, threshold, RefractoryDendrite(own, mantissa, exponent))
+    return ChipSrm(u, v, threshold, RefractoryDendrite(own, mantissa, exponent), dendrites)
 
 
-def _largest_threshold(task: _Task) -> float:
-    """Return the largest threshold mantissa that registers and own charges leave to any neuron."""
+def _largest_threshold(task: _Task, share: SrmAlpha, dendrites: int) -> float:
+    """Return the largest threshold mantissa that registers and own charges, a dendrite's share, leave to any neuron."""
     registers = task.chip.registers
-    own = srm_dendrite.heaviest_charge(task.neuron, 0, f"population {task.population.name!r}")
-    caps = [registers.threshold_mantissa_max, registers.voltage_max / (64 * HEADROOM_MIN)]
+    own = srm_dendrite.heaviest_charge(share, 0, f"population {task.population.name!r}")
+    caps = [registers.threshold_mantissa_max, dendrites * registers.voltage_max / (64 * HEADROOM_MIN)]
     return min(*caps, HEAVIEST / own - 1) if own else min(caps)
 
 
 def _threshold_limits(task: _Task) -> FloatArray:
     """Return the largest threshold mantissas (m,) at which a neuron's weights fit a format, and its charge and current
-    the registers: the charge whatever the input."""
+    the registers of one dendrite: the charge whatever the input."""
     registers, ideal, theta = task.chip.registers, task.drive.ideal, task.neuron.theta
     largest = np.abs(ideal).max(axis=1, initial=0.0)
     one_sign = np.maximum(np.maximum(ideal, 0).sum(axis=1), np.maximum(-ideal, 0).sum(axis=1))
@@ -138,17 +142,19 @@ def _errors(task: _Task, candidates: ChipSrm, count: int) -> FloatArray:
     calibration, theta = task.calibration, task.neuron.theta
     scale = _scale(task, candidates)
     quanta = _rounded(task, candidates, BEAM_TO_COMPARE).quanta
-    columns = np.split(64 * quanta, _ends(task), axis=1)
+    # The weights of all neurons, dendrite by dendrite.
+    weights = np.concatenate(shares(64 * quanta, candidates.dendrites, 64))
+    columns = np.split(weights, _ends(task), axis=1)
     error = np.zeros(len(scale))
     for start in range(0, calibration.samples, CHUNK):
         here = slice(start, start + CHUNK)
         own = np.tile(calibration.spikes[task.population.name][here].astype(np.bool_), (1, 1, count))
         wanted = np.tile(calibration.potential[task.population.name][here], (1, 1, count))
         weight = np.exp(-np.abs(wanted / theta - 1) / NEAR)
-        charge = np.zeros(own.shape, dtype=np.int64)
-        for p, weights in zip(task.incoming, columns, strict=True):
+        charge = np.zeros((*own.shape[:2], len(weights)), dtype=np.int64)
+        for p, part in zip(task.incoming, columns, strict=True):
             late = 1 + int(p.delay)
-            charge[:, late:] += charge_of(calibration.spikes[p.source][here], weights)[:, :-late]
+            charge[:, late:] += charge_of(calibration.spikes[p.source][here], part)[:, :-late]
         state = ChipSrmSteps(candidates, task.chip.registers, len(own))
         for step in range(own.shape[1]):
             _, potential = state.step(charge[:, step])
@@ -159,9 +165,10 @@ def _errors(task: _Task, candidates: ChipSrm, count: int) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class _Rounded:
-    """Weights in quanta (k, n), the grade of each, and which are split."""
+    """Weights in quanta (k, n), onto so many dendrites together; the grade of each share, and which are split."""
 
     quanta: IntArray
+    dendrites: int
     grade: IntArray
     split: BoolArray
     grades: Grades
@@ -172,16 +179,18 @@ def _rounded(task: _Task, made: ChipSrm, beam: int) -> _Rounded:
     scale = _scale(task, made)
     times = len(scale) // task.population.size
     ideal = np.tile(task.drive.ideal, (times, 1)) * scale[:, None] / 64
-    grades = grades_for(float(np.abs(ideal).max()), task.weight_bits, task.rounding, made)
-    grade = grades.grade(np.abs(ideal))
+    magnitude = np.abs(ideal) / made.dendrites
+    grades = grades_for(float(magnitude.max()), task.weight_bits, task.rounding, made)
+    grade = grades.grade(magnitude)
     present = np.tile(np.hstack([p.weights for p in task.incoming]) != 0, (times, 1))
     split = _worth_splitting(task, grades, grade, present)
     step = np.where(present, 1 << np.where(split, grades.second_grade(grade), grade), 0)
+    most = made.dendrites * grades.largest_of(grade)
     if task.rounding.error_aware:
-        quanta = round_together(task.drive.gram, ideal, step, grades.largest_of(grade), beam)
+        quanta = round_together(task.drive.gram, ideal, step, most, beam)
     else:
-        quanta = grades.nearest(ideal, step, grade)
-    return _Rounded(quanta, grade, split, grades)
+        quanta = nearest(ideal, step, most)
+    return _Rounded(quanta, made.dendrites, grade, split, grades)
 
 
 def _worth_splitting(task: _Task, grades: Grades, grade: IntArray, present: BoolArray) -> BoolArray:
@@ -200,7 +209,7 @@ def _projections(task: _Task, rounded: _Rounded) -> list[list[ChipProjection]]:
     for p in task.incoming:
         here = slice(start, start + p.weights.shape[1])
         parts = (rounded.quanta[:, here], rounded.grade[:, here], rounded.split[:, here])
-        made.append(in_grades(p, *parts, rounded.grades))
+        made.append(in_grades(p, *parts, rounded.grades, rounded.dendrites))
         start = here.stop
     return made
 

@@ -68,13 +68,6 @@ class Grades:
         """Return the weight exponent of a grade's format."""
         return grade + self.weight_bits - MANTISSA_BITS
 
-    def nearest(self, quanta: FloatArray, step: IntArray, grade: IntArray) -> IntArray:
-        """Round to the nearest multiples of the steps, half to even, and clip to the grades; 0 where a step is."""
-        most = self.largest_of(grade)
-        rounded = np.rint(quanta / np.maximum(step, 1)) * step
-        found: IntArray = np.clip(rounded, -most, most).astype(np.int64)
-        return found
-
     def parts(self, quanta: IntArray, grade: IntArray, split: BoolArray) -> Iterator[tuple[IntArray, int]]:
         """Yield (mantissas, exponent) of every grade that is in use, finest first; effective weights add up."""
         magnitude, sign = np.abs(quanta), np.sign(quanta)
@@ -95,19 +88,38 @@ def grades_for(largest: float, weight_bits: int, rounding: Rounding, neuron: Chi
     return Grades.holding(largest, weight_bits, count=count if rounding.graded else 1, split=split)
 
 
+def nearest(quanta: FloatArray, step: IntArray, most: IntArray) -> IntArray:
+    """Round to the nearest multiples of the steps, half to even, and clip to magnitudes; 0 where a step is."""
+    rounded = np.rint(quanta / np.maximum(step, 1)) * step
+    found: IntArray = np.clip(rounded, -most, most).astype(np.int64)
+    return found
+
+
 def coarsest(weight_bits: int) -> int:
     """Return the coarsest grade that the chip has of so many bits."""
     return WEIGHT_EXPONENTS[-1] + MANTISSA_BITS - weight_bits
 
 
+def shares(quanta: IntArray, dendrites: int, step: IntArray | int) -> list[IntArray]:
+    """Divide multiples of steps into nearly equal ones, one for each dendrite."""
+    whole = np.abs(quanta) // np.maximum(step, 1)
+    return [np.sign(quanta) * step * ((whole + number) // dendrites) for number in range(dendrites)]
+
+
 def in_grades(
-    p: Projection, quanta: IntArray, grade: IntArray, split: BoolArray, grades: Grades
+    p: Projection, quanta: IntArray, grade: IntArray, split: BoolArray, grades: Grades, dendrites: int = 1
 ) -> list[ChipProjection]:
-    """Return a projection's values in quanta as one projection a grade; one of zeros if all is 0."""
-    parts = list(grades.parts(quanta, grade, split)) or [(quanta, grades.exponent(grades.held[0]))]
-    return [
-        ChipProjection(
-            p.source, p.target, with_values(p.weights, mantissa), exponent, grades.weight_bits, delay=p.delay
-        )
-        for mantissa, exponent in parts
-    ]
+    """Return a projection's values in quanta as one projection a dendrite and grade, of zeros where all is 0.
+
+    ``grade`` is that of each dendrite's share.
+    """
+    made = []
+    step = 1 << np.where(split, grades.second_grade(grade), grade)
+    for dendrite, share in enumerate(shares(quanta, dendrites, step)):
+        parts = list(grades.parts(share, grade, split)) or [(share, grades.exponent(grades.held[0]))]
+        for mantissa, exponent in parts:
+            held = with_values(p.weights, mantissa)
+            made.append(
+                ChipProjection(p.source, p.target, held, exponent, grades.weight_bits, delay=p.delay, dendrite=dendrite)
+            )
+    return made

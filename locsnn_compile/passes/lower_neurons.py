@@ -4,7 +4,8 @@ Before: a QuantizedNetwork.
 After:  a CompartmentGraph, one phase an axis. A population's spikes are those of the group of its name.
 
     dendrite     a memoryless soma, to which an alpha dendrite ``name/dendrite`` and a refractory dendrite
-                 ``name/refractory``, driven by the neuron's own spikes, add their voltages
+                 ``name/refractory``, driven by the neuron's own spikes, add their voltages; where there are two of
+                 each, the second ones are ``name/dendrite_2`` and ``name/refractory_2``
     delay-line   a memoryless soma and an alpha dendrite ``name/dendrite``, which own spikes reach by delayed synapses
     reset        one compartment, with the chip's own reset; so is every leaky integrate-and-fire neuron (``native``)
 """
@@ -35,7 +36,7 @@ def lower_neurons(quantized: QuantizedNetwork, chip: Chip) -> CompartmentGraph:
         groups += _compartments(population, chip)
         synapses += _self_synapses(population)
     for projection in quantized.projections:
-        synapses += _by_sign(projection, _entrance(quantized.population(projection.target)))
+        synapses += _by_sign(projection, _entrance(quantized.population(projection.target), projection.dendrite))
     graph = CompartmentGraph(
         name=network.name,
         phases=tuple(
@@ -55,10 +56,15 @@ def lower_neurons(quantized: QuantizedNetwork, chip: Chip) -> CompartmentGraph:
     return graph
 
 
-def _entrance(q: QuantizedPopulation) -> str:
+def _entrance(q: QuantizedPopulation, dendrite: int) -> str:
     """Return the group that a population's inputs reach."""
     name = q.population.name
-    return f"{name}/dendrite" if isinstance(q.neuron, ChipSrm) else name
+    return dendrite_name(name, "dendrite", dendrite) if isinstance(q.neuron, ChipSrm) else name
+
+
+def dendrite_name(population: str, kind: str, number: int) -> str:
+    """Return the group of a population's dendrites of a kind, counted from 0."""
+    return f"{population}/{kind}" if number == 0 else f"{population}/{kind}_{number + 1}"
 
 
 def _compartments(q: QuantizedPopulation, chip: Chip) -> list[Compartments]:
@@ -67,14 +73,15 @@ def _compartments(q: QuantizedPopulation, chip: Chip) -> list[Compartments]:
     if isinstance(neuron, ChipCuba):
         return [_group(name, q, chip, neuron.decay_u, neuron.decay_v)]
     all_lost = np.full(q.population.size, DECAY_ONE)
-    groups = [
-        _group(name, q, chip, all_lost, all_lost),
-        _group(f"{name}/dendrite", q, chip, neuron.decay_u, neuron.decay_v, joined_to=name),
-    ]
+    kinds = {"dendrite": (neuron.decay_u, neuron.decay_v)}
     if isinstance(neuron.refractory, RefractoryDendrite):
-        decay = neuron.refractory.decay
-        groups.append(_group(f"{name}/refractory", q, chip, decay, decay, joined_to=name))
-    return groups
+        kinds["refractory"] = (neuron.refractory.decay, neuron.refractory.decay)
+    dendrites = [
+        _group(dendrite_name(name, kind, number), q, chip, *decays, joined_to=name)
+        for number in range(neuron.dendrites)
+        for kind, decays in kinds.items()
+    ]
+    return [_group(name, q, chip, all_lost, all_lost), *dendrites]
 
 
 def _group(
@@ -113,18 +120,18 @@ def _self_synapses(q: QuantizedPopulation) -> list[Synapses]:
     """Return one list a format: taps of one sign and exponent are in one, each with its own delay."""
     if not isinstance(q.neuron, ChipSrm):
         return []
-    part = q.neuron.refractory
+    part, name = q.neuron.refractory, q.population.name
     if isinstance(part, RefractoryDendrite):
-        taps = RefractoryTaps(np.zeros(1, np.int64), part.mantissa[None], np.array([part.exponent]))
-        target = f"{q.population.name}/refractory"
+        taps, kind = RefractoryTaps(np.zeros(1, np.int64), part.mantissa[None], np.array([part.exponent])), "refractory"
     else:
-        taps, target = part, f"{q.population.name}/dendrite"
+        taps, kind = part, "dendrite"
     signs: tuple[tuple[SignMode, int], ...] = (("excitatory", 1), ("inhibitory", -1))
     return [
-        _own_synapses(q.population.name, target, taps, (taps.mantissa * sign > 0) & (taps.exponent == e)[:, None], mode)
+        _own_synapses(name, dendrite_name(name, kind, number), taps, here, mode)
+        for number in range(q.neuron.dendrites)
         for e in np.unique(taps.exponent)
         for mode, sign in signs
-        if ((taps.mantissa * sign > 0) & (taps.exponent == e)[:, None]).any()
+        if (here := (taps.mantissa * sign > 0) & (taps.exponent == e)[:, None]).any()
     ]
 
 

@@ -158,7 +158,8 @@ def _round(
         found = fine_srm(population, neuron, incoming, scaled, chip, grid.weight_bits, rounding, calibration)
         if found is not None:
             return found
-    if rounding.graded or rounding.split:
+    paired = isinstance(scaled.neuron, ChipSrm) and scaled.neuron.dendrites > 1
+    if rounding.graded or rounding.split or paired:
         return scaled, round_apart(incoming, scaled, grid.weight_bits, rounding)
     return scaled, [[_nearest(p, scaled, grid)] for p in incoming]
 

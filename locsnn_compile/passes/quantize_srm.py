@@ -16,7 +16,7 @@ from hw_model.chip_description import Chip
 from hw_model.weights import WeightGrid
 from locsnn_compile.errors import TargetError
 from locsnn_compile.neurons import SrmAlpha
-from locsnn_compile.on_grid import ChipNeuron, integers
+from locsnn_compile.on_grid import ChipNeuron, ChipSrm, integers
 from locsnn_compile.passes import srm_delay_line, srm_dendrite, srm_reset
 from locsnn_compile.passes.kernels import alpha_kernel, fitted_decays
 from locsnn_compile.passes.scaling import HEAVIEST, Scaled, check_threshold, exponent_and_threshold
@@ -30,17 +30,19 @@ class Strategy:
     """How SRM neurons are laid out: both functions are told the decay of the alpha kernel, and where they are.
 
     ``heaviest_charge`` of a neuron's own spike, in thresholds; ``lay_out`` for so many neurons, at one of the threshold
-    mantissas.
+    mantissas. With several ``dendrites`` of both kinds, each takes its share of every weight, own ones included.
     """
 
     heaviest_charge: Callable[[SrmAlpha, int, str], float]
     lay_out: Callable[[SrmAlpha, int, int, Iterable[int], str], ChipNeuron]
+    dendrites: int = 1
 
 
 STRATEGIES: dict[str, Strategy] = {
     "dendrite": Strategy(srm_dendrite.heaviest_charge, srm_dendrite.lay_out),
     "delay-line": Strategy(srm_delay_line.heaviest_charge, srm_delay_line.lay_out),
     "reset": Strategy(srm_reset.heaviest_charge, srm_reset.lay_out),
+    "paired-dendrite": Strategy(srm_dendrite.heaviest_charge, srm_dendrite.lay_out, dendrites=2),
 }
 
 
@@ -60,18 +62,27 @@ def quantize_srm(
     """
     layout, mantissa_max = STRATEGIES[strategy], chip.registers.threshold_mantissa_max
     decay, gain, _ = alpha_kernel(neuron.tau_sr, f"{where}: tau_sr")
-    own = layout.heaviest_charge(neuron, decay, where)
+    heaviest = largest * gain / neuron.theta / layout.dendrites
+    share = of_a_dendrite(neuron, layout.dendrites)
+    own = layout.heaviest_charge(share, decay, where)
     _check_own(own, where)
     cap = int(min(HEAVIEST / own - 1, mantissa_max)) if own else mantissa_max
-    exponent, most = exponent_and_threshold(largest * gain / neuron.theta, grid, chip, cap, 1)
-    check_threshold(most, largest * gain / neuron.theta, grid, 1, where)
+    exponent, most = exponent_and_threshold(heaviest, grid, chip, cap, 1)
+    check_threshold(most, heaviest, grid, 1, where)
     candidates = range(most, max(1, math.ceil(SCALE_SLACK * most)) - 1, -1)
-    made = layout.lay_out(neuron, size, decay, candidates, where)
+    made = layout.lay_out(share, size, decay, candidates, where)
+    if isinstance(made, ChipSrm):
+        made = replace(made, dendrites=layout.dendrites)
     if fitted and strategy != "delay-line":
         decay_u, decay_v, gain, _ = fitted_decays(neuron.tau_sr, f"{where}: tau_sr")
         made = replace(made, decay_u=integers(decay_u, size), decay_v=integers(decay_v, size))
     scale = (64 * made.threshold + 1) / neuron.theta
     return Scaled(made, scale, np.full(size, gain), exponent)
+
+
+def of_a_dendrite(neuron: SrmAlpha, dendrites: int) -> SrmAlpha:
+    """Return a neuron whose own spikes do what they do in each of so many refractory dendrites."""
+    return replace(neuron, scale_ref=neuron.scale_ref / dendrites)
 
 
 def _check_own(own: float, where: str) -> None:

@@ -9,8 +9,8 @@ import numpy as np
 from locsnn_compile.matrices import of_target, values_of
 from locsnn_compile.network import Projection
 from locsnn_compile.neurons import FloatArray
-from locsnn_compile.on_grid import ChipProjection
-from locsnn_compile.passes.grades import BoolArray, grades_for, in_grades
+from locsnn_compile.on_grid import ChipProjection, ChipSrm
+from locsnn_compile.passes.grades import BoolArray, grades_for, in_grades, nearest
 from locsnn_compile.passes.rounding import Rounding
 from locsnn_compile.passes.scaling import Scaled
 
@@ -22,15 +22,18 @@ def round_apart(
 
     The share that is split is the coarsest one. Returns the projections that each of ``incoming`` becomes.
     """
+    dendrites = scaled.neuron.dendrites if isinstance(scaled.neuron, ChipSrm) else 1
     ideal = [values_of(p.weights) * of_target(p.weights, scaled.gain * scaled.scale / 64) for p in incoming]
     largest = max((float(np.abs(part).max(initial=0.0)) for part in ideal), default=0.0)
-    grades = grades_for(largest, weight_bits, rounding, scaled.neuron)
-    grade = [grades.grade(np.abs(part)) for part in ideal]
+    grades = grades_for(largest / dendrites, weight_bits, rounding, scaled.neuron)
+    grade = [grades.grade(np.abs(part) / dendrites) for part in ideal]
     split = _coarsest(ideal, rounding.split)
-    return [
-        in_grades(p, grades.nearest(part, 1 << np.where(two, grades.second_grade(k), k), k), k, two, grades)
-        for p, part, k, two in zip(incoming, ideal, grade, split, strict=True)
-    ]
+    made = []
+    for p, part, k, two in zip(incoming, ideal, grade, split, strict=True):
+        step = 1 << np.where(two, grades.second_grade(k), k)
+        quanta = nearest(part, step, dendrites * grades.largest_of(k))
+        made.append(in_grades(p, quanta, k, two, grades, dendrites))
+    return made
 
 
 def _coarsest(ideal: Sequence[FloatArray], share: float) -> list[BoolArray]:

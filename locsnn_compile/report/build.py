@@ -12,6 +12,7 @@ _STRATEGIES = {
     "dendrite": "three joined compartments a neuron: alpha dendrite, refractory dendrite, memoryless soma",
     "delay-line": "two joined compartments a neuron, the refractory kernel through delayed self-synapses",
     "reset": "one compartment a neuron with the chip's own reset, an approximation",
+    "paired-dendrite": "five joined compartments a neuron: dendrite with two dendrites of each kind, at a finer scale",
     "native": "one compartment a neuron, as the model has it",
 }
 _WITHOUT_JOINED = {"reset", "native"}

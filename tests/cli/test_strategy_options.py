@@ -28,7 +28,9 @@ def compiled(model, folder, capsys, *options):
 
 
 @pytest.mark.parametrize(
-    ("strategy", "compartments"), [("dendrite", 27), ("delay-line", 18), ("reset", 9)], ids=["3", "2", "1"]
+    ("strategy", "compartments"),
+    [("dendrite", 27), ("delay-line", 18), ("reset", 9), ("paired-dendrite", 45)],
+    ids=["3", "2", "1", "5"],
 )
 def test_a_strategy_decides_the_compartments(model, tmp_path, capsys, strategy, compartments):
     code, report, _ = compiled(model, tmp_path / "b", capsys, "--strategy", strategy)

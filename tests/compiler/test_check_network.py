@@ -60,6 +60,9 @@ NEW_RULES = [
     ("taps", lambda: integers(tapped(exponent=THREE)), "population 'n': tap exponent has the wrong shape ((3,) against (2,)). Give one number a neuron."),
     ("tap mantissas", lambda: integers(tapped(mantissa=THREE)), "population 'n': tap mantissa has the wrong shape ((3,) against (2, 2)). Give one number a neuron."),
     ("dendrite", lambda: integers(joined(decay=THREE)), "population 'n': refractory decay has the wrong shape ((3,) against (2,)). Give one number a neuron."),
+    ("no dendrites", lambda: integers(replace(joined(), dendrites=0)), "population 'n': neurons without a dendrite (0). Give 1 or more."),
+    ("no such dendrite", lambda: integers(replace(joined(), dendrites=2), dendrite=2), "projection 'touch' -> 'n': the target has no such dendrite (2 of 2, counted from 0). Name one that it has."),
+    ("one compartment", lambda: integers(chip_cuba(), dendrite=1), "projection 'touch' -> 'n': the target has no such dendrite (1 of 1, counted from 0). Name one that it has."),
     ("end", lambda: replace(hybrid(), projections=(Projection("touch", "no", np.ones((1, 1))),)), "projection 'touch' -> 'no': an end does not exist. Name an input or a population."),
     ("axes", lambda: moved("location"), "projection 'touch' -> 'time_hidden': joins the time axis to the location axis. Keep to one axis."),
     ("float onto integers", lambda: replace(integers(chip_cuba()), projections=(Projection("touch", "n", np.ones((2, 2))),)), "projection 'touch' -> 'n': float weights reach integer neurons. Give a population and the weights onto it in one kind of number."),
@@ -84,8 +87,8 @@ def test_a_broken_rule(make, message):
 
 @pytest.mark.parametrize(
     "make",
-    [hybrid, lambda: on_grid(1), lif, lambda: integers(chip_cuba()), lambda: integers(tapped()), lambda: integers(joined())],
-    ids=["hybrid", "on grid", "lif", "chip cuba", "taps", "dendrite"],
+    [hybrid, lambda: on_grid(1), lif, lambda: integers(chip_cuba()), lambda: integers(tapped()), lambda: integers(joined()), lambda: integers(replace(joined(), dendrites=2), dendrite=1)],
+    ids=["hybrid", "on grid", "lif", "chip cuba", "taps", "dendrite", "paired"],
 )  # fmt: skip
 def test_sound_networks(make):
     check_network(make())

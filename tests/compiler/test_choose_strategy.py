@@ -14,6 +14,7 @@ from locsnn_compile.errors import InputError, TargetError
 from locsnn_compile.passes.quantize import quantize
 
 CHIP = hw.chip("loihi-sim")
+PAIRED = "paired-dendrite"
 
 
 @pytest.fixture(scope="module")
@@ -65,6 +66,18 @@ def test_the_cheapest_within_the_budget_is_taken(choose, budget, taken):
     assert choice.taken == min(
         (c for c in choice.candidates if c.keeps(budget)), key=lambda candidate: candidate.energy_pj
     )
+
+
+def test_dendrites_are_paired_where_no_other_strategy_keeps_the_budget(network):
+    def choose(bound):
+        return choose_strategy(network, CHIP, 2, played(network), ErrorBudget(max_spike_error=bound))
+
+    usual = min(c.spike_error for c in choose(-1.0).candidates if c.strategy != PAIRED)
+    choice = choose(usual - 1e-6)
+    assert choice.keeps_budget
+    assert choice.taken.strategy == choice.levels.quantized.strategy == PAIRED
+    assert choice.taken.energy_pj > max(c.energy_pj for c in choice.candidates if c.strategy != PAIRED)
+    assert PAIRED not in {c.strategy for c in choose(usual).candidates}
 
 
 def test_where_nothing_keeps_the_budget_the_most_accurate_is_taken(choose):

@@ -125,7 +125,7 @@ def check_both_ends(network, bits, played, strategy="dendrite"):
     bits=st.sampled_from([1, 3, 8]),
     tau_sr=st.sampled_from([1.0, 10.0, 80.0]),
     scale=st.sampled_from([0.5, 8.0, 300.0]),
-    strategy=st.sampled_from(["dendrite", "delay-line", "reset"]),
+    strategy=st.sampled_from(["dendrite", "delay-line", "reset", "paired-dendrite"]),
 )
 def test_srm_twins_meet_reference_and_chip(seed, bits, tau_sr, scale, strategy):
     network = hybrid(seed, steps=40, hidden=5, neuron=replace(SRM, tau_sr=tau_sr), scale=scale)

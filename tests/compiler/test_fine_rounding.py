@@ -19,7 +19,7 @@ from locsnn_compile.integer_neurons import effective
 from locsnn_compile.matching import compare
 from locsnn_compile.neurons import SrmAlpha
 from locsnn_compile.passes.drive import RIDGE, drive_of
-from locsnn_compile.passes.grades import Grades, coarsest
+from locsnn_compile.passes.grades import Grades, coarsest, nearest
 from locsnn_compile.passes.kernels import alpha_kernel, fitted_decays
 from locsnn_compile.passes.round_together import round_together
 from locsnn_compile.passes.rounding import FINE, NEAREST, Rounding
@@ -51,7 +51,7 @@ def test_parts_are_on_the_grid_and_add_up(seed, bits, largest, count, share):
     grades = Grades.holding(float(np.abs(ideal).max()), bits, count=count, split=share > 0)
     grade, split = grades.grade(np.abs(ideal)), r.random(ideal.shape) < share
     step = 1 << np.where(split, grades.second_grade(grade), grade)
-    quanta = grades.nearest(ideal, step, grade)
+    quanta = nearest(ideal, step, grades.largest_of(grade))
     parts = list(grades.parts(quanta, grade, split))
     assert np.array_equal(sum((effective(m, e) for m, e in parts), start=np.zeros((4, 5))), 64 * quanta)
     for mantissa, exponent in parts:
@@ -194,7 +194,7 @@ def test_of_many_recordings_some_are_taken():
 @settings(max_examples=8, deadline=None, derandomize=True)
 @given(
     seed=st.integers(0, 2**32 - 1),
-    strategy=st.sampled_from(["dendrite", "delay-line", "reset"]),
+    strategy=st.sampled_from(["dendrite", "delay-line", "reset", "paired-dendrite"]),
     bits=st.sampled_from([1, 4, 8]),
     split=st.sampled_from([0.0, 0.5, 1.0]),
     calibrates=st.booleans(),

@@ -10,6 +10,7 @@ import pytest
 import hw_model as hw
 from locsnn_compile.cli.compile import LEVEL_KINDS
 from locsnn_compile.level_text import LEVEL_TEXTS
+from locsnn_compile.passes.quantize_srm import STRATEGIES
 from locsnn_compile.pipeline import lower
 
 GOLDEN = Path(__file__).parent / "golden"
@@ -28,14 +29,14 @@ def levels(case):
         )
     else:
         network = on_grid(1) if case == "on-grid" else hybrid()
-    return lower(network, hw.chip("loihi-sim"), 8, case if case in ("delay-line", "reset") else "dendrite")
+    return lower(network, hw.chip("loihi-sim"), 8, case if case in STRATEGIES else "dendrite")
 
 
 CASES = [
     *(("dendrite", kind, f"{kind}.txt") for kind in LEVEL_KINDS),
     *(
         (case, kind, f"{case}-{kind}.txt")
-        for case in ("delay-line", "reset", "cuba", "on-grid")
+        for case in ("delay-line", "reset", "paired-dendrite", "cuba", "on-grid")
         for kind in OWN_LEVELS
         if kind != "network" or case in ("cuba", "on-grid")
     ),

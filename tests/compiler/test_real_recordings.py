@@ -81,6 +81,19 @@ def test_the_program_is_the_rounded_network(example, strategy):
 
 
 @pytest.mark.slow
+def test_paired_dendrites_keep_the_predictions_and_nearly_all_spikes(example):
+    """Rounded for the train recordings."""
+    path, network, recordings = example
+    archive = REAL / f"Ev-{path.stem.removesuffix('-hybrid').title()}.zip"
+    match = lc.compile(
+        network, strategy="paired-dendrite", events=recordings, calibration=archive, diagnosis=False
+    ).match
+    assert match.prediction_agreement >= 0.99
+    assert abs(match.accuracy["chip"] - match.accuracy["reference"]) <= 0.01
+    assert match.spikes.agreement >= 0.98
+
+
+@pytest.mark.slow
 def test_both_engines_give_the_same_integers(example, compiled):
     _, _, recordings = example
     probe = ("spikes", "u", "v", "potential")
