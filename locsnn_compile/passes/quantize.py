@@ -77,7 +77,7 @@ def _holds_grades(incoming: list[Projection], chip: Chip) -> bool:
 
     With that alone, both signs apart, half of a core's synapse memory may be taken.
     """
-    sources = sum(p.weights.shape[1] for p in incoming)
+    sources = sum(int(p.weights.shape[1]) for p in incoming)
     return sources * 2 * GRADES <= chip.limits.synapse_words_per_core // 2
 
 

@@ -1,0 +1,117 @@
+"""Count the operations of any artificial network in torch, module by module, as the published figures were counted.
+
+A product with a weight is a multiplication and an addition; biases of linear layers and convolutions, comparisons, and
+functions of one number are not counted. A recurrent cell adds, for each of its gates and hidden units, what comes of
+the input, of the state, and of two biases; products of gates and their sums are counted as they are. So GRU(I -> H)
+has 2 * 3 * (I * H + H * H) + 13 * H operations a step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from math import prod
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from locsnn_compile.errors import InputError
+from locsnn_compile.operations import AnnCounts
+
+Counter = Callable[[Any, Tensor, Tensor], AnnCounts]
+"""Counts of a module from its input and its output."""
+
+
+def count_operations(network: nn.Module, example: Tensor) -> AnnCounts:
+    """Return the counts of one pass of ``example``, one recording (1, ...), through ``network``.
+
+    Every module without modules of its own is counted by its kind, each time that it is called. What ``forward``
+    computes outside of modules is not seen. Raises ``InputError`` for a kind that has no counter, named, and for a
+    module that has both modules and weights of its own.
+    """
+    found: list[AnnCounts] = []
+    counters = {module: _counter(name, module) for name, module in network.named_modules() if _is_counted(name, module)}
+    hooks = [module.register_forward_hook(partial(_add, found, counter)) for module, counter in counters.items()]
+    training = network.training
+    try:
+        network.eval()
+        with torch.no_grad():
+            network(example)
+    finally:
+        network.train(training)
+        for hook in hooks:
+            hook.remove()
+    return AnnCounts(sum(c.macs for c in found), sum(c.multiplications for c in found), sum(c.additions for c in found))
+
+
+def _is_counted(name: str, module: nn.Module) -> bool:
+    """Whether a module is counted itself, and not by the modules in it."""
+    if next(module.children(), None) is None:
+        return True
+    if next(module.parameters(recurse=False), None) is not None:
+        raise _unknown(name, module)
+    return False
+
+
+def _counter(name: str, module: nn.Module) -> Counter:
+    for kind, counter in _COUNTERS.items():
+        if type(module) is kind and not getattr(module, "proj_size", 0):
+            return counter
+    raise _unknown(name, module)
+
+
+def _unknown(name: str, module: nn.Module) -> InputError:
+    return InputError(
+        f"module {name or type(module).__name__!r}",
+        f"operations of a {type(module).__name__} are not known",
+        fix=f"Use modules of these kinds: {', '.join(kind.__name__ for kind in _COUNTERS)}.",
+    )
+
+
+def _add(found: list[AnnCounts], counter: Counter, module: nn.Module, inputs: tuple[Tensor, ...], output: Any) -> None:
+    found.append(counter(module, inputs[0], output if isinstance(output, Tensor) else output[0]))
+
+
+def _nothing(module: nn.Module, given: Tensor, output: Tensor) -> AnnCounts:
+    return AnnCounts(0, 0, 0)
+
+
+def _linear(module: nn.Linear, given: Tensor, output: Tensor) -> AnnCounts:
+    macs = output.numel() * module.in_features
+    return AnnCounts(macs, macs, macs)
+
+
+def _convolution(module: nn.Conv1d | nn.Conv2d | nn.Conv3d, given: Tensor, output: Tensor) -> AnnCounts:
+    macs = output.numel() * module.in_channels // module.groups * prod(module.kernel_size)
+    return AnnCounts(macs, macs, macs)
+
+
+def _recurrent(gates: int, products: int, sums: int, module: nn.RNNBase, given: Tensor, output: Tensor) -> AnnCounts:
+    """Count a recurrent cell of so many gates, and element-wise products and sums of them, a step and hidden unit."""
+    directions = 2 if module.bidirectional else 1
+    hidden = module.hidden_size
+    cells = directions * given.numel() // module.input_size
+    macs = units = 0
+    for layer in range(module.num_layers):
+        inputs = module.input_size if layer == 0 else directions * hidden
+        macs += cells * gates * (inputs * hidden + hidden * hidden)
+        units += cells * hidden
+    added = gates * (3 if module.bias else 1) + sums
+    return AnnCounts(macs, macs + products * units, macs + added * units)
+
+
+_FREE: tuple[type[nn.Module], ...] = (
+    *(nn.ReLU, nn.Sigmoid, nn.Tanh, nn.Identity, nn.Flatten, nn.Unflatten),
+    *(nn.Dropout, nn.Dropout1d, nn.Dropout2d, nn.Dropout3d, nn.MaxPool1d, nn.MaxPool2d, nn.MaxPool3d),
+)
+_COUNTERS: dict[type[nn.Module], Counter] = {
+    nn.Linear: _linear,
+    nn.Conv1d: _convolution,
+    nn.Conv2d: _convolution,
+    nn.Conv3d: _convolution,
+    nn.RNN: partial(_recurrent, 1, 0, 0),
+    nn.GRU: partial(_recurrent, 3, 3, 1),
+    nn.LSTM: partial(_recurrent, 4, 3, 1),
+    **dict.fromkeys(_FREE, _nothing),
+}
