@@ -1,0 +1,50 @@
+"""What docs/energy.md says: its tables come from its command, its constants from the chip file and the code."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+
+import hw_model as hw
+from locsnn_compile.ann_energy import ARITHMETICS
+from locsnn_compile.report.words import words
+
+ROOT = Path(__file__).parents[2]
+REAL = ROOT.parent / "shared/data/neutouch"
+PAGE = (ROOT / "docs/energy.md").read_text(encoding="utf-8")
+
+
+def test_profiles_and_arithmetics_are_those_of_the_code():
+    for name, profile in hw.chip("loihi-sim").profiles.items():
+        row = next(line for line in PAGE.splitlines() if line.startswith(f"| `{name}` |"))
+        assert profile.source in row
+        assert ("not stated" if profile.voltage_v is None else f"{profile.voltage_v:g} V") in row
+    for name, costs in ARITHMETICS.items():
+        assert f"| {words(name)} | {costs.multiplication_pj:g} pJ | {costs.addition_pj:g} pJ |" in PAGE
+
+
+def test_the_bound_of_the_buffer_is_that_of_the_chip_file():
+    bounds = [item for item in hw.chip("loihi-sim").profile("davies2018").not_included if item.bound_pj]
+    assert [item.bound_pj for item in bounds] == [{"transpose_events": 20.0}]
+    assert "20 pJ an event" in PAGE
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not REAL.is_dir(), reason="the real recordings are not beside the repository")
+@pytest.mark.parametrize("name", ["objects-hybrid-loihi", "containers-hybrid-loihi"])
+def test_the_tables_are_what_the_command_writes(name):
+    """Of the networks whose integers are their own: no change of the rounding moves them."""
+    spec = importlib.util.spec_from_file_location("energy_tables", ROOT / "tests/benchmarks/energy.py")
+    assert spec
+    assert spec.loader
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    rows = [
+        line
+        for line in script.tables({name: script.report_of(name, REAL)}).splitlines()
+        if line.startswith(f"| {name} ")
+    ]
+    assert len(rows) == 10
+    assert [row for row in rows if row not in PAGE] == []
