@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hw_model.fixed_point import IntArray
 from hw_model.trace import ByteArray
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.network import Network
@@ -95,10 +96,16 @@ def _cnn_3d_macs(fingertips: int, steps: int, classes: int) -> int:
 
 
 def network_additions(network: Network, spikes: Mapping[str, ByteArray]) -> dict[str, int]:
-    """Return additions by axis over all recordings: spikes (batch, steps, n) by source, times fan-out, added up."""
-    additions: dict[str, int] = {axis: 0 for axis in network.axes}
+    """Return additions by axis over all recordings; see :func:`additions_of_recordings`."""
+    return {axis: int(each.sum()) for axis, each in additions_of_recordings(network, spikes).items()}
+
+
+def additions_of_recordings(network: Network, spikes: Mapping[str, ByteArray]) -> dict[str, IntArray]:
+    """Return additions by axis of each recording, (batch,): spikes (batch, steps, n) by source, times fan-out."""
+    batch = len(next(iter(spikes.values())))
+    additions = {axis: np.zeros(batch, dtype=np.int64) for axis in network.axes}
     axis_of = {population.name: population.axis for population in network.populations}
     for projection in network.projections:
-        sent = spikes[projection.source].sum(axis=(0, 1), dtype=np.int64)
-        additions[axis_of[projection.target]] += int((sent * projection.fan_out()).sum())
-    return additions
+        sent = spikes[projection.source].sum(axis=1, dtype=np.int64)
+        additions[axis_of[projection.target]] += sent @ projection.fan_out()
+    return {str(axis): each for axis, each in additions.items()}

@@ -1,0 +1,114 @@
+"""Train one network of the results, and measure what the page needs of it: a checkpoint and a file of figures."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from result_rows import Dataset, Row, command
+
+import hw_model as hw
+import locsnn_compile as lc
+from locsnn_compile.data.read import read_recordings
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.synthetic import synthetic_touches
+from locsnn_compile.models.checkpoint_reader import read_checkpoint
+from locsnn_compile.operations import additions_of_recordings
+from locsnn_compile.over_time import OverTime, over_time
+from locsnn_compile.training.config import TrainingConfig, config_from_mapping, read_config
+from locsnn_compile.training.export import export_checkpoint
+from locsnn_compile.training.train import train
+
+CONFIGS = Path(__file__).parents[2] / "examples/configs"
+SLIP = {"train": (80, 11), "test": (20, 12)}
+"""Synthetic slip recordings: how many, and the seed. The published set has 100 of two classes and 150 steps."""
+
+
+def parts(data: Path, dataset: Dataset) -> tuple[Recordings, Recordings]:
+    """Return the train and the test part."""
+    if dataset.archive is None:
+        made = [synthetic_touches(n, steps=150, classes=2, seed=s, step_seconds=0.001) for n, s in SLIP.values()]
+        return made[0], made[1]
+    archive = data / dataset.archive
+    return read_recordings(archive, split="train"), read_recordings(archive, split="test")
+
+
+def config_of(row: Row, dataset: Dataset, seed: int) -> TrainingConfig:
+    """Return what the row's command trains with."""
+    values = read_config(CONFIGS / (row.config or dataset.config))
+    return config_from_mapping(values | dict(row.options) | {"seed": seed})
+
+
+def make(work: Path, data: Path, row: Row, dataset: Dataset, seed: int) -> None:
+    """Train unless there is a checkpoint, and measure unless there are figures; a killed training goes on."""
+    name = f"{dataset.name}-{row.name}-{seed}"
+    path, figures = work / f"{name}.pt", work / f"{name}.json"
+    if figures.exists():
+        return
+    recordings, test = parts(data, dataset)
+    if not path.exists():
+        _train(path, row, dataset, seed, recordings, test)
+    found = measure(path, dataset, test) | {"command": command(row, dataset, seed)}
+    figures.write_text(json.dumps(found) + "\n", encoding="utf-8")
+
+
+def _train(path: Path, row: Row, dataset: Dataset, seed: int, recordings: Recordings, test: Recordings) -> None:
+    config, state = config_of(row, dataset, seed), path.with_suffix(".state")
+    assert recordings.labels is not None
+    assert test.labels is not None
+    classes = 1 + int(max(recordings.labels.max(), test.labels.max()))
+    before = time.process_time()
+    result = train(
+        recordings, config, name=path.stem, classes=classes, state_path=state, log_path=path.with_suffix(".csv")
+    )
+    export_checkpoint(path, result, config, recordings, test, carried=0)
+    state.unlink()
+    print(f"{path.stem}: trained in {time.process_time() - before:.0f} s", flush=True)
+
+
+def measure(path: Path, dataset: Dataset, test: Recordings) -> dict[str, Any]:
+    """Return the figures of a checkpoint on the test part."""
+    checkpoint = read_checkpoint(path)
+    training = checkpoint.training
+    found: dict[str, Any] = {
+        "epochs": training["epochs"],
+        "chosen_epoch": training["chosen_epoch"],
+        "validation_accuracy": training["validation_accuracy"],
+        "test_accuracy": training["test_accuracy"],
+        "test_recordings": len(test),
+        "steps": test.spikes.shape[1],
+        "fingertips": checkpoint.description.input.fingertips,
+        "classes": checkpoint.description.classes,
+    }
+    return found | _on_chip(path, dataset, test) if checkpoint.description.structure.spiking else found
+
+
+def _on_chip(path: Path, dataset: Dataset, test: Recordings) -> dict[str, Any]:
+    """Compile a spiking network as ``locsnn-compile --strategy dendrite`` does, and play it the test part."""
+    assert test.labels is not None
+    network = lc.load(path)
+    compiled = lc.compile(network, target="loihi-sim", strategy="dendrite", events=test, diagnosis=False)
+    played = hw.simulate(compiled.program, test.spikes)
+    heard = {view.name: view.play(test.spikes) for view in network.views} | dict(played.spikes)
+    followed = over_time(compiled.levels, test.spikes, test.labels, dataset.psi)
+    events = test.spikes.sum(axis=(1, 2), dtype=np.int64)
+    report = compiled.report
+    return {
+        "chip_accuracy": report["accuracy"]["chip"],
+        "reference_accuracy": report["accuracy"]["reference"],
+        "spike_agreement": report["match"]["spike_agreement"],
+        "prediction_agreement": report["match"]["prediction_agreement"],
+        "additions": {axis: each.tolist() for axis, each in additions_of_recordings(network, heard).items()},
+        "transposed": events.tolist() if "location" in network.axes else [],
+        "chip": report["operations"]["per_sample"],
+        "energy_pj": report["energy"]["per_sample_pj"],
+        "predictions": np.asarray(played.prediction).tolist(),
+        "labels": test.labels.tolist(),
+        "psi": dataset.psi,
+        "right": {name: share.tolist() for name, share in followed.right.items()}
+        if isinstance(followed, OverTime)
+        else {},
+    }

@@ -1,0 +1,86 @@
+"""What `make results` trains: the rows of the published tables, their options, and the published figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+SEEDS = range(5)
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """A data set; ``archive`` None stands for synthetic recordings. ``published_steps`` are those of two fingertips."""
+
+    name: str
+    title: str
+    archive: str | None
+    config: str
+    psi: float
+    published_steps: int
+    published_classes: int
+
+
+DATASETS: Mapping[str, Dataset] = {
+    "objects": Dataset("objects", "Objects", "Ev-Objects.zip", "objects-hybrid.yaml", 15.0, 325, 36),
+    "containers": Dataset("containers", "Containers", "Ev-Containers.zip", "containers-hybrid.yaml", 10.0, 325, 20),
+    "slip": Dataset("slip", "Slip (synthetic)", None, "objects-hybrid.yaml", 2.0, 150, 2),
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """A network of the table: its options over the configuration of its data set, and published accuracies.
+
+    ``published``: data set -> accuracy (Kang et al. 2022, two fingertips). ``config`` replaces that of the data set.
+    """
+
+    name: str
+    label: str
+    options: Mapping[str, Any]
+    published: Mapping[str, str] = field(default_factory=dict)
+    config: str | None = None
+
+    @property
+    def model(self) -> str:
+        return str(self.options.get("model", "hybrid"))
+
+
+def _published(objects: str, containers: str, slip: str) -> dict[str, str]:
+    return {"objects": objects, "containers": containers, "slip": slip}
+
+
+ROWS = (
+    Row("tactile-snn", "Tactile-SNN", {"model": "tactile-snn"}, _published("0.75", "0.57", "0.82")),
+    Row("tactile-sgnet", "TactileSGNet", {"model": "tactile-sgnet"}, _published("0.79", "0.58", "0.97")),
+    Row("gru-mlp", "GRU-MLP", {"model": "gru-mlp"}, _published("0.72", "0.46", "0.87")),
+    Row("cnn-3d", "CNN-3D", {"model": "cnn-3d"}, _published("0.90", "0.67", "0.44")),
+    Row(
+        "location-tactile-snn",
+        "Location Tactile-SNN",
+        {"model": "location-tactile-snn"},
+        _published("0.89", "0.88", "0.82"),
+    ),
+    Row("hybrid", "Hybrid, lambda 1, loop", {}, _published("0.91", "0.86", "1.0")),
+    Row("hybrid-half", "Hybrid, lambda 0.5, loop", {"location_weight": 0.5}, _published("0.92", "0.89", "0.98")),
+    Row("hybrid-arch", "Hybrid, lambda 1, arch", {"order": "arch"}, _published("0.91", "0.86", "0.99")),
+    Row("hybrid-whorl", "Hybrid, lambda 1, whorl", {"order": "whorl"}, _published("0.92", "0.86", "0.98")),
+    Row("hybrid-published", "Hybrid, published training", {}, config="objects-hybrid-published.yaml"),
+    Row("tactile-snn-lif", "Tactile-SNN of TLIF neurons", {"model": "tactile-snn-lif"}),
+    Row("location-tactile-snn-lif", "Location Tactile-SNN of LLIF neurons", {"model": "location-tactile-snn-lif"}),
+    Row("hybrid-lif", "Hybrid of TLIF and LLIF neurons", {"model": "hybrid-lif"}),
+    Row("hybrid-graph", "Hybrid of graphs", {"model": "hybrid-graph"}),
+)
+ROW_NAMES = tuple(row.name for row in ROWS)
+FLAGS = {"model": "--model", "order": "--order", "location_weight": "--lambda"}
+"""Option of a row -> the flag of ``locsnn train`` that gives it."""
+
+
+def command(row: Row, dataset: Dataset, seed: int) -> str:
+    """Return the command that trains a network of the table; of synthetic recordings, what makes them comes first."""
+    data = dataset.archive or "slip.npz"
+    flags = [f"{FLAGS[name]} {value}" for name, value in row.options.items()]
+    config = f"examples/configs/{row.config or dataset.config}"
+    parts = ["locsnn train", f"--data {data}", f"--config {config}", *flags, f"--seed {seed}", f"-o {row.name}.pt"]
+    return " ".join(parts)

@@ -1,0 +1,48 @@
+"""Everything that ``make results`` does: train and measure every row of the results over five seeds, then write the page.
+
+    python tests/results/run_results.py --data FOLDER
+
+``FOLDER`` holds Ev-Objects.zip and Ev-Containers.zip. Every network and its figures are files under ``--work``: what is
+there is not made again, and a killed training goes on, so the script takes up where it was stopped. All of it takes many
+hours on one core; ``--rows``, ``--datasets`` and ``--seeds`` make a part of it, ``--page-only`` writes the page from what is
+there, and the page says which rows are missing.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from measure_run import make
+from result_pictures import draw
+from result_rows import DATASETS, ROW_NAMES, ROWS, SEEDS
+from results_page import page, read
+
+ROOT = Path(__file__).parents[2]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, default=ROOT.parent / "shared/data/neutouch")
+    parser.add_argument("--work", type=Path, default=ROOT / "runs/results")
+    parser.add_argument("--page", type=Path, default=ROOT / "docs/results.md")
+    parser.add_argument("--rows", nargs="*", default=ROW_NAMES, choices=ROW_NAMES, metavar="NAME")
+    parser.add_argument("--datasets", nargs="*", default=tuple(DATASETS), choices=tuple(DATASETS), metavar="NAME")
+    parser.add_argument("--seeds", nargs="*", type=int, default=tuple(SEEDS), metavar="N")
+    parser.add_argument("--page-only", action="store_true")
+    args = parser.parse_args()
+    args.work.mkdir(parents=True, exist_ok=True)
+    if not args.page_only:
+        for seed in args.seeds:
+            for row in ROWS:
+                for name in args.datasets:
+                    if row.name in args.rows:
+                        make(args.work, args.data, row, DATASETS[name], seed)
+    found = read(args.work)
+    pictures = args.page.parent / "images"
+    draw(found, pictures)
+    args.page.write_text(page(found), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,124 @@
+"""The results page: what it computes from figures, what it says of those that are missing, and commands that parse."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from locsnn_compile.cli import train
+
+HERE = Path(__file__).parent
+
+
+@pytest.fixture(autouse=True)
+def own_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(HERE))
+
+
+def figures(**own: Any) -> dict[str, Any]:
+    return {
+        "epochs": 10, "chosen_epoch": 8, "validation_accuracy": 0.5, "test_accuracy": 0.75, "test_recordings": 4,
+        "steps": 325, "fingertips": 1, "classes": 20, "chip_accuracy": 0.5, "reference_accuracy": 0.75,
+        "spike_agreement": 0.9, "prediction_agreement": 0.8, "additions": {"time": [100, 300], "location": [50, 150]},
+        "transposed": [10, 30], "energy_pj": 2e6, "predictions": [0, 1, 1, 3], "labels": [0, 1, 2, 3], "psi": 10.0,
+        "chip": dict.fromkeys(("synaptic_ops", "neuron_updates", "spikes", "input_events", "transpose_events"), 7.0),
+        "right": {"together": [0.0, 0.5]}, "command": "",
+    } | own  # fmt: skip
+
+
+@pytest.fixture
+def work(tmp_path: Path) -> Path:
+    for seed, accuracy in ((0, 0.75), (1, 0.25)):
+        text = json.dumps(figures(test_accuracy=accuracy))
+        (tmp_path / f"containers-hybrid-{seed}.json").write_text(text)
+    return tmp_path
+
+
+def test_ratios_of_the_printed_operations_are_those_of_the_other_column() -> None:
+    from results_page import PRINTED_RATIOS, corrected_ratios
+
+    assert corrected_ratios() == ["13.90-19.78", "9.81-14.30", "77.78-121.78"]
+    assert (PRINTED_RATIOS[1], PRINTED_RATIOS[2]) == (corrected_ratios()[0], corrected_ratios()[2])
+
+
+def test_table_of_the_artificial_networks() -> None:
+    from results_page import ann_table
+
+    assert ann_table().splitlines()[2:4] == [
+        "| GRU-MLP | 11.87 | 11,868,704 | 11.87 | 11,867,680 | 5.48 | 5,476,928 |",
+        "| CNN-3D | 8.34 | 8,340,480 | 8.14 | 8,140,800 | 3.5 | 3,501,120 |",
+    ]
+
+
+def test_rows_that_are_there_and_rows_that_are_not(work: Path) -> None:
+    from results_page import accuracy, read
+
+    lines = {line.split(" | ")[0]: line for line in accuracy(read(work)).splitlines()}
+    assert lines["| Hybrid, lambda 1, loop"] == (
+        "| Hybrid, lambda 1, loop | 0.91 | not run | not run | 0.86 | 0.500 ± 0.354 (2 of 5 seeds) "
+        "| 0.500 ± 0.000 (2 of 5 seeds) | 1.0 | not run | not run |"
+    )
+
+
+def test_operations_by_branch_with_the_transposition(work: Path) -> None:
+    from results_page import operations, ratios, read
+
+    found = read(work)
+    assert operations(found).splitlines()[2:] == [
+        "| Hybrid, lambda 1, loop, Containers: SNN_TSRM | 200 | 200 | 300 | 300 |",
+        "| Hybrid, lambda 1, loop, Containers: SNN_LSRM | 100 | 100 | 150 | 150 |",
+        "| Hybrid, lambda 1, loop, Containers: events transposed | 20 | 20 | 30 | 30 |",
+        "| Hybrid, lambda 1, loop, Containers: together | 320 | 320 | 480 | 480 |",
+    ]
+    assert ratios(found).splitlines()[3] == (
+        "| Hybrid, lambda 1, loop, Containers, against CNN-3D | 4,070,400 | 12720.0 | 8480.0 | 8480.0 |"
+    )
+
+
+def test_confusions_name_the_pairs(work: Path) -> None:
+    from results_page import confusions, read
+
+    assert confusions(read(work)).splitlines()[2:] == ["| Hybrid, lambda 1, loop, Containers | 2 | 2 taken for 1: 2 |"]
+
+
+def test_missing_seeds_are_named(work: Path) -> None:
+    from results_page import missing, read
+
+    line = missing(read(work)).splitlines()[1]
+    assert line.startswith("- Containers: Tactile-SNN; TactileSGNet; ")
+    assert "; Hybrid, lambda 1, loop (seeds 2, 3, 4); " in line
+
+
+def test_every_part_of_the_page_is_filled(work: Path) -> None:
+    from results_page import page, read
+
+    assert "{{" not in page(read(work))
+    assert "{{" not in page({})
+
+
+def test_commands_are_those_of_locsnn_train() -> None:
+    from measure_run import config_of
+    from result_rows import DATASETS, ROWS, command
+
+    parser = argparse.ArgumentParser()
+    train.add_parser(parser.add_subparsers())
+    for row in ROWS:
+        for dataset in DATASETS.values():
+            args = parser.parse_args(command(row, dataset, 3).split()[1:])
+            config = config_of(row, dataset, 3)
+            assert (args.seed, args.model or "hybrid", args.order or "loop", args.location_weight or 1.0) == (
+                config.seed, config.model, config.order, config.location_weight,
+            )  # fmt: skip
+
+
+def test_slip_is_synthetic_and_small() -> None:
+    from measure_run import parts
+    from result_rows import DATASETS
+
+    train_part, test_part = parts(Path("nowhere"), DATASETS["slip"])
+    assert (train_part.spikes.shape, test_part.spikes.shape) == ((80, 150, 78), (20, 150, 78))
+    assert (train_part.source, train_part.step_seconds) == ("synthetic touches", 0.001)
