@@ -80,14 +80,15 @@ class Bar:
 class Table:
     """A table whose first column names the rows; a column without a name is drawn, every other one holds numbers.
 
-    ``total`` marks the last row as the sum of the others. A table of more than ``MANY_ROWS`` rows is folded where the
-    form can fold.
+    ``total`` marks the last row as the sum of the others. A table of more than ``MANY_ROWS`` rows, or one that asks for
+    it, is folded where the form can fold.
     """
 
     caption: str
     columns: tuple[str, ...]
     rows: tuple[tuple[str | Bar, ...], ...]
     total: bool = False
+    folded: bool = False
 
 
 @dataclass(frozen=True)

@@ -85,6 +85,7 @@ def constants(name: str, profile: Document) -> Table:
         f"Constants of profile {name}: {profile['basis']}; {voltage}",
         ("operation", "energy", "time", "source"),
         tuple(rows),
+        folded=True,
     )
 
 

@@ -41,8 +41,9 @@ _MANY_COLUMNS = 7
 """A table with more of them is set smaller."""
 _FEW_COLUMNS = 4
 """A table with no more of them fits a phone."""
-_LONGEST, _LONGEST_NAME = 2000, 80
-"""Characters of a text, and of a name at the head of a row."""
+_LONGEST, _LONGEST_NAME, _LONGEST_NUMBER = 2000, 240, 28
+"""Characters of a text, of a name at the head of a row, and of a cell that is not folded."""
+_DRAWN = '<span class="hidden">drawn</span>'
 MAX_ROWS = 200
 """A table with more of them is cut: a network may have any number of populations, and a program of cores."""
 
@@ -187,45 +188,52 @@ def _legend(entries: Iterable[tuple[str, str]]) -> str:
 
 def _table(table: Table) -> str:
     """Return a table that scrolls inside its place where it is wider; by keyboard, too, where that may be."""
-    heads = "".join(_head(name) for name in table.columns)
-    kinds = [] if all(table.columns) else ["barred"]
-    if len(table.columns) > _MANY_COLUMNS:
-        kinds.append("wide")
     last = len(table.rows) - 1
     shown = [*range(min(MAX_ROWS, last)), last] if table.rows else []
-    body = "".join(_row(table.columns, table.rows[i], table.total and i == last) for i in shown)
+    kinds = _column_kinds(table)
+    heads = "".join(_head(name, kind) for name, kind in zip(table.columns, kinds, strict=True))
+    body = "".join(_row(kinds, table.rows[i], table.total and i == last) for i in shown)
+    look = ["plain"] if all(table.columns) else ["barred"]
+    if len(table.columns) > _MANY_COLUMNS:
+        look.append("wide")
     caption = text(table.caption)
     reached = f' tabindex="0" role="region" aria-label="{caption}"' if len(table.columns) > _FEW_COLUMNS else ""
     made = (
-        f'<div class="scroll"{reached}><table class="{" ".join(kinds) or "plain"}"><caption>{caption}</caption>'
+        f'<div class="scroll"{reached}><table class="{" ".join(look)}"><caption>{caption}</caption>'
         f"<thead><tr>{heads}</tr></thead><tbody>{body}</tbody></table></div>"
     )
-    if len(table.rows) <= MANY_ROWS:
+    if len(table.rows) <= MANY_ROWS and not table.folded:
         return made
     cut = "" if len(shown) == len(table.rows) else f", {len(shown)} of them here and all in report.json"
     return f"<details><summary>{caption} ({len(table.rows)} rows{cut})</summary>{made}</details>"
 
 
-def _head(name: str) -> str:
-    if name:
-        return f'<th scope="col">{text(name)}</th>'
-    return '<th scope="col" class="drawn"><span class="hidden">drawn</span></th>'
+def _column_kinds(table: Table) -> list[str]:
+    """Return the class of each column: drawn, of texts that are folded, or of numbers, which are not."""
+    kinds = []
+    for i, name in enumerate(table.columns):
+        cells = (row[i] for row in table.rows[:MAX_ROWS])
+        texts = any(isinstance(cell, str) and len(cell) > _LONGEST_NUMBER for cell in cells)
+        kinds.append(' class="words"' if texts and i else "" if name else ' class="drawn"')
+    return kinds
 
 
-def _row(columns: tuple[str, ...], row: tuple[str | Bar, ...], total: bool) -> str:
+def _head(name: str, kind: str) -> str:
+    return f'<th scope="col"{kind}>{text(name) or _DRAWN}</th>'
+
+
+def _row(kinds: list[str], row: tuple[str | Bar, ...], total: bool) -> str:
     name, *cells = row
     head = name.label if isinstance(name, Bar) else name
-    made = "".join(_cell(column, cell) for column, cell in zip(columns[1:], cells, strict=True))
-    kind = ' class="total"' if total else ""
-    return f'<tr{kind}><th scope="row">{_breakable(head)}</th>{made}</tr>'
+    made = "".join(_cell(kind, cell) for kind, cell in zip(kinds[1:], cells, strict=True))
+    line = ' class="total"' if total else ""
+    return f'<tr{line}><th scope="row">{_breakable(head)}</th>{made}</tr>'
+
+
+def _cell(kind: str, cell: str | Bar) -> str:
+    return f"<td{kind}>{bar(cell) if isinstance(cell, Bar) else text(cell)}</td>"
 
 
 def _breakable(name: str) -> str:
     """Return a name that a narrow column breaks after its underscores and slashes."""
     return text(shortened(name, _LONGEST_NAME)).replace("_", "_<wbr>").replace("/", "/<wbr>")
-
-
-def _cell(column: str, cell: str | Bar) -> str:
-    if isinstance(cell, Bar):
-        return f'<td class="drawn">{bar(cell)}</td>'
-    return f"<td>{text(cell)}</td>" if column else '<td class="drawn"></td>'

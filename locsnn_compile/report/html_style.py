@@ -71,6 +71,7 @@ thead th{color:var(--soft);font-size:.8rem;line-height:1.3;border-top:0;vertical
 tbody th{overflow-wrap:anywhere;min-width:8.5rem}
 thead th{overflow-wrap:normal}
 td{white-space:nowrap}
+.words,.wide .words{white-space:normal;text-align:left;min-width:11rem}
 .wide{font-size:.82rem}.wide td{white-space:normal}
 .wide th:not(:first-child),.wide td{padding-left:.7rem}
 .wide thead th{font-size:.75rem}

@@ -20,6 +20,7 @@ from locsnn_compile.report.content import (
     Section,
     Table,
 )
+from locsnn_compile.report.courses import courses
 from locsnn_compile.report.format import count, energy, share, short
 from locsnn_compile.report.words import words
 
@@ -48,13 +49,15 @@ def over_time_entry(found: OverTime | LeftOut, program: ChipProgram, step_second
     }
 
 
-def over_time(document: Document) -> Section | None:
+def over_time(document: Document) -> Section:
     """Show which predictions are right after how much of a recording, and what a proven stop saves."""
+    title = "Over time"
     if "over_time" not in document:
-        return None
-    entry, title = document["over_time"], "Over time"
+        return Section("over-time", title, "What steps of a recording cost.", courses(document))
+    entry = document["over_time"]
     if "left_out" in entry:
-        return Section("over-time", title, f"Predictions were not followed step by step: {entry['left_out']}.", ())
+        lead = f"Predictions were not followed step by step: {entry['left_out']}."
+        return Section("over-time", title, lead, courses(document))
     lead = (
         "What the chip predicts after every step of a recording. The time branch has run so far; the location branch "
         "runs on what was recorded so far, as if nothing followed."
@@ -63,7 +66,7 @@ def over_time(document: Document) -> Section | None:
     if "time_weighted" in entry["right"]:
         blocks.append(Paragraph(_weights(entry["psi"])))
     blocks += [_stop(entry["proven_stop"]), Paragraph(_proof(entry["proven_stop"]))]
-    blocks.append(Facts((Fact("recordings", _sample(entry)),)))
+    blocks += [Facts((Fact("recordings", _sample(entry)),)), *courses(document)]
     return Section("over-time", title, lead, tuple(blocks))
 
 

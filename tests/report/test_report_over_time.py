@@ -72,11 +72,13 @@ def test_one_branch_needs_no_weights(document: dict[str, Any]) -> None:
 
 def test_what_was_not_followed_says_why(document: dict[str, Any]) -> None:
     document["over_time"] = {"left_out": "phase 'location' has inputs as they come beside transposed ones"}
-    assert _section(document) == Section(
-        "over-time",
-        "Over time",
-        "Predictions were not followed step by step: phase 'location' has inputs as they come beside transposed ones.",
-        (),
+    section = _section(document)
+    assert section.lead == (
+        "Predictions were not followed step by step: phase 'location' has inputs as they come beside transposed ones."
     )
+    assert [block.title for block in section.blocks if isinstance(block, Plot)] == [
+        "Energy of a step, mean over the recordings, profile davies2018",
+        "Time of a step, mean over the recordings, profile davies2018",
+    ]
     del document["over_time"]
-    assert "over-time" not in [section.key for section in compose(document).sections]
+    assert _section(document).lead == "What steps of a recording cost."

@@ -87,16 +87,22 @@ def test_without_a_difference_a_neuron_is_an_example(document: dict[str, Any], e
 
 
 def test_cores_sit_where_they_are_and_are_as_full_as_their_fullest_limit(document: dict[str, Any]) -> None:
-    (drawn,) = (block for block in _section("cores", document).blocks if isinstance(block, Mesh))
+    room, energy = (block for block in _section("cores", document).blocks if isinstance(block, Mesh))
     # Slot 39 is core 3 of tile (1, 1): of 2 by 2 cores there the last. Three of 16 synapse formats are in use.
-    assert [(core.column, core.row, core.share, core.text) for core in drawn.cores] == [
+    assert [(core.column, core.row, core.share, core.text) for core in room.cores] == [
         (0, 0, 0.1875, "19"),
         (3, 3, 0.1875, "19"),
     ]
-    assert drawn.description == (
+    assert room.title == "Room on loihi-sim, in percent: 2 cores in use of 128"
+    assert room.description == (
         "core 0, time branch: 18.8 % of its synapse formats; core 1, location branch: 18.8 % of its synapse formats"
     )
-    assert mesh(drawn).count('class="tile"') == 32
+    assert mesh(room).count('class="tile"') == 32
+    # 75 and 25 nJ: the first is full, the second as full as it is to the first.
+    assert [(core.column, core.row, core.share, core.text) for core in energy.cores] == [
+        (0, 0, 1.0, "75"),
+        (3, 3, pytest.approx(1 / 3), "25"),
+    ]
 
 
 def test_chips_are_drawn_one_by_one(document: dict[str, Any]) -> None:
@@ -105,11 +111,12 @@ def test_chips_are_drawn_one_by_one(document: dict[str, Any]) -> None:
     row = found["by_core"][0]
     found["by_core"] = [{**row, "core": i, "slot": 128 * i, "tile": [8 * i, 0]} for i in range(6)]
     blocks = _section("cores", document).blocks
-    assert [block.title for block in blocks if isinstance(block, Mesh)] == [
-        f"Chip {i} of loihi-sim: 1 core in use of 128" for i in range(4)
+    drawn = [block for block in blocks if isinstance(block, Mesh)]
+    assert [block.title for block in drawn[::2]] == [
+        f"Room on chip {i} of loihi-sim, in percent: 1 core in use of 128" for i in range(4)
     ]
     assert blocks[-1] == Paragraph("2 chips are not drawn; see core by core.")
-    assert all(core.column == 0 for block in blocks if isinstance(block, Mesh) for core in block.cores)
+    assert all(core.column == 0 for block in drawn for core in block.cores)
 
 
 def test_the_largest_excerpt_is_a_small_page(document: dict[str, Any], excerpt: Excerpt) -> None:
@@ -123,6 +130,17 @@ def test_the_largest_excerpt_is_a_small_page(document: dict[str, Any], excerpt: 
     excerpt = replace(excerpt, first=None, steps={"time": range(steps)}, populations=populations, inputs=inputs)
     assert len(render_html(document, excerpt).encode()) < 1_000_000
     assert steps < STEPS
+
+
+def test_energy_of_a_step_over_the_steps(document: dict[str, Any]) -> None:
+    blocks = _section("over-time", document).blocks
+    (drawn,) = (block for block in blocks if isinstance(block, Plot) and block.title.startswith("Energy of a step"))
+    # 15 and 45 nJ over 4 steps each, 5 nJ over 2; bins that may be shorter are left out. The largest is 11.25 nJ a step.
+    assert [curve.points for curve in drawn.curves] == [
+        ((pytest.approx(1 / 6), pytest.approx(1 / 3)), (pytest.approx(1 / 2), 1.0)),
+        ((pytest.approx(1 / 4), pytest.approx(2.5 / 11.25)),),
+    ]
+    assert [text for _, text in drawn.y_ticks] == ["5.00 nJ", "10.0 nJ"]
 
 
 @pytest.mark.parametrize(
