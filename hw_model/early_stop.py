@@ -152,6 +152,10 @@ def to_the_end(program: ChipProgram, spikes: Spikes) -> dict[str, ByteArray]:
 def _readout(program: ChipProgram) -> Readout:
     if program.readout is None:
         raise InputError(f"program {program.name!r}", "has no readout, so nothing wins", fix="Read the spikes.")
+    if program.readout.potentials_from is not None:
+        raise InputError(
+            f"program {program.name!r}", "predicts by potentials, which no spike settles", fix="Play whole recordings."
+        )
     return program.readout
 
 

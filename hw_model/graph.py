@@ -6,11 +6,12 @@ CompartmentGraph -> PlacedGraph -> RoutedGraph -> ChipProgram
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from hw_model.chip_description import Chip
 from hw_model.errors import InputError, TargetError
@@ -106,10 +107,33 @@ class Synapses:
 
 @dataclass(frozen=True)
 class Readout:
-    """Class scores: the spike counts of populations of one size, weighted and added. Ties go to the first class."""
+    """Class scores: what populations of one size give, weighted and added. Ties go to the first class.
+
+    A population gives its spike counts; with ``potentials_from``, its largest potentials from that step on: v as the
+    threshold sees it, of neurons that do not spike.
+    """
 
     populations: tuple[str, ...]
     weights: tuple[float, ...]
+    potentials_from: int | None = None
+
+    def scores(
+        self, spikes: Mapping[str, npt.NDArray[Any]], potential: Mapping[str, npt.NDArray[Any]]
+    ) -> npt.NDArray[np.float64]:
+        """Return the scores (batch, classes) of spikes and potentials (batch, steps, classes) by population."""
+        first = self.potentials_from
+        given = [
+            spikes[name].sum(axis=1, dtype=np.float64) if first is None else largest(potential[name], first)
+            for name in self.populations
+        ]
+        total: npt.NDArray[np.float64] = np.tensordot(self.weights, given, axes=1)
+        return total
+
+
+def largest(potential: npt.NDArray[Any], first: int) -> npt.NDArray[np.float64]:
+    """Return the largest potentials (batch, n) of (batch, steps, n) from step ``first`` on; of no steps, 0."""
+    rows = potential[:, first:]
+    return np.asarray(rows.max(axis=1) if rows.shape[1] else np.zeros(rows.shape[::2]), dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)

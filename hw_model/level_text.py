@@ -47,7 +47,9 @@ def compartments_text(graph: CompartmentGraph) -> str:
         yield from (_synapses(synapses) for synapses in graph.synapses)
         if graph.readout is not None:
             terms = zip(graph.readout.weights, graph.readout.populations, strict=True)
-            yield "  readout: " + " + ".join(f"{weight:g} * spikes of {name}" for weight, name in terms)
+            first = graph.readout.potentials_from
+            what = "spikes" if first is None else f"largest potential, from step {first} on,"
+            yield "  readout: " + " + ".join(f"{weight:g} * {what} of {name}" for weight, name in terms)
         yield f"  synapses pruned: {graph.synapses_pruned}"
 
     return "\n".join(lines()) + "\n"

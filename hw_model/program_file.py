@@ -113,6 +113,11 @@ def _document(program: ChipProgram) -> dict[str, Any]:
             for i in program.inputs
         ],
         "readout": None if readout is None else dict(zip(readout.populations, readout.weights, strict=True)),
+        **(
+            {"readout_potentials_from": readout.potentials_from}
+            if readout and readout.potentials_from is not None
+            else {}
+        ),
         "cores": [
             {
                 "number": core.number,
@@ -198,10 +203,17 @@ def _program(document: dict[str, Any], arrays: dict[str, IntArray]) -> ChipProgr
         inputs=inputs,
         input_routes=routes,
         cores=tuple(_core(core, arrays) for core in document["cores"]),
-        readout=None if readout is None else Readout(tuple(readout), tuple(map(float, readout.values()))),
+        readout=None
+        if readout is None
+        else Readout(tuple(readout), tuple(map(float, readout.values())), _first(document)),
         synapses_pruned=int(document["synapses_pruned"]),
         provenance={str(key): str(value) for key, value in document["provenance"].items()},
     )
+
+
+def _first(document: dict[str, Any]) -> int | None:
+    first = document.get("readout_potentials_from")
+    return None if first is None else int(first)
 
 
 def _core(core: dict[str, Any], arrays: dict[str, IntArray]) -> Core:

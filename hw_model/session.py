@@ -69,6 +69,12 @@ class Session:
             raise InputError(
                 f"program {program.name!r}", "has no readout, so it predicts nothing", fix="Add a readout."
             )
+        if program.readout.potentials_from is not None:
+            raise InputError(
+                f"program {program.name!r}",
+                "predicts by potentials, which are not followed step by step",
+                fix="Simulate whole recordings.",
+            )
         self.program, self.psi = program, psi
         self.steps = 0
         self._length = _length(program, psi)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -14,10 +15,11 @@ from hw_model.activity import StepActivity, count_steps, count_totals
 from hw_model.counts import Counts, total
 from hw_model.errors import InputError, did_you_mean
 from hw_model.fixed_point import IntArray
+from hw_model.graph import largest
 from hw_model.playing import Player, Spikes, play, read_streams
 from hw_model.probes import KINDS, Kind, PhaseProbes, Probe, read_probes
 from hw_model.program import ChipProgram
-from hw_model.trace import EVENTS, ByteArray, PhaseInput, PhaseTrace, Register, Window
+from hw_model.trace import EVENTS, REGISTERS, ByteArray, PhaseInput, PhaseTrace, Register, Window
 
 Engine = Literal["fast", "reference"]
 ENGINES: tuple[Engine, ...] = get_args(Engine)
@@ -94,6 +96,7 @@ def simulate(
     if steps is not None and steps < 1:
         raise InputError("steps", "nothing to simulate", measured=f"{steps} against at least 1", fix="Raise steps.")
     probes = read_probes(program, probe)
+    decisive = _decisive(program, probes)
     streams, batched = read_streams(program, spikes)
     run_phase, player = _engine(engine, skip)
     batch, rows = next(iter(streams.values())).shape[:2]
@@ -118,13 +121,17 @@ def simulate(
         for phase in program.phases:
             played = play(program, phase, part, steps, player)
             wanted = PhaseProbes(program, phase.name, probes, played.steps)
-            trace = run_phase(program, phase.name, played, wanted.windows())
+            deciding = PhaseProbes(program, phase.name, decisive, played.steps)
+            trace = run_phase(program, phase.name, played, {**wanted.windows(), **deciding.windows()})
             counts[phase.name].append(count_totals(program, phase.name, played, trace))
             if "activity" in probes:
                 activity[phase.name] += count_steps(program, phase.name, played, trace)
             for name, array in wanted.of_spikes(trace.spikes).items():
                 kept["spikes"].setdefault(name, []).append(array)
             for kind, register in trace.registers.items():
+                if kind in decisive:
+                    _add_potentials(program, deciding.of_register(kind, register), score)
+                    continue
                 for name, array in wanted.of_register(kind, register).items():
                     kept[kind].setdefault(name, []).append(array)
             _add_events(program, phase.name, trace, events)
@@ -187,10 +194,31 @@ def _named(counts: IntArray) -> dict[str, int]:
 
 def _add_scores(program: ChipProgram, phase: str, trace: PhaseTrace, scores: FloatArray) -> None:
     """Add what the populations of a phase give to the class scores, (batch, classes)."""
-    if program.readout is None:
+    if program.readout is None or program.readout.potentials_from is not None:
         return
     columns = program.columns_of(phase)
     spikes = trace.sent[:, trace.sent.shape[1] - trace.spikes.shape[2] :]
     for name, weight in zip(program.readout.populations, program.readout.weights, strict=True):
         if name in columns:
             scores += weight * spikes[:, columns[name]]
+
+
+def _decisive(program: ChipProgram, probes: Mapping[Kind, Probe]) -> dict[Kind, Probe]:
+    """Return what to keep for a readout of potentials: a register that nothing else is kept of."""
+    readout = program.readout
+    if readout is None or readout.potentials_from is None:
+        return {}
+    free: list[Kind] = [kind for kind in REGISTERS if kind != "u" and kind not in probes]
+    if not free:
+        raise InputError(
+            "probe", "classes are read from v or the potential, which are both asked for", fix="Probe one of them."
+        )
+    return {free[-1]: Probe(free[-1], readout.populations, range(readout.potentials_from, sys.maxsize))}
+
+
+def _add_potentials(program: ChipProgram, found: Mapping[str, IntArray], scores: FloatArray) -> None:
+    """Add the largest potentials (batch, rows, classes) of the populations of a phase to the class scores."""
+    assert program.readout is not None
+    for name, weight in zip(program.readout.populations, program.readout.weights, strict=True):
+        if name in found:
+            scores += weight * largest(found[name], 0)

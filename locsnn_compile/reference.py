@@ -61,15 +61,12 @@ def evaluate(
     potential: dict[str, Potentials] = {}
     for together in evaluation_order(network):
         _evaluate_together(network, together, spikes, potential if potentials else None, registers)
-    readout = network.readout
-    scores = sum(
-        (
-            w * spikes[name].sum(axis=1, dtype=np.float64)
-            for name, w in zip(readout.populations, readout.weights, strict=True)
-        ),
-        start=np.zeros((len(recordings), network.classes)),
-    )
-    return ReferenceResult(spikes, potential, scores)
+    read: dict[str, Potentials] = {}
+    if network.readout.potentials_from is not None:
+        for population in network.populations:
+            if population.name in network.readout.populations:
+                _evaluate_together(network, (population,), dict(spikes), read, registers)
+    return ReferenceResult(spikes, potential, network.readout.scores(spikes, read))
 
 
 def evaluation_order(network: Network) -> list[tuple[Population, ...]]:

@@ -5,9 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
 import hw_model as hw
 from hw_model.trace import ByteArray
 from locsnn_compile.error_budget.stages import (
@@ -24,6 +21,7 @@ from locsnn_compile.error_budget.tail import has_tails, with_cut_tails
 from locsnn_compile.error_budget.twin import Twin, run_twin
 from locsnn_compile.matching import PopulationMatch, Progress
 from locsnn_compile.network import Network
+from locsnn_compile.neurons import FloatArray
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference import ReferenceResult, evaluate
 
@@ -107,11 +105,17 @@ class _Tally:
     def add(self, recordings: ByteArray, wanted: ReferenceResult) -> dict[str, ByteArray]:
         """Play a chunk; return the variant's spikes."""
         spikes: dict[str, ByteArray] = {}
+        potential: dict[str, FloatArray] = {}
+        readout = self._network.readout
         for phase, twin in self._twins:
-            spikes |= run_twin(twin, lines_of(self._network, phase, recordings)).spikes
+            read = {group.name for group in twin.groups} & set(readout.populations)
+            kept = tuple(sorted(read)) if readout.potentials_from is not None else ()
+            trace = run_twin(twin, lines_of(self._network, phase, recordings), potentials=kept)
+            spikes |= trace.spikes
+            potential |= trace.potential
         for name in self._by_population:
             self._by_population[name] += PopulationMatch.of(wanted.spikes[name], spikes[name])
-        self._changed += int((_predicted(self._network, spikes) != wanted.prediction).sum())
+        self._changed += int((readout.scores(spikes, potential).argmax(axis=1) != wanted.prediction).sum())
         return spikes
 
     def result(self) -> Deviation:
@@ -124,12 +128,3 @@ def _with(*stages: Stage) -> Callable[[Phase], Twin]:
 
 def _different(spikes: Mapping[str, ByteArray], others: Mapping[str, ByteArray]) -> int:
     return sum(int((array != others[name]).sum()) for name, array in spikes.items())
-
-
-def _predicted(network: Network, spikes: Mapping[str, ByteArray]) -> npt.NDArray[np.int64]:
-    """Return the class with the highest score, the first of equals, (batch,)."""
-    names, weights = network.readout.populations, network.readout.weights
-    scores = np.sum(
-        [w * spikes[name].sum(axis=1, dtype=np.float64) for name, w in zip(names, weights, strict=True)], axis=0
-    )
-    return np.asarray(np.argmax(scores, axis=1), dtype=np.int64)

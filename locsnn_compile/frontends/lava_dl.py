@@ -34,6 +34,8 @@ INPUT = "input"
 DELAY_MAX = 62
 THRESHOLD_MAX = 2**17 - 1
 BIAS_EXPONENT = 6
+SILENT = 2**18 - 1
+"""What lava-dl writes for the threshold of neurons that are not to spike."""
 INPUT_WEIGHT = 64
 """A value of 1 at the neurons of an input layer, as slayer counts in training."""
 _REFUSED = {
@@ -80,12 +82,20 @@ def network_of_net(file: NetFile, *, name: str, sha256: str, where: str) -> Netw
         views=tuple(built.views),
         populations=tuple(built.populations),
         projections=tuple(built.projections),
-        readout=Readout((built.source,), (1.0,)),
+        readout=Readout((built.source,), (1.0,), _potentials_from(file, built)),
         sha256=sha256,
         recordings=synthetic_recordings(lines, steps, seconds),
         origin=file,
         any_length=True,
     )
+
+
+def _potentials_from(file: NetFile, built: _Built) -> int | None:
+    """Return the first step of potentials where the last layer never spikes, as an affine block of slayer does not."""
+    last = next(layer for layer in reversed(file.layers) if f"layer{layer.number}" == built.source)
+    threshold = last.values["neuron/vThMant"]
+    silent = not isinstance(threshold, str) and bool((threshold >= SILENT).all())
+    return len(built.populations) if silent else None
 
 
 def _simulation(file: NetFile) -> tuple[float | None, int]:
@@ -284,7 +294,7 @@ def _neurons(layer: NetLayer, shape: Shape, where: str) -> ChipCuba:
         size,
         decay_u=each("neuron/iDecay"),
         decay_v=each("neuron/vDecay"),
-        # lava-dl writes 2^18 - 1 for neurons that are not to spike; the register ends at 2^17 - 1, near v's own end.
+        # Of neurons that are not to spike; the register ends at 2^17 - 1, near v's own end.
         threshold=np.minimum(each("neuron/vThMant"), THRESHOLD_MAX),
         bias_mantissa=each("bias", 0),
         bias_exponent=BIAS_EXPONENT if "bias" in layer.values else 0,

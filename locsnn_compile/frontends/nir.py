@@ -95,7 +95,7 @@ def network_of_nir(
         views=(view,),
         populations=tuple(populations),
         projections=tuple(projections),
-        readout=Readout(outputs, (1.0,) * len(outputs)),
+        readout=Readout(outputs, (1.0,) * len(outputs), _potentials_from(flat, outputs, depth, where)),
         sha256=sha256,
         recordings=synthetic_recordings(channels, STEPS, seconds),
         any_length=True,
@@ -287,6 +287,18 @@ def _delay_steps(node: NirNode, size: int, dt: float, where: str) -> Any:
             fix="Give another --dt.",
         )
     return whole.astype(np.int64)
+
+
+def _potentials_from(flat: FlatGraph, outputs: tuple[str, ...], depth: dict[str, int], where: str) -> int | None:
+    """Return the step from which potentials of readouts are those of a framework; None where outputs spike."""
+    graded = [name for name in outputs if flat.nodes[name].kind in READOUTS]
+    if graded and len(graded) < len(outputs):
+        raise InputError(
+            f"{where}, node {graded[0]!r}",
+            "some outputs are potentials, others spikes",
+            fix="Keep outputs of one kind.",
+        )
+    return max(depth[name] for name in graded) if graded else None
 
 
 def _outputs(flat: FlatGraph, where: str) -> tuple[str, ...]:

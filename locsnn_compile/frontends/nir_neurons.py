@@ -81,7 +81,7 @@ def neurons_of(
     constant = stepping.constant * stepping.decay_u * signal.constant
     scaled = Signal(signal.scaled(stepping.spike).terms, constant)
     if node.kind in READOUTS:
-        return _read_out(scaled, stepping)
+        return _read_out(scaled, stepping, leak, where)
     if node.kind == "Threshold":
         reset = "zero"
     limit = values["threshold" if node.kind == "Threshold" else "v_threshold"]
@@ -106,11 +106,19 @@ def neurons_of(
     return Stated(SoftCuba(stepping.decay_u, stepping.decay_v, limit - zero, drop), scaled, nothing, nothing)
 
 
-def _read_out(signal: Signal, stepping: Stepping) -> Stated:
-    """Return neurons that never spike: potentials are counted from v_leak, and all have one threshold, so one scale."""
-    threshold = np.full(len(stepping.decay_u), _unreached(signal, stepping).max())
-    made = Cuba.of(len(threshold), decay_u=stepping.decay_u, decay_v=stepping.decay_v, threshold=threshold)
-    return Stated(made, signal, np.zeros(len(threshold)), np.zeros(len(threshold)))
+def _read_out(signal: Signal, stepping: Stepping, leak: FloatArray, where: str) -> Stated:
+    """Return neurons that never spike, of one threshold and so of one scale: their potentials are compared.
+
+    Those are counted from v_leak where it is one for all, else from 0.
+    """
+    if (stepping.decay_v == 0).any():
+        raise InputError(where, "a readout without leak overflows every register", fix="Give it a tau.")
+    size = len(leak)
+    above = leak - leak[0] if (leak == leak[0]).all() else leak
+    bias = stepping.decay_v * above
+    threshold = np.full(size, _unreached(signal, bias, stepping).max())
+    made = Cuba.of(size, decay_u=stepping.decay_u, decay_v=stepping.decay_v, threshold=threshold, bias=bias)
+    return Stated(made, signal, np.zeros(size), above)
 
 
 def _check_threshold(limit: FloatArray, zero: FloatArray, name: str, where: str) -> None:
@@ -206,12 +214,13 @@ _STEPPING: dict[str, Callable[[dict[str, FloatArray], float, Discretisation, str
 }
 
 
-def _unreached(signal: Signal, stepping: Stepping) -> FloatArray:
-    """Return thresholds that no input reaches: all excitation in every step, for ever."""
-    most = np.zeros(len(signal.constant))
+def _unreached(signal: Signal, bias: FloatArray, stepping: Stepping) -> FloatArray:
+    """Return thresholds that no input reaches: all excitation in every step, for ever, and the bias."""
+    most = np.zeros(len(bias))
     for term in signal.terms:
         positive = matrix(term.weights, np.float64)
         most += np.asarray(positive.maximum(0).sum(axis=1)).reshape(-1)
     most += np.maximum(signal.constant, 0)
-    reached = most / (stepping.decay_u * stepping.decay_v)
+    # A start at rest comes on top for some steps.
+    reached = most / (stepping.decay_u * stepping.decay_v) + 2 * np.abs(bias) / stepping.decay_v
     return np.where(reached > 0, reached, 1.0) * _UNREACHED

@@ -1,0 +1,96 @@
+"""Readouts: the class is that of the largest potential, in the reference, on the chip and in a saved program."""
+
+import nir
+import numpy as np
+import pytest
+from net_files import dense, neuron, write_net
+from nir_forward import run
+from nir_graphs import DT, chain, lif, linear
+from test_nir import load
+
+import hw_model as hw
+import locsnn_compile as lc
+from locsnn_compile.reference import evaluate
+
+RNG = np.random.default_rng(31)
+TAU, ONES = RNG.uniform(4e-3, 2e-2, 5), np.ones(5)
+READOUTS = {
+    "LI": nir.LI(tau=TAU, r=TAU / DT, v_leak=0 * ONES),
+    "CubaLI": nir.CubaLI(tau_syn=TAU / 2, tau_mem=TAU, r=TAU / DT, v_leak=0 * ONES, w_in=2 * ONES),
+    "LI at rest off 0": nir.LI(tau=TAU, r=TAU / DT, v_leak=RNG.normal(0, 0.5, 5)),
+}
+GIVEN = (RNG.random((12, 60, 10)) < RNG.uniform(0, 1, (12, 1, 10)) ** 2).astype(np.uint8)
+
+
+def graph(kind):
+    return chain((10,), ("fc", linear(RNG, 12, 10)), ("lif", lif(RNG, 12)), ("w", linear(RNG, 5, 12)), ("read", READOUTS[kind]))  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", READOUTS)
+def test_the_class_is_that_of_the_largest_potential_of_the_equations(kind, tmp_path):
+    made = graph(kind)
+    network = load(made, tmp_path)
+    wanted = [run(made, given[:-2], DT)["read"].max(axis=0).argmax() for given in GIVEN]
+    assert network.readout.potentials_from == 2
+    found = evaluate(network, GIVEN)
+    np.testing.assert_array_equal(found.prediction, wanted)
+    assert len(set(wanted)) > 1
+    assert found.spikes["read"].sum() == 0
+
+
+@pytest.mark.parametrize("kind", ["LI", "CubaLI"])
+def test_the_chip_predicts_so_too_in_both_engines_and_from_a_file(kind, tmp_path):
+    compiled = lc.compile(load(graph(kind), tmp_path), events=GIVEN)
+    assert compiled.match.prediction_agreement >= 0.9
+    compiled.program.save(tmp_path / "program")
+    predicted = compiled.match.chip_prediction
+    for program in (compiled.program, hw.load_program(tmp_path / "program")):
+        for engine in ("fast", "reference"):
+            result = hw.simulate(program, GIVEN, engine=engine, probe=("potential",))
+            np.testing.assert_array_equal(result.prediction, predicted)
+            np.testing.assert_array_equal(result.scores, result.potential["read"][:, 2:].max(axis=1))
+    assert compiled.report["over_time"] is None or "left_out" in str(compiled.report["over_time"])
+
+
+def test_neurons_of_a_readout_share_a_scale(tmp_path):
+    compiled = lc.compile(load(graph("LI"), tmp_path), events=GIVEN, diagnosis=False)
+    assert len(set(compiled.levels.quantized.population("read").scale.tolist())) == 1
+
+
+def test_potentials_start_at_rest(tmp_path):
+    made = graph("LI at rest off 0")
+    network = load(made, tmp_path)
+    found = evaluate(network, GIVEN[:1], potentials=True).potential["read"][0, 2:]
+    np.testing.assert_allclose(found, run(made, GIVEN[0], DT)["read"][:-2], atol=1e-9)
+
+
+def test_the_last_layer_of_a_lava_dl_file_that_never_spikes_is_a_readout(tmp_path):
+    layers = [dense(RNG, 12, 10), dense(RNG, 5, 12, neuron=neuron(threshold=2**18 - 1))]
+    write_net(tmp_path / "model.net", layers)
+    compiled = lc.compile(lc.load(tmp_path / "model.net"), events=GIVEN, diagnosis=False)
+    assert compiled.network.readout.potentials_from == 2
+    assert compiled.match.prediction_agreement == 1
+    assert len(set(compiled.match.chip_prediction.tolist())) > 1
+
+
+def test_a_readout_without_leak_is_refused(tmp_path):
+    endless = nir.LI(tau=np.full(5, np.inf), r=np.full(5, np.inf), v_leak=0 * ONES)
+    with pytest.raises(lc.InputError) as caught:
+        load(chain((10,), ("w", linear(RNG, 5, 10)), ("read", endless)), tmp_path)
+    message = "model 'graph.nir', node 'read': a readout without leak overflows every register. Give it a tau."
+    assert str(caught.value) == message
+
+
+REFUSED = [
+    ("a session", lambda program: hw.Session(program), "program 'graph': predicts by potentials, which are not followed step by step. Simulate whole recordings."),
+    ("an early stop", lambda program: hw.stop_when_proven(program, GIVEN), "program 'graph': predicts by potentials, which no spike settles. Play whole recordings."),
+    ("both registers", lambda program: hw.simulate(program, GIVEN, probe=("v", "potential")), "probe: classes are read from v or the potential, which are both asked for. Probe one of them."),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("call", "message"), [row[1:] for row in REFUSED], ids=[row[0] for row in REFUSED])
+def test_what_potentials_do_not_allow_is_said_in_a_line(call, message, tmp_path):
+    compiled = lc.compile(load(graph("LI"), tmp_path), events=GIVEN, diagnosis=False)
+    with pytest.raises(lc.InputError) as caught:
+        call(compiled.program)
+    assert str(caught.value) == message
