@@ -1,0 +1,180 @@
+"""Format by feature: what is read as it is, what loses something, and what is refused, each cell with its model file.
+
+``docs/formats.md`` holds :func:`table`; ``test_feature_table.py`` tries every cell.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import nir
+import numpy as np
+import torch
+from net_files import dense, neuron, write_net
+from nir_graphs import DT, chain, cuba, graphs, integrate, lif, linear
+from slayer_files import LOIHI, write
+
+import locsnn_compile as lc
+
+RNG = np.random.default_rng(5)
+GRAPHS = {name: row[0] for name, row in graphs().items()}
+LEAST_AGREEMENT = {"NIR": 0.6, "lava-dl": 1.0, "slayerPytorch": 0.5}
+"""Spikes of the chip that are the reference's: all of integers, most of floats on a few random recordings."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A feature of a format; ``made(folder)`` writes a file and returns the arguments of ``lc.load``.
+
+    ``message``: the refusal, without the file's name. ``lost``: what is lost, and ``shows`` whether a network lost it.
+    """
+
+    format: str
+    feature: str
+    made: Callable[[Path], tuple[Path, ...]]
+    options: Mapping[str, object] = field(default_factory=dict)
+    message: str = ""
+    lost: str = ""
+    shows: Callable[[lc.Network], bool] = lambda network: True
+
+
+def graph(made: nir.NIRGraph) -> Callable[[Path], tuple[Path, ...]]:
+    def write_graph(folder):
+        nir.write(folder / "model.nir", made)
+        return (folder / "model.nir",)
+
+    return write_graph
+
+
+def net(*layers) -> Callable[[Path], tuple[Path, ...]]:
+    def write_layers(folder):
+        write_net(folder / "model.net", layers)
+        return (folder / "model.net",)
+
+    return write_layers
+
+
+def slayer(weights, *rest, **more) -> Callable[[Path], tuple[Path, ...]]:
+    return lambda folder: write(folder, weights, *rest, **more)
+
+
+def neurons(node, *behind):
+    named = [(f"after{i}", other) for i, other in enumerate(behind)]
+    return graph(chain((10,), ("fc", linear(np.random.default_rng(1), 12, 10)), ("n", node), *named))
+
+
+def works(format, feature, made, **options):
+    return Cell(format, feature, made, options)
+
+
+def loses(format, feature, made, lost, shows, **options):
+    return Cell(format, feature, made, options, lost=lost, shows=shows)
+
+
+def refused(format, feature, made, message, **options):
+    return Cell(format, feature, made, options, message=message)
+
+
+def spread(n, value):
+    return np.full(n, value)
+
+
+LI = nir.LI(tau=spread(12, 1e-2), r=spread(12, 10.0), v_leak=np.zeros(12))
+CUBA_LI = nir.CubaLI(
+    tau_syn=spread(12, 5e-3), tau_mem=spread(12, 1e-2), r=spread(12, 10.0), v_leak=np.zeros(12), w_in=spread(12, 5.0)
+)
+ENDLESS = nir.LIF(tau=spread(12, np.inf), r=spread(12, np.inf), v_leak=np.zeros(12), v_threshold=spread(12, 1.5), v_reset=np.zeros(12))  # fmt: skip
+UNIT = nir.IF(r=np.ones(12), v_threshold=spread(12, 1.5), v_reset=np.zeros(12))
+TWO_INPUTS = nir.NIRGraph({"a": nir.Input(np.array([10])), "b": nir.Input(np.array([10])), "n": lif(RNG, 10), "o": nir.Output(np.array([10]))}, [("a", "n"), ("b", "n"), ("n", "o")], type_check=False)  # fmt: skip
+TWO_OUTPUTS = nir.NIRGraph({"input": nir.Input(np.array([10])), "n": lif(RNG, 10), "m": lif(RNG, 10), "o": nir.Output(np.array([10])), "p": nir.Output(np.array([10]))}, [("input", "n"), ("n", "m"), ("n", "o"), ("m", "p")], type_check=False)  # fmt: skip
+IMAGE = {"type": "input", "shape": np.array([2, 6, 6])}
+CONV = {
+    "type": "conv", "shape": np.array([4, 3, 3]), "inChannels": 2, "outChannels": 4, "kernelSize": np.array([3, 3]),
+    "stride": np.array([2, 2]), "padding": np.array([1, 1]), "dilation": np.array([1, 1]), "groups": 2,
+    "weight": 2.0 * RNG.integers(-90, 120, (4, 1, 3, 3, 1)), "neuron": neuron(threshold=300),
+}  # fmt: skip
+POOL = {"type": "pool", "shape": np.array([2, 3, 3]), "kernelSize": np.array([2, 2]), "stride": np.array([2, 2]), "weight": np.full((1, 1, 2, 2), 200.0), "neuron": neuron()}  # fmt: skip
+DENSE = dense(RNG, 6, 10)
+WEIGHTS = {"fc1": RNG.normal(1, 2, (8, 12)), "fc2": RNG.normal(1, 2, (4, 8))}
+INTEGERS = {name: 20 * weight for name, weight in WEIGHTS.items()}
+HYBRID = {"fc1": RNG.normal(0.1, 2, (6, 156)), "fc2": RNG.normal(1, 2, (3, 6)), "locationFc1": RNG.normal(0.3, 2, (6, 40)), "locationFc2": RNG.normal(1, 2, (3, 6))}  # fmt: skip
+NORMALISED = {"fc1.weight_v": torch.randn(6, 12, 1, 1, 1), "fc1.weight_g": torch.full((6, 1, 1, 1, 1), 9.0)}
+
+NIR_CELLS = [
+    *(works("NIR", name, graph(GRAPHS[key]), dt=DT) for name, key in {
+        "Linear, LIF": "lif", "Affine (biases)": "biases", "IF": "if", "CubaLIF": "cuba", "Threshold": "threshold", "Scale": "scale",
+        "Delay of whole steps": "delay", "Conv1d": "conv1d", "Conv2d, groups, stride, padding, Flatten": "conv2d", "Conv2d, padding 'same'": "conv2d same",
+        "Conv2d, dilation": "conv2d dilated", "SumPool2d": "sum pool", "AvgPool2d": "avg pool", "recurrent edges": "recurrent",
+        "nested graphs": "nested", "one number for all neurons": "scalar parameters",
+    }.items()),
+    works("NIR", "LI at the end: class by potential", neurons(lif(RNG, 12), linear(RNG, 12, 12), LI), dt=DT),
+    works("NIR", "CubaLI at the end: class by potential", neurons(lif(RNG, 12), linear(RNG, 12, 12), CUBA_LI), dt=DT),
+    works("NIR", "v_leak and v_reset other than 0", neurons(lif(RNG, 12, v_leak=0.3, v_reset=-0.1, v_threshold=0.8)), dt=DT),
+    works("NIR", "IF of r 1: adds weights whatever the step", neurons(UNIT)),
+    works("NIR", "tau and r without end (snnTorch, beta 1)", neurons(ENDLESS), dt=DT),
+    works("NIR", "several Outputs of one size", graph(TWO_OUTPUTS), dt=DT),
+    works("NIR", "--reset subtract of LIF", neurons(lif(RNG, 12)), dt=DT, reset="subtract"),
+    works("NIR", "--reset subtract of CubaLIF", neurons(cuba(RNG, 12)), dt=DT, reset="subtract"),
+    works("NIR", "--reset late-subtract", neurons(integrate(RNG, 12)), dt=DT, reset="late-subtract"),
+    works("NIR", "--reset late-zero", neurons(cuba(RNG, 12)), dt=DT, reset="late-zero"),
+    works("NIR", "--discretisation hold", neurons(lif(RNG, 12)), dt=DT, discretisation="hold"),
+    works("NIR", "--discretisation exact", neurons(cuba(RNG, 12)), dt=DT, discretisation="exact"),
+    loses("NIR", "time", neurons(lif(RNG, 12)), "it becomes steps: a spike is on the grid of `--dt`", lambda n: n.step_seconds == DT, dt=DT),
+    refused("NIR", "I", neurons(nir.I(r=np.ones(12))), ", node 'n': an integrator without leak or threshold overflows every register. Take an LI with a long tau, or an IF.", dt=DT),
+    refused("NIR", "LI before other nodes", neurons(LI, linear(RNG, 5, 12), lif(RNG, 5)), ", node 'after0': it takes the potential of 'n', and the chip sends spikes only. End the graph at that node, or make it a LIF.", dt=DT),
+    refused("NIR", "an Output of weights", neurons(lif(RNG, 12), linear(RNG, 5, 12)), ", node 'after0': the output is that of Linear, and the chip's is spikes. End the graph in a LIF, or in an LI whose potential is read.", dt=DT),
+    refused("NIR", "several Inputs", graph(TWO_INPUTS), ": a graph needs one Input (2 found). Join them in one node.", dt=DT),
+    refused("NIR", "Delay of a fraction of a step", graph(chain((10,), ("d", nir.Delay(spread(10, 1.5 * DT))), ("n", lif(RNG, 10)))), ", node 'd': a delay is no whole number of steps (1.5 steps of 0.001 s). Give another --dt.", dt=DT),
+    refused("NIR", "tau shorter than a step, euler", neurons(nir.LIF(tau=spread(12, 1e-4), r=np.ones(12), v_leak=np.zeros(12), v_threshold=np.ones(12), v_reset=np.zeros(12))), ", node 'n': tau is shorter than a step (0.0001 s against 0.001 s). Give a smaller --dt, or --discretisation exact or hold.", dt=DT),
+    refused("NIR", "a threshold below the reset", neurons(lif(RNG, 12, v_reset=1.5)), ", node 'n': the threshold is not above the reset (by -0.5). Train with a threshold above v_reset and v_leak, and above 0.", dt=DT),
+]  # fmt: skip
+NET_CELLS = [
+    works("lava-dl", "dense, CUBA neurons", net(DENSE)),
+    works("lava-dl", "LOIHI neurons of old files", net(dense(RNG, 6, 10, neuron=neuron(kind="LOIHI", wgtExp=0)))),
+    works("lava-dl", "dense_rec", net(DENSE | {"type": "dense_rec", "weight_rec": 2.0 * RNG.integers(-30, 20, (6, 6))})),
+    works("lava-dl", "input", net({"type": "input", "shape": np.array([10])}, DENSE)),
+    works("lava-dl", "input with neurons", net({"type": "input", "shape": np.array([10]), "neuron": neuron(4096, 4096, 32)}, DENSE)),
+    works("lava-dl", "conv, flatten", net(IMAGE, CONV, {"type": "flatten", "shape": np.array([36])}, dense(RNG, 6, 36))),
+    works("lava-dl", "conv of stride 1 without an input layer", net(CONV | {"stride": np.array([1, 1]), "shape": np.array([4, 6, 6])})),
+    works("lava-dl", "pool", net(IMAGE, POOL)),
+    works("lava-dl", "bias", net(dense(RNG, 6, 10, bias=RNG.integers(-9, 30, 6)))),
+    works("lava-dl", "delays: one, of neurons, of inputs", net(dense(RNG, 6, 10, delay=np.arange(6.0)), dense(RNG, 4, 6, delay=np.arange(6.0)), dense(RNG, 3, 4, delay=2.0))),
+    works("lava-dl", "decays and thresholds of each neuron", net(dense(RNG, 6, 10, neuron=neuron(np.arange(6) * 500, np.arange(6) * 50, np.arange(6) * 50 + 200)))),
+    works("lava-dl", "odd weights", net(dense(RNG, 6, 10, weight=RNG.integers(-255, 256, (6, 10))))),
+    loses("lava-dl", "a last layer that never spikes: class by potential", net(DENSE, dense(RNG, 4, 6, neuron=neuron(threshold=2**18 - 1))), "its threshold of 2^18 - 1 becomes 2^17 - 1, which potentials hardly reach", lambda n: set(n.populations[-1].neuron.threshold.tolist()) == {2**17 - 1}),
+    loses("lava-dl", "delays beyond 62, or of fractions", net(dense(RNG, 6, 10, delay=70.5)), "they are 62 at most, and whole, as in netx", lambda n: n.projections[0].delay == 62),
+    refused("lava-dl", "graded spikes", net(dense(RNG, 6, 10, neuron=neuron(gradedSpike=True))), ", layer 0: its spikes are graded. Train with graded_spike=False."),
+    refused("lava-dl", "other neurons", net(dense(RNG, 6, 10, neuron=neuron(kind="SDNN"))), ", layer 0: 'SDNN' neurons have no single compartment on the chip. Use CUBA neurons."),
+    refused("lava-dl", "weights out of 8 bits", net(dense(RNG, 6, 10, weight=np.full((6, 10), 300.0))), ", layer 0: a weight is out of an 8-bit synapse's range (0..300 against -256..254, even, or -255..255). Export it again, with quantised weights."),
+    *(refused("lava-dl", kind, net(DENSE, {"type": kind, "shape": np.array([6])}), f", layer 1: {kind!r} has no meaning on the chip. {fix}") for kind, fix in {
+        "convT": "Replace it with a convolution.", "unpool": "Train without it.", "average": "Count the spikes of the layer before it.", "concat": "Join the inputs before the network."}.items()),
+]  # fmt: skip
+SLAYER_CELLS = [
+    works("slayerPytorch", "dense, LOIHI neurons", slayer(INTEGERS, LOIHI)),
+    works("slayerPytorch", "the authors' hybrid, its location orders", slayer(HYBRID, steps=40, location_order="whorl")),
+    works("slayerPytorch", "weight normalisation", slayer({}, extra=NORMALISED)),
+    works("slayerPytorch", "delays", slayer(WEIGHTS, extra={"delay.delay": torch.arange(8.0).reshape(1, 8, 1, 1, 1)})),
+    works("slayerPytorch", "dense of images", slayer({}, extra={"fc1.weight": 2 * torch.rand(3, 2, 4, 5, 1)})),
+    loses("slayerPytorch", "dense, SRMALPHA neurons", slayer(WEIGHTS), "kernels keep the tails that slayerPytorch cuts", lambda n: n.populations[0].neuron.tau_sr == 10),
+    refused("slayerPytorch", "convolutions", slayer({}, extra={"conv1.weight": torch.randn(3, 2, 4, 5, 2)}), "model 'model.pt', layer 'conv1': it is no dense layer (weight (3, 2, 4, 5, 2)). Use slayer.dense layers; convolutions are read from NIR and .net files."),
+    refused("slayerPytorch", "a YAML of another neuron", slayer(WEIGHTS, {**LOIHI, "type": "CUBA"}), "config 'net.yaml', neuron.type: 'CUBA' is not known. Choose one of: LOIHI, SRMALPHA."),
+]  # fmt: skip
+CELLS = [*NIR_CELLS, *NET_CELLS, *SLAYER_CELLS]
+
+
+def table() -> str:
+    """Return the cells as a table of the page."""
+    lines = ["| format | feature | | |", "| --- | --- | --- | --- |"]
+    for cell in CELLS:
+        if cell.message:
+            words = cell.message.removeprefix(": ").removeprefix(", ")
+            lines.append(f"| {cell.format} | {cell.feature} | refused | `{words}` |")
+        else:
+            lines.append(f"| {cell.format} | {cell.feature} | {'lossy' if cell.lost else 'works'} | {cell.lost} |")
+    return "\n".join(lines)
+
+
+assert not [a for a, b in itertools.combinations([(c.format, c.feature) for c in CELLS], 2) if a == b]
