@@ -1,0 +1,97 @@
+"""Every network by name: trained by the command, written, read, and compiled or refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from locsnn_compile.cli.compile import main as compile_main
+from locsnn_compile.cli.main import main
+from locsnn_compile.data.synthetic import synthetic_touches
+from locsnn_compile.models.architectures import ARCHITECTURES
+from locsnn_compile.models.checkpoint_reader import read_checkpoint
+from locsnn_compile.models.networks import build_network
+from locsnn_compile.training.config import TrainingConfig, config_from_mapping, read_config
+
+CONFIGS = Path(__file__).parents[2] / "examples" / "configs"
+SMALL = "hidden: 4\nfeatures: 3\nstep_features: 2\nepochs: 2\nvalidation_fraction: 0.0\nbatch_size: 6\n"
+
+
+def write_touches(folder: Path, fingertips: int = 1) -> Path:
+    touches = synthetic_touches(12, steps=30, classes=3, fingertips=fingertips)
+    path = folder / "touches.npz"
+    np.savez(path, spikes=touches.spikes.transpose(0, 2, 1), labels=touches.labels, step_seconds=0.02)
+    return path
+
+
+@pytest.mark.parametrize("fingertips", [1, 2])
+@pytest.mark.parametrize("name", ARCHITECTURES)
+def test_the_command_trains_it(
+    name: str, fingertips: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_touches(tmp_path, fingertips)
+    (tmp_path / "small.yaml").write_text(SMALL)
+    assert main(["train", "--data", "touches.npz", "--model", name, "--config", "small.yaml", "-o", "net.pt"]) == 0
+    assert capsys.readouterr().out == "epoch 2 chosen\nwrote net.pt\n"
+    found = read_checkpoint("net.pt")
+    assert (found.description.architecture, found.training["epochs"]) == (name, 2)
+    again = build_network(found.description)
+    again.load_weights(found.weights)
+    start = build_network(found.description, seed=0, initial_scale=TrainingConfig().initial_scale)
+    x = torch.zeros(2, 30, 78 * fingertips)
+    assert tuple(again.counts(x).shape) == (2, 3)
+    assert any(not np.array_equal(start.weights()[key], found.weights[key]) for key in found.weights)
+
+
+def test_it_is_compiled_from_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_touches(tmp_path)
+    (tmp_path / "small.yaml").write_text(SMALL)
+    train = ["train", "--data", "touches.npz", "--model", "hybrid-graph", "--graph", "tree", "--config", "small.yaml"]
+    assert main([*train, "--quiet", "-o", "net.pt"]) == 0
+    graph = read_checkpoint("net.pt").description.graph
+    assert graph is not None
+    assert (graph.name, len(graph.taxel_edges), graph.hops, graph.features) == ("tree", 70, 3, 3)
+    assert compile_main(["net.pt", "--quiet", "-o", "out"]) == 0
+    assert (tmp_path / "out" / "program.yaml").exists()
+
+
+def test_an_artificial_one_is_refused_by_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_touches(tmp_path)
+    (tmp_path / "small.yaml").write_text(SMALL)
+    main(["train", "--data", "touches.npz", "--model", "gru-mlp", "--config", "small.yaml", "--quiet", "-o", "net.pt"])
+    assert compile_main(["net.pt"]) == 1
+    assert capsys.readouterr().err == (
+        "model 'net': a 'gru-mlp' has no spiking neurons, so no chip program can be made of it. "
+        "Train a spiking network; of this one, operations are counted only.\n"
+    )
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["net.csv", "net.pt", "small.yaml", "touches.npz"]
+
+
+@pytest.mark.parametrize("name", ["hybrid-lif", "cnn-3d"])
+def test_only_spike_response_neurons_are_trained_on_the_chips_integers(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_touches(tmp_path)
+    assert main(["train", "--data", "touches.npz", "--model", name, "--target", "loihi-sim"]) == 2
+    assert capsys.readouterr().err == (
+        f"architecture {name!r}: it has no spike response neurons. "
+        "Take one of: tactile-snn, location-tactile-snn, hybrid.\n"
+    )
+
+
+@pytest.mark.parametrize("name", [name for name, a in ARCHITECTURES.items()])
+def test_it_has_configurations_of_its_own(name: str) -> None:
+    found = {path.stem: config_from_mapping(read_config(path)) for path in CONFIGS.glob("*.yaml")}
+    mine = {stem for stem, config in found.items() if config.model == name}
+    published = {stem for stem in mine if stem.endswith("-published")}
+    assert mine - published
+    assert bool(published) == (not name.endswith("-lif"))
