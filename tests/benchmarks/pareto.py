@@ -24,8 +24,10 @@ from locsnn_compile.report.format import NONE, energy, share, time
 
 ROOT = Path(__file__).parents[2]
 DATASETS = ("objects", "containers")
-BUDGETS = (("--min-agreement", "0.99"), ("--max-spike-error", "0.15"), ("--max-spike-error", "0.05"))
+BUDGETS = (("--min-agreement", "0.99"), ("--max-spike-error", "0.1"), ("--max-spike-error", "0.02"))
 BEGIN, END = "<!-- pareto: begin -->", "<!-- pareto: end -->"
+GRID = ("--weight-bits", "4", "6", "8", "--split-weights", "0", "1")
+"""Every strategy with these."""
 Document = dict[str, Any]
 
 
@@ -47,7 +49,7 @@ def section(data: Path, work: Path, page: Path, dataset: str) -> str:
     recordings = [
         option for name in ("events", "calibration", "report-on") for option in (f"--{name}", str(data / archive))
     ]
-    options = [*recordings, "-o", str(work)]
+    options = [*recordings, *GRID, "-o", str(work)]
     bounded = [(budget, explore(dataset, [*options, *budget])["recommended"]) for budget in BUDGETS]
     found = explore(dataset, options)
     picture = page.parent / "images" / f"pareto-{dataset}.svg"
