@@ -29,7 +29,8 @@ network did in training. --from goes on from a trained network: 60 epochs at a r
 which that network may have seen whole, unless the options say otherwise.
 
 The epoch is chosen on a validation part of the train part; the test part, where the data have one, is measured
-once at the end. Beside OUT.pt a log OUT.csv is written, and while it runs OUT.pt.state, for --resume.
+once at the end. Beside OUT.pt a log OUT.csv and its picture OUT.svg are written, and while it runs OUT.pt.state, for
+--resume. Options without a flag here are keys of the --config file: taxel_dropout, time_shift, weight_average, ...
 """
 
 

@@ -1,4 +1,4 @@
-"""What a training epoch is fed: the split, the order of recordings, and the events that are dropped.
+"""What a training epoch is fed: the split, the order of recordings, and how they are changed.
 
 Every draw comes from a generator of (seed, purpose, epoch), so an epoch needs no state but its number.
 """
@@ -9,6 +9,8 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
+
+from locsnn_compile.training.augment import Augmentation
 
 
 def epoch_generator(seed: int, *purpose: int) -> np.random.Generator:
@@ -36,37 +38,16 @@ def stratified_split(
     return np.setdiff1d(np.arange(len(labels)), held), held
 
 
-def drop_events(spikes: NDArray[np.float32], largest: float, rng: np.random.Generator) -> NDArray[np.float32]:
-    """Return spikes (batch, steps, channels) with events dropped, each recording by a probability of
-    0..``largest``.
-    """
-    if largest == 0:
-        return spikes
-    probability = rng.random(len(spikes), dtype=np.float32) * np.float32(largest)
-    kept = rng.random(spikes.shape, dtype=np.float32) >= probability[:, np.newaxis, np.newaxis]
-    return spikes * kept
-
-
-def drop_channels(spikes: NDArray[np.float32], largest: float, rng: np.random.Generator) -> NDArray[np.float32]:
-    """Return spikes (batch, steps, channels) less whole channels, each recording by a probability of 0..``largest``."""
-    if largest == 0:
-        return spikes
-    probability = rng.random((len(spikes), 1, 1), dtype=np.float32) * np.float32(largest)
-    return spikes * (rng.random((len(spikes), 1, spikes.shape[2]), dtype=np.float32) >= probability)
-
-
 def batches(
     spikes: NDArray[np.uint8],
     labels: NDArray[np.int64],
     *,
     batch_size: int,
-    event_dropout: float,
-    channel_dropout: float,
+    augment: Augmentation,
     rng: np.random.Generator,
 ) -> Iterator[tuple[NDArray[np.float32], NDArray[np.int64]]]:
     """Yield (spikes (batch, steps, channels), labels (batch,)) of one epoch, every recording once."""
     order = rng.permutation(len(labels))
     for start in range(0, len(order), batch_size):
         rows = order[start : start + batch_size]
-        x = drop_events(spikes[rows].astype(np.float32), event_dropout, rng)
-        yield drop_channels(x, channel_dropout, rng), labels[rows]
+        yield augment(spikes[rows].astype(np.float32), rng), labels[rows]

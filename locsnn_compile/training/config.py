@@ -11,6 +11,7 @@ from typing import Any
 import yaml
 
 from hw_model.weights import WEIGHT_BITS
+from hw_model.yaml_text import load_yaml
 from locsnn_compile.data.taxel_graph import GRAPHS
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.models.architectures import ARCHITECTURES
@@ -55,6 +56,9 @@ _RANGES: dict[str, tuple[float, float]] = {
     "initial_scale": (1e-3, 1e3),
     "event_dropout": (0.0, 1.0),
     "channel_dropout": (0.0, 1.0),
+    "taxel_dropout": (0.0, 1.0),
+    "time_shift": (0, 20_000),
+    "weight_average": (0.0, 0.99999),
     "validation_fraction": (0.0, 0.9),
     "theta": (1e-6, 1e6),
     "tau_sr": (1e-3, 1e5),
@@ -84,7 +88,10 @@ class TrainingConfig:
     - ``location_weight`` is lambda of the weighted loss. ``loss`` spike-count uses ``target_right`` and
       ``target_wrong`` (spikes a recording), cross-entropy uses ``count_scale`` and ``label_smoothing``.
     - ``event_dropout``: every recording of a batch loses each event with a probability drawn from 0 to this;
-      ``channel_dropout``: likewise each channel, with all its events.
+      ``channel_dropout``: likewise each channel, with all its events; ``taxel_dropout``: each taxel, both polarities.
+      ``time_shift``: every recording of a batch is moved by up to so many steps to either side.
+    - ``weight_average``: measure and keep a running average of the weights, which retains this share of itself at every
+      step; 0 keeps the weights of the last step.
     - ``initial_scale``: weights start uniform within +-this / sqrt(inputs of their layer).
     - ``validation_fraction`` of the train part, class by class, chooses the epoch; 0 takes the last epoch.
       Accuracies are averaged over ``smoothing_epochs`` first, for a few dozen validation recordings make a single
@@ -124,6 +131,9 @@ class TrainingConfig:
     initial_scale: float = 3.0
     event_dropout: float = 0.5
     channel_dropout: float = 0.3
+    taxel_dropout: float = 0.0
+    time_shift: int = 0
+    weight_average: float = 0.0
     validation_fraction: float = 0.125
     smoothing_epochs: int = 10
     refit: bool = True
@@ -182,10 +192,10 @@ def read_config(path: Path | str) -> dict[str, Any]:
     try:
         if path.stat().st_size > 1_000_000:
             raise InputError(where, "it is too large for a configuration", fix="Give the YAML file of a training run.")
-        values = yaml.safe_load(path.read_text(encoding="utf-8"))
+        values = load_yaml(path.read_text(encoding="utf-8"), where)
     except OSError as error:
         raise InputError(where, "it cannot be read", measured=error.strerror or "", fix="Check the path.") from None
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError):
+    except (yaml.YAMLError, ValueError):
         raise InputError(where, "it is not a YAML file", fix="Write one 'key: value' a line.") from None
     if not isinstance(values, dict):
         raise InputError(

@@ -20,7 +20,7 @@ from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.training.config import TrainingConfig
 
-_FORMAT, _VERSION = "locsnn-training-state", 1
+_FORMAT, _VERSION = "locsnn-training-state", 2
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,7 @@ class TrainingState:
     phase: str = "select"
     epoch: int = 0
     weights: dict[str, Tensor] = field(default_factory=dict)
+    averages: dict[str, Tensor] = field(default_factory=dict)
     optimizer: dict[str, Any] = field(default_factory=dict)
     history: list[EpochRecord] = field(default_factory=list)
     chosen_epoch: int = 0
@@ -69,6 +70,7 @@ def save_state(path: Path, state: TrainingState, key: str) -> None:
         "phase": state.phase,
         "epoch": state.epoch,
         "weights": state.weights,
+        "averages": state.averages,
         "optimizer": state.optimizer,
         "history": [asdict(record) for record in state.history],
         "chosen_epoch": state.chosen_epoch,
@@ -97,6 +99,7 @@ def load_state(path: Path, key: str) -> TrainingState | None:
             phase=values["phase"],
             epoch=values["epoch"],
             weights=values["weights"],
+            averages=values["averages"],
             optimizer=values["optimizer"],
             history=[EpochRecord(**record) for record in values["history"]],
             chosen_epoch=values["chosen_epoch"],

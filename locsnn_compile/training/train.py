@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
 from hw_model.files import replace_file
 from locsnn_compile.data.recordings import Recordings
@@ -25,11 +26,14 @@ from locsnn_compile.models.chip_numbers import ChipNumbers
 from locsnn_compile.models.description import NetworkDescription
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.models.touch_model import TouchModel
+from locsnn_compile.training.augment import Augmentation
+from locsnn_compile.training.averaging import WeightAverage
 from locsnn_compile.training.batches import batches, epoch_generator, stratified_split
 from locsnn_compile.training.config import TrainingConfig
 from locsnn_compile.training.describe import describe
 from locsnn_compile.training.fine_tuning import check_recordings
 from locsnn_compile.training.measure import batch_loss, evaluate
+from locsnn_compile.training.profile import profile
 from locsnn_compile.training.schedule import choose_epoch, learning_rate
 from locsnn_compile.training.state import EpochRecord, TrainingState, load_state, run_key, save_state
 from locsnn_compile.training.target import chip_numbers
@@ -69,7 +73,8 @@ def train(
     ``classes`` is the number of classes where it is more than the labels show. With ``start`` every phase begins with
     the weights of that checkpoint, and the network is of its description, which ``config`` must fit. With
     ``state_path`` the state is written every ``save_every`` epochs and an existing one is taken up; removing it is the
-    caller's. ``log_path`` gets a CSV line an epoch. Raises ``InputError`` for data without labels.
+    caller's. ``log_path`` gets a CSV line an epoch, and a
+    picture of them beside it, ``.svg``. Raises ``InputError`` for data without labels.
     """
     labels = recordings.labels
     if labels is None:
@@ -92,6 +97,8 @@ def train(
             save_state(state_path, state, key)
         if log_path is not None:
             _write_log(log_path, state.history)
+            picture = log_path.with_suffix(".svg")
+            replace_file(picture, profile(state.history, name), f"training profile {picture.name!r}")
 
     weights_at_start = None if start is None else start.float_weights
     chip = None if config.target == "float" else chip_numbers(config, description, weights_at_start)
@@ -101,13 +108,13 @@ def train(
         if state.phase == "select":
             _run_phase(run, state, training, held, config.epochs)
             if config.refit and len(held):
-                state.phase, state.epoch, state.weights, state.optimizer = "refit", 0, {}, {}
+                state.phase, state.epoch, state.weights, state.averages, state.optimizer = "refit", 0, {}, {}, {}
             saved()
         weights = state.chosen_weights
         if state.phase == "refit":
             _run_phase(run, state, np.arange(len(labels)), held[:0], state.chosen_epoch)
             saved()
-            weights = state.weights
+            weights = state.weights | state.averages
         network = build_network(description, seed=config.seed, chip=chip)
         network.load_state_dict(weights)
         network.snap()
@@ -146,10 +153,11 @@ def _run_phase(run: _Run, state: TrainingState, rows: NDArray[np.int64], held: N
     assert recordings.labels is not None
     spikes, labels = recordings.spikes[rows], recordings.labels[rows]
     network = run.network()
-    optimizer = _optimizer(network, config)
+    optimizer, augment = _optimizer(network, config), Augmentation.of(config)
     if state.weights:
         network.load_state_dict(state.weights)
         optimizer.load_state_dict(state.optimizer)
+    average = WeightAverage(network, config.weight_average, state.averages)
     for epoch in range(state.epoch + 1, epochs + 1):
         rate = learning_rate(config, epoch, epochs)
         for group in optimizer.param_groups:
@@ -160,8 +168,7 @@ def _run_phase(run: _Run, state: TrainingState, rows: NDArray[np.int64], held: N
             spikes,
             labels,
             batch_size=config.batch_size,
-            event_dropout=config.event_dropout,
-            channel_dropout=config.channel_dropout,
+            augment=augment,
             rng=rng,
         )
         for x, y in feed:
@@ -170,23 +177,30 @@ def _run_phase(run: _Run, state: TrainingState, rows: NDArray[np.int64], held: N
             loss.backward()  # type: ignore[no-untyped-call]
             optimizer.step()
             network.hold()
+            average.update()
             total += float(loss.detach()) * len(y)
         record = EpochRecord(state.phase, epoch, rate, total / len(rows), None, None)
-        if len(held):
-            loss_held, accuracy = evaluate(network, config, recordings.spikes[held], recordings.labels[held])
-            record = EpochRecord(state.phase, epoch, rate, total / len(rows), loss_held, accuracy)
+        state.weights = _weights(network)
+        with average.in_place():
+            if len(held):
+                loss_held, accuracy = evaluate(network, config, recordings.spikes[held], recordings.labels[held])
+                record = EpochRecord(state.phase, epoch, rate, total / len(rows), loss_held, accuracy)
+            found = _weights(network)
         state.history.append(record)
-        state.epoch = epoch
-        state.weights = {name: value.detach().clone() for name, value in network.state_dict().items()}
-        state.optimizer = optimizer.state_dict()
-        if state.phase == "select" and choose_epoch(state.history, config.smoothing_epochs, len(held)) == epoch:
-            state.chosen_epoch, state.chosen_weights = epoch, state.weights
+        state.epoch, state.averages, state.optimizer = epoch, average.values, optimizer.state_dict()
+        chosen = state.phase == "select" and choose_epoch(state.history, config.smoothing_epochs, len(held)) == epoch
+        if chosen:
+            state.chosen_epoch, state.chosen_weights = epoch, found
         if run.progress is not None:
             others = config.epochs if state.phase == "refit" else 0
             expected = others + epochs + (epochs if state.phase == "select" and config.refit and len(held) else 0)
             run.progress(others + epoch, expected, record)
         if epoch % run.save_every == 0:
             run.saved()
+
+
+def _weights(network: TouchModel) -> dict[str, Tensor]:
+    return {name: value.detach().clone() for name, value in network.state_dict().items()}
 
 
 def _optimizer(network: TouchModel, config: TrainingConfig) -> torch.optim.Optimizer:

@@ -53,9 +53,15 @@ def _published(objects: str, containers: str, slip: str) -> dict[str, str]:
 
 ROWS = (
     Row("tactile-snn", "Tactile-SNN", {"model": "tactile-snn"}, _published("0.75", "0.57", "0.82")),
-    Row("tactile-sgnet", "TactileSGNet", {"model": "tactile-sgnet"}, _published("0.79", "0.58", "0.97")),
-    Row("gru-mlp", "GRU-MLP", {"model": "gru-mlp"}, _published("0.72", "0.46", "0.87")),
-    Row("cnn-3d", "CNN-3D", {"model": "cnn-3d"}, _published("0.90", "0.67", "0.44")),
+    Row(
+        "tactile-sgnet",
+        "TactileSGNet",
+        {"model": "tactile-sgnet"},
+        _published("0.79", "0.58", "0.97"),
+        "tactile-sgnet.yaml",
+    ),
+    Row("gru-mlp", "GRU-MLP", {"model": "gru-mlp"}, _published("0.72", "0.46", "0.87"), "gru-mlp.yaml"),
+    Row("cnn-3d", "CNN-3D", {"model": "cnn-3d"}, _published("0.90", "0.67", "0.44"), "cnn-3d.yaml"),
     Row(
         "location-tactile-snn",
         "Location Tactile-SNN",
@@ -67,10 +73,15 @@ ROWS = (
     Row("hybrid-arch", "Hybrid, lambda 1, arch", {"order": "arch"}, _published("0.91", "0.86", "0.99")),
     Row("hybrid-whorl", "Hybrid, lambda 1, whorl", {"order": "whorl"}, _published("0.92", "0.86", "0.98")),
     Row("hybrid-published", "Hybrid, published training", {}, config="objects-hybrid-published.yaml"),
-    Row("tactile-snn-lif", "Tactile-SNN of TLIF neurons", {"model": "tactile-snn-lif"}),
-    Row("location-tactile-snn-lif", "Location Tactile-SNN of LLIF neurons", {"model": "location-tactile-snn-lif"}),
-    Row("hybrid-lif", "Hybrid of TLIF and LLIF neurons", {"model": "hybrid-lif"}),
-    Row("hybrid-graph", "Hybrid of graphs", {"model": "hybrid-graph"}),
+    Row("tactile-snn-lif", "Tactile-SNN of TLIF neurons", {"model": "tactile-snn-lif"}, config="tactile-snn-lif.yaml"),
+    Row(
+        "location-tactile-snn-lif",
+        "Location Tactile-SNN of LLIF neurons",
+        {"model": "location-tactile-snn-lif"},
+        config="location-tactile-snn-lif.yaml",
+    ),
+    Row("hybrid-lif", "Hybrid of TLIF and LLIF neurons", {"model": "hybrid-lif"}, config="hybrid-lif.yaml"),
+    Row("hybrid-graph", "Hybrid of graphs", {"model": "hybrid-graph"}, config="hybrid-graph.yaml"),
 )
 ROW_NAMES = tuple(row.name for row in ROWS)
 FLAGS = {"model": "--model", "order": "--order", "location_weight": "--lambda"}

@@ -72,7 +72,13 @@ def test_an_artificial_one_is_refused_by_name(
         "model 'net': a 'gru-mlp' has no spiking neurons, so no chip program can be made of it. "
         "Train a spiking network; of this one, operations are counted only.\n"
     )
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["net.csv", "net.pt", "small.yaml", "touches.npz"]
+    assert sorted(file.name for file in tmp_path.iterdir()) == [
+        "net.csv",
+        "net.pt",
+        "net.svg",
+        "small.yaml",
+        "touches.npz",
+    ]
 
 
 @pytest.mark.parametrize("name", ["hybrid-lif", "cnn-3d"])

@@ -62,7 +62,7 @@ def test_a_file_without_parts(tmp_path: Path, data: str, capsys: pytest.CaptureF
         f"epoch {found.training['chosen_epoch']} chosen by validation accuracy {validation:.3f}\nwrote {output}\n"
     )
     assert printed.err == ""
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["small.csv", "small.pt", "touches.npz"]
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["small.csv", "small.pt", "small.svg", "touches.npz"]
 
 
 def test_a_folder_with_parts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,7 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from locsnn_compile.training.batches import batches, drop_channels, drop_events, epoch_generator, stratified_split
+from locsnn_compile.training.augment import (
+    Augmentation,
+    drop_channels,
+    drop_events,
+    drop_taxels,
+    shift_in_time,
+)
+from locsnn_compile.training.batches import batches, epoch_generator, stratified_split
+from locsnn_compile.training.config import TrainingConfig
 
 
 @pytest.mark.parametrize(
@@ -40,11 +48,7 @@ def test_a_seed_gives_its_own_split() -> None:
 def test_every_recording_once(samples: int, size: int, seed: int) -> None:
     spikes = np.zeros((samples, 2, 3), dtype=np.uint8)
     labels = np.arange(samples)
-    fed = list(
-        batches(
-            spikes, labels, batch_size=size, event_dropout=0.0, channel_dropout=0.0, rng=epoch_generator(seed, 1, 1)
-        )
-    )
+    fed = list(batches(spikes, labels, batch_size=size, augment=Augmentation(), rng=epoch_generator(seed, 1, 1)))
     assert sorted(np.concatenate([y for _, y in fed])) == list(range(samples))
     assert {len(y) for _, y in fed[:-1]} <= {size}
 
@@ -74,3 +78,39 @@ def test_dropping_takes_another_share_of_every_recording() -> None:
     assert share.mean() == pytest.approx(0.3, abs=0.03)
     assert share.std() == pytest.approx(0.6 / np.sqrt(12), abs=0.02)
     assert share.max() < 0.63
+
+
+def test_dropped_taxels_lose_both_polarities() -> None:
+    spikes = np.ones((40, 3, 78), dtype=np.float32)
+    kept = drop_taxels(spikes, 0.5, epoch_generator(0, 1, 1))
+    by_taxel = kept[:, 0].reshape(40, 39, 2)
+    assert (by_taxel[:, :, 0] == by_taxel[:, :, 1]).all()
+    assert (kept == kept[:, :1]).all()
+    assert 0.7 < kept.mean() < 0.8
+    assert drop_taxels(spikes, 0.0, epoch_generator(0, 1, 1)) is spikes
+
+
+@given(steps=st.integers(1, 9), largest=st.integers(1, 12), seed=st.integers(0, 2**31))
+@settings(max_examples=40, deadline=None)
+def test_a_shift_moves_every_event_alike_and_loses_what_leaves(steps: int, largest: int, seed: int) -> None:
+    spikes = (np.random.default_rng(seed).random((4, steps, 3)) < 0.5).astype(np.float32)
+    moved = shift_in_time(spikes, largest, epoch_generator(seed, 1, 1))
+    for before, after in zip(spikes, moved, strict=True):
+        padded = np.concatenate([np.zeros((largest, 3)), before, np.zeros((largest, 3))])
+        shifts = [padded[largest - by : largest - by + steps] for by in range(-largest, largest + 1)]
+        assert any(np.array_equal(after, shifted) for shifted in shifts)
+
+
+def test_shifts_go_both_ways() -> None:
+    spikes = np.zeros((60, 9, 1), dtype=np.float32)
+    spikes[:, 4] = 1
+    moved = shift_in_time(spikes, 2, epoch_generator(0, 1, 1))
+    assert set(moved.argmax(axis=1).ravel()) == {2, 3, 4, 5, 6}
+    assert shift_in_time(spikes, 0, epoch_generator(0, 1, 1)) is spikes
+
+
+def test_what_is_off_does_not_change_what_is_drawn() -> None:
+    spikes = np.ones((4, 5, 78), dtype=np.float32)
+    alone = drop_channels(drop_events(spikes, 0.5, rng := epoch_generator(1, 1, 1)), 0.3, rng)
+    both = Augmentation.of(TrainingConfig(event_dropout=0.5, channel_dropout=0.3))
+    assert np.array_equal(both(spikes, epoch_generator(1, 1, 1)), alone)
