@@ -127,7 +127,7 @@ def test_profiles_that_are_refused(tmp_path, changes, message):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("[1, 2", "mine.yaml: the profile file is not YAML at line 1. Compare it with a chip that ships."),
+        ("source: }", "mine.yaml: the profile file is not YAML at line 1. Compare it with a chip that ships."),
         ("3", "mine.yaml: profile: not a mapping of names. Compare it with a chip that ships."),
         (b"\xff", "mine.yaml: the profile file cannot be read: it is not UTF-8 text. Give the path of a profile YAML file."),
         (
