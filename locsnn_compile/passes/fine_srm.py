@@ -180,7 +180,7 @@ def _rounded(task: _Task, made: ChipSrm, beam: int) -> _Rounded:
     times = len(scale) // task.population.size
     ideal = np.tile(task.drive.ideal, (times, 1)) * scale[:, None] / 64
     magnitude = np.abs(ideal) / made.dendrites
-    grades = grades_for(float(magnitude.max()), task.weight_bits, task.rounding, made)
+    grades = grades_for(float(magnitude.max()), task.weight_bits, task.rounding, made, task.incoming)
     grade = grades.grade(magnitude)
     present = np.tile(np.hstack([p.weights for p in task.incoming]) != 0, (times, 1))
     split = _worth_splitting(task, grades, grade, present)

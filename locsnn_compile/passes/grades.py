@@ -8,7 +8,7 @@ leaves.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +26,9 @@ MANTISSA_BITS = 8
 GRADES, GRADES_IF_SPLIT, GRADES_BESIDE_TAPS = 4, 3, 2
 """Grades of first synapses. Second ones double them at most, and signs double that: at most 12 of a core's 16 formats,
 or 8 beside the 6 of taps."""
+
+FORMATS, FORMATS_OF_TAPS = 16, 6
+"""Synapse formats of a core, and those that the taps of its neurons take at most."""
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -80,11 +83,20 @@ class Grades:
                 yield sign * (here >> k << (MANTISSA_BITS - self.weight_bits)), self.exponent(k)
 
 
-def grades_for(largest: float, weight_bits: int, rounding: Rounding, neuron: ChipNeuron) -> Grades:
-    """Return the grades for magnitudes up to ``largest`` quanta onto such neurons."""
+def grades_for(
+    largest: float, weight_bits: int, rounding: Rounding, neuron: ChipNeuron, incoming: Sequence[Projection] = ()
+) -> Grades:
+    """Return the grades for magnitudes up to ``largest`` quanta onto such neurons.
+
+    Weights whose delays take other numbers of bits are in formats of their own: the more there are, the fewer grades.
+    """
     split = rounding.split > 0
     taps = isinstance(neuron, ChipSrm) and isinstance(neuron.refractory, RefractoryTaps)
     count = GRADES if not split else GRADES_BESIDE_TAPS if taps else GRADES_IF_SPLIT
+    kinds = len({int(np.max(p.delay, initial=0)).bit_length() for p in incoming})
+    if kinds > 1:
+        left = FORMATS - (FORMATS_OF_TAPS if taps else 0)
+        count = max(1, min(count, left // (2 * kinds * (2 if split else 1))))
     return Grades.holding(largest, weight_bits, count=count if rounding.graded else 1, split=split)
 
 

@@ -25,7 +25,7 @@ def round_apart(
     dendrites = scaled.neuron.dendrites if isinstance(scaled.neuron, ChipSrm) else 1
     ideal = [values_of(p.weights) * of_target(p.weights, scaled.gain * scaled.scale / 64) for p in incoming]
     largest = max((float(np.abs(part).max(initial=0.0)) for part in ideal), default=0.0)
-    grades = grades_for(largest / dendrites, weight_bits, rounding, scaled.neuron)
+    grades = grades_for(largest / dendrites, weight_bits, rounding, scaled.neuron, incoming)
     grade = [grades.grade(np.abs(part) / dendrites) for part in ideal]
     split = _coarsest(ideal, rounding.split)
     made = []

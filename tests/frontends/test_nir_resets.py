@@ -149,3 +149,16 @@ def test_a_neuron_whose_rest_is_above_its_threshold_spikes_by_itself(tmp_path):
     graph = chain((10,), ("fc", linear(RNG, 12, 10)), ("lif", lif(RNG, 12, v_leak=1.5)))
     silence = np.zeros((1, 60, 10), dtype=np.uint8)
     assert evaluate(load(graph, tmp_path), silence).spikes["lif"].sum() > 12
+
+
+@pytest.mark.parametrize("reset", ["zero", "subtract"])
+def test_weights_of_several_delays_fit_the_formats_of_a_core(reset, tmp_path):
+    layer = {"input": nir.Input(np.array([10])), "n": cuba(RNG, 12), "output": nir.Output(np.array([12]))}
+    edges = [("n", "output"), ("n", "back"), ("back", "n")]
+    for delay in (0, 1, 3, 7):
+        layer |= {f"d{delay}": nir.Delay(np.full(10, delay * DT)), f"w{delay}": linear(RNG, 12, 10)}
+        edges += [("input", f"d{delay}"), (f"d{delay}", f"w{delay}"), (f"w{delay}", "n")]
+    graph = nir.NIRGraph({**layer, "back": BACK}, edges, type_check=False)
+    given = spikes((10,))[None]
+    match = lc.compile(load(graph, tmp_path, reset=reset), events=given, diagnosis=False).match
+    assert match.spikes.agreement > 0.7

@@ -1,0 +1,66 @@
+"""Networks of lava-dl 0.6 as ``.net`` files, and how they spike: ``export_lava_dl.py FOLDER``, in its environment."""
+
+import sys
+import types
+
+import h5py
+import numpy as np
+import torch
+from framework_files import save_trace
+
+sys.modules["lava.lib.dl.slayer.object_detection"] = types.ModuleType("unused")  # the only part that needs torchvision
+from lava.lib.dl import slayer  # noqa: E402
+
+CUBA = slayer.block.cuba
+NEURON = {"threshold": 1.25, "current_decay": 0.25, "voltage_decay": 0.03, "requires_grad": False}
+INPUT = {"threshold": 0.5, "current_decay": 1, "voltage_decay": 1}
+STEPS = 60
+
+
+def dense(ins, outs, neuron=NEURON, **more):
+    return CUBA.Dense(dict(neuron), ins, outs, weight_scale=4, **more)
+
+
+def images(first):
+    return [*first, CUBA.Pool(dict(NEURON), 2, weight_scale=8), CUBA.Flatten(), dense(16, 5)]
+
+
+def conv(**more):
+    return CUBA.Conv(dict(NEURON), 2, 4, 3, padding=1, weight_scale=4, **more)
+
+
+NETWORKS = {
+    "dense": lambda: [dense(20, 16), dense(16, 8)],
+    "weight-norm": lambda: [dense(20, 16, weight_norm=True), dense(16, 8, weight_norm=True)],
+    "decay-of-each": lambda: [
+        dense(20, 16, {**NEURON, "current_decay": [0.2, 0.4], "shared_param": False}),
+        dense(16, 8),
+    ],
+    "recurrent": lambda: [CUBA.Recurrent(dict(NEURON), 20, 16, weight_scale=4), dense(16, 8)],
+    "delay": lambda: [dense(20, 16, delay=True), dense(16, 8, delay=True)],
+    "input": lambda: [CUBA.Input(dict(INPUT)), dense(20, 8)],
+    "conv": lambda: images([CUBA.Input(dict(INPUT)), conv(stride=2)]),
+    "conv-groups-delay": lambda: [conv(groups=2, delay=True), CUBA.Flatten(), dense(256, 5)],
+    "affine": lambda: [dense(20, 16), CUBA.Affine(dict(NEURON), 16, 4)],
+}
+
+if __name__ == "__main__":
+    for name, make in NETWORKS.items():
+        torch.manual_seed(1)
+        blocks, shape = make(), (1, 2, 8, 8) if "conv" in name else (1, 20)
+        given = torch.tensor(np.random.default_rng(3).random((*shape, STEPS)) < 0.2, dtype=torch.float32)
+        if "delay" in name:
+            self_sized = given
+            for block in blocks:  # delays get their size in the first pass
+                self_sized = block(self_sized)
+                if getattr(block, "delay", None) is not None:
+                    block.delay.delay.data = 9 * torch.rand_like(block.delay.delay.data)
+        found, spikes = {}, given
+        with torch.no_grad():
+            for number, block in enumerate(blocks):
+                spikes = block(spikes)
+                found[f"layer{number}"] = np.moveaxis(spikes.numpy()[0], -1, 0)
+        with h5py.File(f"{sys.argv[1]}/{name}.net", "w") as file:
+            for number, block in enumerate(blocks):
+                block.export_hdf5(file.create_group(f"layer/{number}"))
+        save_trace(sys.argv[1], name, np.moveaxis(given.numpy()[0], -1, 0), found)

@@ -1,0 +1,54 @@
+"""Networks of sinabs 3.1 as NIR, and how they spike: ``export_sinabs.py FOLDER``, in an environment of its own.
+
+sinabs counts time constants in steps, holds inputs for a step, and sends one spike a step with ``SingleSpike``.
+"""
+
+import sys
+
+import nir
+import sinabs.layers as sl
+import torch
+from framework_files import heard, recording, save_trace
+from sinabs.activation import MembraneReset, MembraneSubtract, SingleSpike
+from sinabs.nir import to_nir
+from torch.nn import Linear, Sequential
+
+ZERO = {"spike_fn": SingleSpike, "reset_fn": MembraneReset()}
+SUBTRACT = {"spike_fn": SingleSpike, "reset_fn": MembraneSubtract()}
+
+
+def linear(ins, outs, gain):
+    made = Linear(ins, outs)
+    made.weight.data *= gain
+    return made
+
+
+def lif(n, how):
+    tau = torch.full((n,), 10.0) + 5 * torch.rand(n)
+    return sl.LIFSqueeze(tau_mem=tau, spike_threshold=torch.full((n,), 0.4), batch_size=1, **how)
+
+
+def iaf(how):
+    return sl.IAFSqueeze(batch_size=1, **how)
+
+
+NETWORKS = {
+    "lif": lambda: Sequential(linear(20, 16, 12), lif(16, ZERO), linear(16, 8, 12), lif(8, ZERO)),
+    "lif-subtract": lambda: Sequential(linear(20, 16, 12), lif(16, SUBTRACT), linear(16, 8, 12), lif(8, SUBTRACT)),
+    "iaf": lambda: Sequential(linear(20, 16, 4), iaf(ZERO), linear(16, 8, 4), iaf(ZERO)),
+    "iaf-subtract": lambda: Sequential(linear(20, 16, 2), iaf(SUBTRACT), linear(16, 8, 2), iaf(SUBTRACT)),
+}
+
+if __name__ == "__main__":
+    for name, make in NETWORKS.items():
+        torch.manual_seed(0)
+        network, given = make(), recording((20,))
+        nir.write(f"{sys.argv[1]}/{name}.nir", to_nir(network, torch.zeros(1, 20)))
+        layers = {key: m for key, m in network.named_modules() if isinstance(m, sl.StatefulLayer)}
+        for layer in layers.values():
+            layer.reset_states()
+        found = heard(layers)
+        with torch.no_grad():
+            for row in given:
+                network(torch.tensor(row)[None])
+        save_trace(sys.argv[1], name, given, found)

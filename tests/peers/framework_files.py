@@ -1,0 +1,35 @@
+"""What the export scripts of frameworks write: a model file, and beside it the spikes given and those that came of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+STEPS = 40
+RATE = 0.2
+
+
+def recording(shape, steps: int = STEPS) -> Any:
+    """Return random spikes (steps, *shape), equal every time."""
+    return (np.random.default_rng(3).random((steps, *shape)) < RATE).astype(np.float32)
+
+
+def save_trace(folder: str, name: str, given: Any, layers: Mapping[str, Any]) -> None:
+    """Write the spikes given (steps, n) and those of the framework's layers (steps, n), by module name."""
+    rows = {f"out/{layer}": np.asarray(found).reshape(len(given), -1) for layer, found in layers.items()}
+    np.savez_compressed(Path(folder) / f"{name}.npz", given=np.reshape(given, (len(given), -1)), **rows)
+
+
+def heard(modules: Mapping[str, Any]) -> dict[str, list[Any]]:
+    """Return what torch modules give, call by call; their first value where they give several."""
+    found: dict[str, list[Any]] = {name: [] for name in modules}
+    for name, module in modules.items():
+        module.register_forward_hook(
+            lambda _, __, given, name=name: found[name].append(
+                (given[0] if isinstance(given, tuple) else given).detach().numpy().copy()
+            )
+        )
+    return found

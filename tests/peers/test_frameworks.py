@@ -1,0 +1,107 @@
+"""Model files that frameworks write, against how the frameworks themselves spike: neuron by neuron, step by step.
+
+The float reference must be equal, and the chip where the file holds integers. A NIR graph takes one step a projection,
+so spikes are lined up by depth; lava-dl's layers take the step too.
+"""
+
+from __future__ import annotations
+
+import subprocess
+from functools import cache
+from pathlib import Path
+
+import networkx as nx
+import numpy as np
+import pytest
+from make_environments import python_of, why_missing
+
+import hw_model as hw
+import locsnn_compile as lc
+from locsnn_compile.reference import evaluate
+
+pytestmark = pytest.mark.peers
+
+SCRIPTS = Path(__file__).parent
+STEP = {"norse": 1e-6, "sinabs": 1.0}
+"""Seconds of a step, where it is not the conventional one: in the units that each of them writes."""
+RESETS = {
+    "leaky-late-subtract": "late-subtract", "synaptic-late-subtract": "late-subtract", "synaptic-late-zero": "late-zero",
+    "lif-subtract": "subtract", "iaf-subtract": "subtract",
+}  # fmt: skip
+NETWORKS = {
+    "snntorch": ("leaky", "synaptic", "leaky-late-subtract", "synaptic-late-subtract", "synaptic-late-zero", "beta-0", "beta-1", "recurrent", "recurrent-one-to-one", "nested", "conv"),
+    "norse": ("lif", "lif-at-rest-off-0", "iaf", "li"),
+    "sinabs": ("lif", "lif-subtract", "iaf", "iaf-subtract"),
+    "lava-dl": ("dense", "weight-norm", "decay-of-each", "recurrent", "delay", "input", "conv", "conv-groups-delay", "affine"),
+}  # fmt: skip
+CHIP_LEAST = 0.85
+"""Agreement of the chip, which rounds weights and decays, with the spikes of a first layer; later ones hear its few
+differences through heavy weights."""
+
+
+@pytest.fixture(scope="session")
+def written(tmp_path_factory):
+    """Return the folder of files that a framework has written; it is run once."""
+
+    @cache
+    def run(framework: str) -> Path:
+        reason = why_missing(framework)
+        if reason:
+            pytest.skip(f"{framework}: {reason}")
+        folder = tmp_path_factory.mktemp(framework)
+        script = SCRIPTS / f"export_{framework.replace('-', '_')}.py"
+        made = subprocess.run([str(python_of(framework)), str(script), str(folder)], capture_output=True, text=True)
+        assert made.returncode == 0, made.stderr
+        return folder
+
+    return run
+
+
+def load(framework: str, name: str, folder: Path) -> lc.Network:
+    if framework == "lava-dl":
+        return lc.load(folder / f"{name}.net")
+    how = "hold" if framework == "sinabs" else None
+    return lc.load(folder / f"{name}.nir", dt=STEP.get(framework), reset=RESETS.get(name), discretisation=how)
+
+
+def depths(network: lc.Network) -> dict[str, int]:
+    graph = nx.DiGraph((p.source, p.target) for p in network.projections if not p.source.startswith("nir/"))
+    return dict(nx.single_source_shortest_path_length(graph, network.views[0].name))
+
+
+def agreement(ours, theirs) -> float:
+    both = ours.sum() + theirs.sum()
+    return 2 * (ours * theirs).sum() / both if both else 1.0
+
+
+@pytest.mark.parametrize(
+    ("framework", "name"), [pytest.param(f, n, id=f"{f}-{n}") for f, names in NETWORKS.items() for n in names]
+)
+def test_we_spike_as_the_framework_does(framework, name, written):
+    folder = written(framework)
+    network = load(framework, name, folder)
+    with np.load(folder / f"{name}.npz") as held:
+        theirs = {key.removeprefix("out/"): held[key] for key in held.files if key.startswith("out/")}
+        given = held["given"].astype(np.uint8)[None]
+    reference = evaluate(network, given, potentials=True)
+    chip = hw.simulate(lc.compile(network, events=given, diagnosis=False).program, given)
+    at = depths(network)
+    compared = 0
+    for population in network.populations:
+        layer = population.name.removesuffix(".lif")
+        if layer not in theirs:
+            continue
+        late = 0 if framework == "lava-dl" else at[population.name]
+        wanted = theirs[layer][: len(given[0]) - late]
+        if population.name in network.readout.populations and network.readout.potentials_from is not None:
+            if framework != "lava-dl":  # potentials of slayer are in other units
+                found = reference.potential[population.name][0, late:]
+                np.testing.assert_allclose(found, wanted, atol=1e-5)
+            continue
+        np.testing.assert_array_equal(reference.spikes[population.name][0, late:], wanted, err_msg=population.name)
+        found = agreement(chip.spikes[population.name][0, late:], wanted)
+        if framework == "lava-dl" or at[population.name] == 1:
+            assert found >= (1.0 if framework == "lava-dl" else CHIP_LEAST), population.name
+        assert wanted.sum() > 5
+        compared += 1
+    assert compared
