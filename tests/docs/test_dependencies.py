@@ -1,0 +1,38 @@
+"""What the packages import is what the project declares, and nothing declared is left unused."""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+import tomllib
+
+from fences import ROOT
+
+NAMES = {"pyyaml": {"yaml"}, "dask": {"distributed"}}
+"""Modules of a distribution, where they are not called as it is."""
+OURS = {"hw_model", "locsnn_compile"}
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+
+
+def modules(requirements):
+    names = [re.match(r"[\w-]+", requirement)[0].lower() for requirement in requirements]
+    return set().union(*(NAMES.get(name, {name}) for name in names))
+
+
+def imported():
+    """Return the roots of all modules that the packages import anywhere."""
+    found = set()
+    for package in OURS:
+        for path in (ROOT / package).rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+                if isinstance(node, ast.Import):
+                    found |= {alias.name.split(".")[0] for alias in node.names}
+                elif isinstance(node, ast.ImportFrom) and node.level == 0:
+                    found.add((node.module or "").split(".")[0])
+    return found - sys.stdlib_module_names - OURS
+
+
+def test_what_is_imported_is_declared():
+    extras = PROJECT["optional-dependencies"]
+    assert imported() == modules(PROJECT["dependencies"]) | modules(extras["dask"])
