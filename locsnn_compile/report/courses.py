@@ -39,7 +39,7 @@ def _course(what: str, by_step: Document, profile: str, shown: Callable[[float],
             title=f"{what} of a step, mean over the recordings, profile {profile}",
             x_label="part of the branch's steps",
             x_ticks=tuple((part, f"{100 * part:.0f} %") for part in (0.0, *_PARTS)),
-            y_ticks=tuple((value / most, shown(value)) for value in round_numbers(0.0, most, 3) if value),
+            y_ticks=tuple((value / most, shown(value)) for value in round_numbers(0.0, most, 4) if value),
             curves=curves,
         ),
         Table(

@@ -1,13 +1,14 @@
 """Headless Chromium driven over a pipe by the DevTools protocol: no package, no port, no network.
 
-As a script it takes the pictures of a page that the documentation shows:
-``python tests/report/chromium.py report.html folder``.
+As a script it takes the pictures of a report that the documentation shows, and, with ``whole``, whole pages:
+``python tests/report/chromium.py build/objects-hybrid/report.html docs/images``.
 """
 
 from __future__ import annotations
 
 import base64
 import fcntl
+import io
 import json
 import os
 import shutil
@@ -19,6 +20,23 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+_ALL = "return {x: 0, y: 0, width: document.documentElement.clientWidth, height: HEIGHT}"
+_WHOLE = _ALL.replace("HEIGHT", "document.documentElement.scrollHeight")
+_PART = """
+  const box = name => document.getElementById(name).closest('section').getBoundingClientRect()
+  const [from, to] = [box(FROM), box(TO)]
+  return {x: 0, y: from.top + scrollY, width: document.documentElement.clientWidth, height: to.bottom - from.top}
+"""
+PICTURES = (
+    ("report", 1120, False, "screen", _ALL.replace("HEIGHT", "950")),
+    ("report-dark", 1120, True, "screen", _PART.replace("FROM", "'over-time'").replace("TO", "'over-time'")),
+    ("report-spikes", 1120, False, "screen", _PART.replace("FROM", "'spikes'").replace("TO", "'spikes'")),
+    ("report-potential", 1120, False, "screen", _PART.replace("FROM", "'potential'").replace("TO", "'potential'")),
+    ("report-phone", 360, True, "screen", _ALL.replace("HEIGHT", "1400")),
+    ("report-paper", 700, False, "print", _ALL.replace("HEIGHT", "990")),
+)
+"""Name, width, dark, medium, and the JavaScript that finds the place."""
+WHOLE = (("wide", 1280, False, "screen", _WHOLE), ("narrow", 360, False, "screen", _WHOLE))
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 Message = dict[str, Any]
 
@@ -83,11 +101,9 @@ class Chromium:
         for kind in ("keyDown", "keyUp"):
             self.call("Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code, **text)
 
-    def picture(self, *, height: int | None = None) -> bytes:
-        """Return a PNG of the whole page, or of its top."""
-        size = self.call("Page.getLayoutMetrics")["cssContentSize"]
-        clip = {"x": 0, "y": 0, "width": size["width"], "height": height or size["height"], "scale": 1}
-        found = self.call("Page.captureScreenshot", format="png", clip=clip, captureBeyondViewport=True)
+    def picture(self, clip: Message) -> bytes:
+        """Return a PNG of the rectangle ``clip`` of the page: x, y, width, height."""
+        found = self.call("Page.captureScreenshot", format="png", clip={**clip, "scale": 1}, captureBeyondViewport=True)
         return base64.b64decode(found["data"])
 
     def pdf(self) -> bytes:
@@ -120,18 +136,25 @@ def started(path: str) -> Iterator[Chromium]:
             os.close(to_us)
 
 
-def main(page: Path, folder: Path) -> None:
-    """Write the pictures of a page: wide, narrow, dark, and on paper."""
+def main(page: Path, folder: Path, *, whole: bool) -> None:
+    """Write the pictures of a report in few colours; whole pages, too, and how it is printed, if asked for."""
+    from PIL import Image, ImageOps
+
     path = find_chromium()
     assert path, "no Chromium"
     folder.mkdir(parents=True, exist_ok=True)
     with started(path) as chromium:
-        for name, width, dark in (("wide", 1280, False), ("narrow", 360, False), ("dark", 1280, True)):
-            chromium.open(page, width=width, dark=dark)
-            (folder / f"{name}.png").write_bytes(chromium.picture())
-        chromium.open(page, media="print")
-        (folder / "paper.pdf").write_bytes(chromium.pdf())
+        for name, width, dark, media, place in (*PICTURES, *(WHOLE if whole else ())):
+            chromium.open(page, width=width, dark=dark, media=media)
+            clip = chromium.evaluate(f"(() => {{ {place} }})()")
+            picture = Image.open(io.BytesIO(chromium.picture(clip))).convert("RGB")
+            if media == "print":
+                picture = ImageOps.expand(picture, border=40, fill="white")
+            picture.quantize(64, dither=Image.Dither.NONE).save(folder / f"{name}.png", optimize=True)
+        if whole:
+            chromium.open(page, media="print")
+            (folder / "report.pdf").write_bytes(chromium.pdf())
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path(sys.argv[2]))
+    main(Path(sys.argv[1]), Path(sys.argv[2]), whole="whole" in sys.argv[3:])

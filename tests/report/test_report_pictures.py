@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 import re
+import sys
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy import sparse
 
+import locsnn_compile as lc
 from locsnn_compile.excerpt import LINES, MARKS, NEURONS, POPULATIONS, STEPS, Excerpt, InputSpikes, PopulationSpikes
+from locsnn_compile.neurons import Cuba
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import Mesh, Paragraph, Plot, Raster, Section, Table
 from locsnn_compile.report.html import render_html
 from locsnn_compile.report.pictures.mesh import mesh
 from locsnn_compile.report.pictures.raster import raster
 from locsnn_compile.report.ticks import round_numbers, step_ticks
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "compiler"))
+from networks import single
 
 
 def _section(key: str, document: dict[str, Any], excerpt: Excerpt | None = None) -> Section:
@@ -157,3 +165,14 @@ def test_round_numbers(low: float, high: float, numbers: list[float]) -> None:
 
 def test_one_step_has_one_tick() -> None:
     assert step_ticks(range(7, 8), centred=True) == ((0.5, "7"),)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("neurons", "steps"), [(20_000, 20), (64, 10_000)], ids=["neurons", "steps"])
+def test_large_networks_and_long_recordings_make_small_pages(neurons: int, steps: int) -> None:
+    r = np.random.default_rng(0)
+    weights = sparse.random(neurons, 100, density=0.05, random_state=0, data_rvs=lambda n: r.normal(1, 1, n))
+    network = single(Cuba.of(neurons, decay_v=0.5, threshold=3.0), weights, steps=steps)
+    played = (r.random((1, steps, 100)) < 0.3).astype(np.uint8)
+    compiled = lc.compile(network, events=played)
+    assert len(render_html(compiled.report, compiled.excerpt).encode()) < 500_000
