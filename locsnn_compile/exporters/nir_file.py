@@ -5,8 +5,9 @@ Linear, Delay, neuron and Output nodes, with the constants whose usual Euler ste
 in a step is ``tau = dt / d``, ``r = 1 / d``, and a bias b is ``v_leak = b / d``.
 
 Metadata, by keys with dots: ``dt``; for each population ``quantized.<name>.threshold``, ``decay_u``, ``decay_v``,
-``bias_mantissa``, ``bias_exponent``, ``refractory`` and ``scale``; for the k-th projection ``quantized.projection<k>``
-with ``source``, ``target``, ``rows``, ``columns``, ``mantissa``, ``delay``, ``exponent`` and ``weight_bits``.
+``bias_mantissa``, ``bias_exponent``, ``refractory`` and ``scale``, a slash of the name as a dot; of neurons that a spike
+leaves a rest, self-synapses ``refractory.delay``, ``mantissa`` and ``exponent``; for the k-th projection
+``quantized.projection<k>`` with ``source``, ``target``, ``rows``, ``columns``, ``mantissa``, ``delay``, ``exponent`` and ``weight_bits``.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from locsnn_compile.frontends.nir_graph import Array, Edge, NirGraph, NirNode
 from locsnn_compile.matrices import Matrix, connections, values_of
 from locsnn_compile.network import Network, Population, Projection
 from locsnn_compile.neurons import Cuba
-from locsnn_compile.on_grid import ChipCuba, ChipProjection
+from locsnn_compile.on_grid import ChipCuba, ChipProjection, ChipSrm
 from locsnn_compile.quantized import QuantizedNetwork
 
 DT_SECONDS = 1e-4
@@ -150,10 +151,15 @@ def _integers(quantized: QuantizedNetwork) -> dict[str, Array | str]:
     """Return the integers of the quantised network as metadata."""
     found: dict[str, Array | str] = {}
     for q in quantized.populations:
-        found[f"quantized.{q.population.name}.scale"] = np.asarray(q.scale)
-        for key, values in vars(q.neuron).items():
+        # HDF5 would make groups of a slash.
+        name = q.population.name.replace("/", ".")
+        found[f"quantized.{name}.scale"] = np.asarray(q.scale)
+        numbers = dict(vars(q.neuron))
+        if isinstance(q.neuron, ChipSrm):
+            numbers |= {f"refractory.{key}": np.asarray(value) for key, value in vars(q.neuron.refractory).items()}
+        for key, values in numbers.items():
             if isinstance(values, np.ndarray):
-                found[f"quantized.{q.population.name}.{key}"] = values
+                found[f"quantized.{name}.{key}"] = values
     for k, p in enumerate(quantized.projections):
         target, source, index = connections(p.mantissa)
         held: dict[str, Array | str] = {
