@@ -47,6 +47,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add("--data", required=True, metavar="FILE", help="recordings: .zip or folder, .npy, .npz, .pt, .tact")
     add("--model", metavar="NAME", help=f"{', '.join(ARCHITECTURES)} (default hybrid)")
     add("--order", metavar="ORDER", help="loop (default), arch, whorl, or taxel numbers separated by commas")
+    add("--delays", metavar="STEPS", help="delays of synapses onto the time branch, such as '0 20 40' (default 0)")
     add("--config", metavar="FILE.yaml", help="training options, laid under those given here")
     add("--epochs", type=int, metavar="N", help="epochs of the schedule (default 250)")
     add("--seed", type=int, metavar="N", help="seed of weights, split, order and dropout (default 0)")
@@ -129,7 +130,7 @@ def _config(args: argparse.Namespace, start: Checkpoint | None) -> TrainingConfi
 
     values: dict[str, Any] = read_config(args.config) if args.config is not None else {}
     options = (
-        *("model", "order", "graph", "epochs", "seed", "hidden", "loss", "location_weight", "learning_rate"),
+        *("model", "order", "delays", "graph", "epochs", "seed", "hidden", "loss", "location_weight", "learning_rate"),
         *("event_dropout", "validation_fraction", "refit", "target", "strategy", "weight_bits"),
     )
     values |= {name: getattr(args, name) for name in options if getattr(args, name) is not None}

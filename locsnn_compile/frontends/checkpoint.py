@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -40,14 +42,15 @@ def network_of(checkpoint: Checkpoint) -> Network:
             f"a {description.architecture!r} has no spiking neurons, so no chip program can be made of it",
             fix="Train a spiking network; of this one, operations are counted only.",
         )
-    views, populations, projections = [], [], []
+    views, populations = [], []
+    projections: list[Projection | ChipProjection] = []
     for axis in _axes(description.branches):
         view = _view(axis, checkpoint)
         views.append(view)
         for source, target in pairwise((view.name, *description.populations(axis))):
             population, projection = _layer(checkpoint, axis, source, target)
             populations.append(population)
-            projections.append(projection)
+            projections.extend(_by_delay(projection, description.delays if target == "time_hidden" else (0,)))
     outputs = tuple(f"{view.axis}_output" for view in views)
     return Network(
         name=description.name,
@@ -77,6 +80,21 @@ def _layer(
     projection = ChipProjection(source, target, mantissa, numbers.exponent, numbers.weight_bits)
     size = len(mantissa)
     return Population(target, axis, size, _chip_neuron(numbers, checkpoint.chip.strategy, size)), projection
+
+
+def _by_delay(
+    projection: Projection | ChipProjection, delays: tuple[int, ...]
+) -> Iterator[Projection | ChipProjection]:
+    """Yield a projection for each delay, whose weights lie side by side; all from the same lines."""
+    if delays == (0,):
+        yield projection
+        return
+    values = projection.mantissa if isinstance(projection, ChipProjection) else projection.weights
+    for delay, part in zip(delays, np.split(np.asarray(values), len(delays), axis=1), strict=True):
+        if isinstance(projection, ChipProjection):
+            yield replace(projection, mantissa=matrix(part, np.int64), delay=delay)
+        else:
+            yield replace(projection, weights=matrix(part, np.float64), delay=delay)
 
 
 def _weights(checkpoint: Checkpoint, axis: Axis, target: str) -> Matrix:

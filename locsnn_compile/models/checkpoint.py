@@ -16,8 +16,9 @@ constants of integrate-and-fire neurons, or nothing, its weights may have any nu
 
     "graph": None or {"name", "taxel_edges": [[a, b], ...], "hops", "features", "step_features"}
 
-is its graph convolutions. Written here, read by :mod:`locsnn_compile.models.checkpoint_reader`, which never runs code
-of the file.
+is its graph convolutions. Any version may hold ``"delays": [steps, ...]`` of the synapses from the recording onto
+``time_hidden``, whose weights for each delay then lie side by side. Written here, read by
+:mod:`locsnn_compile.models.checkpoint_reader`, which never runs code of the file.
 """
 
 from __future__ import annotations
@@ -124,6 +125,8 @@ def save_checkpoint(
     }
     if chip is not None:
         values["chip"] = chip_entry(chip)
+    if description.delays != (0,):
+        values["delays"] = list(description.delays)
     if not srm:
         values["graph"] = _graph_entry(description.graph)
     content = io.BytesIO()

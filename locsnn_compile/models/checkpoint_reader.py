@@ -106,7 +106,8 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
         CHIP_VERSION: {"chip": (dict,)},
         VERSION: {"graph": (dict, type(None))},
     }
-    _check_keys(where, "", values, _KEYS | more.get(version, {}))
+    delays: dict[str, tuple[type, ...]] = {"delays": (list,)} if "delays" in values else {}
+    _check_keys(where, "", values, _KEYS | more.get(version, {}) | delays)
     if version not in (1, *more):
         raise InputError(
             where,
@@ -128,6 +129,7 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
             location_taxels=taxels,
             name=name,
             graph=_graph(where, values.get("graph")),
+            delays=tuple(values.get("delays", (0,))),
         )
     except InputError as error:
         place = error.where if error.where.startswith(where) else f"{where}, {error.where}"

@@ -18,6 +18,8 @@ from locsnn_compile.models.graph_parameters import GraphParameters
 MAX_STEPS = 20_000
 MAX_CHANNELS = 4_096
 MAX_UNITS = 4_096
+#: Longest delay of a synapse, in steps: what the chip holds.
+MAX_DELAY = 62
 
 
 @dataclass(frozen=True)
@@ -109,7 +111,8 @@ class NetworkDescription:
 
     ``neuron`` and ``graph`` are those of its architecture; None stands for the published neuron, and for no graph.
     ``location_order`` names the walk and ``location_taxels`` is it, 1-based taxel numbers of one fingertip;
-    both are None for a network without a location branch. Weights have the shapes of ``weight_shapes``.
+    both are None for a network without a location branch. ``delays``: every channel has so many synapses onto each
+    neuron of ``time_hidden``, one of each delay in steps. Weights have the shapes of ``weight_shapes``.
     """
 
     architecture: str
@@ -121,6 +124,7 @@ class NetworkDescription:
     location_taxels: tuple[int, ...] | None = None
     name: str = "model"
     graph: GraphParameters | None = None
+    delays: tuple[int, ...] = (0,)
 
     def __post_init__(self) -> None:
         if self.architecture not in ARCHITECTURES:
@@ -130,6 +134,7 @@ class NetworkDescription:
                 fix=did_you_mean(str(self.architecture), ARCHITECTURES),
             )
         self._check_parts()
+        self._check_delays()
         _require_count("classes", self.classes, MAX_UNITS)
         _require_count("hidden", self.hidden, MAX_UNITS)
         if "location" not in self.branches:
@@ -177,6 +182,23 @@ class NetworkDescription:
                 fix="Take another network.",
             )
 
+    def _check_delays(self) -> None:
+        """Refuse delays that no synapse has, and any where there is no layer for them."""
+        whole = all(isinstance(delay, int) and not isinstance(delay, bool) for delay in self.delays)
+        if not self.delays or not whole or list(self.delays) != sorted({d for d in self.delays if 0 <= d <= MAX_DELAY}):
+            raise InputError(
+                "delays",
+                "they must be whole numbers of steps, each larger than the one before",
+                measured=f"got {list(self.delays)!r:.80} against 0..{MAX_DELAY}",
+                fix="Give, for example, 0 20 40 60.",
+            )
+        if self.delays != (0,) and ("time" not in self.branches or self.structure.graph):
+            raise InputError(
+                f"architecture {self.architecture!r}",
+                "it has no fully connected layer over time steps, so it takes no delays",
+                fix="Leave the delays out.",
+            )
+
     @property
     def structure(self) -> Architecture:
         """What a network of this name is made of."""
@@ -218,6 +240,7 @@ class NetworkDescription:
     def weight_shapes(self) -> dict[str, tuple[int, ...]]:
         """Population name -> (out, in) of the weights into it, in evaluation order.
 
+        The inputs of ``time_hidden`` are the channels with the first delay, then with the next, and so on.
         Of a graph convolution (features, (hops + 1) * inputs a node). Of an artificial network parameter name -> shape.
         """
         if not self.structure.spiking:
@@ -233,7 +256,7 @@ class NetworkDescription:
         shapes: dict[str, tuple[int, ...]] = {}
         for branch in self.branches:
             names = self.populations(branch)
-            sources = self.input.channels if branch == "time" else self.input.steps
+            sources = self.input.channels * len(self.delays) if branch == "time" else self.input.steps
             if self.graph is not None:
                 nodes, inputs, features = self.graph_size(branch)
                 shapes[names[0]] = (features, (self.graph.hops + 1) * inputs)

@@ -7,7 +7,7 @@ floats 0 or 1, and return their spikes by population name: ``time_*`` (batch, st
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -90,7 +90,7 @@ class TouchNetwork(TouchModel):
         spikes: dict[str, Tensor] = {}
         for branch in self.description.branches:
             walk = self.get_buffer("walk")
-            stream = x if branch == "time" else transpose_recording(x, walk)
+            stream = delayed(x, self.description.delays) if branch == "time" else transpose_recording(x, walk)
             for name in self.description.populations(branch):
                 stream = self.layer(name)(stream)
                 spikes[name] = stream
@@ -121,6 +121,14 @@ class TouchNetwork(TouchModel):
         """Return the mantissas [out, in] by population name, of a network on the chip's integers."""
         layers = {name: self.layer(name) for name in self.description.weight_shapes}
         return {name: layer.mantissas() for name, layer in layers.items() if isinstance(layer, ChipLayer)}
+
+
+def delayed(x: Tensor, delays: Sequence[int]) -> Tensor:
+    """Return x (batch, steps, channels) as it is after each delay, side by side: (batch, steps, delays * channels)."""
+    if tuple(delays) == (0,):
+        return x
+    steps = x.shape[1]
+    return torch.cat([nn.functional.pad(x, (0, 0, delay, 0))[:, :steps] for delay in delays], dim=2)
 
 
 class TactileSNN(TouchNetwork):

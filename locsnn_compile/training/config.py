@@ -101,6 +101,8 @@ class TrainingConfig:
     - time constants in steps; ``step_seconds`` is the width of a time bin, where the data do not say it. ``theta`` to
       ``scale_rho`` are those of spike response neurons, ``decay``, ``threshold`` and ``window`` those of
       integrate-and-fire ones.
+    - ``delays``: of the synapses from the recording onto the time branch, in steps, separated by spaces: a neuron has a
+      synapse of every delay from every channel.
     - ``hidden``: of a hidden layer; of networks with a graph of the first one, and the second has twice as many.
       ``graph`` joins the taxels (``neighbours`` and ``nearer_mm``: see
       :func:`locsnn_compile.data.taxel_graph.taxel_graph`); ``hops``, ``features`` and ``step_features``: see
@@ -115,6 +117,7 @@ class TrainingConfig:
 
     model: str = "hybrid"
     order: str = "loop"
+    delays: str = "0"
     hidden: int = 32
     loss: str = "cross-entropy"
     location_weight: float = 1.0

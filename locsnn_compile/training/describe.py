@@ -44,7 +44,21 @@ def describe(recordings: Recordings, config: TrainingConfig, classes: int, name:
         location_taxels=taxels,
         name=name,
         graph=_graph(config) if structure.graph else None,
+        delays=parse_delays(config.delays),
     )
+
+
+def parse_delays(text: str) -> tuple[int, ...]:
+    """Return the delays that a configuration names, such as ``0 20 40``; ``InputError`` for what are no numbers."""
+    parts = text.replace(",", " ").split()
+    if not all(part.isascii() and part.isdigit() and len(part) < 9 for part in parts):
+        raise InputError(
+            "training option 'delays'",
+            "it must be whole numbers of steps",
+            measured=f"got {text[:60]!r}",
+            fix="Give, for example, '0 20 40 60'.",
+        )
+    return tuple(int(part) for part in parts)
 
 
 def _neuron(config: TrainingConfig) -> NeuronParameters | LifParameters | None:

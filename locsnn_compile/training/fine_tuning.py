@@ -20,7 +20,8 @@ def fixed_by(start: NetworkDescription) -> dict[str, Any]:
     """Return the options that a network to start from decides."""
     order = {} if start.location_order is None else {"order": start.location_order}
     neuron = {} if start.neuron is None else asdict(start.neuron)
-    return {"model": start.architecture, "hidden": start.hidden} | order | neuron | _graph(start)
+    delays = {} if start.delays == (0,) else {"delays": " ".join(map(str, start.delays))}
+    return {"model": start.architecture, "hidden": start.hidden} | order | delays | neuron | _graph(start)
 
 
 def _graph(start: NetworkDescription) -> dict[str, Any]:
