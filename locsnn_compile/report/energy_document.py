@@ -32,7 +32,8 @@ def energy_entry(program: ChipProgram, match: Match, network: Network) -> Docume
     breakdown = _breakdown(counts, profile, samples)
     each = np.array([sum(hw.energy_pj(one, profile).values()) for one in match.counts])
     pieces = _pieces_pj(program, match, profile)
-    left_out = _left_out(counts, profile, samples)
+    static = _static(program, match, network, profile)
+    left_out = _left_out(counts, profile, samples, static)
     return {
         "profile": name,
         "source": profile.source,
@@ -60,7 +61,7 @@ def energy_entry(program: ChipProgram, match: Match, network: Network) -> Docume
             for other, found in program.chip.profiles.items()
             if other != name
         },
-        "static": _static(program, match, network, profile),
+        "static": static,
         "not_included": [item["what"] for item in left_out],
         "not_included_bounds": left_out,
         "profiles": {other: _constants(found) for other, found in program.chip.profiles.items()},
@@ -150,16 +151,17 @@ def _static(program: ChipProgram, match: Match, network: Network, profile: Profi
     }
 
 
-def _left_out(counts: Counts, profile: Profile, samples: int) -> list[Document]:
+def _left_out(counts: Counts, profile: Profile, samples: int, static: Document | None) -> list[Document]:
     """Return what the energy leaves out, with the most that it can be where that is known."""
     rows = []
     for item in profile.not_included:
         bound = sum(counts[name] * pj for name, pj in item.bound_pj.items()) / samples if item.bound_pj else None
         rows.append({"what": item.what, "at_most_pj": bound, "bound_source": item.bound_source or None})
-    if profile.static_power:
-        power = profile.static_power
-        what = f"static power ({power.chip_mw:g} mW a chip, {power.source})"
-        rows.append({"what": what, "at_most_pj": None, "bound_source": None})
+    if static:
+        what = f"static power ({static['chip_mw']:g} mW a chip, {static['source']})"
+        bound = static["at_real_time_pj"]
+        source = None if bound is None else "for as long as the sensor records"
+        rows.append({"what": what, "at_most_pj": bound, "bound_source": source})
     return rows
 
 

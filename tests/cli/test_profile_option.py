@@ -105,6 +105,27 @@ def test_the_report_names_every_constant(built):
     assert "| host | not known | – |" in page  # noqa: RUF001 - an en dash stands for a number that does not exist
 
 
+def test_static_energy_stands_apart(built, tmp_path):
+    few = str(built[0] / "few.npy")
+    assert compile_model([str(MODEL), "--events", few, "-o", str(tmp_path / "out"), "--quiet"]) == 0
+    report = json.loads((tmp_path / "out/report.json").read_text())
+    energy, latency = report["energy"], report["latency"]
+    static = energy["static"]
+    # a milliwatt is a picojoule a nanosecond
+    assert static["at_latency_pj"] == pytest.approx(104.4 * latency["per_sample_ns"])
+    assert static["at_real_time_pj"] == pytest.approx(104.4 * 250 * 0.02e9)
+    assert energy["per_sample_pj"] == pytest.approx(sum(energy["breakdown_pj"].values()))
+    assert (energy["range_pj"][1], latency["range_ns"][0]) == (None, None)
+    bounds = {row["what"].split(" (")[0]: row["at_most_pj"] for row in energy["not_included_bounds"]}
+    assert bounds == {
+        "barrier synchronisation energy": None,
+        "host input and output": None,
+        "weight loading": None,
+        "the transpose buffer of the location phase": 20 * report["operations"]["per_sample"]["transpose_events"],
+        "static power": static["at_real_time_pj"],
+    }
+
+
 def test_a_run_is_priced_by_name(built, capsys):
     folder, report = built
     assert locsnn(["run", str(folder / "out"), "--events", str(folder / "few.npy"), "--profile", "sanafe"]) == 0
