@@ -5,9 +5,10 @@ Linear, Delay, neuron and Output nodes, with the constants whose usual Euler ste
 in a step is ``tau = dt / d``, ``r = 1 / d``, and a bias b is ``v_leak = b / d``.
 
 Metadata, by keys with dots: ``dt``; for each population ``quantized.<name>.threshold``, ``decay_u``, ``decay_v``,
-``bias_mantissa``, ``bias_exponent``, ``refractory`` and ``scale``, a slash of the name as a dot; of neurons that a spike
-leaves a rest, self-synapses ``refractory.delay``, ``mantissa`` and ``exponent``; for the k-th projection
-``quantized.projection<k>`` with ``source``, ``target``, ``rows``, ``columns``, ``mantissa``, ``delay``, ``exponent`` and ``weight_bits``.
+``bias_mantissa``, ``bias_exponent``, ``refractory`` and ``scale``, a slash of the name as a dot; of neurons that a
+spike takes from, self-synapses ``refractory.delay``, ``refractory.mantissa`` and ``refractory.exponent``; for the k-th
+projection ``quantized.projection<k>`` with ``source``, ``target``, ``rows``, ``columns``, ``mantissa``, ``delay``,
+``exponent`` and ``weight_bits``.
 """
 
 from __future__ import annotations

@@ -172,7 +172,7 @@ def _weights(built: _Built, layer: NetLayer, where: str) -> tuple[Matrix, Shape,
             )
         return matrix(held, np.int64), shape, source
     given = built.shape or _image_before(layer, weight.shape, shape, where)
-    kernel = weight.reshape(weight.shape[:4]) if weight.ndim == 5 and weight.shape[4] == 1 else weight
+    kernel = _kernel(layer, weight, where)
     groups = layer.one("groups", where, 1)
     if layer.kind == "pool" and kernel.ndim == 4:
         groups = given[0]
@@ -181,12 +181,40 @@ def _weights(built: _Built, layer: NetLayer, where: str) -> tuple[Matrix, Shape,
     if kernel.ndim != 4 or len(given) != 3:
         raise InputError(where, "it is no layer of images", measured=f"weight {weight.shape}", fix="Export it again.")
     stride, padding, dilation = (_pair(layer, key, where) for key in ("stride", "padding", "dilation"))
+    short = _short(given, shape, stride) if layer.kind == "pool" else (0, 0)
+    padded = (given[0], given[1] + short[0], given[2] + short[1])
     found, out = convolution(
-        kernel, given, stride=stride, padding=padding, dilation=dilation, groups=groups, where=where
+        kernel, padded, stride=stride, padding=padding, dilation=dilation, groups=groups, where=where
     )
     if out != shape:
         raise InputError(where, "its shape is not what it computes", measured=f"{shape} for {out}", fix="Export again.")
+    if any(short):
+        inside = np.arange(math.prod(padded)).reshape(padded)[:, : given[1], : given[2]].ravel()
+        found = sparse.csr_array(found[:, inside])
     return matrix(found, np.int64), shape, math.prod(given)
+
+
+def _kernel(layer: NetLayer, weight: IntArray, where: str) -> IntArray:
+    """Return the kernel (out, in / groups, height, width); slayerPytorch writes it without its axes of one."""
+    if weight.ndim == 5 and weight.shape[4] == 1:
+        return weight.reshape(weight.shape[:4])
+    if weight.ndim >= 4 or "kernelSize" not in layer.values:
+        return weight
+    height, width = _pair(layer, "kernelSize", where)
+    if layer.kind == "pool":
+        whole: Shape = (1, 1, height, width)
+    else:
+        groups = max(layer.one("groups", where, 1), 1)
+        whole = (layer.one("outChannels", where, 1), layer.one("inChannels", where, 1) // groups, height, width)
+    return weight.reshape(whole) if weight.size == math.prod(whole) else weight
+
+
+def _short(given: Shape, shape: Shape, stride: tuple[int, int]) -> tuple[int, int]:
+    """Return the rows and columns of silence behind an image that slayerPytorch's pooling fills up to whole windows."""
+    if len(given) != 3 or len(shape) != 3 or min(stride) < 1:
+        return (0, 0)
+    rows, columns = (-n % s if out == -(-n // s) else 0 for n, out, s in zip(given[1:], shape[1:], stride, strict=True))
+    return rows, columns
 
 
 def _image_before(layer: NetLayer, kernel: Shape, shape: Shape, where: str) -> Shape:

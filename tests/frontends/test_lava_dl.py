@@ -84,6 +84,39 @@ def test_integers_are_kept_as_they_are(tmp_path):
     assert (network.steps, network.step_seconds) == (50, 0.001)
 
 
+POOL = {
+    "type": "pool", "shape": np.array([2, 3, 3]), "kernelSize": np.array([2, 2]), "stride": np.array([2, 2]),
+    "weight": np.full((1, 1, 2, 2), 88.0), "neuron": neuron(),
+}  # fmt: skip
+ONE = {**CONV, "inChannels": 1, "groups": 1, "weight": even(RNG, 4, 1, 3, 3, 1)}
+SQUEEZED = {
+    "conv of one channel": ([{"type": "input", "shape": np.array([1, 6, 6])}, ONE], (4, 3, 3)),
+    "pool": ([IMAGE, POOL], (2, 2)),
+    "dense of one neuron": ([dense(RNG, 1, 10)], (10,)),
+}
+
+
+@pytest.mark.parametrize("name", SQUEEZED)
+def test_weights_that_lack_axes_of_one_are_those_that_have_them(name, tmp_path):
+    layers, shape = SQUEEZED[name]
+    both = []
+    for weight in (layers[-1]["weight"], layers[-1]["weight"].reshape(shape)):
+        write_net(tmp_path / "model.net", [*layers[:-1], layers[-1] | {"weight": weight}])
+        held = lc.load(tmp_path / "model.net").projections[0].mantissa
+        both.append(held if isinstance(held, np.ndarray) else held.toarray())
+    np.testing.assert_array_equal(*both)
+
+
+def test_pooling_of_an_image_that_no_windows_fill_goes_on_in_silence(tmp_path):
+    ragged = {"type": "input", "shape": np.array([2, 5, 6])}
+    write_net(tmp_path / "model.net", [ragged, POOL])
+    held = lc.load(tmp_path / "model.net").projections[0].mantissa.toarray().reshape(2, 3, 3, 2, 5, 6)
+    for channel, row, column in np.ndindex(2, 3, 3):
+        wanted = np.zeros((2, 5, 6))
+        wanted[channel, 2 * row : 2 * row + 2, 2 * column : 2 * column + 2] = 88
+        np.testing.assert_array_equal(held[channel, row, column], wanted)
+
+
 REFUSED = [
     ("a graded spike", [dense(RNG, 3, 4, neuron=neuron(gradedSpike=True) | {"gradedSpike": True})], ", layer 0: its spikes are graded. Train with graded_spike=False."),
     ("a neuron of another kind", [dense(RNG, 3, 4, neuron=neuron(kind="SDNN"))], ", layer 0: 'SDNN' neurons have no single compartment on the chip. Use CUBA neurons."),
