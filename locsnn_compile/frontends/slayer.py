@@ -1,8 +1,9 @@
 """From a slayerPytorch checkpoint, a dict of tensors, and its YAML to a Network.
 
 A checkpoint names layers and their weights in the order in which they were made, and no structure. Layers are taken as
-one chain in that order; those whose names begin with ``location`` are a second chain, which walks the channels. A delay
-belongs to the first layer before it, or else in the whole chain, that gives as many spikes and has none yet.
+one chain in that order; those whose names begin with ``location`` are a second chain, which walks the channels. A
+``layer`` list in the YAML says which are convolutions and pooling. A delay belongs to the layer of its own block, else
+to the first that gives as many spikes and has none yet.
 
 SRMALPHA layers become float neurons with the full kernels; LOIHI layers integers, their weights ``2 round(w / 2)``,
 half to even, as slayerPytorch quantises them in every forward pass; each of these takes one step, as there.
@@ -11,7 +12,6 @@ half to even, as slayerPytorch quantises them in every forward pass; each of the
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy import sparse
 
 from hw_model.graph import Axis, Readout
 from locsnn_compile.data.sensor import channel_walk, parse_location_order
@@ -27,7 +28,8 @@ from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.played import synthetic_recordings, touch_fingertips
 from locsnn_compile.frontends.slayer_config import LoihiNeuron, SlayerConfig, read_config
 from locsnn_compile.frontends.slayer_kernels import check_kernels
-from locsnn_compile.matrices import matrix
+from locsnn_compile.frontends.slayer_layers import dense_layer, listed_layers
+from locsnn_compile.matrices import Matrix, matrix, values_of, with_values
 from locsnn_compile.models.checkpoint import FORMAT
 from locsnn_compile.network import InputView, Network, Population, Projection
 from locsnn_compile.neurons import FloatArray
@@ -52,11 +54,17 @@ _FIX = "Save net.state_dict() with torch.save."
 
 @dataclass(eq=False)
 class _Layer:
-    """A layer of weights (n, n_source) and the delays (n,) of the spikes that it gives, in steps."""
+    """A layer of weights (n, n_source), its channels, and the delays (n,) of the spikes that it gives, in steps."""
 
     name: str
-    weights: FloatArray
+    weights: Matrix
+    channels: int
     delays: Any = field(default=None)
+
+    @property
+    def size(self) -> int:
+        """Neurons."""
+        return int(self.weights.shape[0])
 
     @property
     def axis(self) -> Axis:
@@ -149,17 +157,17 @@ def _stated(
     layer: _Layer, axis: Axis, source: str, delays: Any, config: SlayerConfig, where: str
 ) -> tuple[Population, Projection | ChipProjection]:
     """Return a population and the weights onto it; ``delays`` are those of its source's spikes."""
-    size = len(layer.weights)
+    size = layer.size
     late: Any = 0
     if delays is not None:
-        late = np.tile(delays, (size, 1)) if (delays != delays[0]).any() else int(delays[0])
+        late = _spread(delays, layer.weights) if (delays != delays[0]).any() else int(delays[0])
     n = config.neuron
     if not isinstance(n, LoihiNeuron):
         return Population(layer.name, axis, size, n), Projection(
             source, layer.name, matrix(layer.weights, np.float64), late
         )
-    mantissa = (2 * np.rint(layer.weights / 2)).astype(np.int64)
-    low, high = int(mantissa.min()), int(mantissa.max())
+    mantissa = with_values(layer.weights, (2 * np.rint(values_of(layer.weights) / 2)).astype(np.int64))
+    low, high = int(values_of(mantissa).min(initial=0)), int(values_of(mantissa).max(initial=0))
     if low < -256 or high > 254:
         raise InputError(
             f"{where}, layer {layer.name!r}",
@@ -174,11 +182,11 @@ def _stated(
 
 def _check_chain(chain: list[_Layer], where: str) -> None:
     for before, after in pairwise(chain):
-        if after.weights.shape[1] != len(before.weights):
+        if after.weights.shape[1] != before.size:
             raise InputError(
                 f"{where}, layer {after.name!r}",
                 f"it does not follow {before.name!r}",
-                measured=f"{after.weights.shape[1]} inputs against {len(before.weights)}",
+                measured=f"{after.weights.shape[1]} inputs against {before.size}",
                 fix="Save the layers of one chain in their order.",
             )
 
@@ -211,27 +219,45 @@ def _tensors(held: object, where: str) -> dict[str, Any]:
 
 def _layers(tensors: Mapping[str, Any], config: SlayerConfig, where: str) -> tuple[_Layer, ...]:
     names = dict.fromkeys(key.removesuffix(end) for key in tensors for end in _WEIGHT if key.endswith(end))
-    layers = [_Layer(name, _weights(tensors, name, where)) for name in names]
-    if not layers:
+    kernels = {name: _weights(tensors, name, where) for name in names}
+    if not kernels:
         raise InputError(where, "it holds no weights", measured=f"{list(tensors)[:3]}"[:80], fix=_FIX)
+    if config.layers:
+        found = listed_layers(kernels, config.layers, where)
+        layers = [_Layer(name, *found[name]) for name in kernels]
+    else:
+        dense = {name: dense_layer(kernel, f"{where}, layer {name!r}") for name, kernel in kernels.items()}
+        layers = [_Layer(name, weights, len(weights)) for name, weights in dense.items()]
     for key, values in tensors.items():
         if key == "delay" or key.endswith(".delay"):
-            _attach(layers, values.reshape(-1), config, f"{where}, entry {key!r}")
+            _attach(layers, key, values.reshape(-1), config, f"{where}, entry {key!r}")
     return tuple(layers)
 
 
-def _attach(layers: list[_Layer], delay: Any, config: SlayerConfig, where: str) -> None:
-    """Give delays, in milliseconds, to the first layer that gives as many spikes and has none."""
+def _attach(layers: list[_Layer], key: str, delay: Any, config: SlayerConfig, where: str) -> None:
+    """Give delays, in milliseconds, to the layer of the same block, else to the first of as many spikes that has none.
+
+    A convolution has one a channel.
+    """
     steps = np.clip(np.floor(delay / config.ts), 0, DELAY_MAX).astype(np.int64)
-    for layer in layers:
-        if layer.delays is None and steps.size in (1, len(layer.weights)):
-            layer.delays = np.broadcast_to(steps, (len(layer.weights),)).copy()
+    block = key.rpartition(".")[0].rpartition(".")[0]
+    beside = [layer for layer in layers if block and layer.name.rpartition(".")[0] == block]
+    for layer in beside or layers:
+        if layer.delays is None and steps.size in (1, layer.size, layer.channels):
+            layer.delays = np.repeat(steps, layer.size // steps.size)
             return
     raise InputError(where, "no layer gives as many spikes", measured=f"{steps.size} delays", fix="Give one a neuron.")
 
 
+def _spread(delays: Any, weights: Matrix) -> Any:
+    """Return the delays of sources, one a weight."""
+    if sparse.issparse(weights):
+        return delays[matrix(weights, np.float64).indices]
+    return np.tile(delays, (weights.shape[0], 1))
+
+
 def _weights(tensors: Mapping[str, Any], name: str, where: str) -> FloatArray:
-    """Return a layer's weights (out, in), weight normalisation multiplied out."""
+    """Return a layer's weights as they are shaped, weight normalisation multiplied out."""
     held = [tensors.get(name + end) for end in _WEIGHT]
     plain, gains, directions = held[0], *(next((t for t in held[i::2] if t is not None), None) for i in (1, 2))
     if plain is None:
@@ -242,13 +268,4 @@ def _weights(tensors: Mapping[str, Any], name: str, where: str) -> FloatArray:
         if gains.size != len(directions) or (norms == 0).any():
             raise InputError(f"{where}, layer {name!r}", "its weight normalisation has no meaning", fix=_FIX)
         plain = gains.reshape(norms.shape) * directions / norms
-    if plain.ndim == 2 or (plain.ndim == 5 and plain.shape[4] == 1):
-        weights: FloatArray = plain.reshape(len(plain), -1) if plain.size else plain
-        if weights.ndim == 2 and math.prod(weights.shape):
-            return weights
-    raise InputError(
-        f"{where}, layer {name!r}",
-        "it is no dense layer",
-        measured=f"weight {plain.shape}",
-        fix="Use slayer.dense layers; convolutions are read from NIR and .net files.",
-    )
+    return np.asarray(plain, dtype=np.float64)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,7 @@ from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.neurons import SrmAlpha
 
 MAX_CONFIG_BYTES = 200_000
+MAX_LAYERS = 1000
 DEFAULT_ORDER = "loop"
 """Taxels by their numbers: what transposing a recording gives when nothing is said."""
 
@@ -29,16 +31,34 @@ class LoihiNeuron:
 
 
 @dataclass(frozen=True)
+class LayerEntry:
+    """An entry of ``layer``: what ``dim`` says, and the numbers of a convolution.
+
+    ``kind`` is input, conv, pool or dense; ``numbers`` are those in ``dim``: (width, height, channels) of an input,
+    (channels, kernel) of a convolution, (kernel,) of pooling, (neurons,) of a dense layer.
+    """
+
+    kind: str
+    numbers: tuple[int, ...]
+    stride: int = 1
+    padding: int = 0
+    dilation: int = 1
+    groups: int = 1
+
+
+@dataclass(frozen=True)
 class SlayerConfig:
     """What the description says: the neuron, the step, steps of a recording, and a location order.
 
-    ``ts`` is in milliseconds; SRM time constants are in steps already. ``order`` is a name or taxel numbers.
+    ``ts`` is in milliseconds; SRM time constants are in steps already. ``order`` is a name or taxel numbers. ``layers``
+    are those of the description's own ``layer`` list, the input first; () where it has none.
     """
 
     neuron: SrmAlpha | LoihiNeuron
     ts: float
     steps: int | None
     order: str
+    layers: tuple[LayerEntry, ...] = ()
 
 
 def read_config(path: Path) -> SlayerConfig:
@@ -87,7 +107,48 @@ def parse_config(values: Mapping[Any, Any], where: str) -> SlayerConfig:
             f"{str(kind)[:40]!r} is not known",
             fix=did_you_mean(str(kind), ("SRMALPHA", "LOIHI")),
         )
-    return SlayerConfig(neuron, ts, steps, _order(values, where))
+    layers = parse_layers(values["layer"], where) if "layer" in values else ()
+    return SlayerConfig(neuron, ts, steps, _order(values, where), layers)
+
+
+def parse_layers(held: Any, where: str) -> tuple[LayerEntry, ...]:
+    """Return the entries of a ``layer`` list as slayerPytorch's Loihi networks read it: ``34x34x2, 16c5z, 2a, 10``."""
+    if not isinstance(held, list) or not 0 < len(held) <= MAX_LAYERS or not all(isinstance(e, dict) for e in held):
+        raise InputError(f"{where}, layer", "it is no list of layers", fix="Give entries such as {dim: 16c5z}.")
+    return tuple(_entry(entry, f"{where}, layer {i}", first=i == 0) for i, entry in enumerate(held))
+
+
+def _entry(entry: Mapping[Any, Any], where: str, *, first: bool) -> LayerEntry:
+    dim = str(entry.get("dim", ""))[:60]
+    kind, count = next(
+        (
+            row
+            for row in (("conv", 2, "c"), ("average", 1, "avg"), ("pool", 1, "a"), ("input", 3, "x"))
+            if row[2] in dim
+        ),
+        ("dense", 1, ""),
+    )[:2]
+    numbers = tuple(int(n) for n in re.findall("[0-9]{1,7}", dim))
+    if first and kind == "dense":
+        kind, count, numbers = "input", 3, (1, 1, *numbers)
+    if first and kind == "input" and len(numbers) == 2:
+        numbers = (*numbers, 1)
+    if (
+        first != (kind == "input")
+        or len(numbers) != count
+        or min(numbers) < 1
+        or "neuron" in entry
+        or kind == "average"
+    ):
+        raise InputError(
+            where, f"dim {dim!r} is not read there", fix="Give the input first, as 34x34x2, then 16c5z, 2a or 10."
+        )
+    if kind == "pool":
+        return LayerEntry(kind, numbers, stride=numbers[0])
+    if kind != "conv":
+        return LayerEntry(kind, numbers)
+    given = {key: _whole(entry, key, where) for key in ("stride", "padding", "dilation", "groups") if key in entry}
+    return LayerEntry(kind, numbers, **{"padding": numbers[1] // 2, **given})
 
 
 def _order(values: Mapping[Any, Any], where: str) -> str:

@@ -140,6 +140,7 @@ NET_CELLS = [
     works("lava-dl", "conv, flatten", net(IMAGE, CONV, {"type": "flatten", "shape": np.array([36])}, dense(RNG, 6, 36))),
     works("lava-dl", "conv of stride 1 without an input layer", net(CONV | {"stride": np.array([1, 1]), "shape": np.array([4, 6, 6])})),
     works("lava-dl", "pool", net(IMAGE, POOL)),
+    works("lava-dl", "slayerPytorch's genModel: no axes of one, ragged pooling", net({"type": "input", "shape": np.array([2, 5, 6])}, POOL | {"weight": np.full((2, 2), 200.0)})),
     works("lava-dl", "bias", net(dense(RNG, 6, 10, bias=RNG.integers(-9, 30, 6)))),
     works("lava-dl", "delays: one, of neurons, of inputs", net(dense(RNG, 6, 10, delay=np.arange(6.0)), dense(RNG, 4, 6, delay=np.arange(6.0)), dense(RNG, 3, 4, delay=2.0))),
     works("lava-dl", "decays and thresholds of each neuron", net(dense(RNG, 6, 10, neuron=neuron(np.arange(6) * 500, np.arange(6) * 50, np.arange(6) * 50 + 200)))),
@@ -158,8 +159,9 @@ SLAYER_CELLS = [
     works("slayerPytorch", "weight normalisation", slayer({}, extra=NORMALISED)),
     works("slayerPytorch", "delays", slayer(WEIGHTS, extra={"delay.delay": torch.arange(8.0).reshape(1, 8, 1, 1, 1)})),
     works("slayerPytorch", "dense of images", slayer({}, extra={"fc1.weight": 2 * torch.rand(3, 2, 4, 5, 1)})),
+    works("slayerPytorch", "convolution, pooling, dense: the YAML's `layer` list", slayer({}, LOIHI, extra={"c.weight": 90 * torch.rand(4, 2, 3, 3, 1), "p.weight": torch.full((1, 1, 2, 2, 1), 90.0), "d.weight": 90 * torch.rand(3, 36, 1, 1, 1)}, layer=[{"dim": "6x6x2"}, {"dim": "4c3z"}, {"dim": "2a"}, {"dim": 3}])),
     loses("slayerPytorch", "dense, SRMALPHA neurons", slayer(WEIGHTS), "kernels keep the tails that slayerPytorch cuts", lambda n: n.populations[0].neuron.tau_sr == 10),
-    refused("slayerPytorch", "convolutions", slayer({}, extra={"conv1.weight": torch.randn(3, 2, 4, 5, 2)}), "model 'model.pt', layer 'conv1': it is no dense layer (weight (3, 2, 4, 5, 2)). Use slayer.dense layers; convolutions are read from NIR and .net files."),
+    refused("slayerPytorch", "convolutions without a list of layers", slayer({}, extra={"conv1.weight": torch.randn(3, 2, 4, 5, 2)}), "model 'model.pt', layer 'conv1': it is no dense layer (weight (3, 2, 4, 5, 2)). Use slayer.dense layers, or list all layers in the YAML, as layer: [{dim: 34x34x2}, {dim: 16c5z}, ...]."),
     refused("slayerPytorch", "a YAML of another neuron", slayer(WEIGHTS, {**LOIHI, "type": "CUBA"}), "config 'net.yaml', neuron.type: 'CUBA' is not known. Choose one of: LOIHI, SRMALPHA."),
 ]  # fmt: skip
 CELLS = [*NIR_CELLS, *NET_CELLS, *SLAYER_CELLS]

@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 import torch
 import yaml
-from net_files import play
-from slayer_files import LOIHI, kernel, srm_layer, write
+from net_files import play, play_layer
+from slayer_files import LOIHI, SRM, kernel, srm_layer, write
 
 import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.data.sensor import LOCATION_ORDERS, channel_walk
 from locsnn_compile.frontends.slayer_kernels import alpha_taps, truncated_spikes
+from locsnn_compile.matrices import values_of
 from locsnn_compile.reference import evaluate
 
 RNG = np.random.default_rng(4)
@@ -122,6 +123,61 @@ def test_weights_of_images_are_read_in_their_order(tmp_path):
     np.testing.assert_array_equal(network.projections[0].weights, weight.reshape(3, 40).double())
 
 
+LISTED = [
+    {"dim": "7x6x2"},
+    {"dim": "4c3z", "delay": True},
+    {"dim": "2a"},
+    {"dim": "3c2z", "stride": 2, "padding": 0},
+    {"dim": 5},
+]
+
+
+def listed(folder, entries=LISTED, neuron=LOIHI, **more):
+    """Write a network of a list of layers, as slayerPytorch's Loihi networks name them."""
+    shapes = {0: (4, 2, 3, 3, 1), 1: (1, 1, 2, 2, 1), 2: (3, 4, 2, 2, 1), 4: (5, 6, 1, 1, 1)}
+    rng = np.random.default_rng(5)
+    state = {f"blocks.{i}.weightOp.weight": torch.tensor(rng.normal(40, 60, s)).float() for i, s in shapes.items()}
+    state["blocks.0.delayOp.delay"] = torch.tensor([0.0, 3.2, 1.0, 2.0]).reshape(1, 4, 1, 1, 1)
+    return (*write(folder, {}, neuron, extra={**state, **more}, layer=entries), state)
+
+
+def test_listed_convolutions_and_pooling_spike_as_their_integers_mean(tmp_path):
+    path, config, state = listed(tmp_path)
+    network = lc.load(path, config)
+    held = [2 * np.round(w.double().numpy() / 2) for name, w in state.items() if "weight" in name]
+    # Pooling goes over whole windows, the last of them half silent, and each channel by itself.
+    layers = [
+        {"type": "conv", "shape": (4, 6, 7), "weight": held[0], "padding": 1, "neuron": LOIHI},
+        {"type": "conv", "shape": (4, 3, 4), "weight": np.tile(held[1], (4, 1, 1, 1, 1)), "stride": 2, "groups": 4, "neuron": LOIHI},
+        {"type": "conv", "shape": (3, 1, 2), "weight": held[2], "stride": 2, "neuron": LOIHI},
+        {"type": "dense", "shape": (5,), "weight": held[3].reshape(5, 6), "neuron": LOIHI},
+    ]  # fmt: skip
+    given = spikes(2 * 6 * 7, 60)
+    first = play_layer(layers[0], given, (2, 6, 7)).reshape(60, 4, 6, 7)
+    late = np.stack(
+        [np.roll(first[:, c], d, axis=0) * (np.arange(60) >= d)[:, None, None] for c, d in enumerate((0, 3, 1, 2))],
+        axis=1,
+    )
+    padded = np.pad(late, [(0, 0), (0, 0), (0, 0), (0, 1)])
+    second = play_layer(layers[1], padded.reshape(60, -1), (4, 6, 8))
+    third = play_layer(layers[2], second, (4, 3, 4))
+    last = play_layer(layers[3], third, (3, 1, 2))
+    compiled = lc.compile(network, events=given[None], diagnosis=False)
+    found = hw.simulate(compiled.program, given).spikes
+    for name, wanted in zip(
+        [p.name for p in network.populations], (first.reshape(60, -1), second, third, last), strict=True
+    ):
+        np.testing.assert_array_equal(found[name], wanted, err_msg=name)
+        assert wanted.sum() > 5
+    assert compiled.match.spikes.agreement == 1
+
+
+def test_srm_convolutions_are_linear_layers(tmp_path):
+    path, config, state = listed(tmp_path, neuron=SRM)
+    weights = lc.load(path, config).projections[1].weights
+    assert set(values_of(weights).tolist()) == set(state["blocks.1.weightOp.weight"].double().ravel().tolist())
+
+
 def other_kernel(folder):
     path, config = write(folder, {"fc1": weights(4, 6)})
     values = yaml.safe_load(config.read_text())
@@ -142,9 +198,12 @@ def yaml_text(text):
 REFUSED = [
     ("another kernel", other_kernel, "model 'model.pt', entry 'slayer.srmKernel': the kernel is not that of the config (0.541 apart). Give the YAML that this checkpoint was trained with."),
     ("a gap in the chain", lambda f: write(f, {"fc1": weights(4, 6), "fc2": weights(3, 5)}), "model 'model.pt', layer 'fc2': it does not follow 'fc1' (5 inputs against 4). Save the layers of one chain in their order."),
-    ("a convolution", lambda f: write(f, {}, extra={"conv1.weight": torch.randn(3, 2, 4, 5, 2)}), "model 'model.pt', layer 'conv1': it is no dense layer (weight (3, 2, 4, 5, 2)). Use slayer.dense layers; convolutions are read from NIR and .net files."),
+    ("a convolution", lambda f: write(f, {}, extra={"conv1.weight": torch.randn(3, 2, 4, 5, 2)}), "model 'model.pt', layer 'conv1': it is no dense layer (weight (3, 2, 4, 5, 2)). Use slayer.dense layers, or list all layers in the YAML, as layer: [{dim: 34x34x2}, {dim: 16c5z}, ...]."),
+    ("a list without an input", lambda f: listed(f, LISTED[1:])[:2], "config 'net.yaml', layer 0: dim '4c3z' is not read there. Give the input first, as 34x34x2, then 16c5z, 2a or 10."),
+    ("a list of fewer layers", lambda f: listed(f, LISTED[:3])[:2], "model 'model.pt': the YAML lists another number of layers (2 against 4). List the input and every layer that has weights."),
+    ("a list of other layers", lambda f: listed(f, [*LISTED[:1], {"dim": "4c5z"}, *LISTED[2:]])[:2], "model 'model.pt', layer 'blocks.0.weightOp': its weights are not those that the YAML lists ((4, 2, 3, 3, 1) against (4, 2, 5, 5)). Give the YAML that this checkpoint was trained with."),
     ("no weights", lambda f: write(f, {}), "model 'model.pt': it holds no weights (['slayer.srmKernel', 'slayer.refKernel']). Save net.state_dict() with torch.save."),
-    ("a heavy weight", lambda f: write(f, {"fc1": np.full((2, 2), 300.0)}, LOIHI), "model 'model.pt', layer 'fc1': a weight is out of an 8-bit synapse's range (300..300 against -256..254). Clamp the weights in training."),
+    ("a heavy weight", lambda f: write(f, {"fc1": np.full((2, 2), 300.0)}, LOIHI), "model 'model.pt', layer 'fc1': a weight is out of an 8-bit synapse's range (0..300 against -256..254). Clamp the weights in training."),
     ("another neuron", yaml_text("simulation: {Ts: 1}\nneuron: {type: SRMALPHAA}"), "config 'net.yaml', neuron.type: 'SRMALPHAA' is not known. Did you mean 'SRMALPHA'?"),
     ("no neuron", yaml_text("simulation: {Ts: 1}"), "config 'net.yaml': section 'neuron' is missing. Give slayerPytorch's network description."),
     ("a python object", yaml_text("!!python/object/apply:os.system ['true']"), "config 'net.yaml': it is no YAML. Give slayerPytorch's network description."),
