@@ -199,7 +199,7 @@ def _table(table: Table) -> str:
     caption = text(table.caption)
     reached = f' tabindex="0" role="region" aria-label="{caption}"' if len(table.columns) > _FEW_COLUMNS else ""
     made = (
-        f'<div class="scroll"{reached}><table class="{" ".join(look)}"><caption>{caption}</caption>'
+        f'<div class="scroll"{reached}><table class="{" ".join(look)}"><caption><span>{caption}</span></caption>'
         f"<thead><tr>{heads}</tr></thead><tbody>{body}</tbody></table></div>"
     )
     if len(table.rows) <= MANY_ROWS and not table.folded:

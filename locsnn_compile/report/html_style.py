@@ -71,8 +71,8 @@ thead th{color:var(--soft);font-size:.8rem;line-height:1.3;border-top:0;vertical
 tbody th{overflow-wrap:anywhere;min-width:8.5rem}
 thead th{overflow-wrap:normal}
 td{white-space:nowrap}
-.words,.wide .words{white-space:normal;text-align:left;min-width:11rem}
-.wide{font-size:.82rem}.wide td{white-space:normal}
+.words{white-space:normal;text-align:left;min-width:11rem}
+.wide{font-size:.82rem}
 .wide th:not(:first-child),.wide td{padding-left:.7rem}
 .wide thead th{font-size:.75rem}
 .barred th:first-child{width:14.5rem}
@@ -135,6 +135,7 @@ th,td{padding:.4rem 0 .4rem .7rem}
 tbody th{min-width:6.2rem;max-width:9.5rem}
 thead th{overflow-wrap:break-word;font-size:.72rem}
 .barred th:first-child{width:auto}
+caption span{display:block;position:sticky;left:0;width:max-content;max-width:calc(100vw - 2.4rem)}
 .scroll>table th:first-child{position:sticky;left:0;background:var(--paper)}
 }
 """

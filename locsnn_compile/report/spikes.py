@@ -27,8 +27,8 @@ def spikes(document: Document, excerpt: Excerpt | None) -> Section | None:
         blocks += [_population(item, excerpt, side) for item in excerpt.populations if item.axis == axis]
     blocks.append(_table(excerpt, side))
     lead = (
-        "One recording, a row a neuron, the first at the top. Where a spike is on one side only, the sides part; "
-        "without a reset they may stay apart, spike after spike, by a step or two."
+        "One recording, a row a neuron, the first at the top. A ring marks the first spike that is on one side only; "
+        "without a reset the sides may stay apart from there, spike after spike, by a step or two."
     )
     return Section("spikes", "Spikes", lead, tuple(blocks))
 
@@ -94,7 +94,7 @@ def _population(item: PopulationSpikes, excerpt: Excerpt, side: str) -> Raster:
         flag=(first.step - excerpt.steps[item.axis].start, item.neurons.tolist().index(first.neuron))
         if first and here
         else None,
-        flag_label=f"first difference: neuron {first.neuron}, step {first.step}" if first and here else "",
+        flag_label=f"neuron {first.neuron}, step {first.step}" if first and here else "",
     )
 
 

@@ -19,7 +19,7 @@ from locsnn_compile.cli.compile import BENCH_KINDS, LEVEL_KINDS, main
 ROOT = Path(__file__).parents[2]
 MODEL = ROOT / "examples/models/objects-hybrid.pt"
 FILES = {"program.yaml", "program.npz", "report.json", "report.md", "report.html"}
-EMITTED = {"vectors", "waves.vcd", "trace.json", "sanafe", "program.graphml", "program.dot"}
+EMITTED = {"vectors", "waves.vcd", "trace.json", "sanafe", "program.graphml", "program.dot", "csv"}
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +79,7 @@ def test_two_runs_write_the_same_bytes(few, tmp_path):
     """In fresh interpreters with different hash seeds: nothing may depend on the order of a set."""
     for name, seed in (("one", "1"), ("two", "2")):
         command = [sys.executable, "-m", "locsnn_compile.cli.compile", str(MODEL), "--events", str(few), "--quiet"]
-        command += ["-o", str(tmp_path / name), "--emit", *LEVEL_KINDS, *BENCH_KINDS]
+        command += ["-o", str(tmp_path / name), "--emit", *LEVEL_KINDS, *BENCH_KINDS, "csv"]
         done = subprocess.run(
             command, env={**os.environ, "PYTHONHASHSEED": seed}, capture_output=True, text=True, check=False
         )

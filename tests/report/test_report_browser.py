@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,8 @@ from chromium import Chromium, find_chromium, started
 
 from locsnn_compile.cli.compile import main
 from locsnn_compile.excerpt import Excerpt
-from locsnn_compile.report.html import render_html
+from locsnn_compile.report.comparison import Build, comparison
+from locsnn_compile.report.html import render_html, render_page
 
 ROOT = Path(__file__).parents[2]
 ENTER, TAB = ("Enter", 13), ("Tab", 9)
@@ -129,6 +131,22 @@ def test_pictures_and_tables_have_names(browser: Chromium, page: Path) -> None:
     ]
     assert {"image", "table", "region"} == {role for role, _ in names}
     assert [entry for entry in names if not entry[1]] == []
+
+
+def test_a_page_of_two_builds(browser: Chromium, document: dict[str, Any], tmp_path: Path) -> None:
+    other = copy.deepcopy(document)
+    other["energy"] |= {"per_sample_pj": 75_000.0, "source": "somewhere else " * 20}
+    other["skipped"] = {f"figure{i}": i for i in range(40)}
+    builds = (Build(name, report, {}) for name, report in (("one", document), ("two", other)))
+    page = tmp_path / "diff.html"
+    page.write_text(render_page(comparison(*builds), "locsnn diff", "The end."), encoding="utf-8")
+    browser.open(page)
+    _quiet_and_alone(browser, page)
+    assert "Less, -25.0 %" in browser.evaluate("document.body.innerText")
+    for dark in (False, True):
+        browser.open(page, width=360, dark=dark)
+        assert browser.evaluate(TOO_WIDE) == []
+        assert browser.evaluate(FAINT) == []
 
 
 @pytest.mark.slow

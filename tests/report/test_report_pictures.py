@@ -38,7 +38,7 @@ def test_spikes_are_sorted_by_side(document: dict[str, Any], excerpt: Excerpt) -
     _, drawn = _rasters(document, excerpt)
     assert drawn.title == "time_output: 2 of 36 neurons"
     assert (drawn.columns, drawn.rows, drawn.flag) == (4, 2, (2, 1))
-    assert drawn.flag_label == "first difference: neuron 3, step 41"
+    assert drawn.flag_label == "neuron 3, step 41"
     assert [(one.kind, one.label, one.points) for one in drawn.strokes] == [
         ("equal", "3 on both sides", ((0, 0), (3, 0), (1, 1))),
         ("reference", "1 only in the float network", ((2, 1),)),
