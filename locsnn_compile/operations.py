@@ -7,6 +7,7 @@ the counts below give its printed figures to the last digit.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -16,6 +17,7 @@ import numpy as np
 from hw_model.fixed_point import IntArray
 from hw_model.trace import ByteArray
 from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.models.ann_shapes import CONVOLUTIONS, convolved
 from locsnn_compile.network import Network
 
 if TYPE_CHECKING:
@@ -23,8 +25,6 @@ if TYPE_CHECKING:
 
 GRU_HIDDEN = 32
 CHANNELS_PER_FINGERTIP = 78
-FRAME = (9, 7)
-"""Rows and columns of the frame that CNN-3D lays a fingertip's taxels out on."""
 ANN_NAMES = ("cnn-3d", "gru-mlp")
 
 
@@ -78,21 +78,11 @@ def module_operations(network: torch.nn.Module, example: torch.Tensor) -> AnnCou
 
 
 def _cnn_3d_macs(fingertips: int, steps: int, classes: int) -> int:
-    size = np.array([steps, *FRAME])
-    macs, channels = 0, 2
-    for out_channels, kernel, stride in ((4, (7, 3, 3), (4, 1, 1)), (8, (5, 3, 3), (3, 1, 1))):
-        size = (size - kernel) // stride + 1
-        if (size < 1).any():
-            raise InputError(
-                "network 'cnn-3d'",
-                "the recording is too short for its two convolutions",
-                measured=f"{steps} steps against at least 23",
-                fix="Compare on longer recordings.",
-            )
-        macs += int(size.prod()) * out_channels * channels * int(np.prod(kernel))
-        channels = out_channels
-    features = int(size.prod()) * channels * fingertips
-    return fingertips * macs + features * classes
+    macs, features, channels = 0, 0, 2
+    for (outputs, kernel, _), size in zip(CONVOLUTIONS, convolved(steps), strict=True):
+        macs += math.prod(size) * outputs * channels * math.prod(kernel)
+        channels, features = outputs, math.prod(size) * outputs
+    return fingertips * (macs + features * classes)
 
 
 def network_additions(network: Network, spikes: Mapping[str, ByteArray]) -> dict[str, int]:
