@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +14,7 @@ BoolArray = npt.NDArray[np.bool_]
 
 
 class SrmSteps:
-    """SRM neurons (batch, n), both kernels in recursive form, with their full tails.
+    """SRM neurons (batch, n), both kernels in recursive form, with their full tails or cut.
 
     c * k * a^(k-1) is the answer of two first-order filters of decay a in a row to a spike one step earlier, times
     c = e * a / tau.
@@ -26,16 +27,44 @@ class SrmSteps:
         self._refractory_gain = -neuron.scale_ref * neuron.theta * math.e * self._refractory_a / neuron.tau_ref
         self._current, self._response, self._refractory_current, self._refractory = np.zeros((4, batch, size))
         self._fired = np.zeros((batch, size), dtype=np.bool_)
+        taps = (neuron.eps_taps, self._a), (neuron.nu_taps, self._refractory_a)
+        self._cuts = [None if math.isinf(count) else _Cut(int(count), a) for count, a in taps]
 
     def step(self, arriving: FloatArray) -> tuple[BoolArray, FloatArray]:
         """Take the weights that arrive, (batch, n); return spikes and the potential that decided them."""
+        eps, nu = self._cuts
+        arriving = eps.step(arriving) if eps else arriving
+        own = nu.step(self._fired) if nu else self._fired
         self._current = self._a * self._current + arriving
         self._response = self._a * self._response + self._current
-        self._refractory_current = self._refractory_a * self._refractory_current + self._fired
+        self._refractory_current = self._refractory_a * self._refractory_current + own
         self._refractory = self._refractory_a * self._refractory + self._refractory_current
         potential = self._gain * self._response + self._refractory_gain * self._refractory
         self._fired = potential >= self._theta
         return self._fired, potential
+
+
+class _Cut:
+    """Ends a kernel ``k a^(k-1)`` after its first K values, lag 0 included, by what is sent to its filter.
+
+    What is left of the kernel from lag K on is K a^(K-1) times the kernel itself K - 1 steps later, less
+    (K - 1) a^K times it K steps later: both are taken away again.
+    """
+
+    def __init__(self, taps: int, a: float) -> None:
+        self._taps, self._near, self._far = taps, taps * a ** (taps - 1), (taps - 1) * a**taps
+        self._past: deque[FloatArray] = deque(maxlen=taps + 1)
+
+    def step(self, x: FloatArray | BoolArray) -> FloatArray:
+        """Take what arrives; return what the filter of the whole kernel is to take instead."""
+        past = self._past
+        past.append(np.array(x, dtype=np.float64))
+        found = past[-1].copy()
+        if len(past) >= self._taps:
+            found -= self._near * past[-self._taps]
+        if len(past) > self._taps:
+            found += self._far * past[0]
+        return found
 
 
 class CubaSteps:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -50,9 +51,10 @@ def quantized_text(quantized: QuantizedNetwork) -> str:
 
 def _neuron_text(n: Neuron, axis: Axis) -> str:
     if isinstance(n, SrmAlpha):
+        cut = "" if math.isinf(n.eps_taps) else f", kernels cut after {n.eps_taps:g} and {n.nu_taps:g}"
         return (
             f"SRM neurons along {axis}, theta {n.theta:g}, tau_sr {n.tau_sr:g}, tau_ref {n.tau_ref:g}, "
-            f"scale_ref {n.scale_ref:g}"
+            f"scale_ref {n.scale_ref:g}{cut}"
         )
     decays = f"decay_u {_number_text(n.decay_u)}, decay_v {_number_text(n.decay_v)}"
     if isinstance(n, Cuba):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal, TypeVar
 
@@ -24,13 +25,17 @@ class SrmAlpha:
         eps(k) = (k / tau_sr) * exp(1 - k / tau_sr)
         nu(k) = -scale_ref * theta * (k / tau_ref) * exp(1 - k / tau_ref)            for k = 0, 1, 2, ...
 
-    It spikes where ``u(t) >= theta``; there is no reset. Source: Kang et al., IJCNN 2022, after SLAYER's SRMALPHA.
+    It spikes where ``u(t) >= theta``; there is no reset. Source: Kang et al., IJCNN 2022, after SLAYER's SRMALPHA. Of
+    eps and nu only the first ``eps_taps`` and ``nu_taps`` values are there, that of k = 0 included: slayerPytorch ends
+    its kernels where they become small. Lowering keeps the tails.
     """
 
     theta: float
     tau_sr: float
     tau_ref: float
     scale_ref: float
+    eps_taps: float = math.inf
+    nu_taps: float = math.inf
 
 
 @dataclass(frozen=True, eq=False)

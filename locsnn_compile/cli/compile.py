@@ -72,6 +72,7 @@ def parser() -> Parser:
         help="NIR, what a spike does: zero, subtract, late-zero, late-subtract (default zero)",
     )
     add("--discretisation", metavar="NAME", help="NIR: euler, the usual one, hold, or exact (default euler)")
+    add("--kernels", metavar="NAME", help="slayerPytorch: full (default), or cut in the reference, as in its training")
     add("--psi", type=number, default=10.0, metavar="X", help=_PSI)
     add("--emit", action="extend", nargs="+", default=[], metavar="KIND", help=f"also write: {', '.join(EMIT_KINDS)}")
     add("--recording", type=int, default=0, metavar="K", help="the recording to emit, counted from 0 (default 0)")
@@ -119,7 +120,14 @@ def run(args: Namespace) -> int:
     from locsnn_compile.frontends import load
     from locsnn_compile.report.choice import unmet_budget
 
-    network = load(args.model, config=args.config, dt=args.dt, reset=args.reset, discretisation=args.discretisation)
+    network = load(
+        args.model,
+        config=args.config,
+        dt=args.dt,
+        reset=args.reset,
+        discretisation=args.discretisation,
+        kernels=args.kernels,
+    )
     recordings = recordings_for(network, args.events)
     _check_recording(args.recording, recordings)
     with progress_bar("checking against the float reference", show=not args.quiet) as progress:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import hw_model as hw
 from hw_model.trace import ByteArray
@@ -20,8 +21,8 @@ from locsnn_compile.error_budget.stages import (
 from locsnn_compile.error_budget.tail import has_tails, with_cut_tails
 from locsnn_compile.error_budget.twin import Twin, run_twin
 from locsnn_compile.matching import PopulationMatch, Progress
-from locsnn_compile.network import Network
-from locsnn_compile.neurons import FloatArray
+from locsnn_compile.network import Network, Neuron
+from locsnn_compile.neurons import FloatArray, SrmAlpha
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference import ReferenceResult, evaluate
 
@@ -63,7 +64,7 @@ class StageErrors:
 
 def error_budget(levels: Levels, recordings: ByteArray, progress: Progress | None = None) -> StageErrors:
     """Take the difference apart over recordings (samples, steps, channels), of the network's own steps and channels."""
-    network, phases = levels.network, phases_of(levels)
+    network, phases = _whole(levels.network), phases_of(levels)
     stages = [stage for stage in STAGES if working(phases, stage)]
     alone = {stage: _Tally(network, phases, _with(stage)) for stage in stages}
     without = {
@@ -91,6 +92,15 @@ def error_budget(levels: Levels, recordings: ByteArray, progress: Progress | Non
         unexplained=unexplained,
         kernel_tail=tail.result() if has_tails(network) else None,
     )
+
+
+def _whole(network: Network) -> Network:
+    """Return the network with the tails of its kernels, which the program has."""
+    return replace(network, populations=tuple(replace(p, neuron=_tails(p.neuron)) for p in network.populations))
+
+
+def _tails(neuron: Neuron) -> Neuron:
+    return replace(neuron, eps_taps=math.inf, nu_taps=math.inf) if isinstance(neuron, SrmAlpha) else neuron
 
 
 class _Tally:

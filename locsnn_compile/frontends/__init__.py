@@ -19,31 +19,39 @@ def load(
     *,
     reset: str | None = None,
     discretisation: str | None = None,
+    kernels: str | None = None,
 ) -> Network:
     """Read a model file: a checkpoint of ``locsnn train`` or of slayerPytorch, a NIR graph, or a lava-dl network.
 
     ``.pt`` is a checkpoint, one of slayerPytorch where ``config``, its YAML description, is given; HDF5 files are told
     apart by what they hold. For a NIR graph, ``dt`` is the seconds of a step (1e-4 by convention), ``reset`` what a
     spike does to the potential (``zero``, ``subtract``, ``late-zero`` or ``late-subtract``), ``discretisation``
-    ``euler``, ``hold`` or ``exact``. Other formats say these themselves, so giving them is an ``InputError``, like a
-    file that cannot be read or used. Nothing in the file is executed.
+    ``euler``, ``hold`` or ``exact``. For a slayerPytorch checkpoint of SRMALPHA neurons, ``kernels`` are ``full``, or
+    ``cut`` as in its training: in the float reference, for the chip keeps the tails. Other formats say these
+    themselves, so giving them is an ``InputError``, like a file that cannot be read or used. Nothing in the file is
+    executed.
     """
     path = Path(model)
-    network = _load(path, config, dt, reset, discretisation)
+    network = _load(path, config, dt, reset, discretisation, kernels)
     check_network(network)
     return network
 
 
 def _load(
-    path: Path, config: str | Path | None, dt: float | None, reset: str | None, discretisation: str | None
+    path: Path,
+    config: str | Path | None,
+    dt: float | None,
+    reset: str | None,
+    discretisation: str | None,
+    kernels: str | None,
 ) -> Network:
     where = f"model {path.name!r}"
-    given = {"config": config, "dt": dt, "reset": reset, "discretisation": discretisation}
+    given = {"config": config, "dt": dt, "reset": reset, "discretisation": discretisation, "kernels": kernels}
     if path.suffix in (".pt", ".pth") and config is not None:
         _refuse({"dt": dt, "reset": reset, "discretisation": discretisation}, where, "a slayerPytorch checkpoint")
         from locsnn_compile.frontends.slayer import load_slayer
 
-        return load_slayer(path, Path(config))
+        return load_slayer(path, Path(config), kernels or "full")
     if path.suffix == ".pt":
         _refuse(given, where, "a checkpoint")
         from locsnn_compile.frontends.checkpoint import load_checkpoint
@@ -56,7 +64,7 @@ def _load(
     with open_hdf5(path, where) as (root, _):
         held = root.names()
     if "node" in held:
-        _refuse({"config": config}, where, "a NIR graph")
+        _refuse({"config": config, "kernels": kernels}, where, "a NIR graph")
         from locsnn_compile.frontends.nir import load_nir
 
         return load_nir(path, dt, reset, discretisation or "euler")

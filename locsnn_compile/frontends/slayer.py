@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -24,10 +24,10 @@ from scipy import sparse
 from hw_model.graph import Axis, Readout
 from locsnn_compile.data.sensor import channel_walk, parse_location_order
 from locsnn_compile.data.torch_file import load_plain, read_bytes
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.frontends.played import synthetic_recordings, touch_fingertips
 from locsnn_compile.frontends.slayer_config import LoihiNeuron, SlayerConfig, read_config
-from locsnn_compile.frontends.slayer_kernels import check_kernels
+from locsnn_compile.frontends.slayer_kernels import check_kernels, cut
 from locsnn_compile.frontends.slayer_layers import dense_layer, listed_layers
 from locsnn_compile.matrices import Matrix, matrix, values_of, with_values
 from locsnn_compile.models.checkpoint import FORMAT
@@ -40,6 +40,7 @@ STEPS = 100
 VIEW_NAMES: dict[Axis, str] = {"time": "touch", "location": "touch_transposed"}
 MAX_WEIGHTS = 50_000_000
 DELAY_MAX = 62
+KERNELS = ("full", "cut")
 
 _STATE_KEYS = ("state_dict", "model_state_dict", "net", "model")
 _WEIGHT = (
@@ -71,14 +72,18 @@ class _Layer:
         return "location" if self.name.split(".")[-1].lower().startswith("location") else "time"
 
 
-def load_slayer(path: Path, config: Path) -> Network:
+def load_slayer(path: Path, config: Path, kernels: str = "full") -> Network:
     """Read a checkpoint and its description; ``InputError`` for what cannot be used."""
+    if kernels not in KERNELS:
+        raise InputError(f"kernels {kernels!r}", "are not known", fix=did_you_mean(kernels, KERNELS))
     where = f"model {path.name!r}"
     data = read_bytes(path, where)
     held = load_plain(data, where, fix=_FIX)
     if isinstance(held, dict) and held.get("format") == FORMAT:
         raise InputError(where, "config was given, but a checkpoint says this itself", fix="Leave config out.")
     description = read_config(config)
+    if kernels == "cut":
+        description = replace(description, neuron=cut(description.neuron))
     tensors = _tensors(held, where)
     check_kernels(tensors, description, where)
     return network_of_slayer(

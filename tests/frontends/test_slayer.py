@@ -10,7 +10,9 @@ from slayer_files import LOIHI, SRM, kernel, srm_layer, write
 import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.data.sensor import LOCATION_ORDERS, channel_walk
+from locsnn_compile.error_budget.budget import error_budget
 from locsnn_compile.frontends.slayer_kernels import alpha_taps, truncated_spikes
+from locsnn_compile.level_text import network_text
 from locsnn_compile.matrices import values_of
 from locsnn_compile.reference import evaluate
 
@@ -49,6 +51,23 @@ def test_the_cut_kernels_are_slayers_and_their_effect_is_measured(tmp_path):
     np.testing.assert_array_equal(cut["fc2"][0], srm_layer(second, hidden, full=False))
     whole = evaluate(network, given[None]).spikes["fc1"]
     assert 0.7 < 2 * (whole & cut["fc1"]).sum() / (whole.sum() + cut["fc1"].sum()) <= 1
+
+
+def test_kernels_may_be_cut_in_the_reference_and_the_chip_keeps_them(tmp_path):
+    first, second = weights(8, 12), weights(4, 8)
+    files = write(tmp_path, {"fc1": first, "fc2": second}, steps=200)
+    network, full = lc.load(*files, kernels="cut"), lc.load(*files)
+    given = spikes(12, steps=200, rate=0.05)
+    hidden = srm_layer(first, given, full=False)
+    found = evaluate(network, given[None]).spikes
+    np.testing.assert_array_equal(found["fc1"][0], hidden)
+    np.testing.assert_array_equal(found["fc2"][0], srm_layer(second, hidden, full=False))
+    both = [lc.compile(one, events=given[None], strategy="dendrite", diagnosis=False) for one in (network, full)]
+    played = [hw.simulate(c.program, given).spikes["fc2"] for c in both]
+    np.testing.assert_array_equal(*played)
+    assert both[0].match.by_population["fc1"].reference_spikes == hidden.sum()
+    assert error_budget(both[0].levels, given[None]).unexplained == 0
+    assert "kernels cut after 77 and 11" in network_text(network)
 
 
 @pytest.mark.parametrize("order", [None, "arch", "whorl", "loop"])
@@ -197,6 +216,8 @@ def yaml_text(text):
 
 REFUSED = [
     ("another kernel", other_kernel, "model 'model.pt', entry 'slayer.srmKernel': the kernel is not that of the config (0.541 apart). Give the YAML that this checkpoint was trained with."),
+    ("kernels of no name", lambda f: write(f, {"fc1": weights(4, 6)}), "kernels 'short': are not known. Choose one of: cut, full."),
+    ("kernels of integers", lambda f: write(f, {"fc1": weights(4, 6)}, LOIHI), "kernels 'cut': LOIHI neurons have no kernels. Leave the option out."),
     ("a gap in the chain", lambda f: write(f, {"fc1": weights(4, 6), "fc2": weights(3, 5)}), "model 'model.pt', layer 'fc2': it does not follow 'fc1' (5 inputs against 4). Save the layers of one chain in their order."),
     ("a convolution", lambda f: write(f, {}, extra={"conv1.weight": torch.randn(3, 2, 4, 5, 2)}), "model 'model.pt', layer 'conv1': it is no dense layer (weight (3, 2, 4, 5, 2)). Use slayer.dense layers, or list all layers in the YAML, as layer: [{dim: 34x34x2}, {dim: 16c5z}, ...]."),
     ("a list without an input", lambda f: listed(f, LISTED[1:])[:2], "config 'net.yaml', layer 0: dim '4c3z' is not read there. Give the input first, as 34x34x2, then 16c5z, 2a or 10."),
@@ -213,6 +234,7 @@ REFUSED = [
 
 @pytest.mark.parametrize(("made", "message"), [row[1:] for row in REFUSED], ids=[row[0] for row in REFUSED])
 def test_what_cannot_be_used_is_said_in_a_line(made, message, tmp_path):
+    kernels = {"kernels 'short'": "short", "kernels 'cut'": "cut"}.get(message.partition(":")[0])
     with pytest.raises(lc.InputError) as caught:
-        lc.load(*made(tmp_path))
+        lc.load(*made(tmp_path), kernels=kernels)
     assert str(caught.value) == message
