@@ -2,7 +2,7 @@
 
 The blocks of a page run in their order, in a folder that holds ``examples``. Words after the language: ``slow`` blocks
 run with the slow tests, ``ci`` ones are what `.ci/run` does itself. Fast tests call the project's own commands within this
-process; the slow ones run all of a page, in a shell.
+process; the slow ones run all of a page that has slow blocks, in a shell.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def test_the_code_of_a_page_runs(page, folder):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", sorted({b.page for b in RUN if "slow" in b.words or b.language == "sh"}), ids=name)
+@pytest.mark.parametrize("page", sorted({block.page for block in RUN if "slow" in block.words}), ids=name)
 def test_all_code_of_a_page_runs_in_a_shell(page, folder):
     run_blocks(of_page(page, slow=True), in_shell)
 
