@@ -58,7 +58,8 @@ def _energy(document: Document, chip: int, rows: list[Document], energies: dict[
         _said(row, f"{energy(energies[row['core']])}, {share(energies[row['core']] / total)} of all") for row in named
     ]
     title = f"Energy, in percent of that of all cores, profile {document['energy']['profile']}"
-    use = {core: (pj / most, f"{100 * pj / total:.0f}") for core, pj in energies.items()}
+    percents = {core: 100 * pj / total for core, pj in energies.items()}
+    use = {core: (pj / most, f"{percents[core]:.{int(percents[core] < 9.95)}f}") for core, pj in energies.items()}
     return _mesh(document, chip, rows, use, title, said)
 
 
@@ -80,7 +81,7 @@ def _mesh(
         column, tile_row = row["tile"][0] - chip * mesh["columns"], row["tile"][1]
         place = column * tile_columns + inside_column, tile_row * tile_rows + inside_row
         cores.append(MeshCore(*place, *use[row["core"]]))
-    more = f"; and {count(len(rows) - len(said))} more with less" if len(rows) > len(said) else ""
+    more = f"; and {count(len(rows) - len(said))} more" if len(rows) > len(said) else ""
     return Mesh(
         title=title,
         description="; ".join(said) + more,

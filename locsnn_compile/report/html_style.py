@@ -129,7 +129,7 @@ _NARROW = """
 h1{font-size:1.6rem}.summary{font-size:1.1rem}.summary p+p{margin-top:.5rem}
 .facts div{grid-template-columns:minmax(0,1fr);gap:0}
 .stats{grid-template-columns:repeat(2,minmax(0,1fr))}
-.drawn{min-width:3.5rem}
+.drawn{min-width:3.5rem}.value{font-size:8px}
 .plain,.barred{font-size:.82rem}
 th,td{padding:.4rem 0 .4rem .7rem}
 tbody th{min-width:6.2rem;max-width:9.5rem}

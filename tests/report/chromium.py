@@ -11,6 +11,7 @@ import fcntl
 import io
 import json
 import os
+import select
 import shutil
 import signal
 import sys
@@ -38,6 +39,8 @@ PICTURES = (
 """Name, width, dark, medium, and the JavaScript that finds the place."""
 WHOLE = (("wide", 1280, False, "screen", _WHOLE), ("narrow", 360, False, "screen", _WHOLE))
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+PATIENCE = 120
+"""Seconds until an answer is no longer waited for."""
 Message = dict[str, Any]
 
 
@@ -72,6 +75,7 @@ class Chromium:
 
     def _read(self) -> Message:
         while b"\0" not in self._rest:
+            assert select.select([self._receive], [], [], PATIENCE)[0], "Chromium does not answer"
             part = os.read(self._receive, 1 << 20)
             assert part, "Chromium went away"
             self._rest += part
@@ -117,7 +121,8 @@ def started(path: str) -> Iterator[Chromium]:
     to_browser, from_us = os.pipe()
     to_us, from_browser = os.pipe()
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile, open(os.devnull, "wb") as nothing:
-        options = ["--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run", "--remote-debugging-pipe"]
+        options = ["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
+        options += ["--no-first-run", "--remote-debugging-pipe"]
         # The protocol is spoken on descriptors 3 and 4; ours go there by way of higher ones, for they may be these.
         high = [(fcntl.fcntl(fd, fcntl.F_DUPFD, 64), place) for fd, place in ((to_browser, 3), (from_browser, 4))]
         actions = [(os.POSIX_SPAWN_DUP2, nothing.fileno(), 2)]
