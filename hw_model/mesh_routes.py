@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -47,14 +47,25 @@ class Routes:
 
     def by_piece(self, packets: IntArray, pieces: int) -> dict[str, IntArray]:
         """Return the counts of :data:`PER_PACKET`, (..., pieces), from packets on each way, (..., ways)."""
-        x, y = self.hops.T
-        sending, first = np.unique(self.piece, return_index=True)
+        sending, first = self._senders
         found = {}
-        for name, each in zip(PER_PACKET, (np.ones_like(x), (x + y == 0).astype(np.int64), x, y), strict=True):
+        for name, each in self._per_packet.items():
             found[name] = np.zeros((*packets.shape[:-1], pieces), dtype=np.int64)
             if each.any():
                 found[name][..., sending] = np.add.reduceat(packets * each, first, axis=-1)
         return found
+
+    @cached_property
+    def _senders(self) -> tuple[IntArray, IntArray]:
+        """The pieces that send, and the first way of each."""
+        sending, first = np.unique(self.piece, return_index=True)
+        return sending, first
+
+    @cached_property
+    def _per_packet(self) -> dict[str, IntArray]:
+        """What a packet on each way adds to the counts of :data:`PER_PACKET`, (ways,)."""
+        x, y = self.hops.T
+        return dict(zip(PER_PACKET, (np.ones_like(x), (x + y == 0).astype(np.int64), x, y), strict=True))
 
     def loads(self, packets: IntArray) -> IntArray:
         """Count the packets on each link, (..., links), from those on each way, (..., ways)."""

@@ -40,7 +40,8 @@ class Pieces:
     def of_spikes(self, spikes: ByteArray) -> IntArray:
         """Count spikes (steps, columns) by piece, (steps, pieces)."""
         steps, pieces = len(spikes), len(self.group)
-        step, column = np.nonzero(spikes)
+        # Bytes of 0 and 1 are booleans, and of these numpy finds the true ones fastest.
+        step, column = np.divmod(np.flatnonzero(spikes.view(np.bool_)), spikes.shape[1])
         found: IntArray = np.bincount(step * pieces + self.of_column[column], minlength=steps * pieces)
         return found.reshape(steps, pieces)
 

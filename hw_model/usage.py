@@ -134,6 +134,7 @@ def _one(path: CriticalPath, recording: int) -> CriticalPath:
 
 def _paths_ns(path: CriticalPath) -> dict[tuple[int, int], float]:
     """Add up the time of steps by sender and last core."""
-    pairs, which = np.unique(np.stack((path.sender.ravel(), path.last.ravel())), axis=1, return_inverse=True)
-    spent = np.bincount(which.reshape(-1), weights=path.step_ns.ravel(), minlength=pairs.shape[1])
-    return {(int(a), int(b)): float(ns) for (a, b), ns in zip(pairs.T, spent, strict=True)}
+    cores = int(path.last.max()) + 1
+    pairs, which = np.unique(path.sender.ravel() * cores + path.last.ravel(), return_inverse=True)
+    spent = np.bincount(which, weights=path.step_ns.ravel())
+    return {divmod(pair, cores): ns for pair, ns in zip(pairs.tolist(), spent.tolist(), strict=True)}
