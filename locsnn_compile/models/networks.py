@@ -55,6 +55,7 @@ class TouchNetwork(TouchModel):
                 polarities=layout.polarities,
             )
         self.register_buffer("walk", torch.from_numpy(walk.copy()), persistent=False)
+        self._walks_in_order = np.array_equal(walk, np.arange(layout.channels))
         for branch in description.branches:
             for name in description.populations(branch):
                 self.add_module(name, self._make(name, branch, generator, initial_scale))
@@ -89,12 +90,15 @@ class TouchNetwork(TouchModel):
         self.check_shape(x)
         spikes: dict[str, Tensor] = {}
         for branch in self.description.branches:
-            walk = self.get_buffer("walk")
-            stream = delayed(x, self.description.delays) if branch == "time" else transpose_recording(x, walk)
+            stream = delayed(x, self.description.delays) if branch == "time" else self._transposed(x)
             for name in self.description.populations(branch):
                 stream = self.layer(name)(stream)
                 spikes[name] = stream
         return spikes
+
+    def _transposed(self, x: Tensor) -> Tensor:
+        """Return what the location branch walks over; in channel order nothing is moved in memory."""
+        return x.transpose(1, 2) if self._walks_in_order else transpose_recording(x, self.get_buffer("walk"))
 
     def scores(self, activity: Mapping[str, Tensor]) -> dict[str, Tensor]:
         """Return spikes a class, (batch, classes), of the output of every branch."""

@@ -139,7 +139,10 @@ class SRMLayer(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """Return the spikes of this layer for spikes ``x``."""
-        return response(torch.matmul(x, self.weight.T), self.neuron)
+        if x.is_contiguous():
+            return response(torch.matmul(x, self.weight.T), self.neuron)
+        # One product a recording takes a transposed recording as it lies; a single product would copy it first.
+        return response(torch.bmm(x, self.weight.T.expand(len(x), -1, -1)), self.neuron)
 
 
 class TSRM(SRMLayer):
@@ -155,6 +158,4 @@ class LSRM(SRMLayer):
 
 def transpose_recording(x: Tensor, walk: Tensor) -> Tensor:
     """Return (batch, locations, steps) from x (batch, steps, channels): location l is channel ``walk[l]``."""
-    turned = x.transpose(1, 2)
-    in_channel_order = bool((walk[1:] > walk[:-1]).all()) and len(walk) == turned.shape[1]
-    return turned if in_channel_order else turned.index_select(1, walk)
+    return x.transpose(1, 2).index_select(1, walk)

@@ -204,8 +204,10 @@ def _weights(network: TouchModel) -> dict[str, Tensor]:
 
 
 def _optimizer(network: TouchModel, config: TrainingConfig) -> torch.optim.Optimizer:
-    kind = torch.optim.AdamW if config.optimizer == "adamw" else torch.optim.RMSprop
-    return kind(network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay, foreach=True)
+    weights, rate, decay = network.parameters(), config.learning_rate, config.weight_decay
+    if config.optimizer == "adamw":
+        return torch.optim.AdamW(weights, lr=rate, weight_decay=decay, fused=True)
+    return torch.optim.RMSprop(weights, lr=rate, weight_decay=decay, foreach=True)
 
 
 @contextmanager

@@ -25,6 +25,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "peers"))
 from machine import machine
 from make_environments import python_of, why_missing
 from page_section import put_section
+from write_page import TRAINING_SPEED
 
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.recordings import Recordings
@@ -80,7 +81,7 @@ def main() -> None:
     text = section(len(recordings), seconds, {tool: peer.version for tool, peer in peers.items()}, args.turns)
     print(text)
     if args.page is not None:
-        put_section(args.page, "training-speed", text)
+        put_section(args.page, TRAINING_SPEED, text)
 
 
 def measure(recordings: Recordings, peers: dict[str, Peer], turns: int) -> dict[tuple[str, int], list[float]]:

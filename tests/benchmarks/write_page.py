@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from machine import cache_kib
+from page_section import section_of
 from workloads import WORKLOADS
 
 Found = dict[str, Any]
@@ -23,6 +24,8 @@ GOALS: dict[str, dict[str, float]] = {
 """How many times faster than a peer's first mode the engine is to be."""
 LIMIT_GOAL = 0.5
 PLACING = ("build", "place", "arrange", "route")
+TRAINING_SPEED = "training-speed"
+"""The section that ``training_speed.py`` writes; it stays."""
 UNBROKEN = {"break_long_words": False, "break_on_hyphens": False}
 
 
@@ -416,7 +419,9 @@ def main() -> None:
 
     records = read(args.results)
     draw(records, args.picture)
-    args.page.write_text(wrapped(page(records, os.path.relpath(args.picture, args.page.parent))))
+    text = wrapped(page(records, os.path.relpath(args.picture, args.page.parent)))
+    kept = section_of(args.page.read_text(), TRAINING_SPEED) if args.page.exists() else None
+    args.page.write_text(text if kept is None else f"{text}\n{kept}\n")
 
 
 if __name__ == "__main__":

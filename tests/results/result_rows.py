@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 SEEDS = range(5)
+SIX_DELAYS = "0,12,24,36,48,60"
 
 
 @dataclass(frozen=True)
@@ -73,6 +74,8 @@ ROWS = (
     Row("hybrid-arch", "Hybrid, lambda 1, arch", {"order": "arch"}, _published("0.91", "0.86", "0.99")),
     Row("hybrid-whorl", "Hybrid, lambda 1, whorl", {"order": "whorl"}, _published("0.92", "0.86", "0.98")),
     Row("hybrid-published", "Hybrid, published training", {}, config="objects-hybrid-published.yaml"),
+    Row("tactile-snn-delays", "Tactile-SNN, synapses of six delays", {"model": "tactile-snn", "delays": SIX_DELAYS}),
+    Row("hybrid-delays", "Hybrid, synapses of six delays", {"delays": SIX_DELAYS}),
     Row("tactile-snn-lif", "Tactile-SNN of TLIF neurons", {"model": "tactile-snn-lif"}, config="tactile-snn-lif.yaml"),
     Row(
         "location-tactile-snn-lif",
@@ -84,7 +87,7 @@ ROWS = (
     Row("hybrid-graph", "Hybrid of graphs", {"model": "hybrid-graph"}, config="hybrid-graph.yaml"),
 )
 ROW_NAMES = tuple(row.name for row in ROWS)
-FLAGS = {"model": "--model", "order": "--order", "location_weight": "--lambda"}
+FLAGS = {"model": "--model", "order": "--order", "location_weight": "--lambda", "delays": "--delays"}
 """Option of a row -> the flag of ``locsnn train`` that gives it."""
 
 
