@@ -123,16 +123,15 @@ def recording_latency(program: ChipProgram, paths: Mapping[str, CriticalPath]) -
     """Return the time of one recording from its critical path by phase."""
     critical = np.zeros(len(program.cores))
     by_phase, after, slowest = {}, 0.0, 0.0
-    for phase in program.phases:
-        path = paths[phase.name]
+    for phase, path in paths.items():
         step_ns = path.step_ns
-        by_phase[phase.name] = float(step_ns.sum())
-        if any(item.positions is None for item in program.inputs_of(phase.name)):
+        by_phase[phase] = float(step_ns.sum())
+        if any(item.positions is None for item in program.inputs_of(phase)):
             after += float(step_ns[-1])
             slowest = max(slowest, float(step_ns.max()))
         else:
-            after += by_phase[phase.name]
-        numbers = np.array([core.number for core in program.cores_of(phase.name)])
+            after += by_phase[phase]
+        numbers = np.array([core.number for core in program.cores_of(phase)])
         np.add.at(critical, numbers[path.last], step_ns)
     return Latency(sum(by_phase.values()), by_phase, int(critical.argmax()), after, slowest)
 
