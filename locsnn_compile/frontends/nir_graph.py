@@ -141,7 +141,8 @@ def _read_node(group: Group, where: str, depth: int, seen: list[int]) -> NirNode
     for name in PARAMETERS[kind]:
         parameters[name] = _parameter(group, name)
     for name in OPTIONAL.get(kind, ()):
-        if name in group:
+        # Some versions write the input's type as a group; its order is all that the weights behind it need.
+        if name in group and not (name == "input_type" and group.is_group(name)):
             parameters[name] = _parameter(group, name)
     return NirNode(kind, parameters)
 

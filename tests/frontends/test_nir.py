@@ -104,6 +104,16 @@ def test_files_without_v_reset_reset_to_0(tmp_path):
     assert lc.load(tmp_path / "old.nir", dt=DT).populations[0].size == 12
 
 
+def test_files_that_hold_the_type_of_a_flatten_as_a_group(tmp_path):
+    import h5py
+
+    nir.write(tmp_path / "old.nir", GRAPHS["conv2d"][0])
+    with h5py.File(tmp_path / "old.nir", "a") as file:
+        del file["node/nodes/flat/input_type"]
+        file["node/nodes/flat/input_type/input"] = np.array([4, 3, 3])
+    assert [p.name for p in lc.load(tmp_path / "old.nir", dt=DT).populations] == ["lif", "out"]
+
+
 @pytest.mark.parametrize("kind", ["LI", "CubaLI"])
 def test_a_readout_never_spikes_and_its_potential_is_the_equations(kind, tmp_path):
     import hw_model as hw
