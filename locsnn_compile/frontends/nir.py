@@ -32,6 +32,8 @@ BIAS = "nir/bias"
 """The population of one neuron that spikes in every step and brings the biases; no node's name has a slash."""
 START = "nir/start"
 """The population of one neuron that spikes once, in the first step, and brings potentials to rest."""
+INPUTS = "nir/inputs"
+"""The input of a graph of several: their lines one after the other, in the file's order."""
 STEPS = 100
 """Steps of synthetic recordings: NIR files do not hold a length either."""
 
@@ -68,11 +70,11 @@ def network_of_nir(
     flat = flatten_graph(graph, where)
     _refuse_integrators(flat, where)
     view = _input(flat, where)
-    signals = _signals(flat, seconds, where)
+    signals = _signals(flat, view, seconds, where)
     populations: list[Population] = []
     projections: list[Projection] = []
-    depth = _depths(flat, view.name)
-    for found in _in_order(flat, view.name):
+    depth = _depths(flat)
+    for found in _in_order(flat):
         place, size = f"{where}, node {found!r}", flat.size(found)
         stated = neurons_of(flat.nodes[found], _arriving(flat, signals, found, place), size, seconds, how, after, place)
         populations.append(Population(found, "time", size, stated.neuron))
@@ -152,33 +154,33 @@ def _refuse_integrators(flat: FlatGraph, where: str) -> None:
 
 def _input(flat: FlatGraph, where: str) -> InputView:
     names = flat.named("Input")
-    if len(names) != 1:
-        raise InputError(where, "a graph needs one Input", measured=f"{len(names)} found", fix="Join them in one node.")
+    if not names:
+        raise InputError(where, "a graph needs an Input", fix="Add an Input node before the first weights.")
     if not flat.named(*NEURONS):
         raise InputError(where, "it has no neurons", fix="Export a network with LIF neurons.")
-    return InputView(names[0], "time", flat.size(names[0]))
+    return InputView(names[0] if len(names) == 1 else INPUTS, "time", sum(flat.size(name) for name in names))
 
 
-def _in_order(flat: FlatGraph, start: str) -> list[str]:
-    """Return the neurons by how far they are from the input; files hold nodes by name and edges in any order."""
+def _in_order(flat: FlatGraph) -> list[str]:
+    """Return the neurons by how far they are from an input; files hold nodes by name and edges in any order."""
     held = nx.DiGraph()
     held.add_nodes_from(flat.nodes)
     held.add_edges_from((source, target) for target, sources in flat.sources.items() for source in sources)
-    far = nx.single_source_shortest_path_length(held, start)
+    far = nx.multi_source_dijkstra_path_length(held, set(flat.named("Input")))
     return sorted(flat.named(*NEURONS), key=lambda name: far.get(name, len(flat.nodes)))
 
 
-def _depths(flat: FlatGraph, start: str) -> dict[str, int]:
-    """Return how many projections lie between the input and every neuron, at least; 1 where none leads there."""
+def _depths(flat: FlatGraph) -> dict[str, int]:
+    """Return how many projections lie between an input and every neuron, at least; 1 where none leads there."""
     held = nx.DiGraph()
     held.add_nodes_from(flat.nodes)
     for target, sources in flat.sources.items():
         held.add_weighted_edges_from((source, target, int(flat.nodes[target].kind in NEURONS)) for source in sources)
-    far = nx.single_source_dijkstra_path_length(held, start)
+    far = nx.multi_source_dijkstra_path_length(held, set(flat.named("Input")))
     return {name: max(int(far.get(name, 1)), 1) for name in flat.named(*NEURONS)}
 
 
-def _signals(flat: FlatGraph, dt: float, where: str) -> dict[str, Signal]:
+def _signals(flat: FlatGraph, view: InputView, dt: float, where: str) -> dict[str, Signal]:
     """Return what every node gives: neurons and the input their spikes, linear nodes what they make of them."""
     order = nx.DiGraph()
     order.add_nodes_from(flat.nodes)
@@ -186,8 +188,14 @@ def _signals(flat: FlatGraph, dt: float, where: str) -> dict[str, Signal]:
         order.add_edges_from((source, target) for source in sources if flat.nodes[source].kind not in NEURONS)
     signals: dict[str, Signal] = {}
     spiking = (*NEURONS, "Input")
-    for name in flat.named(*spiking):
+    for name in flat.named(*NEURONS):
         signals[name] = Signal.of_source(name, flat.size(name))
+    first = 0
+    for name in flat.named("Input"):
+        size = flat.size(name)
+        lines = sparse.csr_array(sparse.eye_array(size, view.lines, k=first))
+        signals[name] = Signal((Term(view.name, 0, lines),), np.zeros(size))
+        first += size
     for name in nx.topological_sort(order):
         if flat.nodes[name].kind not in spiking:
             place = f"{where}, node {name!r}"

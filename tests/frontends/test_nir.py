@@ -104,6 +104,21 @@ def test_files_without_v_reset_reset_to_0(tmp_path):
     assert lc.load(tmp_path / "old.nir", dt=DT).populations[0].size == 12
 
 
+def test_several_inputs_are_lines_one_after_the_other_by_name(tmp_path):
+    rng = np.random.default_rng(9)
+    first, second, neurons = linear(rng, 6, 4), linear(rng, 6, 3), lif(rng, 6)
+    ends = {"n": neurons, "output": nir.Output(np.array([6]))}
+    two = {"b": nir.Input(np.array([3])), "a": nir.Input(np.array([4])), "v": second, "w": first, **ends}
+    edges = [("a", "w"), ("b", "v"), ("w", "n"), ("v", "n"), ("n", "output")]
+    network = load(nir.NIRGraph(two, edges, type_check=False), tmp_path)
+    joined = chain((7,), ("w", nir.Linear(np.hstack([first.weight, second.weight]))), ("n", neurons))
+    given = spikes((7,))
+    assert (network.channels, [v.name for v in network.views]) == (7, ["nir/inputs"])
+    np.testing.assert_array_equal(
+        evaluate(network, given[None]).spikes["n"], evaluate(load(joined, tmp_path), given[None]).spikes["n"]
+    )
+
+
 def test_files_that_hold_the_type_of_a_flatten_as_a_group(tmp_path):
     import h5py
 
