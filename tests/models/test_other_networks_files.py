@@ -1,0 +1,171 @@
+"""Checkpoints of integrate-and-fire, graph and artificial networks: they come back whole, and faults are named."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from locsnn_compile.data.sensor import LOCATION_ORDERS
+from locsnn_compile.data.taxel_graph import taxel_graph
+from locsnn_compile.errors import InputError
+from locsnn_compile.models.architectures import ARCHITECTURES
+from locsnn_compile.models.checkpoint import save_checkpoint
+from locsnn_compile.models.checkpoint_reader import parse_checkpoint, read_checkpoint
+from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription
+from locsnn_compile.models.graph_parameters import GraphParameters
+from locsnn_compile.models.networks import build_network
+
+AGAIN = "Write it again with 'locsnn train'."
+OTHERS = [name for name, structure in ARCHITECTURES.items() if structure.neurons != "srm"]
+
+
+def description(name: str) -> NetworkDescription:
+    structure = ARCHITECTURES[name]
+    located = "location" in structure.branches
+    edges = taxel_graph("tree", neighbours=3, nearer_mm=2.0)
+    return NetworkDescription(
+        name,
+        InputLayout(fingertips=1, steps=24, step_seconds=0.02),
+        classes=3,
+        hidden=4,
+        neuron=LifParameters(0.3, 0.6, 0.4) if structure.neurons == "lif" else None,
+        graph=GraphParameters("tree", edges, hops=2, features=3, step_features=2) if structure.graph else None,
+        location_order="arch" if located else None,
+        location_taxels=LOCATION_ORDERS["arch"] if located else None,
+        name="small",
+    )
+
+
+def save(path: Path, name: str) -> Path:
+    save_checkpoint(path, description(name), build_network(description(name), seed=1).weights())
+    return path
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_what_is_written_comes_back(name: str, tmp_path: Path) -> None:
+    found = read_checkpoint(save(tmp_path / "small.pt", name))
+    weights = build_network(description(name), seed=1).weights()
+    assert found.description == description(name)
+    assert list(found.weights) == list(weights)
+    assert all(np.array_equal(found.weights[key], weights[key]) for key in weights)
+    assert save(tmp_path / "again.pt", name).read_bytes() == (tmp_path / "small.pt").read_bytes()
+
+
+def put(*keys: Any, value: Any) -> Callable[[dict[str, Any]], None]:
+    def change(values: dict[str, Any]) -> None:
+        for key in keys[:-1]:
+            values = values[key]
+        values[keys[-1]] = value
+
+    return change
+
+
+def drop(*keys: str) -> Callable[[dict[str, Any]], None]:
+    def change(values: dict[str, Any]) -> None:
+        for key in keys[:-1]:
+            values = values[key]
+        del values[keys[-1]]
+
+    return change
+
+
+GRAPH_FAULTS = [
+    pytest.param(
+        put("graph", value=None),
+        ", architecture 'hybrid-graph': its graph is of another kind (NoneType against GraphParameters). "
+        "Correct the description.",
+        id="no graph",
+    ),
+    pytest.param(drop("graph", "hops"), f": entry 'graph.hops' is missing. {AGAIN}", id="no hops"),
+    pytest.param(
+        put("graph", "hops", value=True), f": entry 'graph.hops' must be a whole number (got bool). {AGAIN}", id="truth"
+    ),
+    pytest.param(
+        put("graph", "name", value="../x"), f": entry 'graph.name' is no plain name (got '../x'). {AGAIN}", id="path"
+    ),
+    pytest.param(
+        put("graph", "taxel_edges", 0, value=[1, 2, 3]),
+        f": entry 'graph.taxel_edges' must be a list of pairs. {AGAIN}",
+        id="three ends",
+    ),
+    pytest.param(
+        put("graph", "taxel_edges", 0, value=["1", 2]),
+        ", taxel graph: an edge is no pair of taxels, the lower number first (got '1'-2 against 1..39). "
+        "Correct the graph.",
+        id="an end of text",
+    ),
+    pytest.param(
+        put("graph", "features", value=1000),
+        ", neurons of time_graph: it must be a whole number in range (got 39000 against 1..4096). "
+        "Correct the description.",
+        id="too many neurons",
+    ),
+    pytest.param(
+        put("neuron", "decay", value=float("nan")),
+        ", neuron 'decay': it must be a number from 0 to 1 (got nan). The published value is 0.2.",
+        id="decay NaN",
+    ),
+    pytest.param(
+        put("neuron", "theta", value=1.0),
+        ": entry 'neuron.theta' is not known. Choose one of: decay, threshold, window.",
+        id="theta",
+    ),
+    pytest.param(
+        put("weights", "time_graph", value=torch.zeros(3, 5)),
+        f", population 'time_graph': its weights have another shape (got (3, 5) against (3, 6) (out, in)). {AGAIN}",
+        id="weights of another graph",
+    ),
+]
+
+
+@pytest.fixture(scope="module")
+def graph_values(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    path = save(tmp_path_factory.mktemp("graph") / "small.pt", "hybrid-graph")
+    values: dict[str, Any] = torch.load(path, weights_only=True)
+    return values
+
+
+@pytest.mark.parametrize(("change", "message"), GRAPH_FAULTS)
+def test_faults_are_named(graph_values: dict[str, Any], change: Callable[[dict[str, Any]], None], message: str) -> None:
+    values = copy.deepcopy(graph_values)
+    change(values)
+    with pytest.raises(InputError) as caught:
+        parse_checkpoint(values, "checkpoint 'small.pt'", "small.pt", "0" * 64)
+    assert str(caught.value) == f"checkpoint 'small.pt'{message}"
+
+
+def test_a_weight_that_is_not_finite_is_named_by_its_place(tmp_path: Path) -> None:
+    weights = build_network(description("cnn-3d")).weights()
+    weights["conv_1.weight"][1, 0, 2, 0, 1] = np.inf
+    with pytest.raises(InputError) as caught:
+        save_checkpoint(tmp_path / "bad.pt", description("cnn-3d"), weights)
+    assert str(caught.value) == (
+        "population 'conv_1.weight': weight [1, 0, 2, 0, 1] is not finite (got inf, 1 such weights). "
+        "Train the network again."
+    )
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("version", "name"), [(3, "tactile-snn"), (1, "gru-mlp")], ids=["new", "old"])
+def test_a_version_that_does_not_hold_such_networks(version: int, name: str, tmp_path: Path) -> None:
+    values: dict[str, Any] = torch.load(save(tmp_path / "small.pt", name), weights_only=True)
+    values["version"] = version
+    if version == 3:
+        values |= {"graph": None, "neuron": {}}
+    else:
+        del values["graph"]
+        values["neuron"] = dict.fromkeys(("theta", "tau_sr", "tau_ref", "scale_ref", "tau_rho", "scale_rho"), 1.0)
+    with pytest.raises(InputError) as caught:
+        parse_checkpoint(values, "checkpoint 'small.pt'", "small.pt", "0" * 64)
+    expected = {
+        3: f"checkpoint 'small.pt': version 3 does not hold such networks. {AGAIN}",
+        1: "checkpoint 'small.pt', architecture 'gru-mlp': its neuron is of another kind "
+        "(NeuronParameters against NoneType). Correct the description.",
+    }
+    assert str(caught.value) == expected[version]
