@@ -12,6 +12,7 @@ import yaml
 from hw_model.counts import BY_CORE, COUNT_NAMES
 from hw_model.errors import InputError, did_you_mean
 from hw_model.profile import NotIncluded, Profile, Range
+from hw_model.yaml_text import load_yaml
 
 T = TypeVar("T")
 MAX_FILE_BYTES = 1 << 20
@@ -45,12 +46,12 @@ def read_description(path: Path, what: str, example: str) -> str:
 def parse(cls: type[T], text: str, where: str, key: str, **given: object) -> T:
     """Read a dataclass from YAML text; every missing, unknown or mistyped key is an ``InputError``."""
     try:
-        document = yaml.load(text, _OneOfEach)  # a safe loader
+        document = load_yaml(text, where, loader=_OneOfEach)
     except _TwiceError as error:
         raise InputError(
             where, f"the key {error.key!r} is given twice, again at line {error.line}", fix="Keep one."
         ) from error
-    except (yaml.YAMLError, RecursionError, ValueError) as error:
+    except (yaml.YAMLError, ValueError) as error:
         line = getattr(getattr(error, "problem_mark", None), "line", None)
         raise InputError(
             where,

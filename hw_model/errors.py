@@ -12,6 +12,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+MAX_PART = 500
+"""Characters of a part of a message."""
+
 
 class LocsnnError(Exception):
     """``where: what (measured against limit). fix`` - the one shape of every message.
@@ -21,9 +24,16 @@ class LocsnnError(Exception):
 
     def __init__(self, where: str, what: str, *, measured: str = "", fix: str) -> None:
         self.where, self.what, self.measured, self.fix = where, what, measured, fix
-        detail = f" ({measured})" if measured else ""
-        line = f"{where}: {what}{detail}. {fix}"
-        super().__init__(" ".join(line.split()))
+        detail = f" ({_shown(measured)})" if measured else ""
+        super().__init__(f"{_shown(where)}: {_shown(what)}{detail}. {_shown(fix)}")
+
+
+def _shown(text: str) -> str:
+    """Return a part of a message as it prints: names out of files may hold anything, even what moves the cursor."""
+    line = " ".join(text.split())
+    if len(line) > MAX_PART:
+        line = f"{line[:MAX_PART]}..."
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in line)
 
 
 class InputError(LocsnnError):

@@ -7,16 +7,18 @@ from __future__ import annotations
 
 import hashlib
 import io
+import stat
 import zipfile
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 import yaml
 
+from hw_model.check_tables import check_tables
 from hw_model.chip_description import parse_chip
-from hw_model.errors import InputError
+from hw_model.errors import InputError, LocsnnError
 from hw_model.fan_in import SynapseFormat
 from hw_model.files import pack_arrays
 from hw_model.fixed_point import IntArray
@@ -25,10 +27,17 @@ from hw_model.graph import Input, Phase, Readout
 from hw_model.placement import Slice
 from hw_model.program import ChipProgram, CompartmentProfile, Core, check_program
 from hw_model.routing import AxonTables, InputRoute
+from hw_model.yaml_text import FAST_LOADER, load_yaml
+from hw_model.zip_directory import check_directory
 
 FORMAT = "locsnn-program"
 VERSION = 1
 MAX_FILE_BYTES = 2 << 30
+MAX_ARRAY_BYTES = 3 << 29
+"""Of all arrays together, unpacked."""
+_CHUNK_BYTES = 1 << 20
+MAX_YAML_NODES = 2_000_000
+"""Values, keys and containers of ``program.yaml``: about a hundred for each core."""
 CORE_ARRAYS = ("profile", "threshold", "bias_mantissa", "bias_exponent", "parent")
 AXON_ARRAYS = ("list_start", "target", "mantissa", "delay", "format_index", "out_compartment", "out_core", "out_axon")
 ROUTE_ARRAYS = ("line", "core", "axon")
@@ -59,8 +68,8 @@ def load_program(folder: str | Path) -> ChipProgram:
     finish_writing(Path(folder))
     yaml_bytes, npz_bytes = (_read(Path(folder) / name) for name in ("program.yaml", "program.npz"))
     try:
-        document = yaml.safe_load(yaml_bytes)
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
+        document = load_yaml(yaml_bytes, "program.yaml", loader=FAST_LOADER, most_nodes=MAX_YAML_NODES)
+    except (yaml.YAMLError, ValueError) as error:
         raise InputError("program.yaml", "the file is not YAML: it is damaged", fix="Compile again.") from error
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise InputError("program.yaml", "this is not a program", fix="Give the folder that the compiler wrote.")
@@ -77,9 +86,13 @@ def load_program(folder: str | Path) -> ChipProgram:
         )
     try:
         program = _program(document, _unpack(npz_bytes))
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError, zipfile.BadZipFile, EOFError) as error:
+        check_tables(program)
+        check_program(program)
+    except LocsnnError:
+        raise
+    # Entries of any kind in any place, and archives that zipfile and numpy were not made for.
+    except Exception as error:
         raise InputError("program.yaml", "its entries do not make a program", fix="Compile again.") from error
-    check_program(program)
     return program
 
 
@@ -156,22 +169,43 @@ def _arrays(program: ChipProgram) -> dict[str, IntArray]:
 
 def _unpack(content: bytes) -> dict[str, IntArray]:
     arrays: dict[str, IntArray] = {}
+    check_directory(io.BytesIO(content))
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
-        if sum(entry.file_size for entry in archive.infolist()) > MAX_FILE_BYTES:
+        if sum(entry.file_size for entry in archive.infolist()) > MAX_ARRAY_BYTES:
             raise InputError("program.npz", "its arrays are absurdly large", fix="Compile again.")
         for entry in archive.infolist():
             with archive.open(entry) as member:
-                array = np.lib.format.read_array(member, allow_pickle=False)
-            if array.dtype != np.int64 or array.ndim != 1:
-                raise ValueError(entry.filename)
+                array = _vector(member, entry)
             array.setflags(write=False)
             arrays[entry.filename.removesuffix(".npy")] = array
     return arrays
 
 
+def _vector(member: IO[bytes], entry: zipfile.ZipInfo) -> IntArray:
+    """Return an int64 vector, read in place: what its header claims is compared with what is there before."""
+    if np.lib.format.read_magic(member) != (1, 0):
+        raise ValueError(entry.filename)
+    shape, _, dtype = np.lib.format.read_array_header_1_0(member)
+    if dtype != np.int64 or len(shape) != 1 or not 0 <= 8 * shape[0] <= entry.file_size:
+        raise ValueError(entry.filename)
+    array: IntArray = np.empty(shape, dtype=np.int64)
+    content = array.view(np.uint8)
+    at = 0
+    while at < len(content):
+        chunk = member.read(min(_CHUNK_BYTES, len(content) - at))
+        if not chunk:
+            raise ValueError(entry.filename)
+        content[at : at + len(chunk)] = np.frombuffer(chunk, dtype=np.uint8)
+        at += len(chunk)
+    return array
+
+
 def _read(path: Path) -> bytes:
     try:
-        if path.stat().st_size > MAX_FILE_BYTES:
+        found = path.stat()
+        if not stat.S_ISREG(found.st_mode):
+            raise InputError(path.name, "it is no plain file", fix="Give the folder that the compiler wrote.")
+        if found.st_size > MAX_FILE_BYTES:
             raise InputError(path.name, "the file is absurdly large", fix="Compile again.")
         return path.read_bytes()
     except OSError as error:

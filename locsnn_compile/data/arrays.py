@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hw_model.zip_directory import check_directory
 from locsnn_compile.data.event_stream import Binning, bin_streams
 from locsnn_compile.data.npy import load_npy, to_step_major
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Recordings
@@ -76,6 +77,7 @@ def label_in_name(name: str) -> int | None:
 def _npz_entries(data: bytes, where: str) -> dict[str, NDArray[Any]]:
     fix = "Write it again with numpy.savez."
     try:
+        check_directory(io.BytesIO(data))
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = archive.infolist()
             unpacked = sum(member.file_size for member in members)

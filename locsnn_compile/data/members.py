@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
+from hw_model.zip_directory import check_directory
 from locsnn_compile.data.torch_file import read_bytes
 from locsnn_compile.errors import InputError
 
@@ -59,6 +60,8 @@ def open_members(path: Path) -> Iterator[Members]:
     where = f"archive {path.name!r}"
     fix = "Fetch the archive again."
     try:
+        with path.open("rb") as stream:
+            check_directory(stream)
         archive = zipfile.ZipFile(path)
     except OSError as error:
         raise InputError(where, "it cannot be read", measured=error.strerror or "", fix="Check the path.") from None
@@ -73,7 +76,7 @@ def open_members(path: Path) -> Iterator[Members]:
             raise InputError(f"{where}, {PurePosixPath(name).name!r}", "it is damaged", fix=fix) from None
 
     with archive:
-        files_inside = [member for member in archive.infolist() if not member.is_dir()]
+        files_inside = [member for member in archive.infolist() if not member.filename.endswith("/")]
         twice = [name for name, count in Counter(member.filename for member in files_inside).items() if count > 1]
         if twice:
             raise InputError(where, f"it holds {twice[0][:80]!r} twice", fix=fix)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import io
 import pickle
+import stat
 import warnings
 import zipfile
 from pathlib import Path
 
+from hw_model.zip_directory import check_directory
 from locsnn_compile.errors import InputError
 
 #: Largest file accepted, in bytes, packed and unpacked.
@@ -17,7 +19,11 @@ MAX_FILE_BYTES = 1_000_000_000
 def read_bytes(path: Path, where: str) -> bytes:
     """Return the bytes of a file; ``InputError`` where it is missing, unreadable, a folder or too large."""
     try:
-        size = path.stat().st_size
+        found = path.stat()
+        if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):
+            # A pipe may never come to an end.
+            raise InputError(where, "it is no plain file", fix="Write it to a file first.")
+        size = found.st_size
         if size > MAX_FILE_BYTES:
             raise InputError(
                 where,
@@ -60,6 +66,7 @@ def load_plain(data: bytes, where: str, *, fix: str) -> object:
 def _check_archive(data: bytes, where: str, fix: str) -> None:
     """Refuse what is no whole zip archive of torch's kind, before torch takes its sizes on trust."""
     try:
+        check_directory(io.BytesIO(data))
         archive = zipfile.ZipFile(io.BytesIO(data))
         unpacked = sum(member.file_size for member in archive.infolist())
     # zipfile raises more kinds on hostile bytes than it documents.

@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from locsnn_compile.data.torch_file import read_bytes
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, LocsnnError
+from locsnn_compile.frontends.hdf5_safety import library_survives
 
 MAX_BYTES = 500_000_000
 """Most that all datasets of a file together may hold once unpacked."""
@@ -147,11 +148,13 @@ def open_hdf5(path: Path, where: str) -> Iterator[tuple[Group, bytes]]:
 
     data = read_bytes(path, where)
     damaged = InputError(where, "it is damaged, truncated or not an HDF5 file", fix=_WHOLE)
+    if not library_survives(data):
+        raise damaged
     try:
         with h5py.File(io.BytesIO(data), "r") as file:
             yield Group(file, where, _Budget()), data
-    except InputError:
+    except LocsnnError:
         raise
     # The library meets damaged bytes with many kinds of exception; each means the same to the user.
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError, RecursionError, AttributeError):
+    except Exception:
         raise damaged from None

@@ -65,6 +65,8 @@ def read_config(path: Path) -> SlayerConfig:
     """Read a description; ``InputError`` for what is none."""
     import yaml
 
+    from hw_model.yaml_text import load_yaml
+
     where = f"config {path.name!r}"
     data = read_bytes(path, where)
     if len(data) > MAX_CONFIG_BYTES:
@@ -75,9 +77,8 @@ def read_config(path: Path) -> SlayerConfig:
             fix="Give the YAML alone.",
         )
     try:
-        values = yaml.safe_load(data)
-    # The parser meets hostile text with more kinds of exception than its own.
-    except (yaml.YAMLError, ValueError, RecursionError, TypeError):
+        values = load_yaml(data, where)
+    except (yaml.YAMLError, ValueError):
         raise InputError(where, "it is no YAML", fix="Give slayerPytorch's network description.") from None
     if not isinstance(values, dict):
         raise InputError(where, "it is no description", fix="Give slayerPytorch's network description.")

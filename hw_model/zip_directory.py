@@ -1,0 +1,32 @@
+"""How large the directory of a zip archive is: zipfile builds an object for every entry that it claims, unasked."""
+
+from __future__ import annotations
+
+import os
+import struct
+from typing import IO
+
+MAX_DIRECTORY_BYTES = 20_000_000
+"""About 200,000 entries."""
+
+_END, _END_BYTES, _MAX_COMMENT = b"PK\x05\x06", 22, 0xFFFF
+_LOCATOR, _LOCATOR_BYTES = b"PK\x06\x07", 20
+_END64, _END64_BYTES = b"PK\x06\x06", 56
+
+
+def check_directory(stream: IO[bytes]) -> None:
+    """Raise ``ValueError`` for a directory above :data:`MAX_DIRECTORY_BYTES`; what is no archive passes."""
+    length = stream.seek(0, os.SEEK_END)
+    begin = max(0, length - _END_BYTES - _MAX_COMMENT - _LOCATOR_BYTES - _END64_BYTES)
+    stream.seek(begin)
+    tail = stream.read()
+    stream.seek(0)
+    at = tail.rfind(_END)
+    if at < 0 or len(tail) < at + _END_BYTES:
+        return
+    (size,) = struct.unpack_from("<L", tail, at + 12)
+    before = at - _LOCATOR_BYTES - _END64_BYTES
+    if before >= 0 and tail.startswith(_END64, before) and tail.startswith(_LOCATOR, at - _LOCATOR_BYTES):
+        (size,) = struct.unpack_from("<Q", tail, before + 40)
+    if size > MAX_DIRECTORY_BYTES:
+        raise ValueError(f"a directory of {size} bytes")

@@ -1,0 +1,244 @@
+"""All that reads files: how a whole one is made, which of its bytes are damaged, and how it is read."""
+
+import contextlib
+import hashlib
+import io
+import json
+import re
+import shutil
+import sys
+from argparse import Namespace
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+TESTS = Path(__file__).parents[1]
+sys.path[:0] = [str(TESTS / "frontends")]
+
+import nir  # noqa: E402
+from net_files import dense, even, write_net  # noqa: E402
+from nir_graphs import graphs  # noqa: E402
+from slayer_files import LOIHI, SRM, write  # noqa: E402
+
+import hw_model as hw  # noqa: E402
+import locsnn_compile as lc  # noqa: E402
+from locsnn_compile.cli import diff  # noqa: E402
+from locsnn_compile.data import Recordings, read_recordings, synthetic_touches, write_recordings  # noqa: E402
+from locsnn_compile.data.sensor import LOCATION_ORDERS  # noqa: E402
+from locsnn_compile.models.checkpoint import save_checkpoint  # noqa: E402
+from locsnn_compile.models.description import InputLayout, NetworkDescription  # noqa: E402
+from locsnn_compile.models.networks import build_network  # noqa: E402
+from locsnn_compile.training.config import config_from_mapping, read_config  # noqa: E402
+
+EXAMPLES = TESTS.parent / "examples"
+
+
+@dataclass(frozen=True)
+class Reader:
+    """``make`` writes whole sets of files into a folder and returns the damaged file's name, set by set.
+
+    ``kind`` is how it is damaged, ``read`` what reads the folder; ``mend`` makes the rest fit the damaged file.
+    """
+
+    name: str
+    kind: str
+    make: Callable[[Path], list[str]]
+    read: Callable[[Path, str], object]
+    mend: Callable[[Path, str], None] | None = None
+
+
+def checkpoints(folder):
+    layout = InputLayout(fingertips=1, steps=6, step_seconds=0.02)
+    order = {"location_order": "arch", "location_taxels": LOCATION_ORDERS["arch"]}
+    description = NetworkDescription("hybrid", layout, classes=3, hidden=4, name="small", **order)
+    spikes = (np.random.default_rng(0).random((2, 6, 78)) < 0.2).astype(np.uint8)
+    save_checkpoint(
+        folder / "a.pt",
+        description,
+        build_network(description, seed=1).weights(),
+        recordings=Recordings(spikes, np.array([0, 2]), 0.02, "small"),
+    )
+    (folder / "b.pt").write_bytes((EXAMPLES / "models/objects-hybrid-loihi.pt").read_bytes())
+    return ["a.pt", "b.pt"]
+
+
+def nir_files(folder):
+    names = []
+    for name, (graph, *_) in graphs().items():
+        nir.write(folder / f"{name}.nir", graph)
+        names.append(f"{name}.nir")
+    return names
+
+
+def net_files(folder):
+    rng = np.random.default_rng(2)
+    write_net(folder / "a.net", [dense(rng, 5, 4), dense(rng, 3, 5, delay=np.arange(3.0), bias=even(rng, 3))])
+    conv = dense(rng, 2, 2) | {"type": "conv", "weight": even(rng, 2, 1, 3, 3), "inChannels": 1, "outChannels": 2}
+    conv |= {"kernelSize": [3, 3], "stride": [1, 1], "padding": [1, 1], "dilation": [1, 1], "groups": 1}
+    conv["shape"] = np.array([2, 4, 4])
+    layers = [{"type": "input", "shape": np.array([1, 4, 4])}, conv, {"type": "flatten", "shape": np.array([32])}]
+    write_net(folder / "b.net", [*layers, dense(rng, 3, 32)])
+    return ["a.net", "b.net"]
+
+
+def slayer_files(folder, neuron):
+    rng = np.random.default_rng(3)
+    write(folder, {"fc1": rng.normal(size=(4, 78)) * 3, "fc2": rng.normal(size=(3, 4)) * 3}, neuron)
+
+
+def slayer_checkpoints(folder):
+    slayer_files(folder, SRM)
+    return ["model.pt"]
+
+
+def slayer_configs(folder):
+    slayer_files(folder, LOIHI)
+    return ["net.yaml"]
+
+
+TOUCHES = synthetic_touches(2, steps=12, seed=1)
+
+
+def recordings(*names, members="npy", structured=False, one=False):
+    def make(folder):
+        for name in names:
+            given = TOUCHES.subset([1]) if one else TOUCHES
+            if name == "a.npy":
+                given = Recordings(given.spikes, None, None, "x")
+            write_recordings(folder / name, given, members=members, structured=structured)
+        return list(names)
+
+    return make
+
+
+def raw_text(folder):
+    times = np.sort(np.random.default_rng(4).uniform(100, 101, 60))
+    lines = [f"{i % 2} {cell} {t:.6f}" for i, (cell, t) in enumerate(zip(np.arange(60) % 16 + 1, times, strict=True))]
+    (folder / "a.tact").write_text("\n".join(lines))
+    (folder / "a.startend").write_text("start 1\nreaching 2\nreached 3\ngrasping 100.0\nlifting 105\nholding 110\n")
+    return ["a.tact"]
+
+
+def phases(folder):
+    raw_text(folder)
+    return ["a.startend"]
+
+
+def labels_beside(folder):
+    np.save(folder / "a.npy", TOUCHES.spikes.transpose(0, 2, 1))
+    np.save(folder / "a_labels.npy", np.array([1, 0]))
+    return ["a_labels.npy"]
+
+
+def member_folder(folder):
+    write_recordings(folder / "set", TOUCHES)
+    return ["set/sample_0_label_0.npy", "set/sample_1_label_1.npy"]
+
+
+def programs(folder):
+    chip = hw.chip("loihi-sim")
+    builder = hw.ProgramBuilder(chip)
+    x = builder.add_input("x", 4)
+    h = builder.add_compartments("h", 3, decay_u=1024, decay_v=128, threshold=10, bias=3, refractory=2)
+    builder.connect(x, h, np.arange(-6, 6).reshape(3, 4) * 2, weight_bits=8, delay=1)
+    builder.connect(h, h, np.eye(3) * 4, weight_bits=8)
+    builder.build().save(folder)
+
+
+def play_program(folder, _):
+    """Load a program, and play a few steps of it where it is small: compiled loops trust what was loaded."""
+    program = hw.load_program(folder)
+    if all(size <= 1000 for size in program.streams.values()) and all((p.steps or 0) <= 1000 for p in program.phases):
+        spikes = {name: np.ones((4, size), dtype=np.uint8) for name, size in program.streams.items()}
+        hw.simulate(program, spikes, engine="fast")
+
+
+def program_texts(folder):
+    programs(folder)
+    return ["program.yaml"]
+
+
+def program_arrays(folder):
+    programs(folder)
+    return ["program.npz"]
+
+
+def mend_checksum(folder, name):
+    """Let the text name the damaged arrays' checksum: else no more than that is ever looked at."""
+    digest = hashlib.sha256((folder / name).read_bytes()).hexdigest()
+    text = (folder / "program.yaml").read_text()
+    (folder / "program.yaml").write_text(re.sub("arrays_sha256: .*", f"arrays_sha256: {digest}", text))
+
+
+def chip_files(folder):
+    (folder / "chip.yaml").write_text(hw.chip("loihi-sim").document)
+    return ["chip.yaml"]
+
+
+def training_configs(folder):
+    lines = ["model: hybrid", "order: whorl", "hidden: 16", "learning_rate: 0.003", "refit: true", "epochs: 20"]
+    (folder / "run.yaml").write_text("\n".join([*lines, "event_dropout: 0.5", "target: float", "theta: 10.0", ""]))
+    return ["run.yaml"]
+
+
+def read_training_config(folder, name):
+    return config_from_mapping(read_config(folder / name))
+
+
+def reports(folder):
+    report = {
+        "schema": "locsnn-report/1",
+        "model": {"name": "m", "sha256": "0"},
+        "match": {"samples": 3, "x": [1, 2.5]},
+    }
+    programs(folder)
+    (folder / "report.json").write_text(json.dumps(report, indent=1))
+    shutil.copytree(folder, folder / "before")
+    return ["report.json"]
+
+
+def compare_builds(folder, _):
+    with contextlib.redirect_stdout(io.StringIO()):
+        diff.run(Namespace(before=folder / "before", after=folder, json=False, html=None))
+
+
+def read_events(folder, name):
+    found = read_recordings(folder / Path(name).parts[0])
+    assert found.spikes.dtype == np.uint8
+    return found
+
+
+def read_raw(folder, _):
+    return read_recordings(folder / "a.tact")
+
+
+READERS = [
+    Reader("checkpoint", "zip", checkpoints, lambda folder, name: lc.load(folder / name)),
+    Reader("NIR graph", "hdf5", nir_files, lambda folder, name: lc.load(folder / name, dt=1e-3)),
+    Reader("lava-dl network", "hdf5", net_files, lambda folder, name: lc.load(folder / name)),
+    Reader("slayer checkpoint", "zip", slayer_checkpoints, lambda folder, _: lc.load(folder / "model.pt", folder / "net.yaml")),
+    Reader("slayer YAML", "text", slayer_configs, lambda folder, _: lc.load(folder / "model.pt", folder / "net.yaml")),
+    Reader("events .npy", "bytes", recordings("a.npy"), read_events),
+    Reader("labels .npy", "bytes", labels_beside, lambda folder, _: read_recordings(folder / "a.npy")),
+    Reader("events .npz", "zip", recordings("a.npz"), read_events),
+    Reader("events .pt", "zip", recordings("a.pt"), read_events),
+    Reader("structured .npy", "bytes", recordings("a_label_1.npy", structured=True, one=True), read_events),
+    Reader("structured .npz", "zip", recordings("a_label_1.npz", structured=True, one=True), read_events),
+    Reader("raw .tact", "text", raw_text, read_raw),
+    Reader("raw .startend", "text", phases, read_raw),
+    Reader("SLAYER .bs1", "bytes", recordings("a_label_1.bs1", one=True), read_events),
+    Reader("SLAYER .bs2", "bytes", recordings("a_label_1.bs2", one=True), read_events),
+    Reader("archive", "zip", recordings("a.zip"), read_events),
+    Reader("archive of .bs1", "zip", recordings("a.zip", members="bs1"), read_events),
+    Reader("archive of .tact", "zip", recordings("a.zip", members="tact"), read_events),
+    Reader("folder", "bytes", member_folder, read_events),
+    Reader("program.yaml", "text", program_texts, play_program),
+    Reader("program.npz", "zip", program_arrays, play_program, mend_checksum),
+    Reader("chip file", "text", chip_files, lambda folder, name: hw.chip(folder / name)),
+    Reader("training YAML", "text", training_configs, read_training_config),
+    Reader("report.json", "text", reports, compare_builds),
+]  # fmt: skip
+torch.set_num_threads(1)

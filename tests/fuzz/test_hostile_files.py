@@ -1,0 +1,299 @@
+"""Files that are made to hurt, each refused in one line: bombs, cycles, depth, code, links, pipes, names that print."""
+
+import io
+import os
+import pickle
+import re
+import struct
+import zipfile
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import yaml
+
+import hw_model as hw
+import locsnn_compile as lc
+from hw_model.errors import MAX_PART, InputError
+from hw_model.yaml_text import load_yaml
+from hw_model.zip_directory import MAX_DIRECTORY_BYTES, check_directory
+from locsnn_compile.cli.main import main
+from locsnn_compile.data import read_recordings
+from locsnn_compile.frontends.slayer_config import read_config as read_slayer_config
+from locsnn_compile.training.config import read_config as read_training_config
+
+LAUGHS = "a0: &a0 [x, x]\n" + "".join(f"a{i}: &a{i} [*a{i - 1}, *a{i - 1}]\n" for i in range(1, 60))
+CODE = "model: !!python/object/apply:os.system ['touch ran']\n"
+DEEP, MANY = "[" * 200_000, "[" + "1," * 200_000 + "]"
+OF_YAML = {
+    "aliases of aliases": (LAUGHS, "aliases are not read (line 2). Write the value out."),
+    "a list that holds itself": ("hidden: &a [*a]\n", "aliases are not read (line 1). Write the value out."),
+    "deep": (DEEP, "it is nested too deeply (more than 50 levels). Correct its brackets."),
+    "many": (MANY, "it holds too much (more than 100000 values). Give a smaller file."),
+}
+NOT_YAML = {
+    "code": CODE,
+    "an empty number": "hidden: !!int ''\n",
+    "a number that is none": "hidden: !!bool maybe\n",
+    "a date that is none": "hidden: !!timestamp soon\n",
+    "a list as a key": "? [1]\n: 2\n",
+    "digits without end": f"hidden: {'1' * 5000}\n",
+    "bytes": b"\xff\xfe\xff\xff\xff",
+}
+TRAIN = "config 'a.yaml': it is not a YAML file. Write one 'key: value' a line."
+SLAYER = "config 'a.yaml': it is no YAML. Give slayerPytorch's network description."
+NO_PROGRAM = "program.yaml: its entries do not make a program. Compile again."
+PROGRAM = "program.yaml: the file is not YAML: it is damaged. Compile again."
+CHIP = re.compile(
+    "a.yaml: (the chip file is not YAML( at line 1)?. Compare it with a chip that ships"
+    "|the chip file cannot be read: it is not UTF-8 text. Give the path of a chip YAML file)."
+)
+
+
+TEXTS = [
+    ("a size of text", "size: 2", "size: two", NO_PROGRAM),
+    ("a decay out of range", "decay_u: 4096", "decay_u: 5000", "core 0: its decays do not make a program. Compile it again."),
+    ("a decay that is a fraction", "decay_u: 4096", "decay_u: 0.5", "core 0: its decays do not make a program. Compile it again."),
+    ("a slice elsewhere", "start: 0", "start: 1", "core 0: its slices do not make a program. Compile it again."),
+    ("a phase of no name", "  phase: time\n  compartments", "  phase: never\n  compartments", "core 0: its phases do not make a program. Compile it again."),
+    ("an axis that is none", "axis: time", "axis: space", "phases: its axes do not make a program. Compile it again."),
+    ("steps without end", "steps: null", "steps: 99999999999", "phases: its steps do not make a program. Compile it again."),
+    ("a weight format that is none", "weight_bits: 8", "weight_bits: 7", "core 0: its formats do not make a program. Compile it again."),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "message"), [row[1:] for row in TEXTS], ids=[row[0] for row in TEXTS])
+def test_entries_of_a_program_that_hurt(tmp_path, old, new, message):
+    text = (program(tmp_path) / "program.yaml").read_text()
+    assert old in text
+    write(tmp_path / "program.yaml", text.replace(old, new, 1))
+    assert message_of(hw.load_program, tmp_path) == message
+
+
+def message_of(read, *args):
+    with pytest.raises(InputError) as caught:
+        read(*args)
+    return str(caught.value)
+
+
+def write(path, content):
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("read", "where"),
+    [(hw.chip, "a.yaml"), (read_training_config, "config 'a.yaml'"), (read_slayer_config, "config 'a.yaml'")],
+    ids=["chip", "training", "slayer"],
+)
+@pytest.mark.parametrize(("text", "message"), OF_YAML.values(), ids=list(OF_YAML))
+def test_yaml_that_never_ends(tmp_path, read, where, text, message):
+    if read is read_slayer_config and len(text) > 200_000:
+        text = text[:150_000] if text == DEEP else "[" + "1," * 99_000 + "1,1,[[[[[" + "1," * 500
+        if text[1] == "1":
+            assert message_of(read, write(tmp_path / "a.yaml", text)) == SLAYER
+            return
+    assert message_of(read, write(tmp_path / "a.yaml", text)) == f"{where}: {message}"
+
+
+@pytest.mark.parametrize("text", NOT_YAML.values(), ids=list(NOT_YAML))
+def test_yaml_that_is_not_what_it_says(tmp_path, monkeypatch, text):
+    monkeypatch.chdir(tmp_path)
+    path = write(tmp_path / "a.yaml", text)
+    assert message_of(read_training_config, path) == TRAIN
+    assert message_of(read_slayer_config, path) == SLAYER
+    assert CHIP.fullmatch(message_of(hw.chip, path))
+    program(tmp_path)
+    path.replace(tmp_path / "program.yaml")
+    assert message_of(hw.load_program, tmp_path) == PROGRAM
+    assert not (tmp_path / "ran").exists()
+
+
+def program(folder):
+    builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
+    x = builder.add_input("x", 2)
+    h = builder.add_compartments("h", 2, decay_u=4096, decay_v=0, threshold=10)
+    builder.connect(x, h, np.eye(2) * 4, weight_bits=8)
+    builder.build().save(folder)
+    return folder
+
+
+def with_arrays(folder, change):
+    """Replace the arrays of a program, and the checksum that its text has of them."""
+    import hashlib
+
+    program(folder)
+    with np.load(folder / "program.npz") as held:
+        content = change(dict(held))
+    (folder / "program.npz").write_bytes(content)
+    digest = hashlib.sha256(content).hexdigest()
+    text = (folder / "program.yaml").read_text()
+    write(folder / "program.yaml", re.sub("arrays_sha256: .*", f"arrays_sha256: {digest}", text))
+
+
+def packed(arrays, **extra):
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, array in arrays.items():
+            member = io.BytesIO()
+            np.save(member, array)
+            archive.writestr(f"{name}.npy", extra.get("bytes_of", {}).get(name, member.getvalue()))
+    return stream.getvalue()
+
+
+def header(shape, descr="<i8"):
+    stream = io.BytesIO()
+    np.lib.format.write_array_header_1_0(stream, {"shape": shape, "fortran_order": False, "descr": descr})
+    return stream.getvalue()
+
+
+ARRAYS = [
+    ("an absurd length", lambda arrays: packed(arrays, bytes_of={"core0/target": header((2**60,))}), NO_PROGRAM),
+    ("a header that is no Python", lambda arrays: packed(arrays, bytes_of={"core0/target": b"\x93NUMPY\x01\x00\x04\x00({['"}), NO_PROGRAM),
+    ("a pickle", lambda arrays: packed(arrays, bytes_of={"core0/target": header((1,), "|O") + pickle.dumps(print)}), NO_PROGRAM),
+    ("less than it says", lambda arrays: packed(arrays, bytes_of={"core0/target": header((50,)) + b"\0" * 392}), NO_PROGRAM),
+    ("no archive", lambda arrays: b"PK", NO_PROGRAM),
+    ("weights of other synapses", lambda arrays: packed(arrays | {"core0/mantissa": np.arange(7)}), "core 0: its synapse tables do not make a program. Compile it again."),
+    ("profiles of another number", lambda arrays: packed(arrays | {"core0/profile": np.zeros(5, dtype=np.int64)}), "core 0: its compartment tables do not make a program. Compile it again."),
+    ("a weight too large", lambda arrays: packed(arrays | {"core0/mantissa": np.array([4, 2**40])}), "core 0: its weights do not make a program. Compile it again."),
+    ("a bias shifted too far", lambda arrays: packed(arrays | {"core0/bias_exponent": np.array([0, 64])}), "core 0: its bias exponents do not make a program. Compile it again."),
+    ("a line that is not there", lambda arrays: packed(arrays | {"input0/line": np.array([0, 2])}), "input 'x': its lines do not make a program. Compile it again."),
+    ("a route that ends early", lambda arrays: packed(arrays | {"input0/axon": np.array([0])}), "input 'x': its routes do not make a program. Compile it again."),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("change", "message"), [row[1:] for row in ARRAYS], ids=[row[0] for row in ARRAYS])
+def test_arrays_of_a_program_that_hurt(tmp_path, change, message):
+    with_arrays(tmp_path, change)
+    assert message_of(hw.load_program, tmp_path) == message
+
+
+def large_directory(path, *, wide):
+    """Write an archive whose end claims a directory of a terabyte, or of 4 GB less a byte."""
+    end = struct.pack("<4s4H2LH", b"PK\x05\x06", 0, 0, 1, 1, 2**32 - 1, 0, 0)
+    if wide:
+        end64 = struct.pack("<4sQ2H2L4Q", b"PK\x06\x06", 44, 45, 45, 0, 0, 1, 1, 2**40, 0)
+        end = end64 + struct.pack("<4sLQL", b"PK\x06\x07", 0, 0, 1) + end
+    path.write_bytes(b"\0" * 100 + end)
+
+
+@pytest.mark.parametrize("wide", [False, True], ids=["32 bits", "64 bits"])
+def test_archives_that_claim_a_huge_directory(tmp_path, wide):
+    large_directory(tmp_path / "a.zip", wide=wide)
+    with (tmp_path / "a.zip").open("rb") as stream, pytest.raises(ValueError, match="a directory of "):
+        check_directory(stream)
+    for name, what in (
+        ("a.zip", "archive 'a.zip': it is damaged, truncated or not a zip archive. Fetch the archive again."),
+        ("a.npz", "file 'a.npz': it is damaged, truncated or not a .npz file. Write it again with numpy.savez."),
+        ("a.pt", "file 'a.pt': it is damaged, truncated or not a torch file. Write it again with torch.save."),
+    ):
+        large_directory(tmp_path / name, wide=wide)
+        assert message_of(read_recordings, tmp_path / name) == what
+
+
+def test_archives_of_a_usual_directory_pass(tmp_path):
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        archive.writestr("a", b"x")
+        archive.comment = b"c" * 60_000
+    with (tmp_path / "a.zip").open("rb") as stream:
+        check_directory(stream)
+        assert stream.tell() == 0
+    assert MAX_DIRECTORY_BYTES > 100_000 * 100
+
+
+def test_an_archive_that_unpacks_to_far_more(tmp_path):
+    with zipfile.ZipFile(tmp_path / "a.zip", "w", zipfile.ZIP_DEFLATED) as archive:
+        for i in range(17):
+            archive.writestr(f"sample_{i}.npy", b"")
+            # The directory says so; the sizes are looked at before anything is unpacked.
+            archive.filelist[-1].file_size = 99_000_000
+    assert message_of(read_recordings, tmp_path / "a.zip") == (
+        "archive 'a.zip': its recordings are too large together (1683000000 against 1600000000). Give fewer."
+    )
+
+
+def test_a_member_without_a_name(tmp_path):
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        archive.writestr(zipfile.ZipInfo(""), b"x")
+    assert message_of(read_recordings, tmp_path / "a.zip") == (
+        "archive 'a.zip': no recordings inside. Give files named sample_<i>_label_<k>.npy."
+    )
+
+
+def test_members_that_name_places_elsewhere_are_read_where_they_are(tmp_path):
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        archive.writestr("../../sample_0.npy", packed_npy(np.ones((2, 3), dtype=np.uint8)))
+    assert read_recordings(tmp_path / "a.zip").spikes.shape == (1, 3, 2)
+    assert [file.name for file in tmp_path.iterdir()] == ["a.zip"]
+
+
+def packed_npy(array):
+    stream = io.BytesIO()
+    np.save(stream, array)
+    return stream.getvalue()
+
+
+PIPES = [
+    ("events", "a.npy", lambda path: read_recordings(path), "file 'a.npy': it is no plain file. Write it to a file first."),
+    ("a model", "a.nir", lambda path: lc.load(path), "model 'a.nir': it is no plain file. Write it to a file first."),
+    ("a program", "program.yaml", lambda path: hw.load_program(path.parent), "program.yaml: it is no plain file. Give the folder that the compiler wrote."),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "read", "message"), [row[1:] for row in PIPES], ids=[row[0] for row in PIPES])
+def test_a_pipe_that_nobody_writes_to(tmp_path, name, read, message):
+    os.mkfifo(tmp_path / name)
+    assert message_of(read, tmp_path / name) == message
+
+
+def test_names_that_would_move_the_cursor_are_written_out(tmp_path):
+    np.savez(tmp_path / "a.npz", **{"\x1b[2J": np.zeros(1), "\u202eb": np.zeros(1)})
+    assert message_of(read_recordings, tmp_path / "a.npz") == (
+        "file 'a.npz': it is not clear which entry holds the recordings (entries: \\x1b[2J, \\u202eb). "
+        "Name the entry 'spikes'."
+    )
+
+
+def test_names_that_never_end_are_cut(tmp_path):
+    path = write(tmp_path / "a.yaml", f"? {'x' * 3000}\n: 1\n")
+    message = message_of(read_training_config, path)
+    shown = f"key '{'x' * 3000}' is not known"[:MAX_PART]
+    assert message.startswith(f"config 'a.yaml': {shown}.... Choose one of: ")
+
+
+def test_hdf5_that_the_library_does_not_come_to_the_end_of(tmp_path, monkeypatch):
+    from locsnn_compile.frontends import hdf5_probe
+
+    monkeypatch.setattr(hdf5_probe, "CPU_SECONDS", 1)
+    whole = tmp_path / "a.nir"
+    with h5py.File(whole, "w") as file:
+        file["version"] = "1.0"
+    assert hdf5_probe.survives(whole.read_bytes())
+    assert hdf5_probe.survives(b"no HDF5 at all")
+
+
+def test_a_crash_of_the_library_is_a_damaged_file(tmp_path, monkeypatch):
+    from locsnn_compile.frontends import hdf5
+
+    with h5py.File(tmp_path / "a.nir", "w") as file:
+        file["version"] = "1.0"
+    monkeypatch.setattr(hdf5, "library_survives", lambda data: False)
+    assert message_of(lc.load, tmp_path / "a.nir") == (
+        "model 'a.nir': it is damaged, truncated or not an HDF5 file. Give a whole file, or write it again."
+    )
+
+
+def test_a_build_of_strange_texts_is_compared(tmp_path, capfd):
+    program(tmp_path)
+    write(tmp_path / "report.json", '{"schema": "locsnn-report/1", "model": {"name": "\\ud800\\u001b[2J"}}')
+    other = program(tmp_path / "b")
+    write(other / "report.json", '{"schema": "locsnn-report/1", "model": {"name": "b"}}')
+    assert main(["diff", str(tmp_path), str(other)]) == 0
+    assert "\ud800" not in capfd.readouterr().out
+
+
+def test_safe_text_is_what_the_loader_says():
+    text = "a: [1, {b: c}]\nd: !!str 1\n"
+    assert load_yaml(text, "x") == yaml.safe_load(text)
+    assert Path(hw.__file__).is_file()
