@@ -10,6 +10,8 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from result_rows import DATASETS
 from results_page import Found
 
 INK = "#808080"
@@ -50,8 +52,13 @@ def _over_time(shown: Mapping[str, list[Mapping[str, Any]]]) -> Figure:
             curves = [run["right"][key] for run in runs if key in run["right"]]
             if curves:
                 axes.plot(np.mean(curves, axis=0), style, color=colour, label=label, linewidth=1.4)
-        axes.set(title=f"{name}, psi {runs[0]['psi']:g}", xlabel="time steps seen", ylabel="accuracy", ylim=(0, 1))
-    panels[0][0].legend(loc="upper left")
+        axes.set(
+            title=f"{DATASETS[name].title}, psi {runs[0]['psi']:g}",
+            xlabel="time steps seen",
+            ylabel="accuracy",
+            ylim=(0, 1),
+        )
+    figure.legend(*panels[0][0].get_legend_handles_labels(), loc="outside lower center", ncols=len(LINES))
     return figure
 
 
@@ -62,6 +69,8 @@ def _confusion(shown: Mapping[str, list[Mapping[str, Any]]]) -> Figure:
         counts = np.zeros((classes, classes))
         for run in runs:
             np.add.at(counts, (run["labels"], run["predictions"]), 1)
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+        axes.yaxis.set_major_locator(MaxNLocator(integer=True))
         axes.imshow(counts / counts.sum(axis=1, keepdims=True), cmap="Blues", vmin=0, vmax=1)
-        axes.set(title=f"{name}, on the chip", xlabel="predicted", ylabel="class")
+        axes.set(title=f"{DATASETS[name].title}, on the chip", xlabel="predicted", ylabel="class")
     return figure

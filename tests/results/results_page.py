@@ -62,7 +62,8 @@ def column(found: Found, dataset: str, row: str, key: str) -> list[float]:
 def accuracy(found: Found) -> str:
     head = ["network"]
     for dataset in DATASETS.values():
-        head += [f"{dataset.title}, published", "ours, test", "ours, on the chip"]
+        ours = "ours" if dataset.archive else "ours, synthetic"
+        head += [f"{dataset.name.title()}, published", f"{ours}, test", f"{ours}, on the chip"]
     rows = []
     for row in ROWS:
         cells = [row.label]
