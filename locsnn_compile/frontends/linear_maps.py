@@ -78,6 +78,8 @@ def pooling(
 
     An average divides by the whole kernel, padding included, as torch does unless told otherwise.
     """
+    if min(kernel) < 1:
+        raise InputError(where, "its kernel is smaller than 1", measured=f"{kernel}", fix="Correct it.")
     each = 1.0 / math.prod(kernel) if average else 1.0
     check_entries(input_shape[0] * math.prod(kernel), where)
     weight = np.full((input_shape[0], 1, *kernel), each)

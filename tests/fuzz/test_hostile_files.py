@@ -9,6 +9,7 @@ import zipfile
 from pathlib import Path
 
 import h5py
+import nir
 import numpy as np
 import pytest
 import yaml
@@ -271,6 +272,19 @@ def test_hdf5_that_the_library_does_not_come_to_the_end_of(tmp_path, monkeypatch
         file["version"] = "1.0"
     assert hdf5_probe.survives(whole.read_bytes())
     assert hdf5_probe.survives(b"no HDF5 at all")
+
+
+def test_a_pool_of_less_than_nothing(tmp_path):
+    size = np.array([-2, -2])
+    pool = nir.SumPool2d(kernel_size=size, stride=np.array([1, 1]), padding=np.array([0, 0]))
+    fires = nir.IF(r=np.ones((1, 3, 3)), v_threshold=np.ones((1, 3, 3)), v_reset=np.zeros((1, 3, 3)))
+    ends = {"input": nir.Input(np.array([1, 4, 4])), "output": nir.Output(np.array([1, 3, 3]))}
+    edges = [("input", "pool"), ("pool", "if"), ("if", "output")]
+    graph = nir.NIRGraph(ends | {"pool": pool, "if": fires}, edges, type_check=False)
+    nir.write(tmp_path / "a.nir", graph)
+    assert message_of(lc.load, tmp_path / "a.nir") == (
+        "model 'a.nir', node 'pool': its kernel is smaller than 1 ((-2, -2)). Correct it."
+    )
 
 
 def test_a_crash_of_the_library_is_a_damaged_file(tmp_path, monkeypatch):

@@ -1,0 +1,55 @@
+"""Damaged files of every kind end in a network, recordings, a program or one line, within time and memory.
+
+The slow test reads the cases that docs/robustness.md gives the figures of.
+"""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+FUZZ = Path(__file__).with_name("fuzz.py")
+PAGE = Path(__file__).parents[2] / "docs/robustness.md"
+CASES = 20_400
+
+
+def fuzz(*options):
+    done = subprocess.run(
+        [sys.executable, str(FUZZ), "--json", *options], capture_output=True, text=True, check=False, timeout=1500
+    )
+    assert done.stderr == ""
+    return json.loads(done.stdout)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="its limits are those of Linux")
+@pytest.mark.parametrize(
+    "options",
+    [
+        pytest.param(("--cases", "480", "--first", "100000", "--jobs", "1"), id="some"),
+        pytest.param(("--cases", str(CASES), "--jobs", str(min(2, os.cpu_count() or 1))), id="all", marks=pytest.mark.slow),
+    ],
+)  # fmt: skip
+def test_damaged_files(options):
+    found = fuzz(*options)
+    assert found["faults"] == []
+    figures = found["figures"].values()
+    assert sum(row["cases"] for row in figures) == int(options[1])
+    assert all(row["cases"] == row["read"] + row["refused"] for row in figures)
+    assert all(row["read"] for row in figures) or int(options[1]) < CASES
+    assert max(row["slowest_ms"] for row in figures) < 10_000
+    assert max(row["peak_mib"] for row in figures) < 2048
+
+
+def test_the_page_gives_the_figures_of_all_readers():
+    sys.path.insert(0, str(FUZZ.parent))
+    from readers import READERS
+
+    rows = re.findall(r"^\| ([^|]+) \| ([\d,]+) \| ([\d,]+) \| ([\d,]+) \| 0 \|", PAGE.read_text(), flags=re.MULTILINE)
+    assert [row[0] for row in rows] == [*(reader.name for reader in READERS), "all"]
+    counts = [[int(figure.replace(",", "")) for figure in row[1:]] for row in rows]
+    assert counts[-1] == [sum(column) for column in zip(*counts[:-1], strict=True)]
+    assert counts[-1][0] == CASES
