@@ -153,7 +153,7 @@ def recordings_for(network: Network, events: Events | None, labels: npt.ArrayLik
     if isinstance(events, Recordings):
         return events
     if isinstance(events, str | Path):
-        return read_recordings(events, step_seconds=network.step_seconds)
+        return read_recordings(events, step_seconds=network.step_seconds, channels=network.channels)
     array = np.asarray(events)
     return Recordings(
         spikes=array,
@@ -221,7 +221,7 @@ def _calibration(network: Network, recordings: Recordings, calibration: Events |
     """Return the recordings that choices are made on: never those of the check, where there are others."""
     if isinstance(calibration, str | Path):
         part = "train" if "train" in recording_parts(calibration) else None
-        return read_recordings(calibration, split=part, step_seconds=network.step_seconds)
+        return read_recordings(calibration, split=part, step_seconds=network.step_seconds, channels=network.channels)
     if calibration is not None or network.recordings is not None or network.fingertips is not None:
         return recordings_for(network, calibration)
     return recordings

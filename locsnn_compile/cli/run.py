@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
     program = hw.load_program(args.program)
     if args.profile:
         program = replace(program, chip=hw.priced_by(program.chip, args.profile))
-    recordings = read_recordings(args.events)
+    recordings = read_recordings(args.events, channels=max(program.streams.values(), default=None))
     rows, counts = _play(program, recordings, args.engine)
     totals = hw.energy_pj(counts, program.chip.profile(program.chip.default_profile))
     result: dict[str, Any] = {"program": program.name, "recordings": rows, "counts": dict(counts), "energy_pj": totals}

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+import locsnn_compile as lc
+from locsnn_compile.api import recordings_for
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.errors import InputError
 
@@ -150,6 +152,19 @@ def zip_of(members: list[tuple[str, int]]) -> Callable[[Path], Path]:
         return folder / "a.zip"
 
     return make
+
+
+def test_a_network_says_how_many_channels_there_are(tmp_path: Path) -> None:
+    network = lc.load(Path(__file__).parents[2] / "examples/models/objects-hybrid.pt")
+    (tmp_path / "a.bs1").write_bytes(bs1((3, 0, 0), (1, 1, 40_000)))
+    assert recordings_for(network, tmp_path / "a.bs1").spikes.shape == (1, 3, 78)
+    (tmp_path / "b.bs1").write_bytes(bs1((39, 1, 0)))
+    with pytest.raises(InputError) as caught:
+        recordings_for(network, tmp_path / "b.bs1")
+    assert str(caught.value) == (
+        "file 'b.bs1': it has events of channels that are not asked for (channel 79 against 0..77). "
+        "Give events of this sensor, or more channels."
+    )
 
 
 FIELDS = "Give the fields t (microseconds), x, y where there is one, and p (0 or 1)."
