@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -147,6 +148,36 @@ def test_a_page_of_two_builds(browser: Chromium, document: dict[str, Any], tmp_p
         browser.open(page, width=360, dark=dark)
         assert browser.evaluate(TOO_WIDE) == []
         assert browser.evaluate(FAINT) == []
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["<img src=x onerror='window.hurt = 1'><script>window.hurt = 1</script>\"", "two\nlines", "../../x", "n" * 10_000],
+    ids=["script", "newline", "path", "long"],
+)
+def test_hostile_names_stay_text(
+    browser: Chromium, document: dict[str, Any], excerpt: Excerpt, tmp_path: Path, name: str
+) -> None:
+    match = document["match"]
+    document["model"]["name"] = match["events_source"] = match["first_divergence"]["population"] = name
+    for table in (match["by_population"], document["quantization"], document["energy"]["by_population_pj"]):
+        table[name] = table.pop("time_output")
+    assert excerpt.first is not None
+    excerpt = replace(
+        excerpt,
+        first=replace(excerpt.first, population=name),
+        inputs=(replace(excerpt.inputs[0], name=name),),
+        populations=(replace(excerpt.populations[0], name=name),),
+        potential=replace(excerpt.potential, population=name),
+    )
+    page = tmp_path / "report.html"
+    page.write_text(render_html(document, excerpt), encoding="utf-8")
+    browser.open(page, width=360)
+    _quiet_and_alone(browser, page)
+    assert browser.evaluate("window.hurt === undefined")
+    assert browser.evaluate(TOO_WIDE) == []
+    shown = name.replace("\n", "\\n")[:100]
+    assert browser.evaluate("document.querySelector('h1').textContent").startswith(shown)
 
 
 @pytest.mark.slow
