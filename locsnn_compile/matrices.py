@@ -86,6 +86,16 @@ def row_maxima(m: Matrix) -> npt.NDArray[np.float64]:
     return found
 
 
+def row_sums(m: Matrix) -> npt.NDArray[np.float64]:
+    """Return what every target's positive weights, or its negative ones, add up to at most, (n_target,), no sign."""
+    target, _, index = connections(m)
+    weights = values_of(m).ravel()[index].astype(np.float64)
+    positive, negative = (
+        np.bincount(target, weights=np.maximum(side, 0.0), minlength=m.shape[0]) for side in (weights, -weights)
+    )
+    return np.maximum(positive, negative)
+
+
 def charge(spikes: npt.NDArray[np.uint8], m: Matrix) -> Values:
     """Return the weights that the spikes (..., n_source) of 0 and 1 add up to, (..., n_target), in the weights' type.
 

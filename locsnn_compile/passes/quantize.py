@@ -16,7 +16,7 @@ from hw_model.fixed_point import DECAY_ONE
 from hw_model.weights import WEIGHT_EXPONENTS, WeightGrid, weight_grid
 from locsnn_compile.calibration import Calibration
 from locsnn_compile.errors import InputError
-from locsnn_compile.matrices import of_target, row_maxima, values_of, with_values
+from locsnn_compile.matrices import of_target, row_maxima, row_sums, values_of, with_values
 from locsnn_compile.network import Network, Population, Projection
 from locsnn_compile.neurons import Cuba, SoftCuba, SrmAlpha
 from locsnn_compile.on_grid import ChipCuba, ChipProjection, ChipSrm
@@ -126,18 +126,25 @@ def _scale(
         return quantize_srm(neuron, population.size, heaviest, grid, chip, strategy, where, rounding.fitted_decays)
     if isinstance(neuron, SoftCuba):
         return quantize_soft(neuron, largest, grid, chip, where)
-    return quantize_cuba(neuron, largest, grid, chip, where, _reach(neuron, incoming))
+    return quantize_cuba(neuron, largest, grid, chip, where, _room(neuron, incoming, chip))
 
 
-def _reach(neuron: Cuba, incoming: list[Projection]) -> float:
-    """Return how many thresholds the currents of neurons whose voltage is their current may come to.
+def _room(neuron: Cuba, incoming: list[Projection], chip: Chip) -> float:
+    """Return the threshold mantissa up to which no register wraps, whatever comes: a voltage is clipped, these are not.
 
-    Such a current, a potential that no spike resets, wraps where a voltage would be clipped.
+    The charge of a step, where all inputs of one sign come at once; and the current of neurons whose voltage is their
+    current, a potential that no spike resets.
     """
+    none, registers = np.zeros(len(neuron.threshold)), chip.registers
+    charge = np.sum([none, *(row_sums(p.weights) for p in incoming)], axis=0) / neuron.threshold
     held = (neuron.decay_v == 1) & (neuron.decay_u < 1)
-    total = np.sum([np.zeros(len(held)), *(abs(p.weights).sum(axis=1) for p in incoming)], axis=0)
+    total = np.sum([none, *(abs(p.weights).sum(axis=1) for p in incoming)], axis=0)
     lost = np.maximum(neuron.decay_u, 1.0 / DECAY_ONE)
-    return float(np.where(held, total / lost / neuron.threshold, 0.0).max())
+    current = np.where(held, total / lost / neuron.threshold, 0.0)
+    return min(
+        (1 << bits) / (64 * max(float(most.max()), 1.0))
+        for bits, most in ((registers.charge_bits, charge), (registers.current_bits, current))
+    )
 
 
 def _round(

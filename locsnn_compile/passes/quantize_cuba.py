@@ -17,13 +17,13 @@ from locsnn_compile.passes.scaling import Scaled, check_threshold, exponent_and_
 
 
 def quantize_cuba(
-    neuron: Cuba, largest: FloatArray, grid: WeightGrid, chip: Chip, where: str, reach: float = 0.0
+    neuron: Cuba, largest: FloatArray, grid: WeightGrid, chip: Chip, where: str, room: float = math.inf
 ) -> Scaled:
     """Return the neurons in integers, given the largest weight (n,) onto each.
 
     All get the threshold mantissa T and the scale ``64 T / threshold``, or ``(64 T + 1) / threshold`` for the rule
-    ``>=``: the comparison is then exact for every neuron, and a core needs one threshold profile for all. The current
-    register has room for ``reach`` thresholds, unless the weights would lose bits by it.
+    ``>=``: the comparison is then exact for every neuron, and a core needs one threshold profile for all. T is at most
+    ``room``, unless the weights would lose bits by it.
     """
     size = len(neuron.threshold)
     decay_u = nearest_decays(neuron.decay_u, f"{where}: decay_u")
@@ -35,8 +35,7 @@ def quantize_cuba(
     heaviest = float((largest * gain / neuron.threshold).max())
     strongest = float((np.abs(bias) / neuron.threshold).max())
     bias_max = ((1 << chip.registers.bias_mantissa_bits) - 1) << chip.registers.bias_exponent_max
-    room = max((1 << chip.registers.current_bits) / (64 * max(reach, 1.0)), grid.high / max(heaviest, 1e-9))
-    mantissa_max = int(min(chip.registers.threshold_mantissa_max, room))
+    mantissa_max = int(min(chip.registers.threshold_mantissa_max, max(room, grid.high / max(heaviest, 1e-9))))
     _check_bias(strongest, bias_max / 128, where)
     cap = int(min(bias_max / strongest / 64 - 1, mantissa_max)) if strongest else mantissa_max
     exponent, threshold = exponent_and_threshold(heaviest, grid, chip, cap, over)

@@ -12,11 +12,13 @@ from networks import NEURON, hybrid, single
 import hw_model as hw
 from hw_model.weights import WEIGHT_BITS
 from locsnn_compile.errors import TargetError
+from locsnn_compile.matrices import values_of
 from locsnn_compile.neurons import Cuba
 from locsnn_compile.passes.kernels import alpha_kernel
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.passes.rounding import Rounding
 from locsnn_compile.passes.scaling import HEADROOM
+from locsnn_compile.pipeline import lower
 
 CHIP = hw.chip("loihi-sim")
 
@@ -96,7 +98,17 @@ def test_silent_weights_are_held():
 
 @pytest.mark.parametrize(("sources", "several"), [(1024, True), (1025, False)], ids=["room", "no room"])
 def test_weights_take_several_formats_where_a_core_has_room(sources, several):
-    weights = np.geomspace(0.001, 1.0, sources)[None, :]
+    weights = np.append(np.geomspace(0.0005, 0.01, sources - 1), 1.0)[None, :]
     network = single(Cuba.of(1, decay_v=1.0, threshold=1.0), weights)
     quantized = quantize(network, hw.chip("loihi-sim"), rounding=Rounding(graded=True))
     assert (len({p.exponent for p in quantized.projections}) > 1) == several
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_inputs_that_all_come_at_once_do_not_wrap(sign):
+    network = single(Cuba.of(1, decay_v=1.0, threshold=1.0), sign * np.linspace(0.5, 1.5, 60)[None, :], steps=6)
+    levels = lower(network, hw.chip("loihi-sim"), 8)
+    assert {int(np.abs(values_of(p.mantissa)).max()) for p in levels.quantized.projections} == {255}
+    result = hw.simulate(levels.program, np.ones((6, 60), dtype=np.uint8))
+    assert result.spikes["n"].ravel().tolist() == [0, *[int(sign > 0)] * 5]
+    assert (result.counts.charge_wraps, result.counts.current_wraps) == (0, 0)
