@@ -12,8 +12,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from difflib import get_close_matches
 
-MAX_PART = 500
-"""Characters of a part of a message."""
+MAX_PART, MAX_FIX = 500, 2000
+"""Characters of a part of a message; the way out may list all that exists."""
 
 
 class LocsnnError(Exception):
@@ -25,14 +25,14 @@ class LocsnnError(Exception):
     def __init__(self, where: str, what: str, *, measured: str = "", fix: str) -> None:
         self.where, self.what, self.measured, self.fix = where, what, measured, fix
         detail = f" ({_shown(measured)})" if measured else ""
-        super().__init__(f"{_shown(where)}: {_shown(what)}{detail}. {_shown(fix)}")
+        super().__init__(f"{_shown(where)}: {_shown(what)}{detail}. {_shown(fix, MAX_FIX)}")
 
 
-def _shown(text: str) -> str:
+def _shown(text: str, most: int = MAX_PART) -> str:
     """Return a part of a message as it prints: names out of files may hold anything, even what moves the cursor."""
     line = " ".join(text.split())
-    if len(line) > MAX_PART:
-        line = f"{line[:MAX_PART]}..."
+    if len(line) > most:
+        line = f"{line[:most]}..."
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in line)
 
 

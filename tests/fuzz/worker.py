@@ -74,7 +74,7 @@ def fault_of(read):
         line = str(error)
         if not line.isprintable():
             return f"its message does not print: {line!r}", True
-        return (f"its message is long: {len(line)} characters" if len(line) > 1000 else ""), True
+        return (f"its message is long: {len(line)} characters" if len(line) > 3600 else ""), True
     except Exception as error:
         frame = traceback.extract_tb(error.__traceback__)[-1]
         return f"{type(error).__name__}: {error}"[:200] + f" at {Path(frame.filename).name}:{frame.lineno}", False

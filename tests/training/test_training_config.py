@@ -81,7 +81,7 @@ def test_whole_numbers_serve_as_numbers() -> None:
         ),
         pytest.param(
             "model: " + "[" * 3000,
-            "config 'a.yaml': it is not a YAML file. Write one 'key: value' a line.",
+            "config 'a.yaml': it is nested too deeply (more than 50 levels). Correct its brackets.",
             id="deep",
         ),
         pytest.param("3: 4", "config 'a.yaml': key 3 is not known. {known}", id="a number for a key"),
