@@ -112,7 +112,6 @@ _VALUES: dict[str, Callable[[str], Iterable[str]]] = {
     "--engines": _engines,
     "--part": _parts,
     "--strategy": lambda prefix: ("auto", *_strategies(prefix)),
-    "--strategies": _strategies,
     "shell": lambda prefix: SHELLS,
 }
 """What an option, or an argument, may be; all others are completed as files, if they take a value at all."""

@@ -21,11 +21,14 @@ import yaml
 from fences import PAGES, ROOT, Fence, fences, name
 
 from locsnn_compile.cli.compile import main as compile_main
+from locsnn_compile.cli.compile import parser as compile_parser
 from locsnn_compile.cli.main import main as locsnn_main
+from locsnn_compile.cli.main import parser as locsnn_parser
 
 BLOCKS = [fence for page in PAGES for fence in fences(page)]
 RUN = [fence for fence in BLOCKS if fence.language in ("python", "sh") and "ci" not in fence.words]
 COMMANDS = {"locsnn-compile": compile_main, "locsnn": locsnn_main}
+PARSERS = {"locsnn-compile": compile_parser, "locsnn": locsnn_parser}
 REAL = ROOT.parent / "shared/data/neutouch"
 
 
@@ -86,6 +89,15 @@ def test_a_block_says_what_it_is(fence):
     allowed = {"python": {"slow"}, "sh": {"slow", "ci"}, "console": set(), "yaml": set(), "text": set()}
     assert fence.language in allowed
     assert set(fence.words) <= allowed[fence.language]
+
+
+@pytest.mark.parametrize("fence", [block for block in RUN if block.words and block.language == "sh"], ids=str)
+def test_slow_commands_are_understood(fence):
+    """What only the slow tests run is at least spelt right."""
+    for line in fence.code.replace("\\\n", " ").splitlines():
+        program, *arguments = shlex.split(line, comments=True) or [""]
+        if program in PARSERS:
+            PARSERS[program]().parse_args(arguments)
 
 
 @pytest.mark.parametrize("fence", [fence for fence in BLOCKS if fence.language == "yaml"], ids=str)
