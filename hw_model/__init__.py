@@ -75,3 +75,8 @@ __getattr__ = lazy_names(
         "simulate": "hw_model.simulation",
     },
 )
+
+
+def __dir__() -> list[str]:
+    """Return the names to complete, those that are not imported yet among them."""
+    return sorted({*globals(), *__all__})

@@ -55,3 +55,8 @@ __getattr__ = lazy_names(
         "Match": "locsnn_compile.matching",
     },
 )
+
+
+def __dir__() -> list[str]:
+    """Return the names to complete, those that are not imported yet among them."""
+    return sorted({*globals(), *__all__})

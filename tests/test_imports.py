@@ -86,3 +86,10 @@ def test_compiling_without_a_pt_file_needs_no_torch():
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("package", ["hw_model", "locsnn_compile"])
+def test_names_that_are_not_imported_yet_are_completed(package):
+    script = f"import sys, {package} as p\nassert {{*p.__all__}} <= {{*dir(p)}}\nassert 'numpy' not in sys.modules\n"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
