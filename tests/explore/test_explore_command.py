@@ -227,9 +227,12 @@ def test_refused_settings_are_rows_with_their_reason(model, events, tmp_path, ca
     """A chip that three compartments a neuron do not fit."""
     text = hw.chip("loihi-sim").document
     chip = tmp_path / "tiny.yaml"
-    tiny = text.replace("compartments_per_core: 1024", "compartments_per_core: 20").replace(
-        "cores_per_chip: 128", "cores_per_chip: 1"
-    )
+    tiny = text
+    for key, old, new in (
+        *(("compartments_per_core", 1024, 20), ("cores_per_chip", 128, 1)),
+        *(("columns", 8, 1), ("rows", 4, 1), ("cores_per_tile", 4, 1)),
+    ):
+        tiny = tiny.replace(f"{key}: {old}", f"{key}: {new}")
     chip.write_text(tiny)
     assert tiny != text
     grid = (*narrow("dendrite", "delay-line", "reset"), "--target", chip, "--engines")
