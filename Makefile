@@ -7,11 +7,11 @@ BIN := .venv/bin
 demo: .venv/installed  ## install, then compile the example that ships, check it and write its reports
 	$(BIN)/locsnn-compile examples/models/objects-hybrid.pt --events examples/recordings/touches.npz
 
-test: .venv/installed-dev  ## install, then run the tests
-	$(BIN)/pytest
+test: .venv/installed-dev  ## install, then run the tests, a process a core
+	$(BIN)/pytest -n auto --dist worksteal
 
 test-slow: .venv/installed-dev  ## the tests that take minutes
-	$(BIN)/pytest -m slow
+	$(BIN)/pytest -n auto --dist worksteal -m slow
 
 peers: .venv/installed-dev  ## compare the engine with public simulators, each in an environment of its own
 	$(BIN)/python tests/peers/make_environments.py

@@ -13,7 +13,9 @@ SECTION = "<!-- speed: begin -->\nfast\n<!-- speed: end -->"
     [
         pytest.param("# Page\n\ntext\n", f"# Page\n\ntext\n\n{SECTION}\n", id="at its end"),
         pytest.param(
-            "a\n<!-- speed: begin -->\nslow\n<!-- speed: end -->\nb\n", f"a\n{SECTION}\nb\n", id="in the old one's place"
+            "a\n<!-- speed: begin -->\nslow\n<!-- speed: end -->\nb\n",
+            f"a\n{SECTION}\nb\n",
+            id="in the old one's place",
         ),
     ],
 )
