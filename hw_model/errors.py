@@ -25,7 +25,7 @@ class LocsnnError(Exception):
     def __init__(self, where: str, what: str, *, measured: str = "", fix: str) -> None:
         self.where, self.what, self.measured, self.fix = where, what, measured, fix
         detail = f" ({_shown(measured)})" if measured else ""
-        super().__init__(f"{_shown(where)}: {_shown(what)}{detail}. {_shown(fix, MAX_FIX)}")
+        super().__init__(f"{_shown(where)}: {_shown(what)}{detail}. {_shown(fix, MAX_FIX)}".rstrip())
 
 
 def _shown(text: str, most: int = MAX_PART) -> str:
