@@ -16,6 +16,7 @@ from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
+from locsnn_compile.neurons import SrmAlpha
 from locsnn_compile.operations import additions_of_recordings
 from locsnn_compile.over_time import OverTime, over_time
 from locsnn_compile.training.config import TrainingConfig, config_from_mapping, read_config
@@ -87,10 +88,14 @@ def measure(path: Path, dataset: Dataset, test: Recordings) -> dict[str, Any]:
 
 
 def _on_chip(path: Path, dataset: Dataset, test: Recordings) -> dict[str, Any]:
-    """Compile a spiking network as ``locsnn-compile --strategy dendrite`` does, and play it the test part."""
+    """Compile a spiking network as ``locsnn-compile --strategy dendrite`` does, and play it the test part.
+
+    Integrate-and-fire neurons have no strategies.
+    """
     assert test.labels is not None
     network = lc.load(path)
-    compiled = lc.compile(network, target="loihi-sim", strategy="dendrite", events=test, diagnosis=False)
+    strategy = "dendrite" if any(isinstance(p.neuron, SrmAlpha) for p in network.populations) else "auto"
+    compiled = lc.compile(network, target="loihi-sim", strategy=strategy, events=test, diagnosis=False)
     played = hw.simulate(compiled.program, test.spikes)
     heard = {view.name: view.play(test.spikes) for view in network.views} | dict(played.spikes)
     followed = over_time(compiled.levels, test.spikes, test.labels, dataset.psi)
