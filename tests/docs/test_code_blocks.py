@@ -17,7 +17,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-import yaml
 from fences import PAGES, ROOT, Fence, fences, name
 
 from locsnn_compile.cli.compile import main as compile_main
@@ -86,7 +85,7 @@ def test_a_block_says_what_it_is(fence):
     """Run, compared, parsed, a directive of the documentation's builder, or text."""
     if re.fullmatch(r"\{[a-z-]+\}", fence.language):
         return
-    allowed = {"python": {"slow"}, "sh": {"slow", "ci"}, "console": set(), "yaml": set(), "text": set()}
+    allowed = {"python": {"slow"}, "sh": {"slow", "ci"}, "console": set(), "text": set()}
     assert fence.language in allowed
     assert set(fence.words) <= allowed[fence.language]
 
@@ -98,11 +97,6 @@ def test_slow_commands_are_understood(fence):
         program, *arguments = shlex.split(line, comments=True) or [""]
         if program in PARSERS:
             PARSERS[program]().parse_args(arguments)
-
-
-@pytest.mark.parametrize("fence", [fence for fence in BLOCKS if fence.language == "yaml"], ids=str)
-def test_yaml_is_yaml(fence):
-    assert isinstance(yaml.safe_load(fence.code), dict)
 
 
 @pytest.mark.parametrize("fence", [fence for fence in BLOCKS if "ci" in fence.words], ids=str)
