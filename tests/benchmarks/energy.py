@@ -12,6 +12,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from page_section import put_section
+
 import locsnn_compile as lc
 from locsnn_compile.report.format import count, energy, ratio, share, time
 from locsnn_compile.report.words import words
@@ -19,7 +21,6 @@ from locsnn_compile.report.words import words
 ROOT = Path(__file__).parents[2]
 NETWORKS = ("objects-hybrid", "containers-hybrid", "objects-hybrid-loihi", "containers-hybrid-loihi")
 STRATEGY = "dendrite"
-BEGIN, END = "<!-- energy: begin -->", "<!-- energy: end -->"
 
 Report = dict[str, Any]
 
@@ -30,9 +31,7 @@ def main() -> None:
     parser.add_argument("--page", type=Path, required=True)
     args = parser.parse_args()
     reports = {name: report_of(name, args.data) for name in NETWORKS}
-    text = args.page.read_text(encoding="utf-8")
-    before, rest = text.split(BEGIN)
-    args.page.write_text(f"{before}{BEGIN}\n{tables(reports)}\n{END}{rest.split(END)[1]}", encoding="utf-8")
+    put_section(args.page, "energy", tables(reports))
 
 
 def report_of(name: str, data: Path) -> Report:

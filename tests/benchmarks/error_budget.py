@@ -13,6 +13,8 @@ import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from page_section import put_section
+
 import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.calibration import calibrate
@@ -31,7 +33,6 @@ ROOT = Path(__file__).parents[2]
 DATASETS = ("objects", "containers")
 STRATEGIES = ("dendrite", "delay-line", "reset", "paired-dendrite")
 WEIGHT_BITS = 8
-BEGIN, END = "<!-- error-budget: begin -->", "<!-- error-budget: end -->"
 
 
 def main() -> None:
@@ -40,9 +41,7 @@ def main() -> None:
     parser.add_argument("--page", type=Path, required=True)
     args = parser.parse_args()
     written = "\n\n".join(section(args.data, dataset) for dataset in DATASETS)
-    text = args.page.read_text(encoding="utf-8")
-    before, rest = text.split(BEGIN)
-    args.page.write_text(f"{before}{BEGIN}\n{written}\n{END}{rest.split(END)[1]}", encoding="utf-8")
+    put_section(args.page, "error-budget", written)
 
 
 def section(data: Path, dataset: str) -> str:

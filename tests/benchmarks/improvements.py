@@ -15,6 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from page_section import put_section
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -43,7 +44,6 @@ DATASETS = ("objects", "containers")
 CHIP = hw.chip("loihi-sim")
 BITS = 8
 PAIRED = "paired-dendrite"
-BEGIN, END = "<!-- improvements: begin -->", "<!-- improvements: end -->"
 KEEP_SR, KEEP_REF = 3706 / 4096, 1507 / 4096
 """What decays of the chip's grid keep that are nearest to those of the published time constants."""
 
@@ -54,9 +54,7 @@ def main() -> None:
     parser.add_argument("--page", type=Path, required=True)
     args = parser.parse_args()
     written = "\n\n".join(section(args.data, dataset) for dataset in DATASETS)
-    text = args.page.read_text(encoding="utf-8")
-    before, rest = text.split(BEGIN)
-    args.page.write_text(f"{before}{BEGIN}\n{written}\n{END}{rest.split(END)[1]}", encoding="utf-8")
+    put_section(args.page, "improvements", written)
 
 
 def section(data: Path, dataset: str) -> str:

@@ -17,6 +17,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from page_section import put_section
+
 from locsnn_compile.cli.main import main as locsnn
 from locsnn_compile.cli.shell import EXIT_GATE
 from locsnn_compile.explore.grid import AXES
@@ -25,7 +27,6 @@ from locsnn_compile.report.format import NONE, energy, share, time
 ROOT = Path(__file__).parents[2]
 DATASETS = ("objects", "containers")
 BUDGETS = (("--min-agreement", "0.99"), ("--max-spike-error", "0.1"), ("--max-spike-error", "0.02"))
-BEGIN, END = "<!-- pareto: begin -->", "<!-- pareto: end -->"
 GRID = ("--weight-bits", "4", "6", "8", "--split-weights", "0", "1")
 """Every strategy with these."""
 Document = dict[str, Any]
@@ -38,9 +39,7 @@ def main() -> None:
     parser.add_argument("--work", type=Path, default=ROOT / "build" / "pareto")
     args = parser.parse_args()
     written = "\n\n".join(section(args.data, args.work / dataset, args.page, dataset) for dataset in DATASETS)
-    text = args.page.read_text(encoding="utf-8")
-    before, rest = text.split(BEGIN)
-    args.page.write_text(f"{before}{BEGIN}\n{written}\n{END}{rest.split(END)[1]}", encoding="utf-8")
+    put_section(args.page, "pareto", written)
 
 
 def section(data: Path, work: Path, page: Path, dataset: str) -> str:

@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from page_section import put_section
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -39,7 +40,6 @@ ROOT = Path(__file__).parents[2]
 DATASETS = ("objects", "containers")
 SEEDS = range(5)
 VALIDATION_SEEDS = range(3)
-BEGIN, END = "<!-- target-aware: begin -->", "<!-- target-aware: end -->"
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ def main() -> None:
             for dataset in DATASETS:
                 (validate if args.validate else measure)(args, row, dataset, seed)
     if args.page is not None:
-        write_page(args.page, page(args.work))
+        put_section(args.page, "target-aware", page(args.work))
 
 
 def float_network(args: argparse.Namespace, dataset: str, seed: int, *, seen_all: bool) -> Checkpoint:
@@ -250,12 +250,6 @@ def line(dataset: str, row: Row, mine: list[dict[str, Any]], whole: list[float])
 def spread(values: list[float]) -> str:
     deviation = f" ± {statistics.stdev(values):.3f}" if len(values) > 1 else ""
     return f"{statistics.mean(values):.3f}{deviation}"
-
-
-def write_page(path: Path, table: str) -> None:
-    text = path.read_text(encoding="utf-8")
-    before, rest = text.split(BEGIN)
-    path.write_text(f"{before}{BEGIN}\n{table}\n{END}{rest.split(END)[1]}", encoding="utf-8")
 
 
 if __name__ == "__main__":
