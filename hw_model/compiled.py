@@ -28,6 +28,7 @@ FILES_OF_LOOPS = (
     "compiled",
     "engine_fast",
     "event_scan",
+    "fast_chunks",
     "fast_kernels",
     "fast_layout",
     "live",

@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from hw_model.compiled import absorbed, borrowed, compiled, entry, trailing_zeros
-from hw_model.fast_kernels import AnyArray, add_up, advance, advance_pair, pass_on
+from hw_model.fast_chunks import add_up, advance, advance_pair, pass_on
+from hw_model.fast_kernels import AnyArray
 from hw_model.fast_layout import BIAS, BLOCKED, FIELDS, LANES, REFRACTORY, FastLayout, U
 from hw_model.fixed_point import IntArray
 from hw_model.trace import ByteArray
