@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hw_model.compiled import compiled, in_parts, trailing_zeros
-from hw_model.fixed_point import IntArray
+from hw_model.graph import Input
 from hw_model.trace import ByteArray, EventLists, Int32Array
 
 
@@ -31,13 +31,23 @@ def list_events(recordings: ByteArray) -> EventLists:
     return EventLists(first, parts[0][2] if len(parts) == 1 else np.concatenate([part[2] for part in parts]))
 
 
-def transpose(events: EventLists, positions: IntArray, lines: int) -> EventLists:
-    """Return what the buffer plays: an event (step t, channel c) becomes line t at step ``positions[c]``."""
-    first = np.empty((len(events.first), len(positions) + 1), dtype=np.int64)
-    many = min(lines, events.rows)
+def transpose(events: EventLists, item: Input, steps: int) -> EventLists:
+    """Return what the buffer plays of a transposed input in ``steps`` steps, lists of so many rows.
+
+    An event (step t, channel c) becomes line ``first_lines[c] + t`` at step ``positions[c]``, if both exist.
+    """
+    assert item.positions is not None
+    # A copy, whatever is given: loops are compiled anew for what is read-only.
+    first_lines = np.zeros_like(item.positions) if item.first_lines is None else np.array(item.first_lines)
+    # Channels of one step have lines of their own, so that visit by visit, and by time within one, lines ascend.
+    visits = np.lexsort((first_lines, item.positions))
+    visit_of = np.argsort(visits)
+    begins = np.searchsorted(item.positions[visits], np.arange(steps + 1))
+    first = np.empty((len(events.first), steps + 1), dtype=np.int64)
+    many = min(item.rows, events.rows)
     line = np.empty(int(events.until(many).sum()), dtype=np.int32)
-    _transpose(events.first, events.channel, positions, many, first, line)
-    return EventLists(first, line)
+    found = _transpose(events.first, events.channel, visit_of, first_lines, begins, many, first, line)
+    return EventLists(first, line[:found])
 
 
 @compiled
@@ -100,25 +110,32 @@ def _scan(words, last_word, begin, channels, first):  # type: ignore[no-untyped-
 
 
 @compiled
-def _transpose(given, channel, positions, many, first, line):  # type: ignore[no-untyped-def]
-    """Sort the events of every recording by step, in the order of time within one."""
-    steps = len(positions)
+def _transpose(  # type: ignore[no-untyped-def]
+    given, channel, visit_of, first_lines, begins, many, first, line
+):
+    """Sort the events of every recording by visit, in the order of time within one, and return how many there are.
+
+    Visits ``begins[step]`` to ``begins[step + 1]`` are those of a step; later ones than all are left out.
+    """
+    visits = begins[-1]
     so_far = 0
-    place = np.empty(steps, np.int64)
+    place = np.empty(visits + 1, np.int64)
     for b in range(len(given)):
-        start, stop = given[b, 0], given[b, many]
-        for step in range(steps + 1):
-            first[b, step] = 0
-        for e in range(start, stop):
-            first[b, positions[channel[e]] + 1] += 1
-        first[b, 0] = so_far
-        for step in range(steps):
-            first[b, step + 1] += first[b, step]
-        so_far = first[b, steps]
-        for step in range(steps):
-            place[step] = first[b, step]
+        place[:] = 0
+        for e in range(given[b, 0], given[b, many]):
+            visit = visit_of[channel[e]]
+            if visit < visits:
+                place[visit + 1] += 1
+        place[0] = so_far
+        for visit in range(visits):
+            place[visit + 1] += place[visit]
+        so_far = place[visits]
+        for step in range(len(begins)):
+            first[b, step] = place[begins[step]]
         for t in range(many):
             for e in range(given[b, t], given[b, t + 1]):
-                step = positions[channel[e]]
-                line[place[step]] = t
-                place[step] += 1
+                visit = visit_of[channel[e]]
+                if visit < visits:
+                    line[place[visit]] = first_lines[channel[e]] + t
+                    place[visit] += 1
+    return so_far

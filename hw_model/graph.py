@@ -42,7 +42,8 @@ class Input:
     """``size`` input lines of a phase, fed from the recording ``stream`` (steps, channels).
 
     With ``positions`` None, line c spikes at step t where channel c does. Else through the transpose buffer: an event
-    of channel c at step t becomes a spike of line t at step ``positions[c]``.
+    of channel c at step t becomes a spike of line ``first_lines[c] + t`` at step ``positions[c]``, both (channels,);
+    ``first_lines`` None: 0 for all. Channels of one step have lines of their own.
     """
 
     name: str
@@ -50,11 +51,17 @@ class Input:
     phase: str
     stream: str
     positions: IntArray | None = None
+    first_lines: IntArray | None = None
 
     @property
     def channels(self) -> int:
         """Channels of the recording that feeds these lines."""
         return self.size if self.positions is None else len(self.positions)
+
+    @property
+    def rows(self) -> int:
+        """Rows of a recording that the transpose buffer takes: one a line, from the highest of ``first_lines`` on."""
+        return self.size if self.first_lines is None else self.size - int(self.first_lines.max(initial=0))
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hw_model.errors import InputError
-from hw_model.fixed_point import IntArray
-from hw_model.graph import Phase
+from hw_model.graph import Input, Phase
 from hw_model.program import ChipProgram
 from hw_model.trace import ByteArray, EventLists, PhaseInput
 
@@ -62,17 +61,25 @@ def list_events(recordings: ByteArray) -> EventLists:
     return EventLists(first, channel.astype(np.int32))
 
 
-def transpose(events: EventLists, positions: IntArray, lines: int) -> EventLists:
-    """Return what the buffer plays: an event (step t, channel c) becomes line t at step ``positions[c]``."""
-    steps, many = len(positions), min(lines, events.rows)
+def transpose(events: EventLists, item: Input, steps: int) -> EventLists:
+    """Return what the buffer plays of a transposed input in ``steps`` steps, lists of so many rows.
+
+    An event (step t, channel c) becomes line ``first_lines[c] + t`` at step ``positions[c]``, if both exist.
+    """
+    assert item.positions is not None
+    many = min(item.rows, events.rows)
     first = np.zeros((len(events.first), steps + 1), dtype=np.int64)
     parts, so_far = [np.empty(0, dtype=np.int32)], 0
     for b, starts in enumerate(events.first):
-        line = np.repeat(np.arange(many, dtype=np.int32), np.diff(starts[: many + 1]))
-        step = positions[events.channel[starts[0] : starts[many]]]
-        order = np.argsort(step, kind="stable")
+        channel = events.channel[starts[0] : starts[many]]
+        line = np.repeat(np.arange(many), np.diff(starts[: many + 1]))
+        if item.first_lines is not None:
+            line += item.first_lines[channel]
+        step = item.positions[channel]
+        order = np.lexsort((line, step))
+        order = order[: np.count_nonzero(step < steps)]
         first[b] = so_far + np.searchsorted(step[order], np.arange(steps + 1))
-        parts.append(line[order])
+        parts.append(line[order].astype(np.int32))
         so_far += len(order)
     return EventLists(first, np.concatenate(parts))
 
@@ -82,7 +89,7 @@ class Player:
     """How events are listed and transposed; the two engines bring their own, which give the same lists."""
 
     list_events: Callable[[ByteArray], EventLists] = list_events
-    transpose: Callable[[EventLists, IntArray, int], EventLists] = transpose
+    transpose: Callable[[EventLists, Input, int], EventLists] = transpose
 
 
 def play(
@@ -101,9 +108,10 @@ def play(
             played += recorded.until(length)
             dropped += recorded.until(rows) - recorded.until(length)
         else:
-            lists.append(player.transpose(recorded, item.positions, item.size))
-            transposed += recorded.until(item.size)
-            dropped += recorded.until(rows) - recorded.until(item.size)
+            turned = player.transpose(recorded, item, length)
+            lists.append(turned)
+            transposed += turned.until(length)
+            dropped += recorded.until(rows) - turned.until(length)
     return PhaseInput(length, tuple(item.size for item in inputs), tuple(lists), played, transposed, dropped)
 
 

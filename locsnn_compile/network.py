@@ -26,23 +26,47 @@ Neuron = SrmAlpha | Cuba | SoftCuba | ChipSrm | ChipCuba
 class InputView:
     """``lines`` input lines of one axis, taken from the recording (steps, channels).
 
-    On the time axis line c spikes at step t where channel c does. On the location axis ``walk[p]`` is the channel that
-    is visited at step p: line t spikes at step p where channel ``walk[p]`` has an event at time step t.
+    On the time axis line c spikes at step t where channel c does. On the location axis channel ``walk[i]`` is visited
+    at step ``i // together``: an event of it at time step t spikes on line ``(i % together) * (lines // together) + t``
+    there. After the walk follow ``silence`` steps without events, in which the last ones still go through the layers.
     """
 
     name: str
     axis: Axis
     lines: int
     walk: npt.NDArray[np.int64] | None = None
+    together: int = 1
+    silence: int = 0
+
+    @property
+    def steps(self) -> int:
+        """Steps of a walk over the location axis, with the silence after it."""
+        assert self.walk is not None
+        return -(-len(self.walk) // self.together) + self.silence
 
     @property
     def positions(self) -> npt.NDArray[np.int64] | None:
-        """The inverse of the walk: the step at which each channel is visited."""
-        return None if self.walk is None else np.argsort(self.walk).astype(np.int64)
+        """The inverse of the walk: the step at which each channel is visited, (channels,)."""
+        return None if self.walk is None else np.argsort(self.walk).astype(np.int64) // self.together
+
+    @property
+    def first_lines(self) -> npt.NDArray[np.int64] | None:
+        """The line of time step 0 of each channel, (channels,); None where one is visited at a time."""
+        if self.walk is None or self.together == 1:
+            return None
+        return np.argsort(self.walk).astype(np.int64) % self.together * (self.lines // self.together)
 
     def play(self, recordings: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
         """Return the lines' spikes, (batch, steps of the axis, lines), of recordings (batch, time steps, channels)."""
-        return recordings if self.walk is None else recordings[:, :, self.walk].transpose(0, 2, 1)
+        if self.walk is None:
+            return recordings
+        rows = self.lines // self.together
+        visits = recordings[:, :rows, self.walk].transpose(0, 2, 1)
+        if self.together == 1 and self.silence == 0:
+            return visits
+        played = np.zeros((len(visits), self.steps * self.together, rows), dtype=np.uint8)
+        played[:, : visits.shape[1], : visits.shape[2]] = visits
+        return played.reshape(len(visits), self.steps, self.lines)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,8 +139,8 @@ class Network:
         return tuple(axis for axis in ("time", "location") if any(p.axis == axis for p in self.populations))
 
     def steps_of(self, axis: Axis) -> int:
-        """Steps of an axis: time steps, or one for every channel."""
-        return self.steps if axis == "time" else self.channels
+        """Steps of an axis: time steps, or those of the walk over the channels."""
+        return self.steps if axis == "time" else next(view.steps for view in self.views if view.axis == axis)
 
     def into(self, name: str) -> tuple[Projection | ChipProjection, ...]:
         """Return the projections onto a population."""

@@ -43,7 +43,7 @@ def lower_neurons(quantized: QuantizedNetwork, chip: Chip) -> CompartmentGraph:
             Phase(axis, axis, None if network.any_length else network.steps_of(axis)) for axis in network.axes
         ),
         inputs=tuple(
-            Input(v.name, v.lines, v.axis, "touch", None if v.positions is None else read_only(v.positions))
+            Input(v.name, v.lines, v.axis, "touch", _read_only(v.positions), _read_only(v.first_lines))
             for v in network.views
         ),
         groups=tuple(groups),
@@ -54,6 +54,10 @@ def lower_neurons(quantized: QuantizedNetwork, chip: Chip) -> CompartmentGraph:
     )
     check_graph(graph, chip)
     return graph
+
+
+def _read_only(array: IntArray | None) -> IntArray | None:
+    return None if array is None else read_only(array)
 
 
 def _entrance(q: QuantizedPopulation, dendrite: int) -> str:

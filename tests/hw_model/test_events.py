@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from hw_model import event_scan, playing
+from hw_model.graph import Input, read_only
 from hw_model.trace import PhaseInput
 
 RECORDINGS = hnp.array_shapes(min_dims=3, max_dims=3, min_side=1, max_side=9).flatmap(
@@ -24,11 +25,31 @@ def test_compiled_lists_equal_those_of_numpy(recordings, lines, seed):
     assert np.array_equal(found.first, wanted.first)
     assert np.array_equal(found.channel, wanted.channel)
 
-    positions = np.random.default_rng(seed).permutation(recordings.shape[2])
-    wanted = playing.transpose(wanted, positions, lines)
-    found = event_scan.transpose(found, positions, lines)
+    item, steps = _visits(seed, recordings.shape[2], lines)
+    wanted = playing.transpose(wanted, item, steps)
+    found = event_scan.transpose(found, item, steps)
     assert np.array_equal(found.first, wanted.first)
     assert np.array_equal(found.channel, wanted.channel)
+    assert found.channel.dtype == wanted.channel.dtype == np.int32
+    played = np.zeros((len(recordings), steps, item.size), dtype=np.uint8)
+    for b, t, c in np.argwhere(recordings).tolist():
+        if t < lines and item.positions[c] < steps:
+            played[b, item.positions[c], t + (0 if item.first_lines is None else item.first_lines[c])] += 1
+    none = np.zeros(len(recordings), dtype=np.int64)
+    turned = PhaseInput(steps, (item.size,), (found,), none, none, none)
+    assert all(np.array_equal(turned.lines(b), played[b]) for b in range(len(recordings)))
+    for b, row in np.ndindex(len(recordings), steps):  # ascending within a row, as every list
+        assert (np.diff(found.channel[found.first[b, row] : found.first[b, row + 1]]) > 0).all()
+
+
+def _visits(seed: int, channels: int, lines: int) -> tuple[Input, int]:
+    """A transposed input whose channels are visited in any order, some together, some perhaps after the last step."""
+    r = np.random.default_rng(seed)
+    together = int(r.integers(1, channels + 1))
+    at = r.permutation(channels)
+    first_lines = None if together == 1 and r.random() < 0.5 else read_only(at % together * lines)
+    steps = max(1, -(-channels // together) + int(r.integers(-1, 3)))
+    return Input("x", together * lines, "location", "touch", read_only(at // together), first_lines), steps
 
 
 @pytest.mark.parametrize("module", [event_scan, playing], ids=["compiled", "numpy"])
@@ -39,7 +60,8 @@ def test_lists_hold_the_recording_and_transpose_it(module, recordings):
     none = np.zeros(len(recordings), dtype=np.int64)
     steps, channels = recordings.shape[1:]
     played = PhaseInput(steps, (channels,), (events,), none, none, none)
-    turned = module.transpose(events, np.arange(channels)[::-1].copy(), steps)
+    item = Input("x", steps, "location", "touch", np.arange(channels)[::-1].copy())
+    turned = module.transpose(events, item, channels)
     transposed = PhaseInput(channels, (steps,), (turned,), none, none, none)
     for b, recording in enumerate(recordings):
         assert np.array_equal(played.lines(b), recording)
