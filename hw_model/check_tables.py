@@ -13,11 +13,13 @@ from hw_model.weights import SIGN_MODES, WEIGHT_BITS, WEIGHT_EXPONENTS
 
 if TYPE_CHECKING:
     from hw_model.chip_description import Registers
+    from hw_model.graph import Input
     from hw_model.program import ChipProgram, Core
 
 MAX_STEPS, MAX_LINES = 10_000_000, 10_000_000
 """Steps of a phase and lines of an input, far above what a chip is used for."""
 MAX_DECAY = 4096
+_NONE = np.zeros(0, dtype=np.int64)
 _OF_COMPARTMENTS = ("profile", "threshold", "bias_mantissa", "bias_exponent", "parent")
 _OF_SYNAPSES = ("target", "mantissa", "delay", "format_index")
 _OF_OUTPUTS = ("out_compartment", "out_core", "out_axon")
@@ -26,6 +28,7 @@ _OF_OUTPUTS = ("out_compartment", "out_core", "out_axon")
 def check_tables(program: ChipProgram) -> None:
     """Tables of one thing agree in length, numbers fit their registers, names exist; else ``InputError``."""
     phases = [phase.name for phase in program.phases]
+    streams = program.streams
     registers = program.chip.registers
     _check("phases", [
         ("names", len(set(phases)) == len(phases)),
@@ -35,15 +38,27 @@ def check_tables(program: ChipProgram) -> None:
     for index, core in enumerate(program.cores):
         _check(f"core {core.number}", _core_rules(index, core, phases, registers))
     for item, route in zip(program.inputs, program.input_routes, strict=True):
-        positions = np.zeros(0, dtype=np.int64) if item.positions is None else item.positions
+        positions = _NONE if item.positions is None else item.positions
+        steps = next((phase.steps for phase in program.phases if phase.name == item.phase), None)
         _check(f"input {item.name!r}", [
             ("sizes", _whole([item.size], 1, MAX_LINES)),
             ("phases", item.phase in phases),
-            ("positions", _within(positions, 0, MAX_STEPS)),
+            ("channels", item.channels == streams[item.stream]),
+            ("positions", _within(positions, 0, (steps or MAX_STEPS) - 1)),
+            ("first lines", _first_lines_fit(item)),
             ("routes", len(route.line) == len(route.core) == len(route.axon)),
             ("lines", _within(route.line, 0, item.size - 1)),
         ])  # fmt: skip
     _check_groups(program)
+
+
+def _first_lines_fit(item: Input) -> bool:
+    """They are lines of the input, one a channel, and channels of one step share none."""
+    if item.first_lines is None:
+        return not item.lines_are_shared
+    if item.positions is None or len(item.first_lines) != len(item.positions):
+        return False
+    return _within(item.first_lines, 0, item.size - 1) and not item.lines_are_shared
 
 
 def _core_rules(index: int, core: Core, phases: Sequence[str], registers: Registers) -> list[tuple[str, bool]]:

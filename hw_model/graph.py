@@ -63,6 +63,16 @@ class Input:
         """Rows of a recording that the transpose buffer takes: one a line, from the highest of ``first_lines`` on."""
         return self.size if self.first_lines is None else self.size - int(self.first_lines.max(initial=0))
 
+    @property
+    def lines_are_shared(self) -> bool:
+        """Whether two channels of one step have a line in common."""
+        if self.positions is None:
+            return False
+        first_lines = np.zeros_like(self.positions) if self.first_lines is None else self.first_lines
+        order = np.lexsort((first_lines, self.positions))
+        one_step = np.diff(self.positions[order]) == 0
+        return bool((one_step & (np.diff(first_lines[order]) < self.rows)).any())
+
 
 @dataclass(frozen=True, eq=False)
 class Compartments:
@@ -174,6 +184,8 @@ class CompartmentGraph:
 def check_graph(graph: CompartmentGraph, chip: Chip) -> None:
     """Check the whole level; the first broken rule is an ``InputError`` or, for a chip limit, a ``TargetError``."""
     _check_names(graph)
+    for item in graph.inputs:
+        _check_visits(item, next(phase for phase in graph.phases if phase.name == item.phase))
     for group in graph.groups:
         _check_group(graph, group, chip)
     for synapses in graph.synapses:
@@ -195,6 +207,31 @@ def _check_names(graph: CompartmentGraph) -> None:
             raise InputError(f"{node.name!r}", f"its phase {node.phase!r} does not exist", fix="Name a phase.")
         if node.size < 1:
             raise InputError(f"{node.name!r}", "it is empty", measured=f"size {node.size}", fix="Give it a size.")
+
+
+def _check_visits(item: Input, phase: Phase) -> None:
+    """Channels are visited within the phase, on lines that exist and are theirs alone in that step."""
+    if item.positions is None:
+        return
+    where, lines = f"input {item.name!r}", item.first_lines
+    outside = item.positions[(item.positions < 0) | (item.positions >= (phase.steps or np.inf))]
+    if len(outside):
+        raise InputError(
+            where,
+            "a channel is visited outside its phase",
+            measured=f"step {outside[0]} of {phase.steps}, counted from 0",
+            fix="Give the phase more steps.",
+        )
+    if lines is not None and (lines.shape != item.positions.shape or lines.min(initial=0) < 0 or item.rows < 1):
+        raise InputError(
+            where,
+            "its first lines do not fit",
+            measured=f"{len(lines)} within {lines.min(initial=0)}..{lines.max(initial=0)} against "
+            f"{item.channels} within 0..{item.size - 1}",
+            fix="Give one a channel.",
+        )
+    if item.lines_are_shared:
+        raise InputError(where, "two channels of one step share lines", fix="Give each lines of its own.")
 
 
 def _parameter_rules(chip: Chip) -> tuple[tuple[str, int, int, str], ...]:

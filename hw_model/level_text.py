@@ -87,6 +87,8 @@ def program_text(program: ChipProgram) -> str:
 
 def _input(item: Input) -> str:
     played = "as it comes" if item.positions is None else f"transposed, positions {array_text(item.positions)}"
+    if item.first_lines is not None:
+        played += f", first lines {array_text(item.first_lines)}"
     return f"  input {item.name}: {item.size} lines, phase {item.phase}, plays {item.stream} {played}"
 
 

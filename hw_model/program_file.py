@@ -159,6 +159,8 @@ def _arrays(program: ChipProgram) -> dict[str, IntArray]:
     for index, item in enumerate(program.inputs):
         if item.positions is not None:
             arrays[f"input{index}/positions"] = item.positions
+        if item.first_lines is not None:
+            arrays[f"input{index}/first_lines"] = item.first_lines
     for index, route in enumerate(program.input_routes):
         arrays.update({f"input{index}/{name}": getattr(route, name) for name in ROUTE_ARRAYS})
     for core in program.cores:
@@ -222,6 +224,7 @@ def _program(document: dict[str, Any], arrays: dict[str, IntArray]) -> ChipProgr
             item["phase"],
             item["stream"],
             arrays[f"input{index}/positions"] if item["transposed"] else None,
+            arrays.get(f"input{index}/first_lines"),
         )
         for index, item in enumerate(document["inputs"])
     )

@@ -17,8 +17,20 @@ from hw_model.compiled import absorbed, borrowed, compiled, entry, trailing_zero
 from hw_model.fast_chunks import add_up, advance, advance_pair, pass_on
 from hw_model.fast_kernels import AnyArray
 from hw_model.fast_layout import BIAS, BLOCKED, FIELDS, LANES, REFRACTORY, FastLayout, U
-from hw_model.fixed_point import IntArray
+from hw_model.graph import Input
 from hw_model.trace import ByteArray
+
+
+class Visits(NamedTuple):
+    """When the channels of every input are played: its first one, (inputs + 1,), and the ``rows`` it takes, (inputs,).
+
+    ``step`` and ``first_line`` (channels of all inputs,): an event of row t is line ``first_line + t`` in that step.
+    """
+
+    first_channel: AnyArray
+    step: AnyArray
+    first_line: AnyArray
+    rows: AnyArray
 
 
 class Order(NamedTuple):
@@ -64,10 +76,10 @@ _LANES, _CHUNK, _STATE = np.uint64(LANES), np.uint64(FIELDS * LANES), np.uint64(
 class Replay:
     """A phase of ``steps`` steps that starts with no event at all; rows of a recording are then added to it.
 
-    ``positions[i]`` (channels,) are the steps in which input i plays the channels of its stream.
+    ``inputs``: those of the phase, all of them transposed.
     """
 
-    def __init__(self, layout: FastLayout, steps: int, positions: Sequence[IntArray]) -> None:
+    def __init__(self, layout: FastLayout, steps: int, inputs: Sequence[Input]) -> None:
         chunks, blocks = layout.chunks, len(layout.chunks.feeds_itself)
         block_of = np.full(len(layout.nodes.first), -1, dtype=np.int64)
         for block in range(blocks):
@@ -84,12 +96,12 @@ class Replay:
             run=np.zeros(1, dtype=np.int64),
             block_of=block_of,
         )
-        channels = np.concatenate(positions)
+        visits = _visits(inputs)
         self._played = (
-            np.cumsum([0, *map(len, positions)]), channels, layout.nodes, chunks, layout.links, _order(layout),
+            visits, layout.nodes, chunks, layout.links, _order(layout),
             chunks.registers[chunks.member].reshape(-1), np.zeros(len(chunks.member), dtype=np.bool_), self._history,
         )  # fmt: skip
-        self._silence = np.zeros((1, len(channels)), dtype=np.uint8)
+        self._silence = np.zeros((1, len(visits.step)), dtype=np.uint8)
         self._push = entry(_push, 0, self._silence, *self._played, np.zeros((1, layout.columns), dtype=np.int64))
         self.reset()
 
@@ -127,6 +139,19 @@ class Replay:
         return lanes.reshape(self._steps, -1)[:, self._layout.slot].astype(np.uint8)
 
 
+def _visits(inputs: Sequence[Input]) -> Visits:
+    steps = [np.zeros(0, dtype=np.int64) if item.positions is None else item.positions for item in inputs]
+    lines = [
+        np.zeros(item.channels, dtype=np.int64) if item.first_lines is None else item.first_lines for item in inputs
+    ]
+    return Visits(
+        first_channel=np.cumsum([0, *map(len, steps)]),
+        step=np.concatenate(steps),
+        first_line=np.concatenate(lines),
+        rows=np.array([item.rows for item in inputs]),
+    )
+
+
 def _order(layout: FastLayout) -> Order:
     chunks = layout.chunks
     member, count = chunks.member, len(chunks.member)
@@ -150,20 +175,21 @@ def _order(layout: FastLayout) -> Order:
 
 @compiled
 def _push(  # type: ignore[no-untyped-def]
-    before, rows, first_channel, positions, nodes, chunks, links, order, registers, at_rest, history, counts
+    before, rows, visits, nodes, chunks, links, order, registers, at_rest, history, counts
 ):
-    nodes, chunks, links, order, registers, at_rest, history = borrowed(
-        (nodes, chunks, links, order, registers, at_rest, history)
+    visits, nodes, chunks, links, order, registers, at_rest, history = borrowed(
+        (visits, nodes, chunks, links, order, registers, at_rest, history)
     )
     steps = len(history.masks)
     for row in range(len(rows)):
-        line = before + row
-        for node in range(len(first_channel) - 1):
-            for channel in range(first_channel[node], first_channel[node + 1]):
-                if rows[row, channel] and line < nodes.size[node]:
+        time = before + row
+        for node in range(len(visits.rows)):
+            for channel in range(visits.first_channel[node], visits.first_channel[node + 1]):
+                if rows[row, channel] and time < visits.rows[node]:
+                    line = visits.first_line[channel] + time
                     for link in range(len(links.source)):
                         if links.source[link] == node:
-                            _change(np.uint64(link), line, positions[channel], 1, links, history)
+                            _change(np.uint64(link), line, visits.step[channel], 1, links, history)
         for block in range(len(history.changed)):
             start = history.changed[block]
             if start < steps:

@@ -159,16 +159,15 @@ class _Branch:
         inputs = program.inputs_of(phase.name)
         self._streams = [item.stream for item in inputs]
         positions = [item.positions for item in inputs if item.positions is not None]
-        if positions and len(positions) < len(inputs):
+        if 0 < len(positions) < len(inputs):
             raise InputError(
                 f"phase {phase.name!r}",
                 "has inputs as they come beside transposed ones, so it cannot run as they arrive",
                 fix="Use simulate.",
             )
         layout = fast_layout(program, phase.name)
-        self.run = (
-            Replay(layout, phase.steps or len(positions[0]), positions) if positions else Live(layout, phase.steps)
-        )
+        last = int(max((at.max(initial=0) for at in positions), default=0))
+        self.run = Replay(layout, phase.steps or last + 1, inputs) if positions else Live(layout, phase.steps)
 
     def push(self, before: int, streams: dict[str, ByteArray]) -> IntArray:
         """Push rows (1, rows, channels), and return the spikes so far after each, (rows, columns)."""

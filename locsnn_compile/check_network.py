@@ -11,7 +11,7 @@ import numpy.typing as npt
 from hw_model.graph import Axis
 from locsnn_compile.errors import InputError
 from locsnn_compile.matrices import values_of
-from locsnn_compile.network import Network, Population, Projection
+from locsnn_compile.network import InputView, Network, Population, Projection
 from locsnn_compile.neurons import Cuba, SoftCuba, SrmAlpha
 from locsnn_compile.on_grid import ChipCuba, ChipProjection, ChipSrm, RefractoryDendrite
 
@@ -51,12 +51,15 @@ def check_network(network: Network) -> None:
         ends[population.name] = (population.axis, population.size)
         _check_neuron(population)
     for view in network.views:
-        if view.walk is not None and sorted(view.walk.tolist()) != list(range(network.channels)):
-            raise InputError(
-                f"input {view.name!r}",
-                "its location order is not a permutation of the channels",
-                fix="Visit every channel exactly once.",
-            )
+        _check_view(view, network)
+    walks = [view.steps for view in network.views if view.axis == "location"]
+    if len(set(walks)) > 1 or ("location" in network.axes and not walks):
+        raise InputError(
+            f"model {network.name!r}",
+            "its inputs do not give the location axis one number of steps",
+            measured=f"steps {', '.join(map(str, walks)) or 'of none'}",
+            fix="Give inputs of that axis that take equal steps.",
+        )
     if not network.projections:
         raise InputError(f"model {network.name!r}", "it has no weights", fix="Connect an input to a population.")
     on_grid = {population.name: population.on_grid for population in network.populations}
@@ -66,6 +69,31 @@ def check_network(network: Network) -> None:
         _check_kind(projection, on_grid[projection.target])
         _check_dendrite(projection, dendrites.get(projection.target, 1))
         _check_values(projection, (ends[projection.target][1], ends[projection.source][1]))
+
+
+def _check_view(view: InputView, network: Network) -> None:
+    where = f"input {view.name!r}"
+    if view.axis == "time":
+        if view.walk is not None or view.together != 1 or view.silence != 0:
+            raise InputError(where, "only a location axis has a location order", fix="Leave it out.")
+        return
+    if view.walk is None:
+        raise InputError(where, "a location axis has no location order", fix="Visit every channel exactly once.")
+    if sorted(view.walk.tolist()) != list(range(network.channels)):
+        raise InputError(
+            where,
+            "its location order is not a permutation of the channels",
+            fix="Visit every channel exactly once.",
+        )
+    if not 1 <= view.together <= network.channels or view.lines % view.together:
+        raise InputError(
+            where,
+            "channels visited together do not have equal lines of their own",
+            measured=f"{view.together} of {network.channels} channels on {view.lines} lines",
+            fix="Give lines for every time step of each.",
+        )
+    if view.silence < 0:
+        raise InputError(where, "less than no silence", measured=f"{view.silence} steps", fix="Give 0 or more.")
 
 
 def _check_neuron(population: Population) -> None:

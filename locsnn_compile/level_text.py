@@ -24,6 +24,8 @@ def network_text(network: Network) -> str:
     lines = [f"network {network.name}: {network.channels} channels, {network.steps} steps{seconds}"]
     for view in network.views:
         walk = "" if view.walk is None else f", walk {array_text(view.walk)}"
+        walk += "" if view.together == 1 else f", {view.together} together"
+        walk += "" if view.silence == 0 else f", {view.silence} steps of silence"
         lines.append(
             f"  input {view.name}: {view.lines} lines over {network.steps_of(view.axis)} {view.axis} steps{walk}"
         )

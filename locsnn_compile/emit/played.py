@@ -102,8 +102,11 @@ def _lines(program: hw.ChipProgram, phase: str, recording: Mapping[str, ByteArra
         events = np.argwhere(recording[item.stream])
         if item.positions is None:
             at, line = events[:, 0], events[:, 1]
-        else:  # the transpose buffer: an event (step t, channel c) is played as line t at step positions[c]
+        else:  # the transpose buffer: an event (step t, channel c) is played as line first_lines[c] + t at positions[c]
+            events = events[events[:, 0] < item.rows]
             at, line = item.positions[events[:, 1]], events[:, 0]
+            if item.first_lines is not None:
+                line = line + item.first_lines[events[:, 1]]
         kept = (at < steps) & (line < item.size)
         part = np.zeros((steps, item.size), dtype=np.uint8)
         part[at[kept], line[kept]] = 1
