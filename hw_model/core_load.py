@@ -164,7 +164,7 @@ def first_broken(groups: Sequence[Compartments], projections: Sequence[FanIn], n
             "synapse formats",
             len(formats),
             chip.limits.synapse_formats_per_core,
-            "Use fewer weight exponents, weight bits and delay ranges for this population.",
+            "Use fewer weight exponents for this population: formats of one exponent and sign share one already.",
         )
     uses = CoreLoad(chip, sources)._uses(groups, projections, neuron, neuron + 1)
     what, use, limit = next(row for row in uses if row[1][0] > row[2])

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -26,6 +29,23 @@ class SynapseFormat:
     def bits_per_synapse(self) -> int:
         """Bits of one synapse; learning tags are not used."""
         return self.weight_bits + self.delay_bits + self.index_bits
+
+    def joins(self, other: SynapseFormat) -> bool:
+        """Whether one format can hold the synapses of both unchanged: fields can be widened, exponents and signs not.
+
+        A wider weight field adds low bits to the grid, so the mantissas stay on it.
+        """
+        return (self.sign_mode, self.exponent) == (other.sign_mode, other.exponent)
+
+    def widened(self, other: SynapseFormat) -> SynapseFormat:
+        """Return the narrowest format that holds the synapses of both."""
+        return SynapseFormat(
+            max(self.weight_bits, other.weight_bits),
+            self.sign_mode,
+            self.exponent,
+            max(self.delay_bits, other.delay_bits),
+            max(self.index_bits, other.index_bits),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,22 +91,71 @@ def first_source(graph: CompartmentGraph) -> dict[str, int]:
 
 
 def fan_in(graph: CompartmentGraph, chip: Chip) -> tuple[FanIn, ...]:
-    """Return every projection of the graph by target."""
+    """Return every projection of the graph by target.
+
+    Each is in the narrowest format that holds it. Groups joined to each other are on one core: where they have more
+    formats than a core holds, some come to share one, see :func:`share_formats`.
+    """
     first = first_source(graph)
+    narrowest = [_format(synapses, graph.group(synapses.target).size, chip) for synapses in graph.synapses]
+    together = [_root(graph, synapses.target) for synapses in graph.synapses]
+    counts: dict[str, Counter[SynapseFormat]] = {root: Counter() for root in together}
+    for root, form, synapses in zip(together, narrowest, graph.synapses, strict=True):
+        counts[root][form] += len(synapses.mantissa)
+    stored = {root: share_formats(count, chip.limits.synapse_formats_per_core) for root, count in counts.items()}
     return tuple(
-        _fan_in(f"{number} {synapses.source} -> {synapses.target}", synapses, first[synapses.source], graph, chip)
-        for number, synapses in enumerate(graph.synapses)
+        _fan_in(
+            f"{number} {synapses.source} -> {synapses.target}",
+            synapses,
+            stored[root][form],
+            first[synapses.source],
+            graph,
+        )
+        for number, (root, form, synapses) in enumerate(zip(together, narrowest, graph.synapses, strict=True))
     )
 
 
-def _fan_in(name: str, synapses: Synapses, first: int, graph: CompartmentGraph, chip: Chip) -> FanIn:
+def share_formats(synapses: Mapping[SynapseFormat, int], limit: int) -> dict[SynapseFormat, SynapseFormat]:
+    """Return the format in which the synapses of each format are stored, given how many synapses each has.
+
+    Up to ``limit`` formats stay as they are. Of more, the two for which it takes the fewest bits in all share one, and
+    so on, until they are few enough or no two can. Only memory is spent: no weight and no delay changes.
+    """
+    stored = {form: form for form in synapses}
+    held = Counter(synapses)
+    while len(held) > limit:
+        pairs = [pair for pair in combinations(sorted(held), 2) if pair[0].joins(pair[1])]
+        if not pairs:
+            break
+        pair = min(pairs, key=lambda pair: _bits_added(pair, held))
+        wide = pair[0].widened(pair[1])
+        moved = sum(held.pop(form) for form in pair)
+        held[wide] += moved
+        stored = {form: wide if now in pair else now for form, now in stored.items()}
+    return stored
+
+
+def _bits_added(pair: tuple[SynapseFormat, SynapseFormat], held: Mapping[SynapseFormat, int]) -> int:
+    """Return the bits of memory that it takes to store the synapses of two formats in one."""
+    wide = pair[0].widened(pair[1]).bits_per_synapse
+    return sum(held[form] * (wide - form.bits_per_synapse) for form in pair)
+
+
+def _root(graph: CompartmentGraph, name: str) -> str:
+    """Return the group at the end of the joins that begin at a group."""
+    while (parent := graph.group(name).joined_to) is not None:
+        name = parent
+    return name
+
+
+def _fan_in(name: str, synapses: Synapses, form: SynapseFormat, first: int, graph: CompartmentGraph) -> FanIn:
     targets = graph.group(synapses.target).size
     order = np.argsort(synapses.target_index, kind="stable")
     target = synapses.target_index[order]
     return FanIn(
         name=name,
         target_group=synapses.target,
-        format=_format(synapses, targets, chip),
+        format=form,
         start=np.searchsorted(target, np.arange(targets + 1)),
         target=target,
         source=synapses.source_index[order] + first,

@@ -89,6 +89,7 @@ def grades_for(
     """Return the grades for magnitudes up to ``largest`` quanta onto such neurons.
 
     Weights whose delays take other numbers of bits are in formats of their own: the more there are, the fewer grades.
+    What is left too many, the format of own spikes among it, is made to share delay fields when cores are filled.
     """
     split = rounding.split > 0
     taps = isinstance(neuron, ChipSrm) and isinstance(neuron.refractory, RefractoryTaps)

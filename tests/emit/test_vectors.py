@@ -39,10 +39,25 @@ def dense():
     return b.build()
 
 
+def shared_formats():
+    """Return a program of 21 formats, three exponents by seven delay fields, that come to share the 16 of a core."""
+    b = hw.ProgramBuilder(CHIP)
+    x = b.add_input("x", 3)
+    h = b.add_compartments("h", 20, decay_u=1024, decay_v=128, threshold=300)
+    r = np.random.default_rng(0)
+    for exponent in (-1, 0, 2):
+        for delay in (0, 1, 3, 7, 15, 31, 62):
+            b.connect(x, h, 2 * r.integers(-128, 128, (20, 3)), exponent=exponent, delay=delay)
+    program = b.build()
+    assert [len(core.axons.formats) for core in program.cores] == [16]
+    return program
+
+
 PROGRAMS = {
     "everything, several cores": everything,
     "everything, one core": lambda: everything(seed=1, chip=CHIP),
     "dense": dense,
+    "shared formats": shared_formats,
 }
 
 

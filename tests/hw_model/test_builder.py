@@ -19,7 +19,7 @@ def build(chip=CHIP, *, inputs=2, size=1, weights=None, parameters=None, dendrit
     builder.connect(x, n, np.full((size, inputs), 2) if weights is None else weights, **synapses)
     for i in range(1, dendrites + 1):
         dendrite = builder.add_compartments(f"d{i}", size, threshold=10 + i, decay_u=i, joined_to=n)
-        builder.connect(x, dendrite, np.full((size, inputs), 2), delay=i)
+        builder.connect(x, dendrite, np.full((size, inputs), 2), delay=i, exponent=i)
     return builder.build()
 
 
@@ -45,7 +45,7 @@ LIMIT_ERRORS = [
     ("compartment profiles", {"chip": limited(compartment_profiles_per_core=2), "dendrites": 2}, "population 'n': 3 compartment profiles of neuron 0 do not fit one core (loihi-sim holds 2). Give its joined compartments the same decays."),
     ("threshold profiles", {"chip": limited(threshold_profiles_per_core=2), "dendrites": 2}, "population 'n': 3 threshold profiles of neuron 0 do not fit one core (loihi-sim holds 2). Give its joined compartments the same threshold."),
     ("voltage limits", {"parameters": {"vmin": 0}, "dendrites": 1}, "population 'n': 2 pairs of voltage limits of neuron 0 do not fit one core (loihi-sim holds 1). Give its joined compartments the same vmin and vmax."),
-    ("synapse formats", {"chip": limited(synapse_formats_per_core=1), "dendrites": 1}, "population 'n': 2 synapse formats of neuron 0 do not fit one core (loihi-sim holds 1). Use fewer weight exponents, weight bits and delay ranges for this population."),
+    ("synapse formats", {"chip": limited(synapse_formats_per_core=1), "dendrites": 1}, "population 'n': 2 synapse formats of neuron 0 do not fit one core (loihi-sim holds 1). Use fewer weight exponents for this population: formats of one exponent and sign share one already."),
     ("cores", {"chip": limited(cores_per_chip=2, compartments_per_core=1), "size": 3}, "network 'program': 3 cores are needed (loihi-sim has 2 on 1 chip). Give a chip file with chips: 2, if the board has as many."),
 ]  # fmt: skip
 

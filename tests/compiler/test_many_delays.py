@@ -1,0 +1,64 @@
+"""Projections of so many delays that their formats do not fit a core apart: they share, and no spike changes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from networks import NEURON, single
+
+import hw_model as hw
+from locsnn_compile.errors import TargetError
+from locsnn_compile.network import Population, Projection
+from locsnn_compile.on_grid import ChipCuba, ChipProjection
+from locsnn_compile.passes.rounding import Rounding
+from locsnn_compile.pipeline import lower
+from locsnn_compile.reference import evaluate
+
+CHIP = hw.chip("loihi-sim")
+DELAYS = (0, 12, 24, 36, 48, 60)
+PLAYED = (np.random.default_rng(1).random((2, 90, 6)) < 0.2).astype(np.uint8)
+
+
+def delayed():
+    """Return a population behind one view, a projection a delay, whose weights are of several sizes and both signs."""
+    r = np.random.default_rng(0)
+    network = single(NEURON, np.zeros((5, 6)), steps=90)
+    weights = r.normal(0, 1, (len(DELAYS), 5, 6)) * r.choice([0.5, 8.0], (len(DELAYS), 5, 6))
+    projections = tuple(Projection("touch", "n", part, delay) for part, delay in zip(weights, DELAYS, strict=True))
+    return replace(network, projections=projections)
+
+
+def narrowest_formats(levels):
+    """Return the formats that a core would hold if every list kept to its own."""
+    return {(s.exponent, s.sign_mode, s.weight_bits, s.delay_bits) for s in levels.compartments.synapses}
+
+
+@pytest.mark.parametrize(
+    ("strategy", "share", "apart"),
+    [("dendrite", 0.0, 17), ("dendrite", 1.0, 17), ("delay-line", 1.0, 21), ("paired-dendrite", 0.0, 17)],
+)
+def test_the_program_is_the_rounded_network_bit_for_bit(strategy, share, apart):
+    levels = lower(delayed(), CHIP, 8, strategy, Rounding(graded=True, split=share))
+    assert len(narrowest_formats(levels)) == apart
+    assert [len(core.axons.formats) for core in levels.program.cores] == [16]
+    wanted = evaluate(levels.quantized.on_grid(), PLAYED, potentials=True)
+    found = hw.simulate(levels.program, PLAYED, probe=("spikes", "potential"))
+    assert wanted.spikes["n"].sum() > 100
+    assert np.array_equal(found.spikes["n"], wanted.spikes["n"])
+    assert np.array_equal(found.potential["n"], wanted.potential["n"])
+
+
+def test_exponents_of_integer_weights_that_are_too_many():
+    neuron = ChipCuba.of(1, decay_u=4096, decay_v=128, threshold=100)
+    weights = np.array([[100, -100, 0, 0, 0, 0]])
+    network = replace(
+        single(NEURON, np.zeros((1, 6)), steps=90),
+        populations=(Population("n", "time", 1, neuron),),
+        projections=tuple(ChipProjection("touch", "n", weights, exponent, 8) for exponent in range(-8, 1)),
+    )
+    with pytest.raises(TargetError) as caught:
+        lower(network, CHIP, 8)
+    assert str(caught.value) == (
+        "population 'n': 18 synapse formats of neuron 0 do not fit one core (loihi-sim holds 16). "
+        "Use fewer weight exponents for this population: formats of one exponent and sign share one already."
+    )

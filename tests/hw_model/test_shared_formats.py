@@ -1,0 +1,96 @@
+"""Formats that share one where a core would hold too many: nothing changes but the memory that they take."""
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_placement import delivered
+
+import hw_model as hw
+from hw_model.fan_in import SynapseFormat, share_formats
+from hw_model.weights import SIGN_MODES, WEIGHT_BITS
+
+CHIP = hw.chip("loihi-sim")
+
+formats = st.builds(
+    SynapseFormat,
+    weight_bits=st.sampled_from(WEIGHT_BITS),
+    sign_mode=st.sampled_from(SIGN_MODES),
+    exponent=st.integers(-1, 1),
+    delay_bits=st.integers(0, 6),
+    index_bits=st.sampled_from([0, 10]),
+)
+
+
+@settings(max_examples=100, deadline=None, derandomize=True)
+@given(synapses=st.dictionaries(formats, st.integers(1, 500), min_size=1, max_size=24), limit=st.integers(1, 20))
+def test_every_format_is_held_and_no_more_share_than_must(synapses, limit):
+    stored = share_formats(synapses, limit)
+    kinds = {(form.sign_mode, form.exponent) for form in synapses}
+    left = set(stored.values())
+    assert len(left) <= max(limit, len(kinds))
+    if len(synapses) <= limit:
+        assert all(form == wide for form, wide in stored.items())
+    for form, wide in stored.items():
+        assert (form.sign_mode, form.exponent) == (wide.sign_mode, wide.exponent)
+        assert form.weight_bits <= wide.weight_bits
+        assert form.delay_bits <= wide.delay_bits
+        assert form.index_bits <= wide.index_bits
+
+
+def test_the_two_that_cost_least_share():
+    def form(delay_bits, exponent=0):
+        return SynapseFormat(8, "excitatory", exponent, delay_bits, 10)
+
+    # In bits: 100 synapses from 0 to 4, 300 from 4 to 5, or 100 from 0 to 5; exponent 1 shares with none.
+    synapses = Counter({form(0): 100, form(4): 300, form(5): 10, form(4, exponent=1): 1})
+    assert share_formats(synapses, 4) == {f: f for f in synapses}
+    assert share_formats(synapses, 3) == {f: f for f in synapses} | {form(4): form(5)}
+    assert share_formats(synapses, 2) == {f: form(5) for f in synapses if f.exponent == 0} | {form(4, 1): form(4, 1)}
+
+
+def many_formats(limit, exponents=(0,)):
+    """Return a program of a neuron with a dendrite whose lists differ in delays, bits, signs, and in being full."""
+    r = np.random.default_rng(3)
+    builder = hw.ProgramBuilder(replace(CHIP, limits=replace(CHIP.limits, synapse_formats_per_core=limit)))
+    x = builder.add_input("x", 9)
+    n = builder.add_compartments("n", 12, decay_u=1024, decay_v=128, threshold=60)
+    dendrite = builder.add_compartments("n/dendrite", 12, decay_u=500, decay_v=500, threshold=0, joined_to=n)
+    for target in (n, dendrite):
+        for exponent in exponents:
+            for delay, bits, share in ((0, 8, 1.0), (3, 4, 0.5), (12, 8, 0.3), (62, 5, 0.8)):
+                step = 1 << 8 - bits
+                weights = r.integers(1, 1 << bits, (12, 9)) * step * (r.random((12, 9)) < share)
+                for sign, mode in ((1, "excitatory"), (-1, "inhibitory")):
+                    builder.connect(
+                        x, target, sign * weights, exponent=exponent, delay=delay, weight_bits=bits, sign_mode=mode
+                    )
+    builder.connect(x, n, np.full((12, 9), 254), delay=7)
+    return builder.build()
+
+
+@pytest.mark.parametrize("limit", [8, 3])
+def test_shared_formats_change_no_spike(limit):
+    apart, shared = many_formats(16), many_formats(limit)
+    assert len(apart.cores[0].axons.formats) == 9
+    assert [len(core.axons.formats) for core in shared.cores] == [limit]
+    assert shared.cores[0].axons.synapse_words > apart.cores[0].axons.synapse_words
+    assert delivered(shared) == delivered(apart)
+    spikes = (np.random.default_rng(0).random((3, 60, 9)) < 0.3).astype(np.uint8)
+    wanted = hw.simulate(apart, spikes, probe=("spikes", "potential"))
+    found = hw.simulate(shared, spikes, probe=("spikes", "potential"))
+    assert 0 < wanted.spikes["n"].mean() < 1
+    assert np.array_equal(found.spikes["n"], wanted.spikes["n"])
+    assert np.array_equal(found.potential["n"], wanted.potential["n"])
+
+
+def test_exponents_and_signs_that_are_too_many():
+    with pytest.raises(hw.TargetError) as caught:
+        many_formats(16, exponents=range(-4, 4))
+    assert str(caught.value) == (
+        "population 'n': 17 synapse formats of neuron 0 do not fit one core (loihi-sim holds 16). "
+        "Use fewer weight exponents for this population: formats of one exponent and sign share one already."
+    )
