@@ -62,7 +62,7 @@ class InputView:
             return recordings
         rows = self.lines // self.together
         visits = recordings[:, :rows, self.walk].transpose(0, 2, 1)
-        if self.together == 1 and self.silence == 0:
+        if visits.shape[1:] == (self.steps, self.lines):
             return visits
         played = np.zeros((len(visits), self.steps * self.together, rows), dtype=np.uint8)
         played[:, : visits.shape[1], : visits.shape[2]] = visits

@@ -12,12 +12,26 @@ from locsnn_compile.on_grid import ChipCuba, ChipProjection, ChipSrm
 NEURON = SrmAlpha(theta=10.0, tau_sr=10.0, tau_ref=1.0, scale_ref=2.0)
 
 
-def hybrid(seed=0, *, channels=4, steps=12, hidden=3, classes=2, neuron=NEURON, scale=8.0, fingertips=None):
+def hybrid(
+    seed=0,
+    *,
+    channels=4,
+    steps=12,
+    hidden=3,
+    classes=2,
+    neuron=NEURON,
+    scale=8.0,
+    fingertips=None,
+    together=1,
+    silence=0,
+):
     """A hybrid with random weights, and a walk that visits the channels backwards."""
     r = np.random.default_rng(seed)
     views = (
         InputView("touch", "time", channels),
-        InputView("touch_transposed", "location", steps, np.arange(channels)[::-1].copy()),
+        InputView(
+            "touch_transposed", "location", together * steps, np.arange(channels)[::-1].copy(), together, silence
+        ),
     )
     populations, projections = [], []
     for view in views:
@@ -66,12 +80,12 @@ def single(neuron, weights=((1.0,),), *, steps=20, classes=None, recurrent=None,
     )
 
 
-def on_grid(seed, *, channels=12, steps=40):
+def on_grid(seed, *, channels=12, steps=40, together=1, silence=0):
     """Integer populations of every kind on both axes, in random order, with loops, delays, formats and sparse weights."""
     r = np.random.default_rng(seed)
     views = (
         InputView("touch", "time", channels),
-        InputView("touch_transposed", "location", steps, r.permutation(channels)),
+        InputView("touch_transposed", "location", together * steps, r.permutation(channels), together, silence),
     )
     populations, projections = [], []
     for view in views:

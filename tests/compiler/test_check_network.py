@@ -10,7 +10,7 @@ from scipy import sparse
 from locsnn_compile.check_network import check_network
 from locsnn_compile.errors import InputError
 from locsnn_compile.matrices import charge, connections, fan_out, matrix, of_target, row_maxima, values_of, with_values
-from locsnn_compile.network import Projection
+from locsnn_compile.network import InputView, Projection
 from locsnn_compile.neurons import Cuba
 from locsnn_compile.on_grid import ChipCuba, ChipProjection, ChipSrm
 
@@ -38,6 +38,18 @@ def joined(**changes):
         2, decay=390, threshold=10, refractory_decay=1, refractory_mantissa=-3, refractory_exponent=0
     )
     return replace(neuron, refractory=replace(neuron.refractory, **changes))
+
+
+def visiting(axis="location", **changes):
+    """The hybrid, four channels over twelve steps, with another view of one axis."""
+    network = hybrid()
+    views = tuple(replace(view, **changes) if view.axis == axis else view for view in network.views)
+    return replace(network, views=views)
+
+
+def two_walks():
+    network = hybrid()
+    return replace(network, views=(*network.views, InputView("other", "location", 12, np.arange(4), silence=1)))
 
 
 def moved(axis):
@@ -74,6 +86,15 @@ NEW_RULES = [
     ("broken delay", lambda: single(NEURON, delay=0.5), "projection 'touch' -> 'n': a delay is not a whole number of steps from 0 on. Round the delays."),
     ("early delay", lambda: single(NEURON, delay=-1), "projection 'touch' -> 'n': a delay is not a whole number of steps from 0 on. Round the delays."),
     ("walk", lambda: replace(hybrid(), channels=5), "input 'touch_transposed': its location order is not a permutation of the channels. Visit every channel exactly once."),
+    ("no walk", lambda: visiting(walk=None), "input 'touch_transposed': a location axis has no location order. Visit every channel exactly once."),
+    ("walk over time", lambda: visiting("time", walk=np.arange(4)), "input 'touch': only a location axis has a location order. Leave it out."),
+    ("silence over time", lambda: visiting("time", silence=1), "input 'touch': only a location axis has a location order. Leave it out."),
+    ("none together", lambda: visiting(together=0), "input 'touch_transposed': channels visited together do not have equal lines of their own (0 of 4 channels on 12 lines). Give lines for every time step of each."),
+    ("too many together", lambda: visiting(together=6), "input 'touch_transposed': channels visited together do not have equal lines of their own (6 of 4 channels on 12 lines). Give lines for every time step of each."),
+    ("lines that do not part", lambda: visiting(lines=13, together=2), "input 'touch_transposed': channels visited together do not have equal lines of their own (2 of 4 channels on 13 lines). Give lines for every time step of each."),
+    ("negative silence", lambda: visiting(silence=-1), "input 'touch_transposed': less than no silence (-1 steps). Give 0 or more."),
+    ("two walks", two_walks, "model 'small-hybrid': its inputs do not give the location axis one number of steps (steps 4, 5). Give inputs of that axis that take equal steps."),
+    ("no input", lambda: replace(hybrid(), views=hybrid().views[:1]), "model 'small-hybrid': its inputs do not give the location axis one number of steps (steps of none). Give inputs of that axis that take equal steps."),
     ("name", lambda: replace(hybrid(), populations=hybrid().populations[:1] * 2), "population 'time_hidden': the name is taken. Rename it."),
 ]  # fmt: skip
 
@@ -87,8 +108,8 @@ def test_a_broken_rule(make, message):
 
 @pytest.mark.parametrize(
     "make",
-    [hybrid, lambda: on_grid(1), lif, lambda: integers(chip_cuba()), lambda: integers(tapped()), lambda: integers(joined()), lambda: integers(replace(joined(), dendrites=2), dendrite=1)],
-    ids=["hybrid", "on grid", "lif", "chip cuba", "taps", "dendrite", "paired"],
+    [hybrid, lambda: hybrid(together=2, silence=3), lambda: on_grid(1), lif, lambda: integers(chip_cuba()), lambda: integers(tapped()), lambda: integers(joined()), lambda: integers(replace(joined(), dendrites=2), dendrite=1)],
+    ids=["hybrid", "together", "on grid", "lif", "chip cuba", "taps", "dendrite", "paired"],
 )  # fmt: skip
 def test_sound_networks(make):
     check_network(make())

@@ -21,9 +21,9 @@ CHIP = hw.chip("loihi-sim")
 
 
 @settings(max_examples=25, deadline=None, derandomize=True)
-@given(seed=st.integers(0, 2**32 - 1))
-def test_the_reference_has_the_integers_of_both_engines(seed):
-    network = on_grid(seed)
+@given(seed=st.integers(0, 2**32 - 1), together=st.sampled_from([1, 1, 2, 5, 12]), silence=st.integers(0, 3))
+def test_the_reference_has_the_integers_of_both_engines(seed, together, silence):
+    network = on_grid(seed, together=together, silence=silence)
     played = recordings(network, samples=2, seed=seed)
     wanted = evaluate(network, played, potentials=True)
     program = lower(network, CHIP, 8).program

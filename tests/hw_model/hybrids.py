@@ -32,13 +32,16 @@ def assembled(chip: hw.Chip, readout: Readout | None, *graphs: CompartmentGraph)
     return assemble(route_axons(place_cores(joined, chip)))
 
 
-def in_phase(graph: CompartmentGraph, axis: Axis, steps: int | None, positions=None) -> CompartmentGraph:
+def in_phase(
+    graph: CompartmentGraph, axis: Axis, steps: int | None, positions=None, first_lines=None
+) -> CompartmentGraph:
     """Move a graph of a builder into a phase of its own; with ``positions`` its inputs are transposed."""
-    positions = None if positions is None else read_only(positions)
+    visits = {"positions": positions, "first_lines": first_lines}
+    visits = {name: None if array is None else read_only(array) for name, array in visits.items()}
     return replace(
         graph,
         phases=(Phase(axis, axis, steps),),
-        inputs=tuple(replace(i, phase=axis, stream="touch", positions=positions) for i in graph.inputs),
+        inputs=tuple(replace(i, phase=axis, stream="touch", **visits) for i in graph.inputs),
         groups=tuple(replace(group, phase=axis) for group in graph.groups),
     )
 
@@ -84,16 +87,28 @@ def random_branch(r: np.random.Generator, axis: Axis, lines: int, classes: int, 
     return builder.graph()
 
 
-def random_hybrid(seed: int) -> tuple[ChipProgram, np.ndarray]:
-    """A random hybrid program and a recording (steps, channels) for it."""
+def random_hybrid(seed: int, together: int = 1, silence: int = 0) -> tuple[ChipProgram, np.ndarray]:
+    """A random hybrid program and a recording (steps, channels) for it.
+
+    Its location phase visits ``together`` channels at a step, or all where there are fewer, and adds silent steps.
+    """
     r = np.random.default_rng(seed)
     steps, channels, classes = (int(r.integers(1, high)) for high in (30, 9, 5))
+    together = min(together, channels)
     chip = CHIP if r.random() < 0.5 else SMALL
     weights = [(1.0, 1.0), (0.5, -2.0)][int(r.random() < 0.3)]
     program = assembled(
         chip,
         Readout(("time/y", "location/y"), weights),
         in_phase(random_branch(r, "time", channels, classes, chip), "time", steps),
-        in_phase(random_branch(r, "location", steps, classes, chip), "location", channels, r.permutation(channels)),
+        _location_phase(
+            random_branch(r, "location", together * steps, classes, chip), r.permutation(channels), together, silence
+        ),
     )
     return program, (r.random((steps, channels)) < r.choice([0.05, 0.3, 1.0])).astype(np.uint8)
+
+
+def _location_phase(branch: CompartmentGraph, at: np.ndarray, together: int, silence: int) -> CompartmentGraph:
+    """Visit channel c as number ``at[c]``."""
+    first_lines = None if together == 1 else at % together * (branch.inputs[0].size // together)
+    return in_phase(branch, "location", -(-len(at) // together) + silence, at // together, first_lines)

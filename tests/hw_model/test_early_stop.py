@@ -40,13 +40,13 @@ def futures(program: hw.ChipProgram, recording: np.ndarray, done: int, r: np.ran
 
 
 @settings(max_examples=30, deadline=None, derandomize=True)
-@given(seed=SEEDS)
-def test_no_future_changes_a_proven_winner(seed):
-    program, recording = random_hybrid(seed)
+@given(seed=SEEDS, together=st.integers(1, 2))
+def test_no_future_changes_a_proven_winner(seed, together):
+    program, recording = random_hybrid(seed, together)
     program = in_streams(program)
     stops = hw.stop_when_proven(program, {"time": recording[None], "location": recording[None]})
     done = int(stops.steps[0])
-    assert 0 <= done <= stops.all_steps == sum(recording.shape)
+    assert 0 <= done <= stops.all_steps == sum(phase.steps for phase in program.phases)
     found = hw.simulate(program, futures(program, recording, done, np.random.default_rng(seed)))
     assert (found.prediction == stops.prediction[0]).all()
 

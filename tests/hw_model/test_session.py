@@ -19,6 +19,8 @@ ROOT = Path(__file__).parents[2]
 REAL = ROOT.parent / "shared/data/neutouch"
 
 SEEDS = st.integers(0, 2**32 - 1)
+TOGETHER = st.integers(1, 3)
+"""Channels that the location phase visits at one step."""
 
 
 def so_far(recording: np.ndarray) -> np.ndarray:
@@ -48,9 +50,9 @@ def check_every_step(program: hw.ChipProgram, recording: np.ndarray, found) -> N
 
 
 @settings(max_examples=40, deadline=None, derandomize=True)
-@given(seed=SEEDS)
-def test_every_step_equals_a_run_of_the_recording_so_far(seed):
-    program, recording = random_hybrid(seed)
+@given(seed=SEEDS, together=TOGETHER, silence=st.integers(0, 2))
+def test_every_step_equals_a_run_of_the_recording_so_far(seed, together, silence):
+    program, recording = random_hybrid(seed, together, silence)
     session = hw.Session(program)
     check_every_step(program, recording, session.push(recording))
     whole = hw.simulate(program, recording)
@@ -59,9 +61,9 @@ def test_every_step_equals_a_run_of_the_recording_so_far(seed):
 
 
 @settings(max_examples=25, deadline=None, derandomize=True)
-@given(seed=SEEDS, data=st.data())
-def test_any_split_of_the_rows_gives_the_same(seed, data):
-    program, recording = random_hybrid(seed)
+@given(seed=SEEDS, together=TOGETHER, data=st.data())
+def test_any_split_of_the_rows_gives_the_same(seed, together, data):
+    program, recording = random_hybrid(seed, together)
     cuts = sorted(data.draw(st.lists(st.integers(0, len(recording)), max_size=6)))
     at_once, in_parts = hw.Session(program), hw.Session(program)
     whole = at_once.push(recording)
@@ -99,9 +101,9 @@ def test_time_weighted_scores(seed, psi):
 
 @pytest.mark.parametrize("psi", [None, 10.0], ids=["plain", "time-weighted"])
 @settings(max_examples=10, deadline=None, derandomize=True)
-@given(seed=SEEDS)
-def test_rows_past_the_end_change_nothing(psi, seed):
-    program, recording = random_hybrid(seed)
+@given(seed=SEEDS, together=TOGETHER)
+def test_rows_past_the_end_change_nothing(psi, seed, together):
+    program, recording = random_hybrid(seed, together)
     session = hw.Session(program, psi)
     last = session.push(recording)
     after = session.push(np.ones((5, recording.shape[1]), dtype=np.uint8))

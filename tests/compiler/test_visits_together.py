@@ -1,0 +1,115 @@
+"""Location axes on which several channels are visited at one step, and silence follows: from the view to the report."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from networks import hybrid, on_grid, recordings
+
+import hw_model as hw
+from hw_model.level_text import compartments_text
+from locsnn_compile.check_network import check_network
+from locsnn_compile.emit.played import play_recording
+from locsnn_compile.excerpt import take_excerpt
+from locsnn_compile.level_text import network_text
+from locsnn_compile.matching import compare
+from locsnn_compile.network import InputView
+from locsnn_compile.over_time import OverTime, over_time
+from locsnn_compile.pipeline import lower
+from locsnn_compile.reference import evaluate
+
+CHIP = hw.chip("loihi-sim")
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    channels=st.integers(1, 9),
+    steps=st.integers(1, 6),
+    silence=st.integers(0, 3),
+    missing=st.integers(-2, 2),
+    data=st.data(),
+)
+def test_a_view_plays_what_a_loop_over_events_does(seed, channels, steps, silence, missing, data):
+    together = data.draw(st.integers(1, channels))
+    r = np.random.default_rng(seed)
+    walk = r.permutation(channels)
+    view = InputView("v", "location", together * steps, walk, together, silence)
+    rows = max(0, steps - missing)
+    given_rows = (r.random((2, rows, channels)) < 0.5).astype(np.uint8)
+    location_steps = -(-channels // together) + silence
+    wanted = np.zeros((2, location_steps, together * steps), dtype=np.uint8)
+    for b in range(2):
+        for i, channel in enumerate(walk):
+            for t in range(min(rows, steps)):
+                wanted[b, i // together, (i % together) * steps + t] = given_rows[b, t, channel]
+    assert view.steps == location_steps
+    found = view.play(given_rows)
+    assert found.dtype == np.uint8
+    assert np.array_equal(found, wanted)
+    for channel in range(channels):
+        i = walk.tolist().index(channel)
+        assert view.positions[channel] == i // together
+        assert together == 1 or view.first_lines[channel] == (i % together) * steps
+    assert (view.first_lines is None) == (together == 1)
+
+
+def test_a_time_view_is_the_recording():
+    given_rows = np.ones((1, 3, 2), dtype=np.uint8)
+    view = InputView("v", "time", 2)
+    assert view.play(given_rows) is given_rows
+    assert (view.positions, view.first_lines) == (None, None)
+
+
+@pytest.mark.parametrize(("together", "silence", "steps"), [(1, 2, 6), (2, 0, 2), (3, 2, 4), (4, 1, 2)])
+def test_the_location_axis_has_the_steps_of_its_view(together, silence, steps):
+    network = hybrid(together=together, silence=silence)
+    check_network(network)
+    assert (network.steps_of("time"), network.steps_of("location")) == (network.steps, steps)
+    graph = lower(network, CHIP, 8).compartments
+    assert [phase.steps for phase in graph.phases] == [network.steps, steps]
+    item = graph.inputs[1]
+    assert (item.size, item.rows, item.channels) == (together * network.steps, network.steps, network.channels)
+
+
+def test_levels_say_how_channels_are_visited():
+    levels = lower(hybrid(together=3, silence=2), CHIP, 8)
+    text = network_text(levels.network)
+    assert "input touch_transposed: 36 lines over 4 location steps, walk " in text
+    assert ", 3 together, 2 steps of silence\n" in text
+    text = compartments_text(levels.compartments)
+    assert "input touch_transposed: 36 lines, phase location, plays touch transposed, positions " in text
+    assert ", first lines " in text
+    assert "together" not in network_text(hybrid())
+    assert "first lines" not in compartments_text(lower(hybrid(), CHIP, 8).compartments)
+
+
+@settings(max_examples=8, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 2**32 - 1), together=st.integers(1, 5), silence=st.integers(0, 3))
+def test_an_exact_network_stays_exact_until_its_pictures(seed, together, silence):
+    network = on_grid(seed, channels=5, steps=9, together=together, silence=silence)
+    levels = lower(network, CHIP, 8)
+    played = recordings(network, samples=3, seed=seed)
+    assert compare(levels.quantized, levels.program, played).first_divergence is None
+    wanted = evaluate(network, played[:1])
+    lines = play_recording(levels.program, played[0]).lines
+    for view in network.views:
+        assert np.array_equal(lines[view.axis], wanted.spikes[view.name][0])
+    shown = take_excerpt(levels, played, None)
+    assert shown.all_steps["location"] == network.steps_of("location")
+    for item in shown.inputs:
+        whole = wanted.spikes[item.name][0][shown.steps[item.axis].start : shown.steps[item.axis].stop]
+        assert item.spikes.sum() == whole.sum() or item.lines_a_row > 1
+
+
+def test_predictions_over_time_end_in_those_of_whole_recordings():
+    network = hybrid(seed=3, channels=5, steps=20, hidden=8, classes=3, scale=12.0, together=2, silence=2)
+    levels = lower(network, CHIP, 8)
+    played = recordings(network, samples=6)
+    found = over_time(levels, played, None)
+    assert isinstance(found, OverTime)
+    assert found.right["together"][-1] == 1.0
+    assert found.proven.all_steps == 20 + 5
+    assert hw.simulate(levels.program, played).counts_by_phase["location"].spikes > 0
