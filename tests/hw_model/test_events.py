@@ -76,3 +76,33 @@ def test_lists_hold_the_recording_and_transpose_it(module, recordings):
 def test_no_rows_and_no_events(module):
     assert module.list_events(np.zeros((2, 0, 3), dtype=np.uint8)).first.tolist() == [[0], [0]]
     assert module.list_events(np.zeros((2, 1, 3), dtype=np.uint8)).first.tolist() == [[0, 0], [0, 0]]
+
+
+VISITS = [
+    # positions, first lines, lines, steps -> lines by step, of events (t, c): (0, 0), (0, 2), (1, 0), (1, 1), (2, 2)
+    ("one at a time", [2, 0, 1], None, 3, 3, [[1], [0, 2], [0, 1]]),
+    ("fewer lines than rows", [2, 0, 1], None, 2, 3, [[1], [0], [0, 1]]),
+    ("two together", [0, 1, 0], [0, 0, 3], 6, 2, [[0, 1, 3, 5], [1]]),
+    ("lines in the order of no walk", [0, 1, 0], [3, 0, 0], 6, 2, [[0, 2, 3, 4], [1]]),
+    ("all together", [0, 0, 0], [0, 3, 6], 9, 1, [[0, 1, 4, 6, 8]]),
+    ("all together, fewer lines than rows", [0, 0, 0], [0, 1, 2], 3, 1, [[0, 2]]),
+    ("silence after the walk", [0, 1, 0], [0, 0, 3], 6, 4, [[0, 1, 3, 5], [1], [], []]),
+    ("steps before its end", [2, 0, 1], None, 3, 2, [[1], [0, 2]]),
+]
+
+
+@pytest.mark.parametrize("module", [event_scan, playing], ids=["compiled", "numpy"])
+@pytest.mark.parametrize(
+    ("positions", "first_lines", "lines", "steps", "wanted"),
+    [row[1:] for row in VISITS],
+    ids=[row[0] for row in VISITS],
+)
+def test_events_become_lines(module, positions, first_lines, lines, steps, wanted):
+    recordings = np.zeros((2, 3, 3), dtype=np.uint8)
+    recordings[1, [0, 0, 1, 1, 2], [0, 2, 0, 1, 2]] = 1
+    first_lines = None if first_lines is None else read_only(first_lines)
+    item = Input("x", lines, "location", "touch", read_only(positions), first_lines)
+    found = module.transpose(module.list_events(recordings), item, steps)
+    assert found.rows == steps
+    assert not found.first[0].any()
+    assert [part.tolist() for part in np.split(found.channel, found.first[1, 1:-1])] == wanted
