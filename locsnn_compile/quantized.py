@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from hw_model.graph import Readout
 from locsnn_compile.network import Network, Population
 from locsnn_compile.neurons import FloatArray, SrmAlpha
 from locsnn_compile.on_grid import ChipNeuron, ChipProjection, ChipSrm
@@ -48,7 +49,7 @@ class QuantizedPopulation:
 
 @dataclass(frozen=True, eq=False)
 class QuantizedNetwork:
-    """A network in integers; structure, views and readout are those of ``network``.
+    """A network in integers; structure and views are those of ``network``.
 
     A projection of the network may be several here, whose weights add up; ``weights_pruned`` of its weights are 0.
     """
@@ -63,10 +64,24 @@ class QuantizedNetwork:
         """The strategies of its populations, each named once, in order."""
         return ", ".join(dict.fromkeys(q.strategy for q in self.populations))
 
+    @property
+    def readout(self) -> Readout:
+        """What reads the integers as the network's readout reads floats.
+
+        Potentials of several populations are added, and each population has a scale of its own: they are brought to
+        that of the first.
+        """
+        readout = self.network.readout
+        if readout.potentials_from is None:
+            return readout
+        scales = [float(self.population(name).scale.max()) for name in readout.populations]
+        weights = tuple(w * scales[0] / scale for w, scale in zip(readout.weights, scales, strict=True))
+        return replace(readout, weights=weights)
+
     def on_grid(self) -> Network:
         """Return the network with these integers for its own: evaluated, it spikes as the program must, bit for bit."""
         populations = tuple(replace(q.population, neuron=q.neuron) for q in self.populations)
-        return replace(self.network, populations=populations, projections=self.projections)
+        return replace(self.network, populations=populations, projections=self.projections, readout=self.readout)
 
     def population(self, name: str) -> QuantizedPopulation:
         """Return a population by name."""

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import hw_model as hw
+from hw_model.graph import Readout
 from hw_model.trace import ByteArray
 from locsnn_compile.error_budget.stages import (
     STAGES,
@@ -66,12 +68,11 @@ def error_budget(levels: Levels, recordings: ByteArray, progress: Progress | Non
     """Take the difference apart over recordings (samples, steps, channels), of the network's own steps and channels."""
     network, phases = _whole(levels.network), phases_of(levels)
     stages = [stage for stage in STAGES if working(phases, stage)]
-    alone = {stage: _Tally(network, phases, _with(stage)) for stage in stages}
-    without = {
-        stage: _Tally(network, phases, _with(*(other for other in stages if other != stage))) for stage in stages
-    }
-    none, together = _Tally(network, phases, _with()), _Tally(network, phases, _with(*stages))
-    tail = _Tally(network, phases, lambda phase: with_cut_tails(twin_with(phase, ()), network))
+    tally_of = partial(_Tally, network, levels.quantized.readout, phases)
+    alone = {stage: tally_of(_with(stage)) for stage in stages}
+    without = {stage: tally_of(_with(*(other for other in stages if other != stage))) for stage in stages}
+    none, together = tally_of(_with()), tally_of(_with(*stages))
+    tail = tally_of(lambda phase: with_cut_tails(twin_with(phase, ()), network))
     others = [*alone.values(), *without.values(), *([tail] if has_tails(network) else [])]
     unexplained = 0
     at_once = max(1, NEURON_STEPS_AT_ONCE // neuron_steps(network))
@@ -104,10 +105,12 @@ def _tails(neuron: Neuron) -> Neuron:
 
 
 class _Tally:
-    """Runs one variant chunk by chunk, and adds up how it differs."""
+    """Runs one variant chunk by chunk, and adds up how it differs; ``readout`` is that of potentials in registers."""
 
-    def __init__(self, network: Network, phases: tuple[Phase, ...], variant: Callable[[Phase], Twin]) -> None:
-        self._network = network
+    def __init__(
+        self, network: Network, readout: Readout, phases: tuple[Phase, ...], variant: Callable[[Phase], Twin]
+    ) -> None:
+        self._network, self._readout = network, readout
         self._twins = [(phase, variant(phase)) for phase in phases]
         self._by_population = {p.name: PopulationMatch() for p in network.populations}
         self._changed = 0
@@ -116,7 +119,7 @@ class _Tally:
         """Play a chunk; return the variant's spikes."""
         spikes: dict[str, ByteArray] = {}
         potential: dict[str, FloatArray] = {}
-        readout = self._network.readout
+        readout = self._readout
         for phase, twin in self._twins:
             read = {group.name for group in twin.groups} & set(readout.populations)
             kept = tuple(sorted(read)) if readout.potentials_from is not None else ()

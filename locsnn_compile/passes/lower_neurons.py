@@ -48,7 +48,7 @@ def lower_neurons(quantized: QuantizedNetwork, chip: Chip) -> CompartmentGraph:
         ),
         groups=tuple(groups),
         synapses=tuple(synapses),
-        readout=network.readout,
+        readout=quantized.readout,
         synapses_pruned=quantized.weights_pruned,
         provenance={"model": network.name, "model_sha256": network.sha256, "strategy": quantized.strategy},
     )

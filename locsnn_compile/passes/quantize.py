@@ -29,7 +29,7 @@ from locsnn_compile.passes.quantize_soft import quantize_soft
 from locsnn_compile.passes.quantize_srm import quantize_srm
 from locsnn_compile.passes.round_apart import round_apart
 from locsnn_compile.passes.rounding import NEAREST, Rounding
-from locsnn_compile.passes.scaling import Scaled
+from locsnn_compile.passes.scaling import HEADROOM, Scaled
 from locsnn_compile.quantized import QuantizedNetwork, QuantizedPopulation
 
 
@@ -126,7 +126,14 @@ def _scale(
         return quantize_srm(neuron, population.size, heaviest, grid, chip, strategy, where, rounding.fitted_decays)
     if isinstance(neuron, SoftCuba):
         return quantize_soft(neuron, largest, grid, chip, where)
-    return quantize_cuba(neuron, largest, grid, chip, where, _room(neuron, incoming, chip))
+    headroom = 1 if _stays_below(neuron, incoming) else HEADROOM
+    return quantize_cuba(neuron, largest, grid, chip, where, _room(neuron, incoming, chip), headroom)
+
+
+def _stays_below(neuron: Cuba, incoming: list[Projection]) -> bool:
+    """Whether no input moves a potential past the threshold, to either side: outputs without memory that are read."""
+    reached = np.abs(neuron.bias) + np.sum([row_sums(p.weights) for p in incoming], axis=0)
+    return bool(((neuron.decay_u == 1) & (neuron.decay_v == 1) & (reached <= neuron.threshold)).all())
 
 
 def _room(neuron: Cuba, incoming: list[Projection], chip: Chip) -> float:

@@ -13,17 +13,23 @@ from locsnn_compile.errors import TargetError
 from locsnn_compile.neurons import Cuba, FloatArray
 from locsnn_compile.on_grid import ChipCuba
 from locsnn_compile.passes.kernels import best_gain, keeps, nearest_decays
-from locsnn_compile.passes.scaling import Scaled, check_threshold, exponent_and_threshold
+from locsnn_compile.passes.scaling import HEADROOM, Scaled, check_threshold, exponent_and_threshold
 
 
 def quantize_cuba(
-    neuron: Cuba, largest: FloatArray, grid: WeightGrid, chip: Chip, where: str, room: float = math.inf
+    neuron: Cuba,
+    largest: FloatArray,
+    grid: WeightGrid,
+    chip: Chip,
+    where: str,
+    room: float = math.inf,
+    headroom: int = HEADROOM,
 ) -> Scaled:
     """Return the neurons in integers, given the largest weight (n,) onto each.
 
     All get the threshold mantissa T and the scale ``64 T / threshold``, or ``(64 T + 1) / threshold`` for the rule
     ``>=``: the comparison is then exact for every neuron, and a core needs one threshold profile for all. T is at most
-    ``room``, unless the weights would lose bits by it.
+    ``room``, unless the weights would lose bits by it, and the voltage register holds ``headroom`` thresholds.
     """
     size = len(neuron.threshold)
     decay_u = nearest_decays(neuron.decay_u, f"{where}: decay_u")
@@ -38,7 +44,7 @@ def quantize_cuba(
     mantissa_max = int(min(chip.registers.threshold_mantissa_max, max(room, grid.high / max(heaviest, 1e-9))))
     _check_bias(strongest, bias_max / 128, where)
     cap = int(min(bias_max / strongest / 64 - 1, mantissa_max)) if strongest else mantissa_max
-    exponent, threshold = exponent_and_threshold(heaviest, grid, chip, cap, over)
+    exponent, threshold = exponent_and_threshold(heaviest, grid, chip, cap, over, headroom)
     check_threshold(threshold, heaviest, grid, over, where)
     scale = (64 * threshold + over) / neuron.threshold
     bias_mantissa, bias_exponent = _bias(bias * scale, chip)

@@ -33,13 +33,15 @@ class Scaled:
     exponent: int
 
 
-def exponent_and_threshold(heaviest: float, grid: WeightGrid, chip: Chip, cap: int, over: int) -> tuple[int, int]:
+def exponent_and_threshold(
+    heaviest: float, grid: WeightGrid, chip: Chip, cap: int, over: int, headroom: int = HEADROOM
+) -> tuple[int, int]:
     """Return weight exponent and largest threshold mantissa: all weight bits in use, then most of the register.
 
     ``heaviest``: the largest weight in thresholds. ``cap``: a limit of the mantissa beside that of the register. A
-    threshold stands for ``64 * mantissa + over`` in the register.
+    threshold stands for ``64 * mantissa + over`` in the register, which holds ``headroom`` of them.
     """
-    cap = min(cap, chip.registers.voltage_max // (64 * HEADROOM))
+    cap = min(cap, chip.registers.voltage_max // (64 * headroom))
     fits = [grid.high * 2**e / heaviest - over / 64 if heaviest else math.inf for e in range(8)]
     exponent = max((e for e, most in enumerate(fits) if most <= cap), default=0)
     return exponent, int(min(fits[exponent] * WHOLE, cap))
