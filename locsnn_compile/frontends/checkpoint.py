@@ -12,6 +12,7 @@ import numpy as np
 from hw_model.graph import Axis, Readout
 from locsnn_compile.data.sensor import channel_walk
 from locsnn_compile.errors import TargetError
+from locsnn_compile.frontends.window_network import window_network
 from locsnn_compile.matrices import Matrix, matrix
 from locsnn_compile.models.branch_graph import branch_graph, spread_weights
 from locsnn_compile.models.checkpoint import Checkpoint
@@ -42,6 +43,8 @@ def network_of(checkpoint: Checkpoint) -> Network:
             f"a {description.architecture!r} has no spiking neurons, so no chip program can be made of it",
             fix="Train a spiking network; of this one, operations are counted only.",
         )
+    if description.structure.neurons == "windows":
+        return window_network(checkpoint)
     views, populations = [], []
     projections: list[Projection | ChipProjection] = []
     for axis in _axes(description.branches):

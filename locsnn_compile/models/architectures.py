@@ -11,12 +11,12 @@ class Architecture:
     """What a network of a name is made of.
 
     ``branches``: its step axes, in population order; none for an artificial network. ``neurons``: spike response
-    (``srm``) or leaky integrate-and-fire (``lif``) ones, or none that spike. ``graph``: whether the first layer of a
-    branch is a graph convolution.
+    (``srm``) or leaky integrate-and-fire (``lif``) ones, those that count in ``windows``, or none that spike.
+    ``graph``: whether the first layer of a branch is a graph convolution.
     """
 
     branches: tuple[str, ...]
-    neurons: Literal["srm", "lif", "none"]
+    neurons: Literal["srm", "lif", "windows", "none"]
     graph: bool = False
 
     @property
@@ -34,7 +34,11 @@ ARCHITECTURES: dict[str, Architecture] = {
     "hybrid-lif": Architecture(("time", "location"), "lif"),
     "tactile-sgnet": Architecture(("time",), "lif", graph=True),
     "hybrid-graph": Architecture(("time", "location"), "lif", graph=True),
+    "window-snn": Architecture(("location",), "windows"),
     "gru-mlp": Architecture((), "none"),
     "cnn-3d": Architecture((), "none"),
 }
-"""Name of a network -> its structure. Source: Kang et al., IJCNN 2022; TactileSGNet: Gu et al., IROS 2020."""
+"""Name of a network -> its structure. Source: Kang et al., IJCNN 2022; TactileSGNet: Gu et al., IROS 2020.
+
+``window-snn`` is ours.
+"""

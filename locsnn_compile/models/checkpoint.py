@@ -12,7 +12,7 @@ int16 mantissas, and
              "populations": {population: {fields of ChipPopulation, "own": [[mantissa, exponent, delay], ...]}}}
 
 holds the other integers that the chip is loaded with. Any other network is version 3: its ``neuron`` holds the
-constants of integrate-and-fire neurons, or nothing, its weights may have any number of axes, and
+constants of integrate-and-fire neurons, or of windows, or nothing, its weights may have any number of axes, and
 
     "graph": None or {"name", "taxel_edges": [[a, b], ...], "hops", "features", "step_features"}
 

@@ -30,6 +30,7 @@ from locsnn_compile.models.chip_entry import parse_chip_entry
 from locsnn_compile.models.chip_numbers import ChipNumbers
 from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, NeuronParameters
 from locsnn_compile.models.graph_parameters import GraphParameters
+from locsnn_compile.models.windows import WindowParameters
 
 if TYPE_CHECKING:
     import torch
@@ -61,6 +62,7 @@ _SRM_KEYS: dict[str, tuple[type, ...]] = dict.fromkeys(
     ("theta", "tau_sr", "tau_ref", "scale_ref", "tau_rho", "scale_rho"), _NUMBER
 )
 _LIF_KEYS: dict[str, tuple[type, ...]] = dict.fromkeys(("decay", "threshold", "window"), _NUMBER)
+_WINDOW_KEYS: dict[str, tuple[type, ...]] = {"steps": (int,), "stride": (int,), "levels": (list, tuple)}
 _GRAPH_KEYS: dict[str, tuple[type, ...]] = {
     "name": (str,),
     "taxel_edges": (list,),
@@ -177,13 +179,18 @@ def _name(where: str, key: str, name: str) -> str:
     return name
 
 
-def _neuron(where: str, entry: dict[Any, Any], *, srm: bool) -> NeuronParameters | LifParameters | None:
-    """Return the constants of spike response or integrate-and-fire neurons; None where the entry is empty."""
+def _neuron(
+    where: str, entry: dict[Any, Any], *, srm: bool
+) -> NeuronParameters | LifParameters | WindowParameters | None:
+    """Return the constants of spike response or integrate-and-fire neurons, or windows; None of an empty entry."""
     if srm:
         _check_keys(where, "neuron.", entry, _SRM_KEYS)
         return NeuronParameters(**entry)
     if not entry:
         return None
+    if "levels" in entry:
+        _check_keys(where, "neuron.", entry, _WINDOW_KEYS)
+        return WindowParameters(entry["steps"], entry["stride"], tuple(entry["levels"]))
     _check_keys(where, "neuron.", entry, _LIF_KEYS)
     return LifParameters(**entry)
 

@@ -13,6 +13,7 @@ from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.models.ann_shapes import ann_shapes
 from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
 from locsnn_compile.models.graph_parameters import GraphParameters
+from locsnn_compile.models.windows import BIAS, MAX_WINDOW_NEURONS, WEIGHT, WindowParameters, output_parts
 
 #: Largest sizes accepted anywhere: a few times what any published tactile recording needs.
 MAX_STEPS = 20_000
@@ -119,7 +120,7 @@ class NetworkDescription:
     input: InputLayout
     classes: int
     hidden: int = 32
-    neuron: NeuronParameters | LifParameters | None = None
+    neuron: NeuronParameters | LifParameters | WindowParameters | None = None
     location_order: str | None = None
     location_taxels: tuple[int, ...] | None = None
     name: str = "model"
@@ -135,6 +136,8 @@ class NetworkDescription:
             )
         self._check_parts()
         self._check_delays()
+        if self.structure.neurons == "windows":
+            _require_count("window neurons", sum(self._hidden_of_taxel), MAX_WINDOW_NEURONS)
         _require_count("classes", self.classes, MAX_UNITS)
         _require_count("hidden", self.hidden, MAX_UNITS)
         if "location" not in self.branches:
@@ -220,8 +223,30 @@ class NetworkDescription:
             )
         return self.neuron
 
+    @property
+    def windows(self) -> WindowParameters:
+        """The windows of a network of windows."""
+        assert isinstance(self.neuron, WindowParameters)
+        return self.neuron
+
+    @property
+    def _hidden_of_taxel(self) -> list[int]:
+        """Hidden neurons of a network of windows that hear each taxel of the walk."""
+        layout = self.input
+        return [layout.polarities * self.windows.of_channel(layout.steps)] * (layout.fingertips * layout.taxels)
+
+    @property
+    def output_parts(self) -> list[slice]:
+        """The hidden neurons of a network of windows that each of its output populations hears."""
+        return output_parts(self._hidden_of_taxel)
+
     def populations(self, branch: str) -> tuple[str, ...]:
-        """Return the names of a branch's populations, in evaluation order; the last one is the output."""
+        """Return the names of a branch's populations, in evaluation order; the last one is the output.
+
+        A network of windows has as many outputs as can hear all of its hidden neurons; their potentials are added.
+        """
+        if self.structure.neurons == "windows":
+            return "location_hidden", *(f"location_output_{1 + i}" for i in range(len(self.output_parts)))
         layers = ("graph", "hidden", "hidden_2", "output") if self.structure.graph else ("hidden", "output")
         return tuple(f"{branch}_{layer}" for layer in layers)
 
@@ -253,6 +278,8 @@ class NetworkDescription:
                 classes=self.classes,
                 hidden=self.hidden,
             )
+        if self.structure.neurons == "windows":
+            return {WEIGHT: (self.classes, sum(self._hidden_of_taxel)), BIAS: (self.classes,)}
         shapes: dict[str, tuple[int, ...]] = {}
         for branch in self.branches:
             names = self.populations(branch)
@@ -269,9 +296,10 @@ class NetworkDescription:
         return shapes
 
 
-_NEURONS: dict[str, type[NeuronParameters] | type[LifParameters] | None] = {
+_NEURONS: dict[str, type[NeuronParameters] | type[LifParameters] | type[WindowParameters] | None] = {
     "srm": NeuronParameters,
     "lif": LifParameters,
+    "windows": WindowParameters,
     "none": None,
 }
 

@@ -21,6 +21,10 @@ from torch import Tensor, nn
 
 from hw_model.compiled import compiled
 from locsnn_compile.models.description import LifParameters
+from locsnn_compile.models.spike_product import spike_product
+
+_WORTH_LISTING = 1 << 14
+"""Weights of a layer from which on adding those of active inputs takes less time than a matrix product."""
 
 
 @compiled
@@ -46,7 +50,6 @@ def _scan(
 def _scan_back(
     gradient: NDArray[Any],
     potential: NDArray[Any],
-    spikes: NDArray[Any],
     constants: tuple[Any, ...],
     found: NDArray[Any],
 ) -> None:  # pragma: no cover - compiled
@@ -60,7 +63,7 @@ def _scan_back(
                 found[b, t, i] = by_u[i]
                 u, later = potential[b, t, i], keep * by_u[i]
                 by_spike = gradient[b, t, i] - u * later
-                carried = zero if spikes[b, t, i] > zero else later
+                carried = zero if u > threshold else later
                 by_u[i] = carried + (by_spike if abs(u - threshold) < window else zero)
 
 
@@ -86,7 +89,7 @@ class _Spike(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, drive: Tensor, neuron: LifParameters) -> Tensor:
         spikes, u = scan_spikes(drive.detach().numpy(), neuron)
-        ctx.neuron, ctx.u, ctx.spikes = neuron, u, spikes
+        ctx.neuron, ctx.u = neuron, u
         return torch.from_numpy(spikes)
 
     @staticmethod
@@ -96,7 +99,7 @@ class _Spike(torch.autograd.Function):
         kind = gradient.dtype.type
         found = np.empty_like(gradient)
         constants = (kind(neuron.keep), kind(neuron.threshold), kind(neuron.window), kind(0))
-        _scan_back(gradient, ctx.u, ctx.spikes, constants, found)
+        _scan_back(gradient, ctx.u, constants, found)
         return torch.from_numpy(found), None
 
 
@@ -128,7 +131,9 @@ class LifLayer(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """Return the spikes of this layer for spikes ``x``."""
-        return spike(torch.matmul(x, self.weight.T), self.neuron)
+        weight = self.weight.T
+        drive = spike_product(x, weight) if self.weight.numel() >= _WORTH_LISTING else torch.matmul(x, weight)
+        return spike(drive, self.neuron)
 
 
 class TLIF(LifLayer):

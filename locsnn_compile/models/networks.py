@@ -25,6 +25,7 @@ from locsnn_compile.models.graph_layer import GraphLayer
 from locsnn_compile.models.lif import LLIF, TLIF, LifLayer
 from locsnn_compile.models.srm import INITIAL_SCALE, LSRM, TSRM, SRMLayer, transpose_recording
 from locsnn_compile.models.touch_model import TouchModel
+from locsnn_compile.models.window_network import WindowNetwork
 
 Layer = SRMLayer | LifLayer | GraphLayer | ChipLayer
 
@@ -185,4 +186,6 @@ def build_network(
     """
     if description.architecture in ARTIFICIAL:
         return ARTIFICIAL[description.architecture](description, seed=seed)
+    if description.structure.neurons == "windows":
+        return WindowNetwork(description)
     return NETWORKS[description.architecture](description, seed=seed, initial_scale=initial_scale, chip=chip)

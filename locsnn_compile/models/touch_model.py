@@ -32,6 +32,9 @@ class TouchModel(nn.Module):
     def scores(self, activity: Mapping[str, Tensor]) -> dict[str, Tensor]:
         """Return class scores (batch, classes) of every branch, of what ``forward`` returned."""
 
+    def begin(self, spikes: NDArray[np.uint8]) -> None:
+        """Take what must be known of the recordings (samples, steps, channels) before they are learned from."""
+
     def hidden_spikes(self, activity: Mapping[str, Tensor]) -> list[Tensor]:
         """Return the spikes (batch, steps, n) of every hidden population, of what ``forward`` returned."""
         return []

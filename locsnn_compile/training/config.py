@@ -18,7 +18,7 @@ from locsnn_compile.models.architectures import ARCHITECTURES
 from locsnn_compile.models.chip_numbers import STRATEGIES
 
 LOSSES = ("cross-entropy", "spike-count")
-OPTIMIZERS = ("adamw", "rmsprop")
+OPTIMIZERS = ("adamw", "rmsprop", "sgd")
 SCHEDULES = ("cosine", "constant")
 
 USUAL: dict[str, dict[str, Any]] = {
@@ -26,6 +26,7 @@ USUAL: dict[str, dict[str, Any]] = {
     "hybrid-graph": {"hidden": 128},
     "gru-mlp": {"count_scale": 1.0},
     "cnn-3d": {"count_scale": 1.0},
+    "window-snn": {"count_scale": 1.0, "optimizer": "sgd", "learning_rate": 0.005, "weight_decay": 0.0001},
 }
 """Network -> options whose usual value is not that of :class:`TrainingConfig`."""
 
@@ -69,6 +70,8 @@ _RANGES: dict[str, tuple[float, float]] = {
     "decay": (0.0, 1.0),
     "threshold": (1e-6, 1e6),
     "window": (1e-6, 1e6),
+    "window_steps": (1, 20_000),
+    "window_stride": (1, 20_000),
     "neighbours": (1, 38),
     "nearer_mm": (0.0, 100.0),
     "hops": (1, 16),
@@ -107,6 +110,9 @@ class TrainingConfig:
       ``graph`` joins the taxels (``neighbours`` and ``nearer_mm``: see
       :func:`locsnn_compile.data.taxel_graph.taxel_graph`); ``hops``, ``features`` and ``step_features``: see
       :class:`locsnn_compile.models.graph_parameters.GraphParameters`.
+    - ``window_steps``, ``window_stride`` and ``window_levels`` (numbers of events, separated by spaces): see
+      :class:`locsnn_compile.models.windows.WindowParameters`.
+    - ``optimizer`` sgd has a momentum of 0.9.
     - ``target``: ``float``, or the chip whose integers the forward pass computes; there neurons are laid out by
       ``strategy``, weights have ``weight_bits``, and their range is ``weight_room`` times the largest weight of the
       network that the run starts from (from scratch: :data:`locsnn_compile.training.target.USUAL_LARGEST`).
@@ -157,6 +163,9 @@ class TrainingConfig:
     hops: int = 3
     features: int = 64
     step_features: int = 8
+    window_steps: int = 6
+    window_stride: int = 3
+    window_levels: str = "1 2"
     target: str = "float"
     strategy: str = "dendrite"
     weight_bits: int = 8

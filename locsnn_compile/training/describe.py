@@ -9,6 +9,7 @@ from locsnn_compile.errors import InputError
 from locsnn_compile.models.architectures import ARCHITECTURES
 from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, NeuronParameters
 from locsnn_compile.models.graph_parameters import GraphParameters
+from locsnn_compile.models.windows import WindowParameters
 from locsnn_compile.training.config import TrainingConfig
 
 
@@ -44,29 +45,32 @@ def describe(recordings: Recordings, config: TrainingConfig, classes: int, name:
         location_taxels=taxels,
         name=name,
         graph=_graph(config) if structure.graph else None,
-        delays=parse_delays(config.delays),
+        delays=_whole_numbers("delays", config.delays, "0 20 40 60"),
     )
 
 
-def parse_delays(text: str) -> tuple[int, ...]:
-    """Return the delays that a configuration names, such as ``0 20 40``; ``InputError`` for what are no numbers."""
+def _whole_numbers(option: str, text: str, example: str) -> tuple[int, ...]:
+    """Return the numbers of an option, separated by spaces or commas; ``InputError`` for what are none."""
     parts = text.replace(",", " ").split()
     if not all(part.isascii() and part.isdigit() and len(part) < 9 for part in parts):
         raise InputError(
-            "training option 'delays'",
-            "it must be whole numbers of steps",
+            f"training option {option!r}",
+            "it must be whole numbers",
             measured=f"got {text[:60]!r}",
-            fix="Give, for example, '0 20 40 60'.",
+            fix=f"Give, for example, {example!r}.",
         )
     return tuple(int(part) for part in parts)
 
 
-def _neuron(config: TrainingConfig) -> NeuronParameters | LifParameters | None:
+def _neuron(config: TrainingConfig) -> NeuronParameters | LifParameters | WindowParameters | None:
     neurons = ARCHITECTURES[config.model].neurons
     if neurons == "srm":
         return NeuronParameters(
             config.theta, config.tau_sr, config.tau_ref, config.scale_ref, config.tau_rho, config.scale_rho
         )
+    if neurons == "windows":
+        levels = _whole_numbers("window_levels", config.window_levels, "1 2")
+        return WindowParameters(config.window_steps, config.window_stride, levels)
     return LifParameters(config.decay, config.threshold, config.window) if neurons == "lif" else None
 
 

@@ -41,6 +41,8 @@ from locsnn_compile.training.target import chip_numbers
 #: Called after every epoch with (epochs done in all phases, epochs in all as far as known, the epoch's
 #: record).
 Progress = Callable[[int, int, EpochRecord], None]
+MOMENTUM = 0.9
+"""Of the optimizer sgd."""
 _PHASES = {"select": 1, "refit": 2}
 
 
@@ -153,6 +155,7 @@ def _run_phase(run: _Run, state: TrainingState, rows: NDArray[np.int64], held: N
     assert recordings.labels is not None
     spikes, labels = recordings.spikes[rows], recordings.labels[rows]
     network = run.network()
+    network.begin(spikes)
     optimizer, augment = _optimizer(network, config), Augmentation.of(config)
     if state.weights:
         network.load_state_dict(state.weights)
@@ -207,6 +210,8 @@ def _optimizer(network: TouchModel, config: TrainingConfig) -> torch.optim.Optim
     weights, rate, decay = network.parameters(), config.learning_rate, config.weight_decay
     if config.optimizer == "adamw":
         return torch.optim.AdamW(weights, lr=rate, weight_decay=decay, fused=True)
+    if config.optimizer == "sgd":
+        return torch.optim.SGD(weights, lr=rate, momentum=MOMENTUM, weight_decay=decay)
     return torch.optim.RMSprop(weights, lr=rate, weight_decay=decay, foreach=True)
 
 

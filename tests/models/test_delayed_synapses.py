@@ -154,7 +154,7 @@ def test_delays_that_are_no_numbers() -> None:
     with pytest.raises(InputError) as caught:
         train(RECORDINGS, TrainingConfig(delays="0 a"))
     assert str(caught.value) == (
-        "training option 'delays': it must be whole numbers of steps (got '0 a'). Give, for example, '0 20 40 60'."
+        "training option 'delays': it must be whole numbers (got '0 a'). Give, for example, '0 20 40 60'."
     )
 
 

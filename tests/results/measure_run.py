@@ -39,7 +39,7 @@ def parts(data: Path, dataset: Dataset) -> tuple[Recordings, Recordings]:
 
 def config_of(row: Row, dataset: Dataset, seed: int) -> TrainingConfig:
     """Return what the row's command trains with."""
-    values = read_config(CONFIGS / (row.config or dataset.config))
+    values = read_config(CONFIGS / row.config_for(dataset))
     return config_from_mapping(values | dict(row.options) | {"seed": seed})
 
 

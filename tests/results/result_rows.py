@@ -34,7 +34,8 @@ DATASETS: Mapping[str, Dataset] = {
 class Row:
     """A network of the table: its options over the configuration of its data set, and published accuracies.
 
-    ``published``: data set -> accuracy (Kang et al. 2022, two fingertips). ``config`` replaces that of the data set.
+    ``published``: data set -> accuracy (Kang et al. 2022, two fingertips). ``config`` replaces that of the data set; in
+    it ``{recipe}`` stands for the data set whose recipe is taken.
     """
 
     name: str
@@ -42,6 +43,11 @@ class Row:
     options: Mapping[str, Any]
     published: Mapping[str, str] = field(default_factory=dict)
     config: str | None = None
+
+    def config_for(self, dataset: Dataset) -> str:
+        """Return the file in ``examples/configs`` that it is trained with."""
+        recipe = dataset.config.partition("-")[0]
+        return dataset.config if self.config is None else self.config.format(recipe=recipe)
 
     @property
     def model(self) -> str:
@@ -84,6 +90,7 @@ ROWS = (
         config="location-tactile-snn-lif.yaml",
     ),
     Row("hybrid-lif", "Hybrid of TLIF and LLIF neurons", {"model": "hybrid-lif"}, config="hybrid-lif.yaml"),
+    Row("window-snn", "Window-SNN", {"model": "window-snn"}, config="{recipe}-window-snn.yaml"),
     Row("hybrid-graph", "Hybrid of graphs", {"model": "hybrid-graph"}, config="hybrid-graph.yaml"),
 )
 ROW_NAMES = tuple(row.name for row in ROWS)
@@ -95,6 +102,6 @@ def command(row: Row, dataset: Dataset, seed: int) -> str:
     """Return the command that trains a network of the table; of synthetic recordings, what makes them comes first."""
     data = dataset.archive or "slip.npz"
     flags = [f"{FLAGS[name]} {value}" for name, value in row.options.items()]
-    config = f"examples/configs/{row.config or dataset.config}"
+    config = f"examples/configs/{row.config_for(dataset)}"
     parts = ["locsnn train", f"--data {data}", f"--config {config}", *flags, f"--seed {seed}", f"-o {row.name}.pt"]
     return " ".join(parts)

@@ -1,0 +1,61 @@
+"""From a checkpoint of ``window-snn`` to a Network: hidden neurons without memory, outputs whose potentials are read.
+
+The whole recording is one location step: every event has a line of its own, which the hidden neurons of its windows
+hear. They spike in the next step, and one later the potential of an output is the sum of the weights of these spikes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import sparse
+
+from hw_model.graph import Readout
+from locsnn_compile.data.sensor import channel_walk
+from locsnn_compile.matrices import matrix, row_sums
+from locsnn_compile.models.checkpoint import Checkpoint
+from locsnn_compile.models.windows import BIAS, WEIGHT
+from locsnn_compile.network import InputView, Network, Population, Projection
+from locsnn_compile.neurons import Cuba
+
+LAYERS = 2
+"""Steps from an event to the outputs."""
+UNREACHED = 1.1
+"""The threshold of an output, as a multiple of all that can come at once: it never spikes, rounded weights or not."""
+
+
+def window_network(checkpoint: Checkpoint) -> Network:
+    """Return the network of a checkpoint of ``window-snn``."""
+    description = checkpoint.description
+    layout, windows, taxels = description.input, description.windows, description.location_taxels
+    assert taxels is not None
+    walk = channel_walk(taxels, layout.fingertips, taxels=layout.taxels, polarities=layout.polarities)
+    lines = layout.channels * layout.steps
+    view = InputView("touch_transposed", "location", lines, walk, together=layout.channels, silence=LAYERS)
+    synapses = windows.synapses(layout.steps, layout.channels)
+    levels = np.tile(np.array(windows.levels, dtype=np.float64), synapses.shape[0] // len(windows.levels))
+    hidden = Population(
+        "location_hidden", "location", len(levels), Cuba.of(len(levels), decay_v=1.0, threshold=levels - 0.5)
+    )
+    weights, bias = checkpoint.weights[WEIGHT].astype(np.float64), checkpoint.weights[BIAS].astype(np.float64)
+    most = row_sums(weights).max() + np.abs(bias).max()
+    threshold = UNREACHED * most if most > 0 else 1.0
+    populations, projections = [hidden], [Projection(view.name, hidden.name, matrix(synapses, np.float64))]
+    outputs = description.populations("location")[1:]
+    for name, part in zip(outputs, description.output_parts, strict=True):
+        neuron = Cuba.of(len(bias), decay_v=1.0, threshold=threshold, bias=bias if name == outputs[0] else 0.0)
+        populations.append(Population(name, "location", len(bias), neuron))
+        heard = sparse.csr_array(np.where(np.isin(np.arange(hidden.size), np.arange(hidden.size)[part]), weights, 0.0))
+        projections.append(Projection(hidden.name, name, matrix(heard, np.float64)))
+    return Network(
+        name=description.name,
+        channels=layout.channels,
+        steps=layout.steps,
+        step_seconds=layout.step_seconds,
+        fingertips=layout.fingertips,
+        views=(view,),
+        populations=tuple(populations),
+        projections=tuple(projections),
+        readout=Readout(outputs, (1.0,) * len(outputs), potentials_from=LAYERS),
+        sha256=checkpoint.sha256,
+        recordings=checkpoint.recordings,
+    )

@@ -1,0 +1,107 @@
+"""Windows of a recording: what the hidden neurons of ``window-snn`` hear, and which of them an output hears.
+
+Channels are taken in the order of the walk. Hidden neuron ``(i * windows + w) * levels + k`` spikes where channel
+``walk[i]`` had at least ``levels[k]`` events in window ``w``. Nothing here imports torch, so that the compiler can make
+the synapses without it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy import sparse
+
+from locsnn_compile.errors import InputError
+
+WEIGHT, BIAS = "location_output", "location_output_bias"
+"""Names of the weights (classes, hidden neurons) and of the bias (classes,)."""
+MOST_HEARD = 4_096
+"""Hidden neurons that one output hears: the axons that a core of the chip takes in."""
+MAX_WINDOW_NEURONS = 131_072
+"""Hidden neurons of a network: 128 cores of 1,024."""
+
+
+@dataclass(frozen=True)
+class WindowParameters:
+    """Windows of ``steps`` time steps, one every ``stride``, and the numbers of events that are told apart, ``levels``.
+
+    The published 20 ms bins and these values make a window 0.12 s long.
+    """
+
+    steps: int = 6
+    stride: int = 3
+    levels: tuple[int, ...] = (1, 2)
+
+    def __post_init__(self) -> None:
+        for name in ("steps", "stride"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+                raise InputError(
+                    f"windows {name!r}",
+                    "it must be a whole number of steps",
+                    measured=f"got {value!r}",
+                    fix="Give 1 or more.",
+                )
+        whole = all(isinstance(level, int) and not isinstance(level, bool) for level in self.levels)
+        if (
+            not self.levels
+            or not whole
+            or list(self.levels) != sorted({n for n in self.levels if 1 <= n <= self.steps})
+        ):
+            raise InputError(
+                "windows 'levels'",
+                "they must be numbers of events, each larger than the one before",
+                measured=f"got {list(self.levels)!r:.80} against 1..{self.steps}",
+                fix="Give, for example, 1 2.",
+            )
+
+    def starts(self, steps: int) -> npt.NDArray[np.int64]:
+        """Return the first step of every window of a recording of ``steps``; ``InputError`` where none fits."""
+        if steps < self.steps:
+            raise InputError(
+                "recordings",
+                "they are shorter than one window",
+                measured=f"{steps} steps against {self.steps}",
+                fix="Take shorter windows (window_steps).",
+            )
+        return np.arange(0, steps - self.steps + 1, self.stride, dtype=np.int64)
+
+    def of_channel(self, steps: int) -> int:
+        """Return how many hidden neurons hear one channel of a recording of ``steps``."""
+        return len(self.starts(steps)) * len(self.levels)
+
+    def synapses(self, steps: int, channels: int) -> sparse.csr_array:
+        """Return the weights onto the hidden neurons, all 1: (channels * windows * levels, channels * steps), float64.
+
+        Line ``i * steps + t`` has the event of channel ``walk[i]`` at time step t.
+        """
+        starts, levels = self.starts(steps), len(self.levels)
+        heard = (starts[:, np.newaxis] + np.arange(self.steps)).repeat(levels, axis=0)
+        first = self.steps * np.arange(len(heard) + 1)
+        of_one = sparse.csr_array((np.ones(heard.size), heard.reshape(-1), first), shape=(len(heard), steps))
+        return sparse.csr_array(sparse.kron(sparse.eye_array(channels), of_one, format="csr"))
+
+
+def output_parts(hidden_of_taxel: Sequence[int] | npt.NDArray[np.int64]) -> list[slice]:
+    """Return the hidden neurons of each output population: as many whole taxels as an output can hear.
+
+    ``hidden_of_taxel``: hidden neurons of every taxel of the walk. ``InputError`` where one alone has too many.
+    """
+    parts: list[slice] = []
+    start = end = 0
+    for size in map(int, hidden_of_taxel):
+        if size > MOST_HEARD:
+            raise InputError(
+                "windows",
+                "one taxel has more hidden neurons than an output can hear",
+                measured=f"{size} against {MOST_HEARD}",
+                fix="Take a larger window_stride, or fewer window_levels.",
+            )
+        if end + size - start > MOST_HEARD:
+            parts.append(slice(start, end))
+            start = end
+        end += size
+    return [*parts, slice(start, end)]
