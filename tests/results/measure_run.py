@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 from result_rows import Dataset, Row, command
+from slip_recordings import slip_recordings
 
 import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.neurons import SrmAlpha
 from locsnn_compile.operations import additions_of_recordings
@@ -24,15 +24,12 @@ from locsnn_compile.training.export import export_checkpoint
 from locsnn_compile.training.train import train
 
 CONFIGS = Path(__file__).parents[2] / "examples/configs"
-SLIP = {"train": (80, 11), "test": (20, 12)}
-"""Synthetic slip recordings: how many, and the seed. The published set has 100 of two classes and 150 steps."""
 
 
 def parts(data: Path, dataset: Dataset) -> tuple[Recordings, Recordings]:
     """Return the train and the test part."""
     if dataset.archive is None:
-        made = [synthetic_touches(n, steps=150, classes=2, seed=s, step_seconds=0.001) for n, s in SLIP.values()]
-        return made[0], made[1]
+        return slip_recordings()
     archive = data / dataset.archive
     return read_recordings(archive, split="train"), read_recordings(archive, split="test")
 

@@ -165,10 +165,10 @@ def _branch(row: Row, axis: str) -> str:
 
 
 def ratios(found: Found) -> str:
-    """Operations of the ANNs at the same input over those of our hybrids, on average and for the costliest recording."""
+    """Operations of the ANNs at the same input over ours, on average and for the costliest recording."""
     rows = []
     for name, dataset in DATASETS.items():
-        for row in (row for row in ROWS if row.model == "hybrid"):
+        for row in (row for row in ROWS if row.model in ("hybrid", "window-snn")):
             for ann, label in (("gru-mlp", "GRU-MLP"), ("cnn-3d", "CNN-3D")):
                 measured = [f for f in found.get((name, row.name), {}).values() if "additions" in f]
                 if measured:
@@ -242,6 +242,8 @@ def page(found: Found) -> str:
     )  # fmt: skip
     template = (Path(__file__).with_name("results_template.md")).read_text(encoding="utf-8")
     values = {name: make(found) for name, make in parts} | {"ann_table": ann_table()}
+    for name in ("objects", "containers"):
+        values[f"best_{name}"] = spread(column(found, name, "window-snn", "chip_accuracy"))
     for name, text in values.items():
         template = template.replace(f"{{{{{name}}}}}", text)
     return template

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import argparse
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from locsnn_compile.cli import train
+from locsnn_compile.data.read import read_recordings
 
 HERE = Path(__file__).parent
 
@@ -122,3 +126,24 @@ def test_slip_is_synthetic_and_small() -> None:
     train_part, test_part = parts(Path("nowhere"), DATASETS["slip"])
     assert (train_part.spikes.shape, test_part.spikes.shape) == ((80, 150, 78), (20, 150, 78))
     assert (train_part.source, train_part.step_seconds) == ("synthetic touches", 0.001)
+
+
+def test_the_recipe_of_a_data_set_is_taken() -> None:
+    from result_rows import DATASETS, ROWS
+
+    row = next(row for row in ROWS if row.name == "window-snn")
+    assert [row.config_for(dataset) for dataset in DATASETS.values()] == [
+        "objects-window-snn.yaml", "containers-window-snn.yaml", "objects-window-snn.yaml",
+    ]  # fmt: skip
+
+
+def test_slip_recordings_are_written_where_the_commands_look(tmp_path: Path) -> None:
+    from measure_run import parts
+    from result_rows import DATASETS
+
+    subprocess.run([sys.executable, HERE / "slip_recordings.py"], cwd=tmp_path, check=True)
+    for name, wanted in zip(("slip.npz", "slip-test.npz"), parts(tmp_path, DATASETS["slip"]), strict=True):
+        found = read_recordings(tmp_path / name)
+        assert np.array_equal(found.spikes, wanted.spikes)
+        assert np.array_equal(found.labels, wanted.labels)
+        assert found.step_seconds == wanted.step_seconds
