@@ -13,8 +13,7 @@ from torch import Tensor, nn
 
 from locsnn_compile.models.branch_graph import BranchGraph
 from locsnn_compile.models.description import LifParameters
-from locsnn_compile.models.lif import spike, uniform_weight
-from locsnn_compile.models.spike_product import spike_product
+from locsnn_compile.models.lif import spike_of_spikes, uniform_weight
 
 
 class GraphLayer(nn.Module):
@@ -67,7 +66,7 @@ class GraphLayer(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """Return the spikes of this layer for spikes ``x``."""
-        return spike(spike_product(x, self.spread()), self.neuron)
+        return spike_of_spikes(x, self.spread(), self.neuron)
 
 
 def _heard(graph: BranchGraph) -> tuple[tuple[NDArray[np.int64], NDArray[np.int64]], NDArray[np.float64]]:

@@ -1,4 +1,7 @@
-"""Leaky integrate-and-fire layers in torch: sums of weights as a matrix product, the steps as one compiled scan.
+"""Leaky integrate-and-fire layers in torch: the steps of all neurons are one compiled scan.
+
+Large layers add the weights of the inputs that are active within this scan, as most are silent at most steps; small
+ones take a matrix product for all steps at once.
 
 What step t - 1 sends arrives at step t, as on the chip and as ``eps(0) = 0`` has it for spike response neurons:
 
@@ -19,52 +22,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from hw_model.compiled import compiled
 from locsnn_compile.models.description import LifParameters
-from locsnn_compile.models.spike_product import spike_product
+from locsnn_compile.models.lif_scan import list_active, scan, scan_active, scan_active_back, scan_back
 
 _WORTH_LISTING = 1 << 14
 """Weights of a layer from which on adding those of active inputs takes less time than a matrix product."""
-
-
-@compiled
-def _scan(
-    drive: NDArray[Any], constants: tuple[Any, ...], potential: NDArray[Any], spikes: NDArray[Any]
-) -> None:  # pragma: no cover - compiled
-    keep, threshold, zero, one = constants
-    batch, steps, size = drive.shape
-    voltage, silence = np.empty(size, drive.dtype), np.zeros(size, drive.dtype)
-    for b in range(batch):
-        voltage[:] = zero
-        for t in range(steps):
-            arrived = drive[b, t - 1] if t else silence
-            for i in range(size):
-                u = keep * voltage[i] + arrived[i]
-                fired = u > threshold
-                potential[b, t, i] = u
-                spikes[b, t, i] = one if fired else zero
-                voltage[i] = zero if fired else u
-
-
-@compiled
-def _scan_back(
-    gradient: NDArray[Any],
-    potential: NDArray[Any],
-    constants: tuple[Any, ...],
-    found: NDArray[Any],
-) -> None:  # pragma: no cover - compiled
-    keep, threshold, window, zero = constants
-    batch, steps, size = gradient.shape
-    by_u = np.empty(size, gradient.dtype)
-    for b in range(batch):
-        by_u[:] = zero
-        for t in range(steps - 1, -1, -1):
-            for i in range(size):
-                found[b, t, i] = by_u[i]
-                u, later = potential[b, t, i], keep * by_u[i]
-                by_spike = gradient[b, t, i] - u * later
-                carried = zero if u > threshold else later
-                by_u[i] = carried + (by_spike if abs(u - threshold) < window else zero)
 
 
 def scan_spikes(drive: NDArray[Any], neuron: LifParameters) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -73,10 +35,17 @@ def scan_spikes(drive: NDArray[Any], neuron: LifParameters) -> tuple[NDArray[Any
     In the drive's own float type; u is taken before the reset.
     """
     drive = np.ascontiguousarray(drive)
-    kind = drive.dtype.type
     potential, spikes = np.empty_like(drive), np.empty_like(drive)
-    _scan(drive, (kind(neuron.keep), kind(neuron.threshold), kind(0), kind(1)), potential, spikes)
+    scan(drive, _constants(neuron, drive.dtype), potential, spikes)
     return spikes, potential
+
+
+def _constants(neuron: LifParameters, kind: np.dtype[Any]) -> tuple[Any, ...]:
+    return tuple(kind.type(value) for value in (neuron.keep, neuron.threshold, 0, 1))
+
+
+def _constants_back(neuron: LifParameters, kind: np.dtype[Any]) -> tuple[Any, ...]:
+    return tuple(kind.type(value) for value in (neuron.keep, neuron.threshold, neuron.window, 0))
 
 
 class _Spike(torch.autograd.Function):
@@ -96,16 +65,58 @@ class _Spike(torch.autograd.Function):
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor, None]:
         neuron: LifParameters = ctx.neuron
         gradient = np.ascontiguousarray(grads[0].numpy())
-        kind = gradient.dtype.type
         found = np.empty_like(gradient)
-        constants = (kind(neuron.keep), kind(neuron.threshold), kind(neuron.window), kind(0))
-        _scan_back(gradient, ctx.u, constants, found)
+        scan_back(gradient, ctx.u, _constants_back(neuron, gradient.dtype), found)
         return torch.from_numpy(found), None
 
 
 def spike(drive: Tensor, neuron: LifParameters) -> Tensor:
     """Return the spikes (0 or 1) of a drive (batch, steps, n), differentiable as above."""
     spikes: Tensor = _Spike.apply(drive, neuron)  # type: ignore[no-untyped-call]
+    return spikes
+
+
+class _SpikeOfSpikes(torch.autograd.Function):
+    """The same of spikes x and their weights, without a drive that is written and read again."""
+
+    @staticmethod
+    def forward(ctx: Any, x: Tensor, weight: Tensor, neuron: LifParameters) -> Tensor:
+        batch, steps, size = x.shape
+        rows = np.ascontiguousarray(x.detach().numpy()).reshape(batch * steps, size)
+        by_input = np.ascontiguousarray(weight.detach().numpy())
+        ends, room = np.empty(len(rows), np.int64), np.empty(rows.size + 1, np.int32)
+        active = rows, ends, room[: list_active(rows, ends, room)].copy()
+        u = np.empty((batch, steps, by_input.shape[1]), by_input.dtype)
+        spikes = np.empty_like(u)
+        scan_active(*active, by_input, _constants(neuron, u.dtype), u, spikes)
+        ctx.neuron, ctx.u, ctx.active = neuron, u, active
+        ctx.save_for_backward(weight)
+        return torch.from_numpy(spikes)
+
+    @staticmethod
+    def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, Tensor, None]:
+        (weight,) = ctx.saved_tensors
+        gradient = np.ascontiguousarray(grads[0].numpy())
+        batch, steps, size = gradient.shape
+        by_weight = np.zeros(tuple(weight.shape), gradient.dtype)
+        found = np.empty((batch * steps if ctx.needs_input_grad[0] else 1, size), gradient.dtype)
+        scan_active_back(gradient, ctx.u, _constants_back(ctx.neuron, gradient.dtype), *ctx.active, by_weight, found)
+        by_x = None
+        if ctx.needs_input_grad[0]:
+            # Into memory of numpy, which asks for large pages: torch takes half as long as the product to get its own.
+            by_x = torch.from_numpy(np.empty((batch * steps, len(weight)), gradient.dtype))
+            torch.mm(torch.from_numpy(found), weight.T, out=by_x)
+            by_x = by_x.reshape(batch, steps, len(weight))
+        return by_x, torch.from_numpy(by_weight), None
+
+
+def spike_of_spikes(x: Tensor, weight: Tensor, neuron: LifParameters) -> Tensor:
+    """Return the spikes (batch, steps, n) of inputs x (batch, steps, inputs) by ``weight`` (inputs, n).
+
+    As ``spike(x @ weight, neuron)``, but for the order of sums: from the first active input to the last. Fast where
+    most of x is 0.
+    """
+    spikes: Tensor = _SpikeOfSpikes.apply(x, weight, neuron)  # type: ignore[no-untyped-call]
     return spikes
 
 
@@ -132,8 +143,9 @@ class LifLayer(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         """Return the spikes of this layer for spikes ``x``."""
         weight = self.weight.T
-        drive = spike_product(x, weight) if self.weight.numel() >= _WORTH_LISTING else torch.matmul(x, weight)
-        return spike(drive, self.neuron)
+        if weight.numel() >= _WORTH_LISTING:
+            return spike_of_spikes(x, weight, self.neuron)
+        return spike(torch.matmul(x, weight), self.neuron)
 
 
 class TLIF(LifLayer):

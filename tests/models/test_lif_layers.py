@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.description import LifParameters
-from locsnn_compile.models.lif import LLIF, TLIF, scan_spikes, spike
+from locsnn_compile.models.lif import LLIF, TLIF, scan_spikes, spike, spike_of_spikes
 
 SEEDS = st.integers(0, 2**31)
 
@@ -98,6 +98,34 @@ def test_gradient_is_that_of_the_recursion(decay: float, threshold: float, windo
     assert theirs.grad is not None
     assert bool((theirs.grad[:, -1] == 0).all())
     np.testing.assert_allclose(ours.grad.numpy(), theirs.grad.numpy(), rtol=1e-9, atol=1e-12)
+
+
+@given(inputs=st.integers(1, 12), size=st.integers(1, 20), share=st.floats(0.0, 1.0), seed=SEEDS)
+@settings(max_examples=40, deadline=None)
+def test_adding_active_inputs_equals_a_matrix_product(inputs: int, size: int, share: float, seed: int) -> None:
+    rng, neuron = np.random.default_rng(seed), LifParameters()
+    x = torch.from_numpy((rng.random((2, inputs, 9)) < share) * rng.integers(1, 3, size=(2, inputs, 9)).astype(float))
+    weight, sent = torch.from_numpy(rng.normal(size=(size, inputs))), torch.from_numpy(rng.normal(size=(2, 9, size)))
+    found = []
+    for of_spikes in (True, False):
+        # As they come in a network: both are views whose entries do not lie side by side.
+        heard, by_input = x.clone().requires_grad_(), weight.clone().requires_grad_()
+        rows, columns = heard.transpose(1, 2), by_input.T
+        fired = spike_of_spikes(rows, columns, neuron) if of_spikes else spike(rows @ columns, neuron)
+        (fired * sent).sum().backward()
+        found.append((fired, heard.grad, by_input.grad))
+    for ours, expected in zip(*found, strict=True):
+        assert ours is not None
+        assert expected is not None
+        np.testing.assert_allclose(ours.detach().numpy(), expected.detach().numpy(), rtol=1e-9, atol=1e-11)
+
+
+def test_a_large_layer_adds_active_inputs() -> None:
+    layer = TLIF(300, 64, LifParameters(), generator=torch.Generator().manual_seed(3), initial_scale=2.0).double()
+    x = torch.from_numpy((np.random.default_rng(5).random((2, 12, 300)) < 0.1).astype(np.float64))
+    spikes = layer(x)
+    assert spikes.sum() > 10
+    assert torch.equal(spikes, spike(x @ layer.weight.T, layer.neuron))
 
 
 @pytest.mark.parametrize("kind", [TLIF, LLIF])

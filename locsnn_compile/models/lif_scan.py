@@ -1,0 +1,129 @@
+"""The steps of integrate-and-fire neurons, compiled: of sums of weights, and of spikes with the weights of each input.
+
+Arrays are (batch, steps, n) unless said otherwise. The recursion and its gradient stand in ``models.lif``. The
+``constants`` of a step are keep, threshold, 0 and 1, of a step back keep, threshold, window and 0, all in the arrays'
+float type.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hw_model.compiled import compiled, inlined
+
+
+@inlined
+def _step(arrived, constants, voltage, potential, spikes):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """Take one step of n neurons: ``voltage`` is updated, ``potential`` and ``spikes`` are filled, all (n,)."""
+    keep, threshold, zero, one = constants
+    for i in range(len(voltage)):
+        u = keep * voltage[i] + arrived[i]
+        fired = u > threshold
+        potential[i] = u
+        spikes[i] = one if fired else zero
+        voltage[i] = zero if fired else u
+
+
+@inlined
+def _step_back(gradient, potential, constants, by_u):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """Make the gradient by u of the next step that of this one, all (n,)."""
+    keep, threshold, window, zero = constants
+    for i in range(len(by_u)):
+        u, later = potential[i], keep * by_u[i]
+        by_spike = gradient[i] - u * later
+        carried = zero if u > threshold else later
+        by_u[i] = carried + (by_spike if abs(u - threshold) < window else zero)
+
+
+@compiled
+def scan(drive, constants, potential, spikes):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """Fill ``potential`` and ``spikes`` for what the inputs of each step add up to."""
+    batch, steps, size = drive.shape
+    voltage, silence = np.empty(size, drive.dtype), np.zeros(size, drive.dtype)
+    for b in range(batch):
+        voltage[:] = 0
+        for t in range(steps):
+            _step(drive[b, t - 1] if t else silence, constants, voltage, potential[b, t], spikes[b, t])
+
+
+@compiled
+def scan_back(gradient, potential, constants, found):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """Fill ``found``, the gradient by drive, for that by spikes."""
+    batch, steps, size = gradient.shape
+    by_u = np.empty(size, gradient.dtype)
+    for b in range(batch):
+        by_u[:] = 0
+        for t in range(steps - 1, -1, -1):
+            found[b, t] = by_u
+            _step_back(gradient[b, t], potential[b, t], constants, by_u)
+
+
+@compiled
+def list_active(x, ends, inputs):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """List the inputs that are not 0 in each row of x (rows, inputs), and return how many there are in all.
+
+    Those of row r stand in ``inputs`` before ``ends[r]``, after those of the row before; ``inputs`` needs room for one
+    more than x has entries.
+    """
+    rows, size = x.shape
+    found = 0
+    for r in range(rows):
+        for i in range(size):
+            inputs[found] = i
+            found += x[r, i] != 0
+        ends[r] = found
+    return found
+
+
+@inlined
+def _add_active(row, active, weight, total):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """Make ``total`` (n,) the sum of ``weight`` (inputs, n) over active inputs, each times its entry of ``row``."""
+    total[:] = 0
+    fours = len(active) - len(active) % 4
+    # Four inputs a pass, so that the sums are read and written a quarter as often; their order stays.
+    for k in range(0, fours, 4):
+        i0, i1, i2, i3 = active[k], active[k + 1], active[k + 2], active[k + 3]
+        x0, x1, x2, x3 = row[i0], row[i1], row[i2], row[i3]
+        w0, w1, w2, w3 = weight[i0], weight[i1], weight[i2], weight[i3]
+        for o in range(len(total)):
+            total[o] = (((total[o] + x0 * w0[o]) + x1 * w1[o]) + x2 * w2[o]) + x3 * w3[o]
+    for k in range(fours, len(active)):
+        x0, w0 = row[active[k]], weight[active[k]]
+        for o in range(len(total)):
+            total[o] += x0 * w0[o]
+
+
+@compiled
+def scan_active(x, ends, inputs, weight, constants, potential, spikes):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Fill ``potential`` and ``spikes`` for x (batch * steps, inputs), as listed, and ``weight`` (inputs, n)."""
+    batch, steps, size = potential.shape
+    voltage, arrived = np.empty(size, potential.dtype), np.empty(size, potential.dtype)
+    for b in range(batch):
+        voltage[:] = 0
+        arrived[:] = 0
+        for t in range(steps):
+            _step(arrived, constants, voltage, potential[b, t], spikes[b, t])
+            r = b * steps + t
+            _add_active(x[r], inputs[ends[r - 1] if r else 0 : ends[r]], weight, arrived)
+
+
+@compiled
+def scan_active_back(  # type: ignore[no-untyped-def]
+    gradient, potential, constants, x, ends, inputs, by_weight, found
+):  # pragma: no cover - compiled
+    """Add the gradient by weights to ``by_weight`` (inputs, n), for that by spikes, and fill ``found``, that by drive.
+
+    ``found`` is (batch * steps, n), or (1, n) where the gradient by x is not needed.
+    """
+    batch, steps, size = gradient.shape
+    by_u = np.empty(size, gradient.dtype)
+    for b in range(batch):
+        by_u[:] = 0
+        for t in range(steps - 1, -1, -1):
+            r = b * steps + t
+            found[min(r, len(found) - 1)] = by_u
+            for i in inputs[ends[r - 1] if r else 0 : ends[r]]:
+                value, row = x[r, i], by_weight[i]
+                for o in range(size):
+                    row[o] += value * by_u[o]
+            _step_back(gradient[b, t], potential[b, t], constants, by_u)
