@@ -29,7 +29,7 @@ from locsnn_compile.passes.quantize_soft import quantize_soft
 from locsnn_compile.passes.quantize_srm import quantize_srm
 from locsnn_compile.passes.round_apart import round_apart
 from locsnn_compile.passes.rounding import NEAREST, Rounding
-from locsnn_compile.passes.scaling import HEADROOM, Scaled
+from locsnn_compile.passes.scaling import Scaled
 from locsnn_compile.quantized import QuantizedNetwork, QuantizedPopulation
 
 
@@ -126,8 +126,8 @@ def _scale(
         return quantize_srm(neuron, population.size, heaviest, grid, chip, strategy, where, rounding.fitted_decays)
     if isinstance(neuron, SoftCuba):
         return quantize_soft(neuron, largest, grid, chip, where)
-    headroom = 1 if _stays_below(neuron, incoming) else HEADROOM
-    return quantize_cuba(neuron, largest, grid, chip, where, _room(neuron, incoming, chip), headroom)
+    room, bounded = _room(neuron, incoming, chip), _stays_below(neuron, incoming)
+    return quantize_cuba(neuron, largest, grid, chip, where, room, bounded=bounded)
 
 
 def _stays_below(neuron: Cuba, incoming: list[Projection]) -> bool:

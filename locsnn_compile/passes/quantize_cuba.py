@@ -23,13 +23,15 @@ def quantize_cuba(
     chip: Chip,
     where: str,
     room: float = math.inf,
-    headroom: int = HEADROOM,
+    *,
+    bounded: bool = False,
 ) -> Scaled:
     """Return the neurons in integers, given the largest weight (n,) onto each.
 
     All get the threshold mantissa T and the scale ``64 T / threshold``, or ``(64 T + 1) / threshold`` for the rule
     ``>=``: the comparison is then exact for every neuron, and a core needs one threshold profile for all. T is at most
-    ``room``, unless the weights would lose bits by it, and the voltage register holds ``headroom`` thresholds.
+    ``room``, unless the weights would lose bits by it. Potentials that are ``bounded`` by the threshold need no more
+    than one threshold of the voltage register, and T is at most ``room`` whatever it costs in bits: such sums are large.
     """
     size = len(neuron.threshold)
     decay_u = nearest_decays(neuron.decay_u, f"{where}: decay_u")
@@ -41,10 +43,11 @@ def quantize_cuba(
     heaviest = float((largest * gain / neuron.threshold).max())
     strongest = float((np.abs(bias) / neuron.threshold).max())
     bias_max = ((1 << chip.registers.bias_mantissa_bits) - 1) << chip.registers.bias_exponent_max
-    mantissa_max = int(min(chip.registers.threshold_mantissa_max, max(room, grid.high / max(heaviest, 1e-9))))
+    lossless = 0.0 if bounded else grid.high / max(heaviest, 1e-9)
+    mantissa_max = int(min(chip.registers.threshold_mantissa_max, max(room, lossless)))
     _check_bias(strongest, bias_max / 128, where)
     cap = int(min(bias_max / strongest / 64 - 1, mantissa_max)) if strongest else mantissa_max
-    exponent, threshold = exponent_and_threshold(heaviest, grid, chip, cap, over, headroom)
+    exponent, threshold = exponent_and_threshold(heaviest, grid, chip, cap, over, 1 if bounded else HEADROOM)
     check_threshold(threshold, heaviest, grid, over, where)
     scale = (64 * threshold + over) / neuron.threshold
     bias_mantissa, bias_exponent = _bias(bias * scale, chip)

@@ -9,6 +9,7 @@ from typing import Any
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.description import NetworkDescription
+from locsnn_compile.models.windows import WindowParameters
 from locsnn_compile.training.config import TrainingConfig
 
 FINE_TUNING: dict[str, Any] = {"epochs": 60, "learning_rate": 0.001, "validation_fraction": 0.0}
@@ -19,9 +20,15 @@ nothing of it could choose an epoch."""
 def fixed_by(start: NetworkDescription) -> dict[str, Any]:
     """Return the options that a network to start from decides."""
     order = {} if start.location_order is None else {"order": start.location_order}
-    neuron = {} if start.neuron is None else asdict(start.neuron)
     delays = {} if start.delays == (0,) else {"delays": " ".join(map(str, start.delays))}
-    return {"model": start.architecture, "hidden": start.hidden} | order | delays | neuron | _graph(start)
+    return {"model": start.architecture, "hidden": start.hidden} | order | delays | _neuron(start) | _graph(start)
+
+
+def _neuron(start: NetworkDescription) -> dict[str, Any]:
+    if isinstance(start.neuron, WindowParameters):
+        windows = asdict(start.neuron) | {"levels": " ".join(map(str, start.neuron.levels))}
+        return {f"window_{name}": value for name, value in windows.items()}
+    return {} if start.neuron is None else asdict(start.neuron)
 
 
 def _graph(start: NetworkDescription) -> dict[str, Any]:

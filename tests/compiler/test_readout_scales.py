@@ -1,0 +1,43 @@
+"""Potentials of several populations are added in one unit, whatever scale each has in its registers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import hw_model as hw
+from hw_model.graph import Readout
+from locsnn_compile.network import InputView, Network, Population, Projection
+from locsnn_compile.neurons import Cuba
+from locsnn_compile.pipeline import lower
+from locsnn_compile.reference import evaluate
+
+RNG = np.random.default_rng(5)
+
+
+def two_outputs() -> Network:
+    """Outputs that are read, of weights 30 times as large in one population as in the other."""
+    sizes = {"small": 1.0, "large": 30.0}
+    return Network(
+        name="two outputs",
+        channels=8,
+        steps=6,
+        step_seconds=None,
+        fingertips=None,
+        views=(InputView("touch", "time", 8),),
+        populations=tuple(
+            Population(name, "time", 3, Cuba.of(3, decay_v=0.5, threshold=40.0 * size)) for name, size in sizes.items()
+        ),
+        projections=tuple(Projection("touch", name, size * RNG.normal(size=(3, 8))) for name, size in sizes.items()),
+        readout=Readout(tuple(sizes), (1.0, 0.1), potentials_from=5),
+        sha256="0" * 64,
+    )
+
+
+def test_scores_of_the_chip_are_those_of_the_network() -> None:
+    network, x = two_outputs(), (RNG.random((40, 6, 8)) < 0.4).astype(np.uint8)
+    levels = lower(network, hw.chip("loihi-sim"), 8)
+    scales = [levels.quantized.population(name).scale[0] for name in ("small", "large")]
+    assert scales[0] > 10 * scales[1]
+    wanted, played = evaluate(network, x).scores, np.asarray(hw.simulate(levels.program, x).scores)
+    assert np.array_equal(played, evaluate(levels.quantized.on_grid(), x).scores)
+    assert np.abs(played / scales[0] - wanted).max() < 0.02 * np.abs(wanted).max()
