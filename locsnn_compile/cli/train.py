@@ -51,6 +51,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add("--config", metavar="FILE.yaml", help="training options, laid under those given here")
     add("--epochs", type=int, metavar="N", help="epochs of the schedule (default 250)")
     add("--seed", type=int, metavar="N", help="seed of weights, split, order and dropout (default 0)")
+    add("--device", metavar="NAME", help="cpu (default), or cuda for matrix products on a GPU")
     add("--hidden", type=int, metavar="N", help="hidden neurons of a branch (default 32; with a graph 128)")
     add("--graph", metavar="NAME", help="taxels that a graph joins: manual (default), nearest or tree")
     add("--loss", metavar="NAME", help="cross-entropy (default) or spike-count")
@@ -131,13 +132,14 @@ def _config(args: argparse.Namespace, start: Checkpoint | None) -> TrainingConfi
     values: dict[str, Any] = read_config(args.config) if args.config is not None else {}
     options = (
         *("model", "order", "delays", "graph", "epochs", "seed", "hidden", "loss", "location_weight", "learning_rate"),
-        *("event_dropout", "validation_fraction", "refit", "target", "strategy", "weight_bits"),
+        *("event_dropout", "validation_fraction", "refit", "target", "strategy", "weight_bits", "device"),
     )
     values |= {name: getattr(args, name) for name in options if getattr(args, name) is not None}
     if start is None:
         return config_from_mapping(values)
     check_fits_start(values, start.description)
-    return fine_tuning_config(config_from_mapping(FINE_TUNING | values), start.description)
+    usual = {"model": start.description.architecture} | FINE_TUNING
+    return fine_tuning_config(config_from_mapping(usual | values), start.description)
 
 
 def _read(data: str) -> tuple[Recordings, Recordings | None]:

@@ -19,6 +19,7 @@ from hw_model.fixed_point import DECAY_ONE, WEIGHT_SHIFT
 from locsnn_compile.models.chip_numbers import ChipPopulation, Strategy
 from locsnn_compile.models.chip_scan import charge_gradient, scan_delay_line, scan_dendrite, scan_reset
 from locsnn_compile.models.description import NeuronParameters
+from locsnn_compile.models.host import to_device, to_host
 
 
 class _Round(torch.autograd.Function):
@@ -41,28 +42,28 @@ class _Steps(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, drive: Tensor, layer: ChipLayer) -> Tensor:
-        spikes, potential, live = layer.steps(drive.detach().numpy())
+        spikes, potential, live = layer.steps(to_host(drive))
         ctx.layer, ctx.potential, ctx.live, ctx.spikes = layer, potential, live, spikes
-        return torch.from_numpy(spikes).to(drive.dtype)
+        return to_device(spikes, drive).to(drive.dtype)
 
     @staticmethod
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor, None]:
         layer: ChipLayer = ctx.layer
         numbers, neuron = layer.numbers, layer.neuron
         width = neuron.tau_rho * neuron.theta
-        u = torch.from_numpy(ctx.potential).to(grads[0].dtype).div_(numbers.scale)
+        u = to_device(ctx.potential, grads[0]).to(grads[0].dtype).div_(numbers.scale)
         slope = u.sub_(neuron.theta).abs_().mul_(-1.0 / width).exp_().mul_(neuron.scale_rho / width)
         by_voltage = slope.mul_(grads[0])
         carry = np.ones_like(ctx.spikes)
         if layer.strategy == "reset":
-            by_voltage.mul_(torch.from_numpy(ctx.live))
+            by_voltage.mul_(to_device(ctx.live, by_voltage))
             carry = ctx.live & (1 - ctx.spikes)
-        gradient = by_voltage.numpy()
+        gradient = to_host(by_voltage)
         kind = gradient.dtype.type
         keep = kind((DECAY_ONE - numbers.decay) / DECAY_ONE)
         found = np.empty_like(gradient)
         charge_gradient(gradient, carry, (keep, keep, kind(0)), found)
-        return torch.from_numpy(found).mul_((1 << (WEIGHT_SHIFT + numbers.exponent)) / numbers.scale), None
+        return to_device(found, grads[0]).mul_((1 << (WEIGHT_SHIFT + numbers.exponent)) / numbers.scale), None
 
 
 class ChipLayer(nn.Module):
@@ -93,7 +94,7 @@ class ChipLayer(nn.Module):
     def mantissas(self) -> NDArray[np.int64]:
         """Return the mantissas [out, in] of the latent weights."""
         rounded: Tensor = _Round.apply(self.weight.detach(), self.numbers)  # type: ignore[no-untyped-call]
-        return rounded.numpy().astype(np.int64)
+        return to_host(rounded).astype(np.int64)
 
     def hold(self) -> None:
         """Bring latent weights back into the range of the format: beyond it no gradient would be of use."""

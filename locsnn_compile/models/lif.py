@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from locsnn_compile.models.description import LifParameters
+from locsnn_compile.models.host import to_device, to_host
 from locsnn_compile.models.lif_scan import list_active, scan, scan_active, scan_active_back, scan_back
 
 _WORTH_LISTING = 1 << 14
@@ -57,17 +58,17 @@ class _Spike(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, drive: Tensor, neuron: LifParameters) -> Tensor:
-        spikes, u = scan_spikes(drive.detach().numpy(), neuron)
+        spikes, u = scan_spikes(to_host(drive), neuron)
         ctx.neuron, ctx.u = neuron, u
-        return torch.from_numpy(spikes)
+        return to_device(spikes, drive)
 
     @staticmethod
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor, None]:
         neuron: LifParameters = ctx.neuron
-        gradient = np.ascontiguousarray(grads[0].numpy())
+        gradient = to_host(grads[0])
         found = np.empty_like(gradient)
         scan_back(gradient, ctx.u, _constants_back(neuron, gradient.dtype), found)
-        return torch.from_numpy(found), None
+        return to_device(found, grads[0]), None
 
 
 def spike(drive: Tensor, neuron: LifParameters) -> Tensor:
@@ -114,8 +115,10 @@ def spike_of_spikes(x: Tensor, weight: Tensor, neuron: LifParameters) -> Tensor:
     """Return the spikes (batch, steps, n) of inputs x (batch, steps, inputs) by ``weight`` (inputs, n).
 
     As ``spike(x @ weight, neuron)``, but for the order of sums: from the first active input to the last. Fast where
-    most of x is 0.
+    most of x is 0. On a GPU it is that product.
     """
+    if x.device.type != "cpu":
+        return spike(torch.matmul(x, weight), neuron)
     spikes: Tensor = _SpikeOfSpikes.apply(x, weight, neuron)  # type: ignore[no-untyped-call]
     return spikes
 

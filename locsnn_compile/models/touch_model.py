@@ -63,7 +63,7 @@ class TouchModel(nn.Module):
         for name in self.description.weight_shapes:
             weight = self.weight(name).detach()
             order = weight.abs().flatten().argsort(stable=True)
-            kept = torch.ones(weight.numel(), dtype=torch.bool)
+            kept = torch.ones(weight.numel(), dtype=torch.bool, device=weight.device)
             kept[order[: int(share * len(order))]] = False
             self._kept[name] = kept.reshape(weight.shape)
         self.hold()
@@ -84,7 +84,8 @@ class TouchModel(nn.Module):
     def weights(self) -> dict[str, NDArray[np.float32]]:
         """Return copies of the weights by name."""
         return {
-            name: self.weight(name).detach().to(torch.float32).numpy().copy() for name in self.description.weight_shapes
+            name: self.weight(name).detach().to(torch.float32).cpu().numpy().copy()
+            for name in self.description.weight_shapes
         }
 
     def load_weights(self, weights: Mapping[str, NDArray[Any]]) -> None:

@@ -32,6 +32,7 @@ class WindowNetwork(TouchModel):
     """
 
     walk: Tensor
+    starts: Tensor
     usual: Tensor
 
     def __init__(self, description: NetworkDescription) -> None:
@@ -42,7 +43,7 @@ class WindowNetwork(TouchModel):
             description.location_taxels, layout.fingertips, taxels=layout.taxels, polarities=layout.polarities
         )
         self.register_buffer("walk", torch.from_numpy(walk.copy()), persistent=False)
-        self.starts = torch.from_numpy(self.windows.starts(layout.steps))
+        self.register_buffer("starts", torch.from_numpy(self.windows.starts(layout.steps)), persistent=False)
         classes, hidden = description.weight_shapes[WEIGHT]
         self.output = nn.Parameter(torch.zeros(classes, hidden))
         self.bias = nn.Parameter(torch.zeros(classes))
@@ -54,9 +55,9 @@ class WindowNetwork(TouchModel):
 
     def begin(self, spikes: NDArray[np.uint8]) -> None:
         """Take the mean of every hidden spike over recordings (samples, steps, channels); scores stay as they are."""
-        total = torch.zeros(self.usual.shape, dtype=torch.float64)
+        total = torch.zeros(self.usual.shape, dtype=torch.float64, device=self.usual.device)
         for start in range(0, len(spikes), 32):
-            part = torch.from_numpy(np.array(spikes[start : start + 32])).to(self.usual.dtype)
+            part = torch.from_numpy(np.array(spikes[start : start + 32])).to(self.usual)
             total += self.hidden(part).sum(dim=0, dtype=torch.float64)
         usual = (total / max(len(spikes), 1)).to(self.usual.dtype)
         with torch.no_grad():
@@ -67,7 +68,7 @@ class WindowNetwork(TouchModel):
         """Return the spikes (batch, hidden) of the hidden neurons for ``x`` (batch, steps, channels)."""
         events = torch.nn.functional.pad(x.index_select(2, self.walk).cumsum(dim=1), (0, 0, 1, 0))
         counted = events.index_select(1, self.starts + self.windows.steps) - events.index_select(1, self.starts)
-        levels = torch.tensor(self.windows.levels, dtype=x.dtype)
+        levels = torch.tensor(self.windows.levels, dtype=x.dtype, device=x.device)
         spikes = counted.transpose(1, 2).unsqueeze(-1) >= levels
         return spikes.to(x.dtype).reshape(len(x), -1)
 
@@ -85,8 +86,8 @@ class WindowNetwork(TouchModel):
         with torch.no_grad():
             bias = self.bias.double() - self.output.double() @ self.usual.double()
         return {
-            WEIGHT: self.output.detach().to(torch.float32).numpy().copy(),
-            BIAS: bias.to(torch.float32).numpy(),
+            WEIGHT: self.output.detach().to(torch.float32).cpu().numpy().copy(),
+            BIAS: bias.to(torch.float32).cpu().numpy(),
         }
 
     def load_weights(self, weights: Mapping[str, NDArray[Any]]) -> None:

@@ -21,7 +21,7 @@ class WeightAverage:
         self.values: dict[str, Tensor] = {}
         if decay:
             begin = values or {name: weight.detach() for name, weight in self._weights.items()}
-            self.values = {name: value.clone() for name, value in begin.items()}
+            self.values = {name: value.to(self._weights[name].device, copy=True) for name, value in begin.items()}
 
     def update(self) -> None:
         """Take the weights of a step in."""

@@ -20,6 +20,7 @@ from locsnn_compile.models.chip_numbers import STRATEGIES
 LOSSES = ("cross-entropy", "spike-count")
 OPTIMIZERS = ("adamw", "rmsprop", "sgd")
 SCHEDULES = ("cosine", "constant")
+DEVICES = ("cpu", "cuda")
 
 USUAL: dict[str, dict[str, Any]] = {
     "tactile-sgnet": {"hidden": 128},
@@ -36,6 +37,7 @@ _CHOICES: dict[str, tuple[str | int, ...]] = {
     "loss": LOSSES,
     "optimizer": OPTIMIZERS,
     "schedule": SCHEDULES,
+    "device": DEVICES,
     "strategy": STRATEGIES,
     "weight_bits": WEIGHT_BITS,
 }
@@ -101,6 +103,7 @@ class TrainingConfig:
       epoch's figure noisy; see :func:`locsnn_compile.training.schedule.choose_epoch`.
     - ``refit``: once the epoch is chosen, train afresh on the whole train part for as many epochs, on a
       schedule of that length.
+    - ``device``: where matrix products run; the steps of spiking layers run on the processor.
     - time constants in steps; ``step_seconds`` is the width of a time bin, where the data do not say it. ``theta`` to
       ``scale_rho`` are those of spike response neurons, ``decay``, ``threshold`` and ``window`` those of
       integrate-and-fire ones.
@@ -147,6 +150,7 @@ class TrainingConfig:
     smoothing_epochs: int = 10
     refit: bool = True
     seed: int = 0
+    device: str = "cpu"
     step_seconds: float = 0.02
     theta: float = 10.0
     tau_sr: float = 10.0

@@ -38,12 +38,12 @@ def evaluate(
     network: TouchModel, config: TrainingConfig, spikes: NDArray[np.uint8], labels: NDArray[np.int64]
 ) -> tuple[float, float]:
     """Return (mean loss, accuracy) on spikes (samples, steps, channels), in the network's own float type."""
-    kind = next(network.parameters()).dtype
+    like = next(network.parameters())
     loss, right = 0.0, 0
     with torch.no_grad():
         for start in range(0, len(labels), 32):
-            x = torch.from_numpy(np.array(spikes[start : start + 32])).to(kind)
-            y = torch.from_numpy(labels[start : start + 32].copy())
+            x = torch.from_numpy(np.array(spikes[start : start + 32])).to(like)
+            y = torch.from_numpy(labels[start : start + 32].copy()).to(like.device)
             activity = network(x)
             scores = torch.stack(list(network.scores(activity).values())).sum(dim=0)
             loss += float(_loss(network, config, activity, y)) * len(y)

@@ -85,6 +85,7 @@ def train(
             "they have no labels to train on",
             fix="Give labelled recordings.",
         )
+    _check_device(config.device)
     classes = max(classes or 0, int(labels.max()) + 1)
     if start is None:
         description = describe(recordings, config, classes, name)
@@ -124,6 +125,15 @@ def train(
     return TrainingResult(network, state.chosen_epoch, chosen[0].validation_accuracy, tuple(state.history))
 
 
+def _check_device(name: str) -> None:
+    if name == "cuda" and not torch.cuda.is_available():
+        raise InputError(
+            "training option 'device'",
+            "torch sees no CUDA device here",
+            fix="Take cpu, or install torch with CUDA on a machine that has one.",
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class _Run:
     """What both phases of a run share."""
@@ -141,6 +151,7 @@ class _Run:
         """Return the network that a phase begins with."""
         config = self.config
         network = build_network(self.description, seed=config.seed, initial_scale=config.initial_scale, chip=self.chip)
+        network = network.to(config.device)
         if self.start is not None:
             network.load_weights(self.start)
         if config.pruned:
@@ -175,7 +186,8 @@ def _run_phase(run: _Run, state: TrainingState, rows: NDArray[np.int64], held: N
             rng=rng,
         )
         for x, y in feed:
-            loss = batch_loss(network, config, torch.from_numpy(x), torch.from_numpy(y))
+            placed = (torch.from_numpy(values).to(config.device) for values in (x, y))
+            loss = batch_loss(network, config, *placed)
             optimizer.zero_grad()
             loss.backward()  # type: ignore[no-untyped-call]
             optimizer.step()

@@ -10,13 +10,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from locsnn_compile.cli import train as command
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.data.write import write_recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
+from locsnn_compile.training.config import config_from_mapping
 from locsnn_compile.training.state import EpochRecord
+from locsnn_compile.training.train import train
 
 
 def parser() -> argparse.ArgumentParser:
@@ -214,3 +217,25 @@ def test_the_command_is_imported_without_torch() -> None:
     code = "import sys, locsnn_compile.cli.train, locsnn_compile.data; print('torch' in sys.modules)"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout == "False\n"
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device")
+def test_a_device_that_is_not_there_is_refused(data: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        run("--data", data, "--device", "cuda", "-o", str(tmp_path / "net.pt"))
+    assert str(caught.value) == (
+        "training option 'device': torch sees no CUDA device here. "
+        "Take cpu, or install torch with CUDA on a machine that has one."
+    )
+    assert [file.name for file in tmp_path.iterdir()] == ["touches.npz"]
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="there is no CUDA device")
+@pytest.mark.parametrize("name", ["hybrid", "hybrid-lif", "tactile-sgnet", "window-snn", "gru-mlp"])
+def test_a_gpu_learns_what_the_processor_learns(name: str) -> None:
+    made = synthetic_touches(16, steps=30, classes=2, seed=1)
+    losses = []
+    for device in ("cpu", "cuda"):
+        options = {"model": name, "device": device, "epochs": 2, "hidden": 4, "features": 3, "step_features": 2}
+        losses.append([row.loss for row in train(made, config_from_mapping(options)).history])
+    assert np.allclose(*losses, rtol=0.05)
