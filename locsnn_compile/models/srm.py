@@ -17,6 +17,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
+from torch.autograd.function import once_differentiable
 
 from hw_model.compiled import compiled
 from locsnn_compile.models.description import NeuronParameters
@@ -29,13 +30,14 @@ INITIAL_SCALE = 3.0
 
 @compiled
 def _respond(
-    drive: NDArray[Any], constants: tuple[Any, ...], potential: NDArray[Any], spikes: NDArray[Any]
+    values: NDArray[Any], constants: tuple[Any, ...], spikes: NDArray[Any]
 ) -> None:  # pragma: no cover - compiled
+    # In ``values`` potentials take the place of drives: another array would leave less of the cache to the rest.
     # Zero and one travel as constants of the drive's type: literals would make the loop compute in float64.
     theta, decay, gain, pull_decay, pull_gain, zero, one = constants
-    batch, steps, size = drive.shape
-    current, response = np.empty(size, drive.dtype), np.empty(size, drive.dtype)
-    charge, pull = np.empty(size, drive.dtype), np.empty(size, drive.dtype)
+    batch, steps, size = values.shape
+    current, response = np.empty(size, values.dtype), np.empty(size, values.dtype)
+    charge, pull = np.empty(size, values.dtype), np.empty(size, values.dtype)
     for b in range(batch):
         current[:] = zero
         response[:] = zero
@@ -47,70 +49,115 @@ def _respond(
                 pull[i] = pull_decay * pull[i] + charge[i]
                 u = gain * response[i] + pull_gain * pull[i]
                 spike = one if u >= theta else zero
-                current[i] = decay * current[i] + drive[b, t, i]
+                current[i] = decay * current[i] + values[b, t, i]
                 charge[i] = pull_decay * charge[i] + spike
-                potential[b, t, i] = u
+                values[b, t, i] = u
                 spikes[b, t, i] = spike
 
 
 @compiled
 def _respond_back(
-    by_potential: NDArray[Any], constants: tuple[Any, ...], by_drive: NDArray[Any]
+    values: NDArray[Any], by_spikes: NDArray[Any], constants: tuple[Any, ...]
 ) -> None:  # pragma: no cover - compiled
+    # In ``values`` gradients by the drive take the place of the surrogate's.
     decay, gain, zero = constants
-    batch, steps, size = by_potential.shape
-    current, response = np.empty(size, by_drive.dtype), np.empty(size, by_drive.dtype)
+    batch, steps, size = values.shape
+    # A gradient of sums over steps is the same at all of them, and comes as one step.
+    stride = 1 if by_spikes.shape[1] == steps else 0
+    current, response = np.empty(size, values.dtype), np.empty(size, values.dtype)
     for b in range(batch):
         current[:] = zero
         response[:] = zero
         for t in range(steps - 1, -1, -1):
             for i in range(size):
                 response[i] = decay * response[i] + current[i]
-                current[i] = decay * current[i] + by_potential[b, t, i]
-                by_drive[b, t, i] = gain * response[i]
+                current[i] = decay * current[i] + values[b, t, i] * by_spikes[b, stride * t, i]
+                values[b, t, i] = gain * response[i]
+
+
+@compiled
+def _scale_distances(
+    u: NDArray[Any], constants: tuple[Any, ...], found: NDArray[Any]
+) -> None:  # pragma: no cover - compiled
+    theta, factor = constants
+    for k in range(len(u)):
+        found[k] = abs(u[k] - theta) * factor
 
 
 def respond(drive: NDArray[Any], neuron: NeuronParameters) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return (spikes, u), both (batch, steps, n), of the weights that each step's spikes add up to, ``drive``.
 
     In the drive's own float type. u(t) = psp(t) + gain * r(t), where r sums k * decay^(k - 1) over own past spikes (see
-    :func:`refractory_recursion`); a spike (1) where u(t) >= theta.
+    :func:`refractory_recursion`); a spike (1) where u(t) >= theta. Potentials take the place of ``drive``.
     """
-    drive = np.ascontiguousarray(drive)
     kind = drive.dtype.type
     values = (neuron.theta, *psp_recursion(neuron.tau_sr), *refractory_recursion(neuron), 0, 1)
-    potential, spikes = np.empty_like(drive), np.empty_like(drive)
-    _respond(drive, tuple(kind(value) for value in values), potential, spikes)
-    return spikes, potential
+    spikes = np.empty_like(drive)
+    _respond(drive, tuple(kind(value) for value in values), spikes)
+    return spikes, drive
 
 
-class _Response(torch.autograd.Function):
+def _gradient_of_drive(u: NDArray[Any], by_spikes: Tensor, neuron: NeuronParameters) -> NDArray[Any]:
+    """Return the gradient by the drive, of that by the spikes."""
+    kind = u.dtype.type
+    width = neuron.tau_rho * neuron.theta
+    slope = np.empty_like(u)
+    _scale_distances(u.reshape(-1), (kind(neuron.theta), kind(-1.0 / width)), slope.reshape(-1))
+    # numpy's exponential takes half the time of torch's.
+    np.exp(slope, out=slope)
+    if by_spikes.stride(1) == 0:
+        by_spikes = by_spikes[:, :1]
+    decay, gain = psp_recursion(neuron.tau_sr)
+    constants = (kind(decay), kind(gain * neuron.scale_rho / width), kind(0))
+    _respond_back(slope, by_spikes.contiguous().numpy(), constants)
+    return slope
+
+
+def _gradient_of_weight(x: Tensor, by_drive: Tensor) -> Tensor:
+    """Return the gradient (out, in) by the weight."""
+    if not x.is_contiguous():
+        return torch.bmm(x.transpose(1, 2), by_drive).sum(dim=0).T
+    inputs, sums = x.flatten(0, 1), by_drive.flatten(0, 1)
+    # A product with many steps to add up is faster, by a quarter, with the wider of its sides as rows.
+    return torch.mm(inputs.T, sums).T if inputs.shape[1] > sums.shape[1] else torch.mm(sums.T, inputs)
+
+
+class _Layer(torch.autograd.Function):
     """grad_u = grad_spikes * scale_rho / (tau_rho theta) * exp(-|u - theta| / (tau_rho theta)); grad_drive is the
-    psp's filter of grad_u, backwards in time.
+    psp's filter of grad_u, backwards in time. One node of the graph for a layer: more would cost more than the sums.
     """
 
     @staticmethod
-    def forward(ctx: Any, drive: Tensor, neuron: NeuronParameters) -> Tensor:
-        spikes, u = respond(drive.detach().numpy(), neuron)
+    def forward(ctx: Any, x: Tensor, weight: Tensor, neuron: NeuronParameters) -> Tensor:
+        if x.is_contiguous():
+            drive = torch.matmul(x, weight.T)
+        else:
+            # One product a recording takes a transposed recording as it lies; a single product would copy it first.
+            drive = torch.bmm(x, weight.T.expand(len(x), -1, -1))
+        spikes, u = respond(drive.numpy(), neuron)
+        ctx.save_for_backward(x, weight)
         ctx.neuron, ctx.u = neuron, u
         return torch.from_numpy(spikes)
 
     @staticmethod
-    def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor, None]:
-        neuron: NeuronParameters = ctx.neuron
-        width = neuron.tau_rho * neuron.theta
-        slope = (torch.from_numpy(ctx.u) - neuron.theta).abs_().mul_(-1.0 / width).exp_()
-        by_potential = slope.mul_(grads[0]).numpy()
-        kind = by_potential.dtype.type
-        decay, gain = psp_recursion(neuron.tau_sr)
-        by_drive = np.empty_like(by_potential)
-        _respond_back(by_potential, (kind(decay), kind(gain * neuron.scale_rho / width), kind(0)), by_drive)
-        return torch.from_numpy(by_drive), None
+    @once_differentiable
+    def backward(ctx: Any, by_spikes: Tensor) -> tuple[Tensor | None, Tensor | None, None]:
+        x, weight = ctx.saved_tensors
+        by_drive = torch.from_numpy(_gradient_of_drive(ctx.u, by_spikes, ctx.neuron))
+        by_x = by_weight = None
+        if ctx.needs_input_grad[0]:
+            by_x = torch.matmul(by_drive, weight)
+        if ctx.needs_input_grad[1]:
+            by_weight = _gradient_of_weight(x, by_drive)
+        return by_x, by_weight, None
 
 
-def response(drive: Tensor, neuron: NeuronParameters) -> Tensor:
-    """Return the spikes (0 or 1) of a drive (batch, steps, n), differentiable by the surrogate above."""
-    spikes: Tensor = _Response.apply(drive, neuron)  # type: ignore[no-untyped-call]
+def layer_response(x: Tensor, weight: Tensor, neuron: NeuronParameters) -> Tensor:
+    """Return the spikes, 0 or 1 (batch, steps, out), of neurons that take x (batch, steps, in) by ``weight`` (out, in).
+
+    Differentiable once by both: through the neurons by the surrogate above.
+    """
+    spikes: Tensor = _Layer.apply(x, weight, neuron)  # type: ignore[no-untyped-call]
     return spikes
 
 
@@ -139,10 +186,7 @@ class SRMLayer(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """Return the spikes of this layer for spikes ``x``."""
-        if x.is_contiguous():
-            return response(torch.matmul(x, self.weight.T), self.neuron)
-        # One product a recording takes a transposed recording as it lies; a single product would copy it first.
-        return response(torch.bmm(x, self.weight.T.expand(len(x), -1, -1)), self.neuron)
+        return layer_response(x, self.weight, self.neuron)
 
 
 class TSRM(SRMLayer):
