@@ -143,7 +143,10 @@ class Readout:
             spikes[name].sum(axis=1, dtype=np.float64) if first is None else largest(potential[name], first)
             for name in self.populations
         ]
-        total: npt.NDArray[np.float64] = np.tensordot(self.weights, given, axes=1)
+        total: npt.NDArray[np.float64] = np.zeros(np.shape(given[0]))
+        # In the order in which a simulation adds them, so that float sums are equal to the last bit.
+        for weight, part in zip(self.weights, given, strict=True):
+            total += weight * part
         return total
 
 

@@ -36,16 +36,17 @@ def window_network(checkpoint: Checkpoint) -> Network:
     hidden = Population(
         "location_hidden", "location", len(levels), Cuba.of(len(levels), decay_v=1.0, threshold=levels - 0.5)
     )
-    weights, bias = checkpoint.weights[WEIGHT].astype(np.float64), checkpoint.weights[BIAS].astype(np.float64)
-    most = row_sums(weights).max() + np.abs(bias).max()
-    threshold = UNREACHED * most if most > 0 else 1.0
+    weights = checkpoint.weights[WEIGHT].astype(np.float64)
     populations, projections = [hidden], [Projection(view.name, hidden.name, matrix(synapses, np.float64))]
     outputs = description.populations("location")[1:]
+    # A share for each, so that none has to hold it all.
+    bias = checkpoint.weights[BIAS].astype(np.float64) / len(outputs)
     for name, part in zip(outputs, description.output_parts, strict=True):
-        neuron = Cuba.of(len(bias), decay_v=1.0, threshold=threshold, bias=bias if name == outputs[0] else 0.0)
-        populations.append(Population(name, "location", len(bias), neuron))
         heard = sparse.csr_array(np.where(np.isin(np.arange(hidden.size), np.arange(hidden.size)[part]), weights, 0.0))
         projections.append(Projection(hidden.name, name, matrix(heard, np.float64)))
+        most = float(row_sums(heard).max() + np.abs(bias).max())
+        neuron = Cuba.of(len(bias), decay_v=1.0, threshold=UNREACHED * most if most > 0 else 1.0, bias=bias)
+        populations.append(Population(name, "location", len(bias), neuron))
     return Network(
         name=description.name,
         channels=layout.channels,

@@ -18,8 +18,10 @@ from locsnn_compile.errors import InputError
 
 WEIGHT, BIAS = "location_output", "location_output_bias"
 """Names of the weights (classes, hidden neurons) and of the bias (classes,)."""
+HEARD = 1_024
+"""Hidden neurons that one output hears: the fewer, the more bits its charge register leaves to each weight."""
 MOST_HEARD = 4_096
-"""Hidden neurons that one output hears: the axons that a core of the chip takes in."""
+"""Hidden neurons of one taxel: the axons that a core of the chip takes in."""
 MAX_WINDOW_NEURONS = 131_072
 """Hidden neurons of a network: 128 cores of 1,024."""
 
@@ -86,7 +88,7 @@ class WindowParameters:
 
 
 def output_parts(hidden_of_taxel: Sequence[int] | npt.NDArray[np.int64]) -> list[slice]:
-    """Return the hidden neurons of each output population: as many whole taxels as an output can hear.
+    """Return the hidden neurons of each output population: as many whole taxels as :data:`HEARD` allows, or one.
 
     ``hidden_of_taxel``: hidden neurons of every taxel of the walk. ``InputError`` where one alone has too many.
     """
@@ -100,7 +102,7 @@ def output_parts(hidden_of_taxel: Sequence[int] | npt.NDArray[np.int64]) -> list
                 measured=f"{size} against {MOST_HEARD}",
                 fix="Take a larger window_stride, or fewer window_levels.",
             )
-        if end + size - start > MOST_HEARD:
+        if end > start and end + size - start > HEARD:
             parts.append(slice(start, end))
             start = end
         end += size

@@ -31,7 +31,7 @@ def quantize_cuba(
     All get the threshold mantissa T and the scale ``64 T / threshold``, or ``(64 T + 1) / threshold`` for the rule
     ``>=``: the comparison is then exact for every neuron, and a core needs one threshold profile for all. T is at most
     ``room``, unless the weights would lose bits by it. Potentials that are ``bounded`` by the threshold need no more
-    than one threshold of the voltage register, and T is at most ``room`` whatever it costs in bits: such sums are large.
+    than one threshold of the voltage register, and T is at most ``room`` whatever it costs in bits.
     """
     size = len(neuron.threshold)
     decay_u = nearest_decays(neuron.decay_u, f"{where}: decay_u")
