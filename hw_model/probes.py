@@ -27,6 +27,17 @@ class Probe:
     steps: range | None = None
 
 
+def hull(first: Probe, second: Probe) -> Probe:
+    """Return the probe of one kind that keeps at least what both keep."""
+    names = None
+    if first.populations is not None and second.populations is not None:
+        names = tuple(dict.fromkeys(first.populations + second.populations))
+    steps = None
+    if first.steps is not None and second.steps is not None:
+        steps = range(min(first.steps.start, second.steps.start), max(first.steps.stop, second.steps.stop))
+    return Probe(first.kind, names, steps)
+
+
 def read_probes(program: ChipProgram, probe: Sequence[Kind | Probe]) -> dict[Kind, Probe]:
     """Return the probes by kind; an unknown kind or population, or a kind twice, is an ``InputError``."""
     found: dict[Kind, Probe] = {}
@@ -82,12 +93,18 @@ class PhaseProbes:
         few = sum(array.size for array in found.values()) < spikes.size // 4
         return {name: array.copy() for name, array in found.items()} if few else found
 
-    def of_register(self, kind: Register, kept: npt.NDArray[Any]) -> dict[str, npt.NDArray[Any]]:
-        """Return what a window kept, (batch, rows, n) by population."""
+    def of_register(self, kind: Register, kept: npt.NDArray[Any], keeping: PhaseProbes) -> dict[str, npt.NDArray[Any]]:
+        """Return what these probes want of what the window of others kept, ``keeping``: (batch, rows, n) by name.
+
+        The others keep at least as much.
+        """
         found, at = {}, 0
-        for name, columns in self._columns[kind].items():
+        wanted, held = self._rows[kind], keeping._rows[kind]
+        rows = slice(wanted.start - held.start, wanted.stop - held.start)
+        for name, columns in keeping._columns[kind].items():
             size = columns.stop - columns.start
-            found[name] = kept[:, :, at : at + size]
+            if name in self._columns[kind]:
+                found[name] = kept[:, rows, at : at + size]
             at += size
         return found
 

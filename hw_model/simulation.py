@@ -17,9 +17,9 @@ from hw_model.errors import InputError, did_you_mean
 from hw_model.fixed_point import IntArray
 from hw_model.graph import largest
 from hw_model.playing import Player, Spikes, play, read_streams
-from hw_model.probes import KINDS, Kind, PhaseProbes, Probe, read_probes
+from hw_model.probes import KINDS, Kind, PhaseProbes, Probe, hull, read_probes
 from hw_model.program import ChipProgram
-from hw_model.trace import EVENTS, REGISTERS, ByteArray, PhaseInput, PhaseTrace, Register, Window
+from hw_model.trace import EVENTS, ByteArray, PhaseInput, PhaseTrace, Register, Window
 
 Engine = Literal["fast", "reference"]
 ENGINES: tuple[Engine, ...] = get_args(Engine)
@@ -96,7 +96,8 @@ def simulate(
     if steps is not None and steps < 1:
         raise InputError("steps", "nothing to simulate", measured=f"{steps} against at least 1", fix="Raise steps.")
     probes = read_probes(program, probe)
-    decisive = _decisive(program, probes)
+    decisive = _decisive(program)
+    kept_probes = probes | {kind: hull(probe, probes.get(kind, probe)) for kind, probe in decisive.items()}
     streams, batched = read_streams(program, spikes)
     run_phase, player = _engine(engine, skip)
     batch, rows = next(iter(streams.values())).shape[:2]
@@ -122,7 +123,8 @@ def simulate(
             played = play(program, phase, part, steps, player)
             wanted = PhaseProbes(program, phase.name, probes, played.steps)
             deciding = PhaseProbes(program, phase.name, decisive, played.steps)
-            trace = run_phase(program, phase.name, played, {**wanted.windows(), **deciding.windows()})
+            keeping = PhaseProbes(program, phase.name, kept_probes, played.steps)
+            trace = run_phase(program, phase.name, played, keeping.windows())
             counts[phase.name].append(count_totals(program, phase.name, played, trace))
             if "activity" in probes:
                 activity[phase.name] += count_steps(program, phase.name, played, trace)
@@ -130,10 +132,10 @@ def simulate(
                 kept["spikes"].setdefault(name, []).append(array)
             for kind, register in trace.registers.items():
                 if kind in decisive:
-                    _add_potentials(program, deciding.of_register(kind, register), score)
-                    continue
-                for name, array in wanted.of_register(kind, register).items():
-                    kept[kind].setdefault(name, []).append(array)
+                    _add_potentials(program, deciding.of_register(kind, register, keeping), score)
+                if kind in probes:
+                    for name, array in wanted.of_register(kind, register, keeping).items():
+                        kept[kind].setdefault(name, []).append(array)
             _add_events(program, phase.name, trace, events)
             _add_scores(program, phase.name, trace, score)
         scores.append(score)
@@ -203,17 +205,12 @@ def _add_scores(program: ChipProgram, phase: str, trace: PhaseTrace, scores: Flo
             scores += weight * spikes[:, columns[name]]
 
 
-def _decisive(program: ChipProgram, probes: Mapping[Kind, Probe]) -> dict[Kind, Probe]:
-    """Return what to keep for a readout of potentials: a register that nothing else is kept of."""
+def _decisive(program: ChipProgram) -> dict[Kind, Probe]:
+    """Return what to keep for a readout of potentials."""
     readout = program.readout
     if readout is None or readout.potentials_from is None:
         return {}
-    free: list[Kind] = [kind for kind in REGISTERS if kind != "u" and kind not in probes]
-    if not free:
-        raise InputError(
-            "probe", "classes are read from v or the potential, which are both asked for", fix="Probe one of them."
-        )
-    return {free[-1]: Probe(free[-1], readout.populations, range(readout.potentials_from, sys.maxsize))}
+    return {"potential": Probe("potential", readout.populations, range(readout.potentials_from, sys.maxsize))}
 
 
 def _add_potentials(program: ChipProgram, found: Mapping[str, IntArray], scores: FloatArray) -> None:

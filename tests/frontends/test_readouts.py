@@ -84,7 +84,6 @@ def test_a_readout_without_leak_is_refused(tmp_path):
 REFUSED = [
     ("a session", lambda program: hw.Session(program), "program 'graph': predicts by potentials, which are not followed step by step. Simulate whole recordings."),
     ("an early stop", lambda program: hw.stop_when_proven(program, GIVEN), "program 'graph': predicts by potentials, which no spike settles. Play whole recordings."),
-    ("both registers", lambda program: hw.simulate(program, GIVEN, probe=("v", "potential")), "probe: classes are read from v or the potential, which are both asked for. Probe one of them."),
 ]  # fmt: skip
 
 
@@ -94,3 +93,25 @@ def test_what_potentials_do_not_allow_is_said_in_a_line(call, message, tmp_path)
     with pytest.raises(lc.InputError) as caught:
         call(compiled.program)
     assert str(caught.value) == message
+
+
+PROBES = {
+    "both registers": ("v", "potential"),
+    "rows before those that decide": ("v", hw.Probe("potential", None, range(2))),
+    "another population": (hw.Probe("potential", ("lif",)),),
+    "a few rows of the outputs": (hw.Probe("potential", ("read",), range(3, 5)),),
+}
+
+
+@pytest.mark.parametrize("engine", ["fast", "reference"])
+@pytest.mark.parametrize("probes", PROBES.values(), ids=PROBES)
+def test_probes_and_readout_are_kept_side_by_side(probes, engine, tmp_path):
+    program = lc.compile(load(graph("LI"), tmp_path), events=GIVEN, diagnosis=False).program
+    plain = hw.simulate(program, GIVEN, engine=engine)
+    every = hw.simulate(program, GIVEN, probe=("potential",), engine=engine).potential
+    found = hw.simulate(program, GIVEN, probe=probes, engine=engine)
+    assert np.array_equal(found.scores, plain.scores)
+    wanted = probes[-1] if isinstance(probes[-1], hw.Probe) else hw.Probe("potential")
+    rows = slice(None) if wanted.steps is None else slice(wanted.steps.start, wanted.steps.stop)
+    assert sorted(found.potential) == sorted(wanted.populations or program.populations)
+    assert all(np.array_equal(found.potential[name], every[name][:, rows]) for name in found.potential)
