@@ -21,6 +21,7 @@ from torch.autograd.function import once_differentiable
 
 from hw_model.compiled import compiled
 from locsnn_compile.models.description import NeuronParameters
+from locsnn_compile.models.host import to_device, to_host
 from locsnn_compile.models.kernels import psp_recursion, refractory_recursion
 
 #: Weights start uniform in +-INITIAL_SCALE / sqrt(inputs). SLAYER's dense layers start at 10; on validation
@@ -109,7 +110,7 @@ def _gradient_of_drive(u: NDArray[Any], by_spikes: Tensor, neuron: NeuronParamet
         by_spikes = by_spikes[:, :1]
     decay, gain = psp_recursion(neuron.tau_sr)
     constants = (kind(decay), kind(gain * neuron.scale_rho / width), kind(0))
-    _respond_back(slope, by_spikes.contiguous().numpy(), constants)
+    _respond_back(slope, to_host(by_spikes), constants)
     return slope
 
 
@@ -134,16 +135,16 @@ class _Layer(torch.autograd.Function):
         else:
             # One product a recording takes a transposed recording as it lies; a single product would copy it first.
             drive = torch.bmm(x, weight.T.expand(len(x), -1, -1))
-        spikes, u = respond(drive.numpy(), neuron)
+        spikes, u = respond(to_host(drive), neuron)
         ctx.save_for_backward(x, weight)
         ctx.neuron, ctx.u = neuron, u
-        return torch.from_numpy(spikes)
+        return to_device(spikes, x)
 
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, by_spikes: Tensor) -> tuple[Tensor | None, Tensor | None, None]:
         x, weight = ctx.saved_tensors
-        by_drive = torch.from_numpy(_gradient_of_drive(ctx.u, by_spikes, ctx.neuron))
+        by_drive = to_device(_gradient_of_drive(ctx.u, by_spikes, ctx.neuron), x)
         by_x = by_weight = None
         if ctx.needs_input_grad[0]:
             by_x = torch.matmul(by_drive, weight)
