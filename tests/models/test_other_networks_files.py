@@ -140,6 +140,42 @@ def test_faults_are_named(graph_values: dict[str, Any], change: Callable[[dict[s
     assert str(caught.value) == f"checkpoint 'small.pt'{message}"
 
 
+LEVELS = ", windows 'levels': they must be numbers of events, each larger than the one before (got {} against 1..6). Give, for example, 1 2."
+WINDOW_FAULTS = [
+    pytest.param("levels", ["a"], LEVELS.format("['a']"), id="a level of text"),
+    pytest.param("levels", [], LEVELS.format("[]"), id="no level"),
+    pytest.param("levels", [2, 1], LEVELS.format("[2, 1]"), id="levels that fall"),
+    pytest.param("levels", [1, True], LEVELS.format("[1, True]"), id="a level of truth"),
+    pytest.param("levels", 2, f": entry 'neuron.levels' must be a list (got int). {AGAIN}", id="a number"),
+    pytest.param(
+        "stride", 0, ", windows 'stride': it must be a whole number of steps (got 0). Give 1 or more.", id="no stride"
+    ),
+    pytest.param(
+        "steps",
+        10**18,
+        ", recordings: they are shorter than one window (24 steps against 1000000000000000000). "
+        "Take shorter windows (window_steps).",
+        id="endless windows",
+    ),
+    pytest.param(
+        "stride",
+        10**18,
+        ", population 'location_output': its weights have another shape (got (3, 1092) against (3, 156) (out, in)). "
+        f"{AGAIN}",
+        id="one window",
+    ),
+]
+
+
+@pytest.mark.parametrize(("key", "value", "message"), WINDOW_FAULTS)
+def test_faults_of_windows_are_named(key: str, value: Any, message: str, tmp_path: Path) -> None:
+    values: dict[str, Any] = torch.load(save(tmp_path / "small.pt", "window-snn"), weights_only=True)
+    values["neuron"][key] = value
+    with pytest.raises(InputError) as caught:
+        parse_checkpoint(values, "checkpoint 'small.pt'", "small.pt", "0" * 64)
+    assert str(caught.value) == f"checkpoint 'small.pt'{message}"
+
+
 def test_a_weight_that_is_not_finite_is_named_by_its_place(tmp_path: Path) -> None:
     weights = build_network(description("cnn-3d")).weights()
     weights["conv_1.weight"][1, 0, 2, 0, 1] = np.inf
