@@ -42,8 +42,9 @@ def window_network(checkpoint: Checkpoint) -> Network:
     # A share for each, so that none has to hold it all.
     bias = checkpoint.weights[BIAS].astype(np.float64) / len(outputs)
     for name, part in zip(outputs, description.output_parts, strict=True):
-        heard = sparse.csr_array(np.where(np.isin(np.arange(hidden.size), np.arange(hidden.size)[part]), weights, 0.0))
-        projections.append(Projection(hidden.name, name, matrix(heard, np.float64)))
+        heard = np.zeros_like(weights)
+        heard[:, part] = weights[:, part]
+        projections.append(Projection(hidden.name, name, matrix(sparse.csr_array(heard), np.float64)))
         most = float(row_sums(heard).max() + np.abs(bias).max())
         neuron = Cuba.of(len(bias), decay_v=1.0, threshold=UNREACHED * most if most > 0 else 1.0, bias=bias)
         populations.append(Population(name, "location", len(bias), neuron))

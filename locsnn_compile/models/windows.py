@@ -18,10 +18,14 @@ from locsnn_compile.errors import InputError
 
 WEIGHT, BIAS = "location_output", "location_output_bias"
 """Names of the weights (classes, hidden neurons) and of the bias (classes,)."""
-HEARD = 1_024
-"""Hidden neurons that one output hears: the fewer, the more bits its charge register leaves to each weight."""
-MOST_HEARD = 4_096
-"""Hidden neurons of one taxel: the axons that a core of the chip takes in."""
+HEARD_BY_OUTPUT = 1_024
+"""Hidden neurons that an output hears, if it hears several taxels.
+
+The charge register has room for all of their weights at once: with 4,096, weights of the networks in docs/results.md
+lost up to two bits.
+"""
+AXONS_OF_CORE = 4_096
+"""Input axons of a core of the chip, and so the hidden neurons that an output can hear at all."""
 MAX_WINDOW_NEURONS = 131_072
 """Hidden neurons of a network: 128 cores of 1,024."""
 
@@ -88,21 +92,21 @@ class WindowParameters:
 
 
 def output_parts(hidden_of_taxel: Sequence[int] | npt.NDArray[np.int64]) -> list[slice]:
-    """Return the hidden neurons of each output population: as many whole taxels as :data:`HEARD` allows, or one.
+    """Return the hidden neurons of each output population: as many taxels as :data:`HEARD_BY_OUTPUT` allows, or one.
 
     ``hidden_of_taxel``: hidden neurons of every taxel of the walk. ``InputError`` where one alone has too many.
     """
     parts: list[slice] = []
     start = end = 0
     for size in map(int, hidden_of_taxel):
-        if size > MOST_HEARD:
+        if size > AXONS_OF_CORE:
             raise InputError(
                 "windows",
                 "one taxel has more hidden neurons than an output can hear",
-                measured=f"{size} against {MOST_HEARD}",
+                measured=f"{size} against {AXONS_OF_CORE}",
                 fix="Take a larger window_stride, or fewer window_levels.",
             )
-        if end > start and end + size - start > HEARD:
+        if end > start and end + size - start > HEARD_BY_OUTPUT:
             parts.append(slice(start, end))
             start = end
         end += size

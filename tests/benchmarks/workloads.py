@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import hw_model as hw
-from hw_model.graph import CompartmentGraph
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.frontends import load
@@ -136,20 +135,21 @@ def hybrid_equivalent(example: str) -> Workload:
     recordings are the example's, weights its mantissas on the grid that all peers have, at a scale at which nothing
     clips; spikes are others. The location branch plays the transposed recordings.
     """
-    graph = example_levels(example).compartments
+    levels = example_levels(example)
     recordings = published_test_part(example).spikes
-    branches = tuple(_branch(graph, axis, recordings) for axis in ("time", "location"))
+    branches = tuple(_branch(levels, axis, recordings) for axis in ("time", "location"))
     return Workload(example, f"the branches of {example}-hybrid, {len(recordings)} test recordings", branches)
 
 
-def _branch(graph: CompartmentGraph, axis: str, recordings: NDArray[np.uint8]) -> LayeredNetwork:
+def _branch(levels: Levels, axis: str, recordings: NDArray[np.uint8]) -> LayeredNetwork:
+    graph = levels.compartments
     groups = {group.name: group for group in graph.groups}
-    entry = next(item for item in graph.inputs if item.phase == axis)
+    view = next(view for view in levels.network.views if view.axis == axis)
     names = [f"{axis}_hidden", f"{axis}_output"]
     weights = []
     for name in names:
         incoming = [s for s in graph.synapses if s.target == f"{name}/dendrite"]
-        sources = entry.size if incoming[0].source == entry.name else groups[incoming[0].source].size
+        sources = view.lines if incoming[0].source == view.name else groups[incoming[0].source].size
         effective = np.zeros((groups[name].size, sources))
         for s in incoming:
             effective[s.target_index, s.source_index] += s.mantissa * 2.0**s.exponent
@@ -160,15 +160,8 @@ def _branch(graph: CompartmentGraph, axis: str, recordings: NDArray[np.uint8]) -
         thresholds=tuple(int(groups[name].threshold[0]) // SCALE_DOWN for name in names),
         decay_u=decay,
         decay_v=decay,
-        recordings=recordings if entry.positions is None else transpose(recordings, entry.positions, entry.size),
+        recordings=view.play(recordings),
     )
-
-
-def transpose(recordings: NDArray[np.uint8], positions: IntArray, lines: int) -> NDArray[np.uint8]:
-    """Return what the transpose buffer plays: an event (step t, channel c) becomes line t at step ``positions[c]``."""
-    played = np.zeros((len(recordings), len(positions), lines), dtype=np.uint8)
-    played[:, positions] = recordings.transpose(0, 2, 1)
-    return played
 
 
 def example_levels(example: str) -> Levels:
