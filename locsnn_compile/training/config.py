@@ -231,7 +231,8 @@ def _check(name: str, kind: str, value: object) -> None:
     }
     if not isinstance(value, wanted[kind]) or (isinstance(value, bool) and kind != "bool"):
         words = {"int": "a whole number", "float": "a number", "str": "text", "bool": "true or false"}
-        raise InputError(where, f"it must be {words[kind]}", measured=f"got {value!r}", fix="Correct the value.")
+        fix = "Put it in quotes." if kind == "str" else "Correct the value."
+        raise InputError(where, f"it must be {words[kind]}", measured=f"got {value!r}", fix=fix)
     if name in _CHOICES and value not in _CHOICES[name]:
         known = [str(choice) for choice in _CHOICES[name]]
         raise InputError(where, f"{value!r} is not known", fix=did_you_mean(str(value), known))

@@ -44,6 +44,11 @@ def test_whole_numbers_serve_as_numbers() -> None:
             id="no epochs",
         ),
         pytest.param(
+            "window_levels: 1",
+            "training option 'window_levels': it must be text (got 1). Put it in quotes.",
+            id="a number for text",
+        ),
+        pytest.param(
             "epochs: 2.5",
             "training option 'epochs': it must be a whole number (got 2.5). Correct the value.",
             id="half an epoch",
