@@ -24,9 +24,9 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from hw_model.chip_description import Registers
-from hw_model.fixed_point import DECAY_ONE, IntArray
-from hw_model.program import ChipProgram, Core
+from hw_model.arithmetic.fixed_point import DECAY_ONE, IntArray
+from hw_model.description.chip import Registers
+from hw_model.program.chip_program import ChipProgram, Core
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]

@@ -11,15 +11,15 @@ from typing import Any, Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from hw_model.activity import StepActivity, count_steps, count_totals
-from hw_model.counts import Counts, total
+from hw_model.accounting.activity import StepActivity, count_steps, count_totals
+from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.description.counts import Counts, total
+from hw_model.engine.playing import Player, Spikes, play, read_streams
+from hw_model.engine.probes import KINDS, Kind, PhaseProbes, Probe, hull, read_probes
+from hw_model.engine.trace import EVENTS, ByteArray, PhaseInput, PhaseTrace, Register, Window
 from hw_model.errors import InputError, did_you_mean
-from hw_model.fixed_point import IntArray
-from hw_model.graph import largest
-from hw_model.playing import Player, Spikes, play, read_streams
-from hw_model.probes import KINDS, Kind, PhaseProbes, Probe, hull, read_probes
-from hw_model.program import ChipProgram
-from hw_model.trace import EVENTS, ByteArray, PhaseInput, PhaseTrace, Register, Window
+from hw_model.mapping.graph import largest
+from hw_model.program.chip_program import ChipProgram
 
 Engine = Literal["fast", "reference"]
 ENGINES: tuple[Engine, ...] = get_args(Engine)
@@ -44,7 +44,7 @@ class SimulationResult:
     activity: Mapping[str, tuple[StepActivity, ...]]
     """By phase, one entry a recording; only if it was asked for."""
     count_tables: Mapping[str, IntArray]
-    """By phase, (batch, counts): a column for each of :data:`hw_model.counts.COUNTED`."""
+    """By phase, (batch, counts): a column for each of :data:`hw_model.description.counts.COUNTED`."""
     events: Mapping[str, Mapping[str, int]]
     """``events[population]``: its wraps and clips by kind, over all recordings; left out where there are none."""
     scores: FloatArray | None
@@ -174,11 +174,11 @@ Run = Callable[[ChipProgram, str, PhaseInput, dict[Register, Window]], PhaseTrac
 
 def _engine(engine: Engine, skip: bool) -> tuple[Run, Player]:
     if engine == "reference":
-        from hw_model.engine_reference import run_phase
+        from hw_model.engine.reference import run_phase
 
         return run_phase, Player()
-    from hw_model import engine_fast  # numba: imported only when it is used
-    from hw_model.event_scan import list_events, transpose
+    from hw_model.engine import fast as engine_fast  # numba: imported only when it is used
+    from hw_model.engine.events import list_events, transpose
 
     return partial(engine_fast.run_phase, skip=skip), Player(list_events, transpose)
 

@@ -11,16 +11,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hw_model.lazy import lazy_names
+from hw_model._lazy import lazy_names
 
 if TYPE_CHECKING:
     from locsnn_compile.api import CompiledModel, compile, diagnose, verify
     from locsnn_compile.data.read import read_recordings
-    from locsnn_compile.diagnosis import Diagnosis
     from locsnn_compile.errors import InputError, LocsnnError, TargetError
     from locsnn_compile.frontends import load
-    from locsnn_compile.matching import Match
-    from locsnn_compile.network import Network
+    from locsnn_compile.network.network import Network
+    from locsnn_compile.verification.diagnosis import Diagnosis
+    from locsnn_compile.verification.matching import Match
 
 __all__ = [
     "CompiledModel",
@@ -44,15 +44,15 @@ __getattr__ = lazy_names(
         "CompiledModel": "locsnn_compile.api",
         "compile": "locsnn_compile.api",
         "diagnose": "locsnn_compile.api",
-        "Diagnosis": "locsnn_compile.diagnosis",
+        "Diagnosis": "locsnn_compile.verification.diagnosis",
         "verify": "locsnn_compile.api",
         "InputError": "locsnn_compile.errors",
         "LocsnnError": "locsnn_compile.errors",
         "TargetError": "locsnn_compile.errors",
         "load": "locsnn_compile.frontends",
         "read_recordings": "locsnn_compile.data.read",
-        "Network": "locsnn_compile.network",
-        "Match": "locsnn_compile.matching",
+        "Network": "locsnn_compile.network.network",
+        "Match": "locsnn_compile.verification.matching",
     },
 )
 

@@ -10,24 +10,24 @@ import numpy as np
 import numpy.typing as npt
 
 import hw_model as hw
-from locsnn_compile.calibration import calibrate
-from locsnn_compile.check_network import check_network
 from locsnn_compile.choose_strategy import Choice, ErrorBudget, Setting, choose_strategy, lower_as
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.synthetic import synthetic_touches
-from locsnn_compile.diagnosis import SAMPLE, Diagnosis
-from locsnn_compile.diagnosis import diagnose as find_diagnosis
 from locsnn_compile.errors import InputError, did_you_mean
-from locsnn_compile.excerpt import Excerpt, take_excerpt
-from locsnn_compile.matching import Match, Progress, compare, fit_recordings
-from locsnn_compile.network import Network
-from locsnn_compile.over_time import PSI, LeftOut, OverTime, over_time
+from locsnn_compile.network.check import check_network
+from locsnn_compile.network.network import Network
 from locsnn_compile.passes.quantize import check_weight_bits
-from locsnn_compile.passes.quantize_srm import STRATEGIES as SRM_STRATEGIES
+from locsnn_compile.passes.srm.quantize import STRATEGIES as SRM_STRATEGIES
 from locsnn_compile.pipeline import Levels
-from locsnn_compile.report.choice import choice_document
-from locsnn_compile.report.document import report_document
+from locsnn_compile.reference.calibration import calibrate
+from locsnn_compile.report.figures.document import report_document
+from locsnn_compile.report.sections.choice import choice_document
+from locsnn_compile.verification.diagnosis import SAMPLE, Diagnosis
+from locsnn_compile.verification.diagnosis import diagnose as find_diagnosis
+from locsnn_compile.verification.excerpt import Excerpt, take_excerpt
+from locsnn_compile.verification.matching import Match, Progress, compare, fit_recordings
+from locsnn_compile.verification.over_time import PSI, LeftOut, OverTime, over_time
 
 Events = str | Path | Recordings | npt.ArrayLike
 

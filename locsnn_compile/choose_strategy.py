@@ -11,17 +11,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import hw_model as hw
-from hw_model.counts import total
-from hw_model.weights import WEIGHT_BITS
-from locsnn_compile.calibration import Calibration, calibrate
+from hw_model.arithmetic.weights import WEIGHT_BITS
+from hw_model.description.counts import total
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import TargetError
-from locsnn_compile.matching import compare
-from locsnn_compile.network import Network
-from locsnn_compile.neurons import SrmAlpha
-from locsnn_compile.passes.quantize_srm import STRATEGIES
-from locsnn_compile.passes.rounding import FINE
+from locsnn_compile.network.network import Network
+from locsnn_compile.network.neurons import SrmAlpha
+from locsnn_compile.passes.rounding.rounding import FINE
+from locsnn_compile.passes.srm.quantize import STRATEGIES
 from locsnn_compile.pipeline import Levels, lower
+from locsnn_compile.reference.calibration import Calibration, calibrate
+from locsnn_compile.verification.matching import compare
 
 SPIKE_TOLERANCE = 0.01
 """Without a budget, so much more of the spikes may differ than with the first strategy, and no prediction more."""

@@ -5,18 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import hw_model as hw
-from hw_model.arrangement import arrange_cores
-from hw_model.graph import CompartmentGraph
-from hw_model.placement import PlacedGraph, place_cores
-from hw_model.program import assemble
-from hw_model.routing import RoutedGraph, route_axons
-from locsnn_compile.calibration import Calibration
-from locsnn_compile.check_network import check_network
-from locsnn_compile.network import Network
+from hw_model.mapping.arrangement import arrange_cores
+from hw_model.mapping.graph import CompartmentGraph
+from hw_model.mapping.placement import PlacedGraph, place_cores
+from hw_model.mapping.routing import RoutedGraph, route_axons
+from hw_model.program.chip_program import assemble
+from locsnn_compile.network.check import check_network
+from locsnn_compile.network.network import Network
+from locsnn_compile.network.quantized import QuantizedNetwork
 from locsnn_compile.passes.lower_neurons import lower_neurons
 from locsnn_compile.passes.quantize import quantize
-from locsnn_compile.passes.rounding import NEAREST, Rounding
-from locsnn_compile.quantized import QuantizedNetwork
+from locsnn_compile.passes.rounding.rounding import NEAREST, Rounding
+from locsnn_compile.reference.calibration import Calibration
 
 
 @dataclass(frozen=True, eq=False)

@@ -81,7 +81,7 @@ def test_help_imports_nothing_heavy(command):
 def test_compiling_without_a_pt_file_needs_no_torch():
     script = (
         "import sys, numpy as np, hw_model as hw\n"
-        "from locsnn_compile import pipeline, matching, api\n"
+        "from locsnn_compile import api, pipeline\n"
         "assert 'torch' not in sys.modules\n"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)

@@ -10,12 +10,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from locsnn_compile.backends import BENCH_KINDS
+from locsnn_compile.backends.exchange import EXCHANGE_KINDS
 from locsnn_compile.cli.completion import answer_shell
 from locsnn_compile.cli.shell import EXIT_GATE, Parser, guarded, progress_bar
-from locsnn_compile.emit import BENCH_KINDS
 from locsnn_compile.errors import InputError, did_you_mean
-from locsnn_compile.exporters import EXCHANGE_KINDS
-from locsnn_compile.gates import GATES, Gate, check_gates, junit_file
+from locsnn_compile.verification.gates import GATES, Gate, check_gates, junit_file
 
 if TYPE_CHECKING:
     from locsnn_compile.api import CompiledModel
@@ -109,16 +109,16 @@ def main(argv: Sequence[str] | None = None) -> int:
 def run(args: Namespace) -> int:
     """Compile as ``args`` ask. Raises ``InputError`` and ``TargetError``."""
     _check_options(args)
-    from locsnn_compile.build_folder import check_folder, default_folder, write_build
+    from locsnn_compile.backends.build_folder import check_folder, default_folder, write_build
 
     folder = Path(args.output) if args.output else default_folder(args.model)
     check_folder(folder)
 
-    from hw_model.files import replace_file
+    from hw_model.io.files import replace_file
     from locsnn_compile.api import compile, recordings_for
     from locsnn_compile.choose_strategy import ErrorBudget
     from locsnn_compile.frontends import load
-    from locsnn_compile.report.choice import unmet_budget
+    from locsnn_compile.report.sections.choice import unmet_budget
 
     network = load(
         args.model,
@@ -161,12 +161,12 @@ def run(args: Namespace) -> int:
 
 def build_files(compiled: CompiledModel, emit: Sequence[str]) -> dict[str, bytes]:
     """Return the program, the reports and the levels asked for as bytes, by name; equal input gives equal bytes."""
-    from hw_model.program_file import program_files
-    from locsnn_compile.exporters import exchange_file
-    from locsnn_compile.level_text import LEVEL_TEXTS
-    from locsnn_compile.report.csv_files import csv_files
-    from locsnn_compile.report.html import render_html
-    from locsnn_compile.report.markdown import render_markdown
+    from hw_model.program.file import program_files
+    from locsnn_compile.backends.exchange import exchange_file
+    from locsnn_compile.network.text import LEVEL_TEXTS
+    from locsnn_compile.report.renderers.csv_files import csv_files
+    from locsnn_compile.report.renderers.html import render_html
+    from locsnn_compile.report.renderers.markdown import render_markdown
 
     report = compiled.report
     texts = {
@@ -187,7 +187,7 @@ def build_files(compiled: CompiledModel, emit: Sequence[str]) -> dict[str, bytes
 def _print_summary(report: dict[str, Any], folder: Path, files: dict[str, bytes]) -> None:
     from rich.console import Console
 
-    from locsnn_compile.report.terminal import render_terminal
+    from locsnn_compile.report.renderers.terminal import render_terminal
 
     console = Console()
     render_terminal(report, console)
@@ -227,7 +227,7 @@ def _emitted(args: Namespace, compiled: CompiledModel, recordings: Recordings) -
     kinds = [kind for kind in BENCH_KINDS if kind in args.emit]
     if not kinds:
         return {}
-    from locsnn_compile.emit.files import bench_files
+    from locsnn_compile.backends.files import bench_files
 
     title = f"recording {args.recording} of {recordings.source}"
     return bench_files(compiled.program, kinds, recordings.spikes[args.recording], title, args.probe)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from locsnn_compile.errors import InputError
 
 if TYPE_CHECKING:
-    from locsnn_compile.report.comparison import Build
+    from locsnn_compile.report.sections.comparison import Build
 
 _EXAMPLE = """\
 example:
@@ -37,14 +37,14 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def run(args: argparse.Namespace) -> int:
     """Print every figure that differs, with its change in percent where both are numbers; write the page."""
-    from locsnn_compile.report.comparison import changes, percent
+    from locsnn_compile.report.sections.comparison import changes, percent
 
     before, after = (_build(Path(folder)) for folder in (args.before, args.after))
     changed = changes(before, after)
     if args.html:
-        from hw_model.files import replace_file
-        from locsnn_compile.report.comparison import comparison
-        from locsnn_compile.report.html import render_page
+        from hw_model.io.files import replace_file
+        from locsnn_compile.report.renderers.html import render_page
+        from locsnn_compile.report.sections.comparison import comparison
 
         page = render_page(comparison(before, after), "locsnn diff", "Figures that are equal are left out.")
         replace_file(Path(args.html), page.encode(), where=f"--html {args.html!r}")
@@ -61,8 +61,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _build(folder: Path) -> Build:
     import hw_model as hw
-    from locsnn_compile.report.comparison import Build
-    from locsnn_compile.report.program_figures import program_figures
+    from locsnn_compile.report.figures.program import program_figures
+    from locsnn_compile.report.sections.comparison import Build
 
     report = read_report(folder)
     return Build(folder.absolute().name, report, program_figures(hw.load_program(folder)))
@@ -70,7 +70,7 @@ def _build(folder: Path) -> Build:
 
 def read_report(folder: Path) -> dict[str, Any]:
     """Return report.json of a build; anything else is an ``InputError``."""
-    from hw_model.folders import finish_writing
+    from hw_model.io.folders import finish_writing
 
     finish_writing(folder)
     path = folder / "report.json"

@@ -137,7 +137,7 @@ def _write(args: argparse.Namespace, recordings: Recordings) -> list[str]:
     """Write the files asked for; return a line for each, and one that says how to read what a format cannot hold."""
     lines = []
     if args.output is not None:
-        from hw_model.files import replace_file
+        from hw_model.io.files import replace_file
         from locsnn_compile.data.raster import raster_svg
 
         title = f"{recordings.source}, recording {args.recording}"

@@ -50,7 +50,7 @@ def find_stops(
     import numpy as np
 
     import hw_model as hw
-    from locsnn_compile.over_time import savings, stop_all
+    from locsnn_compile.verification.over_time import savings, stop_all
 
     def stop(part: Any) -> Any:
         if margin is None:

@@ -16,7 +16,7 @@ from locsnn_compile.errors import InputError
 if TYPE_CHECKING:
     import hw_model as hw
     from locsnn_compile.data.recordings import Recordings
-    from locsnn_compile.streaming import OnStep, Streamed
+    from locsnn_compile.verification.streaming import OnStep, Streamed
 
 Row = dict[str, Any]
 _MOMENTS = (0.2, 0.4, 0.6, 0.8, 1.0)
@@ -28,8 +28,8 @@ def stream_all(
 ) -> Row:
     """Stream every recording, showing it; add ``changes`` to the rows and return what was found of all together."""
     import hw_model as hw
-    from hw_model.early_stop import to_the_end
-    from locsnn_compile.streaming import right_over_time, step_latency, stream
+    from hw_model.streaming.early_stop import to_the_end
+    from locsnn_compile.verification.streaming import right_over_time, step_latency, stream
 
     step_seconds = _step_seconds(args, program, recordings)
     lead = None if margin is None else margin["margin"]

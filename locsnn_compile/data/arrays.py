@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hw_model.zip_directory import check_directory
+from hw_model.io.zip_directory import check_directory
 from locsnn_compile.data.event_stream import Binning, bin_streams
 from locsnn_compile.data.npy import load_npy, to_step_major
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Recordings

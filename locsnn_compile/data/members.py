@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from hw_model.zip_directory import check_directory
+from hw_model.io.zip_directory import check_directory
 from locsnn_compile.data.torch_file import read_bytes
 from locsnn_compile.errors import InputError
 

@@ -7,7 +7,7 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 from numpy.typing import NDArray
 
-from locsnn_compile.xml_text import xml_file, xml_text
+from hw_model.io.xml_text import xml_file, xml_text
 
 SHADES = " ░▒▓█"
 #: Largest text, in characters, and largest picture, in rows and columns of marks; what is larger is drawn coarser.

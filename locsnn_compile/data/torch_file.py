@@ -9,7 +9,7 @@ import warnings
 import zipfile
 from pathlib import Path
 
-from hw_model.zip_directory import check_directory
+from hw_model.io.zip_directory import check_directory
 from locsnn_compile.errors import InputError
 
 #: Largest file accepted, in bytes, packed and unpacked.

@@ -16,7 +16,7 @@ from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.write import write_recordings
 from locsnn_compile.errors import InputError
-from locsnn_compile.network import Network
+from locsnn_compile.network.network import Network
 
 CHOOSING = "train"
 """The part of divided recordings that settings are compared on."""

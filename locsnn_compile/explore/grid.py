@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 from locsnn_compile.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
-    from locsnn_compile.network import Network
+    from locsnn_compile.network.network import Network
 
 Value = str | int | float
 
 
 def has_srm_neurons(network: Network) -> bool:
     """Tell whether some neurons are float SRM neurons, which a strategy lays out."""
-    from locsnn_compile.neurons import SrmAlpha
+    from locsnn_compile.network.neurons import SrmAlpha
 
     return any(isinstance(population.neuron, SrmAlpha) for population in network.populations)
 

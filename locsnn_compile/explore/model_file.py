@@ -8,7 +8,7 @@ from dataclasses import astuple, dataclass
 from pathlib import Path
 
 from locsnn_compile.frontends import load
-from locsnn_compile.network import Network
+from locsnn_compile.network.network import Network
 
 
 @dataclass(frozen=True)

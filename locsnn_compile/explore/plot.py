@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement
 
-from locsnn_compile.xml_text import xml_file, xml_text
+from hw_model.io.xml_text import xml_file, xml_text
 
 _STYLE = """
 :root{--paper:#fff;--ink:#15191e;--soft:#57606b;--rule:#dfe3e7;--accent:#1d5a86}

@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from hw_model.files import replace_file
+from hw_model.io.files import replace_file
 from locsnn_compile.errors import InputError
 from locsnn_compile.explore.code import code_version
 from locsnn_compile.explore.grid import Setting

@@ -14,7 +14,7 @@ from hw_model.simulation import Engine
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.explore.code import code_version
 from locsnn_compile.explore.grid import Setting
-from locsnn_compile.network import Network
+from locsnn_compile.network.network import Network
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from locsnn_compile.check_network import check_network
 from locsnn_compile.errors import InputError
-from locsnn_compile.network import Network
+from locsnn_compile.network.check import check_network
+from locsnn_compile.network.network import Network
 
 _FORMATS = "Give a checkpoint (.pt) that `locsnn train` wrote, a NIR graph (.nir), or a lava-dl network (.net)."
 
@@ -49,7 +49,7 @@ def _load(
     given = {"config": config, "dt": dt, "reset": reset, "discretisation": discretisation, "kernels": kernels}
     if path.suffix in (".pt", ".pth") and config is not None:
         _refuse({"dt": dt, "reset": reset, "discretisation": discretisation}, where, "a slayerPytorch checkpoint")
-        from locsnn_compile.frontends.slayer import load_slayer
+        from locsnn_compile.frontends.slayer.to_network import load_slayer
 
         return load_slayer(path, Path(config), kernels or "full")
     if path.suffix == ".pt":
@@ -59,18 +59,18 @@ def _load(
         return load_checkpoint(path)
     if path.suffix not in (".nir", ".net", ".h5", ".hdf5"):
         raise InputError(where, f"files ending in {path.suffix or 'nothing'!r} are not read", fix=_FORMATS)
-    from locsnn_compile.frontends.hdf5 import open_hdf5
+    from locsnn_compile.frontends.hdf5.read import open_hdf5
 
     with open_hdf5(path, where) as (root, _):
         held = root.names()
     if "node" in held:
         _refuse({"config": config, "kernels": kernels}, where, "a NIR graph")
-        from locsnn_compile.frontends.nir import load_nir
+        from locsnn_compile.frontends.nir.to_network import load_nir
 
         return load_nir(path, dt, reset, discretisation or "euler")
     if "layer" in held:
         _refuse(given, where, "a lava-dl network")
-        from locsnn_compile.frontends.lava_dl import load_lava_dl
+        from locsnn_compile.frontends.lava_dl.to_network import load_lava_dl
 
         return load_lava_dl(path)
     raise InputError(where, "it holds neither a NIR graph nor a lava-dl network", fix=_FORMATS)

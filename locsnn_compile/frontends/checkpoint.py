@@ -9,19 +9,19 @@ from pathlib import Path
 
 import numpy as np
 
-from hw_model.graph import Axis, Readout
+from hw_model.mapping.graph import Axis, Readout
 from locsnn_compile.data.sensor import channel_walk
 from locsnn_compile.errors import TargetError
 from locsnn_compile.frontends.window_network import window_network
-from locsnn_compile.matrices import Matrix, matrix
 from locsnn_compile.models.branch_graph import branch_graph, spread_weights
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.chip_numbers import ChipPopulation, OwnSynapse, Strategy
 from locsnn_compile.models.description import LifParameters
-from locsnn_compile.network import InputView, Network, Population, Projection
-from locsnn_compile.neurons import Cuba, SrmAlpha
-from locsnn_compile.on_grid import ChipCuba, ChipNeuron, ChipProjection, ChipSrm
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipProjection, ChipSrm
+from locsnn_compile.network.matrices import Matrix, matrix
+from locsnn_compile.network.network import InputView, Network, Population, Projection
+from locsnn_compile.network.neurons import Cuba, SrmAlpha
 
 VIEW_NAMES: dict[Axis, str] = {"time": "touch", "location": "touch_transposed"}
 

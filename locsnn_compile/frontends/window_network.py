@@ -9,13 +9,13 @@ from __future__ import annotations
 import numpy as np
 from scipy import sparse
 
-from hw_model.graph import Readout
+from hw_model.mapping.graph import Readout
 from locsnn_compile.data.sensor import channel_walk
-from locsnn_compile.matrices import matrix, row_sums
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.windows import BIAS, WEIGHT
-from locsnn_compile.network import InputView, Network, Population, Projection
-from locsnn_compile.neurons import Cuba
+from locsnn_compile.network.matrices import matrix, row_sums
+from locsnn_compile.network.network import InputView, Network, Population, Projection
+from locsnn_compile.network.neurons import Cuba
 
 LAYERS = 2
 """Steps from an event to the outputs."""

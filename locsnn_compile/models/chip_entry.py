@@ -10,8 +10,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import asdict
 from typing import Any
 
-from hw_model.fixed_point import DECAY_ONE
-from hw_model.weights import WEIGHT_BITS, WEIGHT_EXPONENTS
+from hw_model.arithmetic.fixed_point import DECAY_ONE
+from hw_model.arithmetic.weights import WEIGHT_BITS, WEIGHT_EXPONENTS
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.chip_numbers import REGISTERS, STRATEGIES, ChipNumbers, ChipPopulation, OwnSynapse
 

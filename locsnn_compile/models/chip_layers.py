@@ -15,7 +15,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from hw_model.fixed_point import DECAY_ONE, WEIGHT_SHIFT
+from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT
 from locsnn_compile.models.chip_numbers import ChipPopulation, Strategy
 from locsnn_compile.models.chip_scan import charge_gradient, scan_delay_line, scan_dendrite, scan_reset
 from locsnn_compile.models.description import NeuronParameters

@@ -11,8 +11,8 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from hw_model.fixed_point import WEIGHT_SHIFT, effective_weight
-from hw_model.weights import weight_grid
+from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT, effective_weight
+from hw_model.arithmetic.weights import weight_grid
 
 Strategy = Literal["dendrite", "delay-line", "reset"]
 STRATEGIES: tuple[Strategy, ...] = get_args(Strategy)

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hw_model.compiled import compiled, inlined
-from hw_model.registers32 import rz, wrap24
+from hw_model.engine.compiled import compiled, inlined
+from hw_model.engine.registers32 import rz, wrap24
 
 _LAST_VOLTAGE = np.int32((1 << 23) - 1)
 

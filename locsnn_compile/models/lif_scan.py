@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hw_model.compiled import compiled, inlined
+from hw_model.engine.compiled import compiled, inlined
 
 
 @inlined

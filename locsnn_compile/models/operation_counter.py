@@ -16,8 +16,8 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from locsnn_compile.baselines.operations import AnnCounts
 from locsnn_compile.errors import InputError
-from locsnn_compile.operations import AnnCounts
 
 Counter = Callable[[Any, Tensor, Tensor], AnnCounts]
 """Counts of a module from its input and its output."""

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.autograd.function import once_differentiable
 
-from hw_model.compiled import compiled
+from hw_model.engine.compiled import compiled
 from locsnn_compile.models.description import NeuronParameters
 from locsnn_compile.models.host import to_device, to_host
 from locsnn_compile.models.kernels import psp_recursion, refractory_recursion

@@ -15,13 +15,13 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from hw_model.chip_description import Chip
-from hw_model.fixed_point import DECAY_ONE, IntArray
-from hw_model.graph import CompartmentGraph, Compartments, Input, Phase, Synapses, check_graph, read_only
-from hw_model.weights import SignMode
-from locsnn_compile.matrices import connections, values_of
-from locsnn_compile.on_grid import ChipCuba, ChipProjection, ChipSrm, RefractoryDendrite, RefractoryTaps
-from locsnn_compile.quantized import QuantizedNetwork, QuantizedPopulation
+from hw_model.arithmetic.fixed_point import DECAY_ONE, IntArray
+from hw_model.arithmetic.weights import SignMode
+from hw_model.description.chip import Chip
+from hw_model.mapping.graph import CompartmentGraph, Compartments, Input, Phase, Synapses, check_graph, read_only
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection, ChipSrm, RefractoryDendrite, RefractoryTaps
+from locsnn_compile.network.matrices import connections, values_of
+from locsnn_compile.network.quantized import QuantizedNetwork, QuantizedPopulation
 
 OWN_BITS = 8
 """Bits of self-synapses, few a neuron: nothing would be saved with fewer."""

@@ -11,26 +11,26 @@ from dataclasses import replace
 
 import numpy as np
 
-from hw_model.chip_description import Chip
-from hw_model.fixed_point import DECAY_ONE
-from hw_model.weights import WEIGHT_EXPONENTS, WeightGrid, weight_grid
-from locsnn_compile.calibration import Calibration
+from hw_model.arithmetic.fixed_point import DECAY_ONE
+from hw_model.arithmetic.weights import WEIGHT_EXPONENTS, WeightGrid, weight_grid
+from hw_model.description.chip import Chip
 from locsnn_compile.errors import InputError
-from locsnn_compile.matrices import of_target, row_maxima, row_sums, values_of, with_values
-from locsnn_compile.network import Network, Population, Projection
-from locsnn_compile.neurons import Cuba, SoftCuba, SrmAlpha
-from locsnn_compile.on_grid import ChipCuba, ChipProjection, ChipSrm
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection, ChipSrm
+from locsnn_compile.network.matrices import of_target, row_maxima, row_sums, values_of, with_values
+from locsnn_compile.network.network import Network, Population, Projection
+from locsnn_compile.network.neurons import Cuba, SoftCuba, SrmAlpha
+from locsnn_compile.network.quantized import QuantizedNetwork, QuantizedPopulation
 from locsnn_compile.passes.check_heard import check_heard
-from locsnn_compile.passes.fine_srm import fine_srm
-from locsnn_compile.passes.grades import GRADES
-from locsnn_compile.passes.kernel_fit import kernel_fit
-from locsnn_compile.passes.quantize_cuba import quantize_cuba
-from locsnn_compile.passes.quantize_soft import quantize_soft
-from locsnn_compile.passes.quantize_srm import quantize_srm
-from locsnn_compile.passes.round_apart import round_apart
-from locsnn_compile.passes.rounding import NEAREST, Rounding
-from locsnn_compile.passes.scaling import Scaled
-from locsnn_compile.quantized import QuantizedNetwork, QuantizedPopulation
+from locsnn_compile.passes.cuba.quantize import quantize_cuba
+from locsnn_compile.passes.cuba.soft import quantize_soft
+from locsnn_compile.passes.rounding.apart import round_apart
+from locsnn_compile.passes.rounding.grades import GRADES
+from locsnn_compile.passes.rounding.rounding import NEAREST, Rounding
+from locsnn_compile.passes.rounding.scaling import Scaled
+from locsnn_compile.passes.srm.fine import fine_srm
+from locsnn_compile.passes.srm.kernel_fit import kernel_fit
+from locsnn_compile.passes.srm.quantize import quantize_srm
+from locsnn_compile.reference.calibration import Calibration
 
 
 def quantize(

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from locsnn_compile.excerpt import Excerpt
-from locsnn_compile.report import accuracy, behaviour, build, cost
 from locsnn_compile.report.content import Document, Report, Section
-from locsnn_compile.report.cores import cores
 from locsnn_compile.report.format import plural, shortened
-from locsnn_compile.report.over_time import over_time
-from locsnn_compile.report.potential import potential
-from locsnn_compile.report.spikes import spikes
-from locsnn_compile.report.verdict import costs, fits, matches, notices
+from locsnn_compile.report.sections import accuracy, behaviour, build, cost
+from locsnn_compile.report.sections.cores import cores
+from locsnn_compile.report.sections.over_time import over_time
+from locsnn_compile.report.sections.potential import potential
+from locsnn_compile.report.sections.spikes import spikes
+from locsnn_compile.report.sections.verdict import costs, fits, matches, notices
+from locsnn_compile.verification.excerpt import Excerpt
 
 LONGEST_NAME = 120
 """Characters of the model's name in the title; under provenance it stands in full."""

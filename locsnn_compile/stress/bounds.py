@@ -25,10 +25,10 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from hw_model.trace import ByteArray
-from locsnn_compile.error_budget.numbers import GroupNumbers, Numbers
-from locsnn_compile.matrices import Matrix, values_of, with_values
-from locsnn_compile.neurons import FloatArray
+from hw_model.engine.trace import ByteArray
+from locsnn_compile.network.matrices import Matrix, values_of, with_values
+from locsnn_compile.network.neurons import FloatArray
+from locsnn_compile.verification.error_budget.numbers import GroupNumbers, Numbers
 
 Source = Literal["weights", "decays", "states"]
 SOURCES: tuple[Source, ...] = get_args(Source)

@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from hw_model.fixed_point import IntArray
-from hw_model.graph import Readout
-from hw_model.trace import ByteArray
-from locsnn_compile.matrices import matrix
-from locsnn_compile.network import InputView, Network, Neuron, Population, Projection
-from locsnn_compile.neurons import Cuba, FloatArray, SrmAlpha
-from locsnn_compile.on_grid import ChipCuba, ChipProjection, ChipSrm, Signs
-from locsnn_compile.passes.rounding import FINE, Rounding
+from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.engine.trace import ByteArray
+from hw_model.mapping.graph import Readout
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection, ChipSrm, Signs
+from locsnn_compile.network.matrices import matrix
+from locsnn_compile.network.network import InputView, Network, Neuron, Population, Projection
+from locsnn_compile.network.neurons import Cuba, FloatArray, SrmAlpha
+from locsnn_compile.passes.rounding.rounding import FINE, Rounding
 
 SRM_STRATEGIES = ("dendrite", "delay-line", "reset")
 NATIVE = "native"

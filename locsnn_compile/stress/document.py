@@ -8,8 +8,8 @@ from dataclasses import asdict
 from typing import Any
 
 import hw_model as hw
-from locsnn_compile.matching import PopulationMatch
 from locsnn_compile.stress.row import VERDICTS, Drift, Measured, Row
+from locsnn_compile.verification.matching import PopulationMatch
 
 SCHEMA = 1
 

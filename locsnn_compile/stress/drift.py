@@ -12,12 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 import hw_model as hw
-from hw_model.trace import ByteArray
-from locsnn_compile.float_neurons import CubaSteps, SrmSteps
-from locsnn_compile.matching import PopulationMatch
-from locsnn_compile.matrices import charge
-from locsnn_compile.network import Network, Projection
-from locsnn_compile.neurons import Cuba, FloatArray, SrmAlpha
+from hw_model.engine.trace import ByteArray
+from locsnn_compile.network.matrices import charge
+from locsnn_compile.network.network import Network, Projection
+from locsnn_compile.network.neurons import Cuba, FloatArray, SrmAlpha
+from locsnn_compile.reference.float_neurons import CubaSteps, SrmSteps
 from locsnn_compile.report.format import share, short
 from locsnn_compile.stress.bounds import error_bound
 from locsnn_compile.stress.case import POPULATION
@@ -26,6 +25,7 @@ from locsnn_compile.stress.judge import judge
 from locsnn_compile.stress.measure import lowered, measure
 from locsnn_compile.stress.row import TENTH, Drift, Row
 from locsnn_compile.stress.sides import Sides
+from locsnn_compile.verification.matching import PopulationMatch
 
 TENTHS = 10
 LESS = 0.05

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 import hw_model as hw
+from hw_model.engine.trace import ByteArray
 from hw_model.simulation import SimulationResult
-from hw_model.trace import ByteArray
 from locsnn_compile.pipeline import Levels
-from locsnn_compile.reference import evaluate
+from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.stress.case import POPULATION
 from locsnn_compile.stress.sides import Sides
 

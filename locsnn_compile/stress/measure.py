@@ -7,22 +7,22 @@ from dataclasses import replace
 import numpy as np
 
 import hw_model as hw
-from hw_model.fixed_point import DECAY_ONE
-from locsnn_compile.calibration import calibrate
-from locsnn_compile.check_network import check_network
+from hw_model.arithmetic.fixed_point import DECAY_ONE
 from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.error_budget.stages import STAGES
-from locsnn_compile.matching import PopulationMatch, fit_recordings
-from locsnn_compile.matrices import Matrix, values_of
-from locsnn_compile.network import Projection
-from locsnn_compile.neurons import Cuba
-from locsnn_compile.on_grid import ChipCuba, ChipProjection
+from locsnn_compile.network.check import check_network
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection
+from locsnn_compile.network.matrices import Matrix, values_of
+from locsnn_compile.network.network import Projection
+from locsnn_compile.network.neurons import Cuba
 from locsnn_compile.pipeline import Levels, lower
+from locsnn_compile.reference.calibration import calibrate
 from locsnn_compile.stress.bounds import SOURCES, error_bound
 from locsnn_compile.stress.case import NATIVE, POPULATION, SEED, Case, random_input
 from locsnn_compile.stress.engines import odd_one_out
 from locsnn_compile.stress.row import Lost, Measured
 from locsnn_compile.stress.sides import Sides
+from locsnn_compile.verification.error_budget.stages import STAGES
+from locsnn_compile.verification.matching import PopulationMatch, fit_recordings
 
 FLOAT_ROUNDING = 1e-9
 """Share of a potential, or of a threshold, that float64's own rounding may come to: far less than a register's unit."""

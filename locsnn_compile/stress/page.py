@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import hw_model as hw
-from hw_model.files import replace_file
+from hw_model.io.files import replace_file
 from locsnn_compile.errors import InputError
 from locsnn_compile.report.format import count, plural, share, short
-from locsnn_compile.report.markdown import text
+from locsnn_compile.report.renderers.markdown import text
 from locsnn_compile.stress.cases import LEADS
 from locsnn_compile.stress.plots import pictures
 from locsnn_compile.stress.row import VERDICTS, Drift, Measured, Row

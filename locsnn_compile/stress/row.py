@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
-from locsnn_compile.matching import PopulationMatch
 from locsnn_compile.stress.bounds import Source
 from locsnn_compile.stress.case import Case
+from locsnn_compile.verification.matching import PopulationMatch
 
 Verdict = Literal["ok", "limited", "refused", "unexplained"]
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)

@@ -6,15 +6,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hw_model.trace import ByteArray
-from locsnn_compile.error_budget.numbers import GroupNumbers, Numbers
-from locsnn_compile.error_budget.stages import STAGES, Phase, Stage, lines_of, phases_of, twin_with
-from locsnn_compile.error_budget.twin import TwinTrace, run_twin
-from locsnn_compile.neurons import Cuba, FloatArray, SrmAlpha
+from hw_model.engine.trace import ByteArray
+from locsnn_compile.network.neurons import Cuba, FloatArray, SrmAlpha
+from locsnn_compile.network.quantized import QuantizedPopulation
 from locsnn_compile.pipeline import Levels
-from locsnn_compile.quantized import QuantizedPopulation
-from locsnn_compile.reference import evaluate
+from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.stress.case import POPULATION
+from locsnn_compile.verification.error_budget.numbers import GroupNumbers, Numbers
+from locsnn_compile.verification.error_budget.stages import STAGES, Phase, Stage, lines_of, phases_of, twin_with
+from locsnn_compile.verification.error_budget.twin import TwinTrace, run_twin
 
 
 @dataclass(frozen=True, eq=False)

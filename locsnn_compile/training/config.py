@@ -10,8 +10,8 @@ from typing import Any
 
 import yaml
 
-from hw_model.weights import WEIGHT_BITS
-from hw_model.yaml_text import load_yaml
+from hw_model.arithmetic.weights import WEIGHT_BITS
+from hw_model.io.yaml_text import load_yaml
 from locsnn_compile.data.taxel_graph import GRAPHS
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.models.architectures import ARCHITECTURES

@@ -14,11 +14,11 @@ from peak_memory import peak_mib
 from relay_networks import LAYERS, board, check_relayed, local_graph, random_input
 
 import hw_model as hw
-from hw_model.arrangement import arrange_cores
-from hw_model.fast_layout import fast_layout
-from hw_model.placement import place_cores
-from hw_model.program import assemble
-from hw_model.routing import route_axons
+from hw_model.engine.layout import fast_layout
+from hw_model.mapping.arrangement import arrange_cores
+from hw_model.mapping.placement import place_cores
+from hw_model.mapping.routing import route_axons
+from hw_model.program.chip_program import assemble
 
 T = TypeVar("T")
 

@@ -19,25 +19,25 @@ from page_section import put_section
 
 import hw_model as hw
 import locsnn_compile as lc
-from hw_model.arrangement import arrange_cores
-from hw_model.counts import total
-from hw_model.placement import place_cores
-from hw_model.program import assemble
-from hw_model.routing import route_axons
-from hw_model.weights import weight_grid
+from hw_model.arithmetic.weights import weight_grid
+from hw_model.description.counts import total
+from hw_model.mapping.arrangement import arrange_cores
+from hw_model.mapping.placement import place_cores
+from hw_model.mapping.routing import route_axons
+from hw_model.program.chip_program import assemble
 from locsnn_compile.api import recordings_for
-from locsnn_compile.calibration import Calibration, calibrate
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.matching import PopulationMatch, compare
-from locsnn_compile.network import Network
-from locsnn_compile.passes.kernels import alpha_kernel
+from locsnn_compile.network.network import Network
+from locsnn_compile.network.quantized import QuantizedNetwork
 from locsnn_compile.passes.lower_neurons import lower_neurons
 from locsnn_compile.passes.quantize import quantize
-from locsnn_compile.passes.rounding import FINE, Rounding
-from locsnn_compile.quantized import QuantizedNetwork
-from locsnn_compile.reference import evaluate
+from locsnn_compile.passes.rounding.rounding import FINE, Rounding
+from locsnn_compile.passes.srm.kernels import alpha_kernel
+from locsnn_compile.reference.calibration import Calibration, calibrate
+from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.report.format import energy, share
+from locsnn_compile.verification.matching import PopulationMatch, compare
 
 ROOT = Path(__file__).parents[2]
 DATASETS = ("objects", "containers")

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 import hw_model as hw
-from hw_model.builder import Node
-from hw_model.graph import CompartmentGraph
+from hw_model.mapping.graph import CompartmentGraph
+from hw_model.program.builder import Node
 
 RELAY = {"weight": 254, "exponent": 5}
 THRESHOLD = 127 << 5

@@ -9,9 +9,9 @@ from machine import machine
 from relay_networks import LAYERS, board, check_relayed, dense_program, local_graph, random_input
 
 import hw_model as hw
-from hw_model.placement import place_cores
-from hw_model.program import assemble
-from hw_model.routing import route_axons
+from hw_model.mapping.placement import place_cores
+from hw_model.mapping.routing import route_axons
+from hw_model.program.chip_program import assemble
 
 pytestmark = pytest.mark.bench
 

@@ -13,9 +13,9 @@ from scipy import sparse
 from workloads import example_levels
 
 import hw_model as hw
-from hw_model.arrangement import arrange_cores, core_traffic, slot_distances, total_hops
-from hw_model.graph import CompartmentGraph
-from hw_model.placement import place_cores
+from hw_model.mapping.arrangement import arrange_cores, core_traffic, slot_distances, total_hops
+from hw_model.mapping.graph import CompartmentGraph
+from hw_model.mapping.placement import place_cores
 
 pytestmark = pytest.mark.bench
 

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from workloads import RECORDINGS, example_levels, published_test_part
 
 import hw_model as hw
-from hw_model.arrangement import arrange_cores
-from hw_model.graph import CompartmentGraph
-from hw_model.placement import place_cores
-from hw_model.program import assemble
-from hw_model.routing import route_axons
+from hw_model.mapping.arrangement import arrange_cores
+from hw_model.mapping.graph import CompartmentGraph
+from hw_model.mapping.placement import place_cores
+from hw_model.mapping.routing import route_axons
+from hw_model.program.chip_program import assemble
 
 pytestmark = [
     pytest.mark.bench,

@@ -3,11 +3,11 @@
 import numpy as np
 from scipy import sparse
 
-from hw_model.graph import Readout
-from locsnn_compile.matrices import matrix, values_of
-from locsnn_compile.network import InputView, Network, Population, Projection
-from locsnn_compile.neurons import SrmAlpha
-from locsnn_compile.on_grid import ChipCuba, ChipProjection, ChipSrm
+from hw_model.mapping.graph import Readout
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection, ChipSrm
+from locsnn_compile.network.matrices import matrix, values_of
+from locsnn_compile.network.network import InputView, Network, Population, Projection
+from locsnn_compile.network.neurons import SrmAlpha
 
 NEURON = SrmAlpha(theta=10.0, tau_sr=10.0, tau_ref=1.0, scale_ref=2.0)
 

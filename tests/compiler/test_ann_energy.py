@@ -2,8 +2,8 @@
 
 import pytest
 
-from locsnn_compile.ann_energy import ann_energy_pj
-from locsnn_compile.operations import AnnCounts, ann_counts
+from locsnn_compile.baselines.ann_energy import ann_energy_pj
+from locsnn_compile.baselines.operations import AnnCounts, ann_counts
 
 
 @pytest.mark.parametrize(

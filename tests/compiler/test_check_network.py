@@ -7,12 +7,21 @@ import pytest
 from networks import NEURON, hybrid, on_grid, single
 from scipy import sparse
 
-from locsnn_compile.check_network import check_network
 from locsnn_compile.errors import InputError
-from locsnn_compile.matrices import charge, connections, fan_out, matrix, of_target, row_maxima, values_of, with_values
-from locsnn_compile.network import InputView, Projection
-from locsnn_compile.neurons import Cuba
-from locsnn_compile.on_grid import ChipCuba, ChipProjection, ChipSrm
+from locsnn_compile.network.check import check_network
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection, ChipSrm
+from locsnn_compile.network.matrices import (
+    charge,
+    connections,
+    fan_out,
+    matrix,
+    of_target,
+    row_maxima,
+    values_of,
+    with_values,
+)
+from locsnn_compile.network.network import InputView, Projection
+from locsnn_compile.network.neurons import Cuba
 
 
 def lif(**changes):

@@ -12,21 +12,21 @@ from networks import hybrid, recordings
 
 import hw_model as hw
 import locsnn_compile as lc
-from hw_model.fixed_point import effective_weight
-from hw_model.graph import Readout
-from locsnn_compile.diagnosis import SAMPLE, diagnose, spread_sample
-from locsnn_compile.error_budget.budget import error_budget
-from locsnn_compile.error_budget.cause import find_cause
-from locsnn_compile.error_budget.stages import STAGES, lines_of, phases_of, twin_with
-from locsnn_compile.error_budget.tail import kept_taps, with_cut_tails
-from locsnn_compile.error_budget.twin import run_twin
-from locsnn_compile.matching import compare
-from locsnn_compile.network import InputView, Network, Population, Projection
-from locsnn_compile.neurons import Cuba, SrmAlpha
-from locsnn_compile.on_grid import ChipCuba, ChipProjection
+from hw_model.arithmetic.fixed_point import effective_weight
+from hw_model.mapping.graph import Readout
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection
+from locsnn_compile.network.network import InputView, Network, Population, Projection
+from locsnn_compile.network.neurons import Cuba, SrmAlpha
 from locsnn_compile.pipeline import lower
-from locsnn_compile.reference import evaluate
-from locsnn_compile.report.markdown import render_markdown
+from locsnn_compile.reference.evaluate import evaluate
+from locsnn_compile.report.renderers.markdown import render_markdown
+from locsnn_compile.verification.diagnosis import SAMPLE, diagnose, spread_sample
+from locsnn_compile.verification.error_budget.budget import error_budget
+from locsnn_compile.verification.error_budget.cause import find_cause
+from locsnn_compile.verification.error_budget.stages import STAGES, lines_of, phases_of, twin_with
+from locsnn_compile.verification.error_budget.tail import kept_taps, with_cut_tails
+from locsnn_compile.verification.error_budget.twin import run_twin
+from locsnn_compile.verification.matching import compare
 
 CHIP = hw.chip("loihi-sim")
 ROOT = Path(__file__).parents[2]

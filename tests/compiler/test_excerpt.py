@@ -5,11 +5,11 @@ import pytest
 from networks import hybrid, recordings
 
 import hw_model as hw
-from locsnn_compile import excerpt as module
-from locsnn_compile.excerpt import take_excerpt
-from locsnn_compile.matching import compare
 from locsnn_compile.pipeline import lower
-from locsnn_compile.reference import evaluate
+from locsnn_compile.reference.evaluate import evaluate
+from locsnn_compile.verification import excerpt as module
+from locsnn_compile.verification.excerpt import take_excerpt
+from locsnn_compile.verification.matching import compare
 
 CHIP = hw.chip("loihi-sim")
 

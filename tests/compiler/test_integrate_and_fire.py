@@ -11,14 +11,14 @@ from scipy import sparse
 
 import hw_model as hw
 from locsnn_compile.errors import TargetError
-from locsnn_compile.matching import compare
-from locsnn_compile.matrices import matrix
-from locsnn_compile.network import Population, Projection
-from locsnn_compile.neurons import Cuba
-from locsnn_compile.passes.kernels import best_gain
+from locsnn_compile.network.matrices import matrix
+from locsnn_compile.network.network import Population, Projection
+from locsnn_compile.network.neurons import Cuba
 from locsnn_compile.passes.quantize import quantize
+from locsnn_compile.passes.srm.kernels import best_gain
 from locsnn_compile.pipeline import lower
-from locsnn_compile.reference import evaluate, evaluation_order
+from locsnn_compile.reference.evaluate import evaluate, evaluation_order
+from locsnn_compile.verification.matching import compare
 
 CHIP = hw.chip("loihi-sim")
 

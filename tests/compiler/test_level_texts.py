@@ -9,8 +9,8 @@ import pytest
 
 import hw_model as hw
 from locsnn_compile.cli.compile import LEVEL_KINDS
-from locsnn_compile.level_text import LEVEL_TEXTS
-from locsnn_compile.passes.quantize_srm import STRATEGIES
+from locsnn_compile.network.text import LEVEL_TEXTS
+from locsnn_compile.passes.srm.quantize import STRATEGIES
 from locsnn_compile.pipeline import lower
 
 GOLDEN = Path(__file__).parent / "golden"
@@ -20,7 +20,7 @@ OWN_LEVELS = ("network", "quantized", "compartments")
 def levels(case):
     from networks import hybrid, on_grid, single
 
-    from locsnn_compile.neurons import Cuba
+    from locsnn_compile.network.neurons import Cuba
 
     if case == "cuba":
         neuron = Cuba.of(3, decay_u=0.3, decay_v=0.1, threshold=[0.5, 1.0, 2.0], bias=[0.0, 0.1, -0.2], refractory=2)

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from networks import hybrid, recordings
 
 import hw_model as hw
-from locsnn_compile.matching import compare
-from locsnn_compile.neurons import SrmAlpha
+from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.pipeline import lower
+from locsnn_compile.verification.matching import compare
 
 CHIP = hw.chip("loihi-sim")
 

@@ -8,11 +8,11 @@ from networks import NEURON, single
 
 import hw_model as hw
 from locsnn_compile.errors import TargetError
-from locsnn_compile.network import Population, Projection
-from locsnn_compile.on_grid import ChipCuba, ChipProjection
-from locsnn_compile.passes.rounding import Rounding
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection
+from locsnn_compile.network.network import Population, Projection
+from locsnn_compile.passes.rounding.rounding import Rounding
 from locsnn_compile.pipeline import lower
-from locsnn_compile.reference import evaluate
+from locsnn_compile.reference.evaluate import evaluate
 
 CHIP = hw.chip("loihi-sim")
 DELAYS = (0, 12, 24, 36, 48, 60)

@@ -8,9 +8,9 @@ from networks import hybrid, recordings
 
 import hw_model as hw
 from locsnn_compile.errors import InputError
-from locsnn_compile.matching import CHUNK, PopulationMatch, compare
 from locsnn_compile.pipeline import lower
-from locsnn_compile.reference import evaluate
+from locsnn_compile.reference.evaluate import evaluate
+from locsnn_compile.verification.matching import CHUNK, PopulationMatch, compare
 
 CHIP = hw.chip("loihi-sim")
 

@@ -10,12 +10,12 @@ from networks import on_grid, recordings, single
 
 import hw_model as hw
 from locsnn_compile.errors import TargetError
-from locsnn_compile.integer_neurons import effective, kept
-from locsnn_compile.matching import compare
-from locsnn_compile.matrices import matrix
-from locsnn_compile.on_grid import ChipCuba, ChipProjection
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection
+from locsnn_compile.network.matrices import matrix
 from locsnn_compile.pipeline import lower
-from locsnn_compile.reference import evaluate
+from locsnn_compile.reference.evaluate import evaluate
+from locsnn_compile.reference.integer_neurons import effective, kept
+from locsnn_compile.verification.matching import compare
 
 CHIP = hw.chip("loihi-sim")
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from networks import hybrid, recordings
 
+from locsnn_compile.baselines.operations import ann_operations, network_additions
 from locsnn_compile.errors import InputError
-from locsnn_compile.operations import ann_operations, network_additions
-from locsnn_compile.reference import evaluate
+from locsnn_compile.reference.evaluate import evaluate
 
 
 @pytest.mark.parametrize(

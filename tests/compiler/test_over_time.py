@@ -9,10 +9,10 @@ from networks import NEURON, hybrid, recordings, single
 
 import hw_model as hw
 import locsnn_compile as lc
-from locsnn_compile import over_time as module
-from locsnn_compile.over_time import LeftOut, over_time, savings, stop_all
 from locsnn_compile.pipeline import lower
-from locsnn_compile.report.markdown import render_markdown
+from locsnn_compile.report.renderers.markdown import render_markdown
+from locsnn_compile.verification import over_time as module
+from locsnn_compile.verification.over_time import LeftOut, over_time, savings, stop_all
 
 CHIP = hw.chip("loihi-sim")
 

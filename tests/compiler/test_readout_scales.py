@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 import hw_model as hw
-from hw_model.graph import Readout
-from locsnn_compile.network import InputView, Network, Population, Projection
-from locsnn_compile.neurons import Cuba
+from hw_model.mapping.graph import Readout
+from locsnn_compile.network.network import InputView, Network, Population, Projection
+from locsnn_compile.network.neurons import Cuba
 from locsnn_compile.pipeline import lower
-from locsnn_compile.reference import evaluate
+from locsnn_compile.reference.evaluate import evaluate
 
 RNG = np.random.default_rng(5)
 

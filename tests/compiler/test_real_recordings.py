@@ -13,7 +13,7 @@ from locsnn_compile.frontends import load
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.pipeline import lower
-from locsnn_compile.reference import evaluate
+from locsnn_compile.reference.evaluate import evaluate
 
 ROOT = Path(__file__).parents[2]
 REAL = ROOT.parent / "shared/data/neutouch"

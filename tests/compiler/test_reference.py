@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from networks import hybrid, recordings
 
-from locsnn_compile.float_neurons import SrmSteps
-from locsnn_compile.neurons import SrmAlpha
-from locsnn_compile.reference import evaluate
+from locsnn_compile.network.neurons import SrmAlpha
+from locsnn_compile.reference.evaluate import evaluate
+from locsnn_compile.reference.float_neurons import SrmSteps
 
 
 def srm_response(drive, neuron):

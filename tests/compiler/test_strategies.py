@@ -11,14 +11,14 @@ from networks import NEURON, hybrid, recordings, single
 
 import hw_model as hw
 from locsnn_compile.errors import TargetError
-from locsnn_compile.integer_neurons import input_response, own_spike_response
-from locsnn_compile.neurons import SrmAlpha
-from locsnn_compile.on_grid import ChipCuba, ChipSrm
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
+from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.passes.quantize import quantize
-from locsnn_compile.passes.quantize_srm import STRATEGIES
-from locsnn_compile.passes.srm_reset import refractory_count
+from locsnn_compile.passes.srm.quantize import STRATEGIES
+from locsnn_compile.passes.srm.reset import refractory_count
 from locsnn_compile.pipeline import lower
-from locsnn_compile.reference import evaluate
+from locsnn_compile.reference.evaluate import evaluate
+from locsnn_compile.reference.integer_neurons import input_response, own_spike_response
 
 CHIP = hw.chip("loihi-sim")
 

@@ -9,16 +9,16 @@ from hypothesis import strategies as st
 from networks import hybrid, on_grid, recordings
 
 import hw_model as hw
-from hw_model.level_text import compartments_text
-from locsnn_compile.check_network import check_network
-from locsnn_compile.emit.played import play_recording
-from locsnn_compile.excerpt import take_excerpt
-from locsnn_compile.level_text import network_text
-from locsnn_compile.matching import compare
-from locsnn_compile.network import InputView
-from locsnn_compile.over_time import OverTime, over_time
+from hw_model.program.text import compartments_text
+from locsnn_compile.backends.played import play_recording
+from locsnn_compile.network.check import check_network
+from locsnn_compile.network.network import InputView
+from locsnn_compile.network.text import network_text
 from locsnn_compile.pipeline import lower
-from locsnn_compile.reference import evaluate
+from locsnn_compile.reference.evaluate import evaluate
+from locsnn_compile.verification.excerpt import take_excerpt
+from locsnn_compile.verification.matching import compare
+from locsnn_compile.verification.over_time import OverTime, over_time
 
 CHIP = hw.chip("loihi-sim")
 

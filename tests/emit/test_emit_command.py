@@ -13,8 +13,8 @@ import yaml
 from test_waveforms import read, values
 
 import hw_model as hw
+from locsnn_compile.backends import BENCH_KINDS
 from locsnn_compile.cli.compile import main
-from locsnn_compile.emit import BENCH_KINDS
 
 MODEL = Path(__file__).parents[2] / "examples/models/objects-hybrid.pt"
 CHOSEN = 1

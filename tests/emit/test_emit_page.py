@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from locsnn_compile.emit import BENCH_KINDS
-from locsnn_compile.emit.sanafe_rules import DELAY_MAX
+from locsnn_compile.backends import BENCH_KINDS
+from locsnn_compile.backends.sanafe.rules import DELAY_MAX
 
 PAGE = (Path(__file__).parents[2] / "docs/emit.md").read_text()
 

@@ -11,7 +11,7 @@ import pytest
 from programs import CHIP, everything, two_phases
 
 import hw_model as hw
-from locsnn_compile.emit.graph_files import dot_file, graphml_file
+from locsnn_compile.backends.graphs import dot_file, graphml_file
 
 # pydot calls pyparsing by names that it deprecates.
 pytestmark = pytest.mark.filterwarnings("ignore:.*deprecated:DeprecationWarning")

@@ -10,10 +10,10 @@ import yaml
 from programs import CHIP, everything, played_streams, small_chip, two_phases
 
 import hw_model as hw
-from locsnn_compile.emit.played import play_recording
-from locsnn_compile.emit.sanafe import sanafe_files
-from locsnn_compile.emit.sanafe_rules import obstacles
-from locsnn_compile.emit.vectors import vectors_files
+from locsnn_compile.backends.played import play_recording
+from locsnn_compile.backends.sanafe.files import sanafe_files
+from locsnn_compile.backends.sanafe.rules import obstacles
+from locsnn_compile.backends.vectors.vectors import vectors_files
 from locsnn_compile.errors import InputError
 
 

@@ -10,8 +10,8 @@ import pytest
 from programs import CHIP, everything, played_streams, two_phases
 
 import hw_model as hw
-from locsnn_compile.emit.played import play_recording
-from locsnn_compile.emit.trace import trace_file
+from locsnn_compile.backends.played import play_recording
+from locsnn_compile.backends.timeline import trace_file
 
 
 @pytest.fixture(

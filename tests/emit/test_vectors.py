@@ -14,8 +14,8 @@ import yaml
 from programs import CHIP, everything, played_streams
 
 import hw_model as hw
-from locsnn_compile.emit.played import play_recording
-from locsnn_compile.emit.vectors import vectors_files
+from locsnn_compile.backends.played import play_recording
+from locsnn_compile.backends.vectors.vectors import vectors_files
 from locsnn_compile.errors import InputError
 
 
@@ -156,7 +156,7 @@ def test_files_of_a_tiny_program():
 
 
 def test_a_recording_that_would_fill_a_disk(monkeypatch):
-    monkeypatch.setattr("locsnn_compile.emit.vectors.MAX_BYTES", 1000)
+    monkeypatch.setattr("locsnn_compile.backends.vectors.vectors.MAX_BYTES", 1000)
     program = everything()
     with pytest.raises(InputError) as caught:
         vectors_files(play_recording(program, played_streams(program)))

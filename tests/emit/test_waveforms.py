@@ -10,9 +10,9 @@ from programs import CHIP, everything, played_streams, two_phases
 from vcd.reader import TokenKind, tokenize
 
 import hw_model as hw
-from locsnn_compile.emit.played import play_recording
-from locsnn_compile.emit.probed import Compartment, probed
-from locsnn_compile.emit.vcd import vcd_file
+from locsnn_compile.backends.played import play_recording
+from locsnn_compile.backends.probed import Compartment, probed
+from locsnn_compile.backends.waves import vcd_file
 from locsnn_compile.errors import InputError
 
 

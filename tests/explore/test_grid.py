@@ -6,7 +6,7 @@ import pytest
 from small_model import explore, explored, narrow
 
 import locsnn_compile as lc
-from hw_model.weights import WEIGHT_BITS
+from hw_model.arithmetic.weights import WEIGHT_BITS
 from locsnn_compile.api import STRATEGIES
 from locsnn_compile.cli import explore as explore_cli
 from locsnn_compile.cli.compile import parser

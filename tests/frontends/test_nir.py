@@ -7,7 +7,7 @@ from nir_forward import run
 from nir_graphs import DT, chain, graphs, lif, linear
 
 import locsnn_compile as lc
-from locsnn_compile.reference import evaluate
+from locsnn_compile.reference.evaluate import evaluate
 
 GRAPHS = graphs()
 DEPTH = {"lif": 1, "l1": 1, "l2": 2, "out": 2, "sub.lif": 1}

@@ -12,7 +12,7 @@ from test_nir import load, spikes
 import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.pipeline import lower
-from locsnn_compile.reference import evaluate
+from locsnn_compile.reference.evaluate import evaluate
 
 RNG = np.random.default_rng(21)
 RESETS = ("zero", "subtract", "late-zero", "late-subtract")

@@ -10,7 +10,7 @@ from test_nir import load
 
 import hw_model as hw
 import locsnn_compile as lc
-from locsnn_compile.reference import evaluate
+from locsnn_compile.reference.evaluate import evaluate
 
 RNG = np.random.default_rng(31)
 TAU, ONES = RNG.uniform(4e-3, 2e-2, 5), np.ones(5)

@@ -11,9 +11,9 @@ from test_nir import spikes
 
 import locsnn_compile as lc
 from hw_model import chip
-from locsnn_compile.exporters import exchange_file
+from locsnn_compile.backends.exchange import exchange_file
 from locsnn_compile.passes.quantize import quantize
-from locsnn_compile.reference import evaluate
+from locsnn_compile.reference.evaluate import evaluate
 
 GRAPHS = graphs()
 CHIP = chip("loihi-sim")

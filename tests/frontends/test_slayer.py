@@ -10,11 +10,11 @@ from slayer_files import LOIHI, SRM, kernel, srm_layer, write
 import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.data.sensor import LOCATION_ORDERS, channel_walk
-from locsnn_compile.error_budget.budget import error_budget
-from locsnn_compile.frontends.slayer_kernels import alpha_taps, truncated_spikes
-from locsnn_compile.level_text import network_text
-from locsnn_compile.matrices import values_of
-from locsnn_compile.reference import evaluate
+from locsnn_compile.frontends.slayer.kernels import alpha_taps, truncated_spikes
+from locsnn_compile.network.matrices import values_of
+from locsnn_compile.network.text import network_text
+from locsnn_compile.reference.evaluate import evaluate
+from locsnn_compile.verification.error_budget.budget import error_budget
 
 RNG = np.random.default_rng(4)
 

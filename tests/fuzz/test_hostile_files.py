@@ -17,11 +17,11 @@ import yaml
 import hw_model as hw
 import locsnn_compile as lc
 from hw_model.errors import MAX_PART, InputError
-from hw_model.yaml_text import load_yaml
-from hw_model.zip_directory import MAX_DIRECTORY_BYTES, check_directory
+from hw_model.io.yaml_text import load_yaml
+from hw_model.io.zip_directory import MAX_DIRECTORY_BYTES, check_directory
 from locsnn_compile.cli.main import main
 from locsnn_compile.data import read_recordings
-from locsnn_compile.frontends.slayer_config import read_config as read_slayer_config
+from locsnn_compile.frontends.slayer.config import read_config as read_slayer_config
 from locsnn_compile.training.config import read_config as read_training_config
 
 LAUGHS = "a0: &a0 [x, x]\n" + "".join(f"a{i}: &a{i} [*a{i - 1}, *a{i - 1}]\n" for i in range(1, 60))
@@ -264,7 +264,7 @@ def test_names_that_never_end_are_cut(tmp_path):
 
 
 def test_hdf5_that_the_library_does_not_come_to_the_end_of(tmp_path, monkeypatch):
-    from locsnn_compile.frontends import hdf5_probe
+    from locsnn_compile.frontends.hdf5 import probe as hdf5_probe
 
     monkeypatch.setattr(hdf5_probe, "CPU_SECONDS", 1)
     whole = tmp_path / "a.nir"
@@ -288,7 +288,7 @@ def test_a_pool_of_less_than_nothing(tmp_path):
 
 
 def test_a_crash_of_the_library_is_a_damaged_file(tmp_path, monkeypatch):
-    from locsnn_compile.frontends import hdf5
+    from locsnn_compile.frontends.hdf5 import read as hdf5
 
     with h5py.File(tmp_path / "a.nir", "w") as file:
         file["version"] = "1.0"

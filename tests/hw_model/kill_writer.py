@@ -14,8 +14,8 @@ import sys
 import time
 from pathlib import Path
 
-from hw_model import folders
-from hw_model.files import replace_file
+from hw_model.io import folders
+from hw_model.io.files import replace_file
 
 OLD = {"program.yaml": b"old", "program.npz": b"o" * 100_000, "vectors/gone.hex": b"old"}
 NEW = {"program.yaml": b"new", "program.npz": b"n" * 100_000, "vectors/come.hex": b"new", "report.json": b"{}"}

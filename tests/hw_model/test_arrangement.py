@@ -9,12 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hw_model as hw
-from hw_model.arrangement import arrange_cores, core_traffic, slot_distances, total_hops
-from hw_model.chip_description import Mesh
-from hw_model.graph import CompartmentGraph, Compartments, Input, Phase, Synapses, read_only
-from hw_model.placement import place_cores
-from hw_model.program import assemble
-from hw_model.routing import route_axons
+from hw_model.description.chip import Mesh
+from hw_model.mapping.arrangement import arrange_cores, core_traffic, slot_distances, total_hops
+from hw_model.mapping.graph import CompartmentGraph, Compartments, Input, Phase, Synapses, read_only
+from hw_model.mapping.placement import place_cores
+from hw_model.mapping.routing import route_axons
+from hw_model.program.chip_program import assemble
 
 CHIP = hw.chip("loihi-sim")
 

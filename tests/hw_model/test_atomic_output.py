@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import hw_model as hw
-from hw_model import folders
-from hw_model.files import replace_file
-from hw_model.partial import locked, partial_path
+from hw_model.io import folders
+from hw_model.io.files import replace_file
+from hw_model.io.partial import locked, partial_path
 
 WRITER = Path(__file__).with_name("kill_writer.py")
 

@@ -9,12 +9,12 @@ import subprocess
 import sys
 from pathlib import Path
 
-import hw_model.compiled
+import hw_model.engine.compiled
 
-PACKAGE = Path(hw_model.compiled.__file__).parent
+PACKAGE = Path(hw_model.__file__).parent
 USER = """\
-from hw_model.compiled import compiled
-from hw_model.registers32 import wrap24
+from hw_model.engine.compiled import compiled
+from hw_model.engine.registers32 import wrap24
 
 @compiled
 def wrapped(x):
@@ -22,11 +22,15 @@ def wrapped(x):
 """
 
 
+def name_of(path):
+    return path.relative_to(PACKAGE).with_suffix("").as_posix()
+
+
 def test_all_files_with_loops_are_named():
     holds = re.compile(r"^@(compiled|absorbed|inlined|intrinsic)", re.MULTILINE)
-    found = {path.stem for path in PACKAGE.glob("*.py") if holds.search(path.read_text())}
-    constants = {"compiled", "fast_layout"}
-    assert found | constants == set(hw_model.compiled.FILES_OF_LOOPS)
+    found = {name_of(path) for path in PACKAGE.rglob("*.py") if holds.search(path.read_text())}
+    constants = {"engine/compiled", "engine/layout"}
+    assert found | constants == set(hw_model.engine.compiled.FILES_OF_LOOPS)
 
 
 def test_a_change_in_another_file_is_seen(tmp_path):
@@ -41,6 +45,6 @@ def test_a_change_in_another_file_is_seen(tmp_path):
         return int(done.stdout)
 
     assert run() == 5
-    source = tmp_path / "hw_model" / "registers32.py"
+    source = tmp_path / "hw_model/engine/registers32.py"
     source.write_text(source.read_text().replace("np.int32(np.int32(x << np.int32(8)) >> np.int32(8))", "np.int32(x)"))
     assert run() == 2**24 + 5

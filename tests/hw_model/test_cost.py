@@ -7,7 +7,7 @@ import pytest
 from cost_programs import chain, crossroads, hybrid
 
 import hw_model as hw
-from hw_model.cost import critical_path, energy_pj, latency, step_times
+from hw_model.accounting.cost import critical_path, energy_pj, latency, step_times
 
 CHIP = hw.chip("loihi-sim")
 

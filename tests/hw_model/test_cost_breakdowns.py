@@ -13,9 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hw_model as hw
-from hw_model.cost import PARTS, critical_path, latency, step_times
-from hw_model.counts import BY_CORE
-from hw_model.usage import measure, total_ns
+from hw_model.accounting.cost import PARTS, critical_path, latency, step_times
+from hw_model.accounting.usage import measure, total_ns
+from hw_model.description.counts import BY_CORE
 
 SEEDS = st.integers(0, 2**32 - 1)
 DAVIES, SANAFE = (CHIP.profile(name) for name in ("davies2018", "sanafe"))

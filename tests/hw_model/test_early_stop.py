@@ -14,8 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hw_model as hw
-from hw_model.counts import BY_CORE
-from hw_model.graph import Readout
+from hw_model.description.counts import BY_CORE
+from hw_model.mapping.graph import Readout
 
 ROOT = Path(__file__).parents[2]
 REAL = ROOT.parent / "shared/data/neutouch"

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hw_model as hw
+from hw_model.arithmetic.weights import weight_grid
 from hw_model.simulation import ENGINES
-from hw_model.weights import weight_grid
 
 CHIP = hw.chip("loihi-sim")
 SMALL = replace(CHIP, limits=replace(CHIP.limits, compartments_per_core=5))

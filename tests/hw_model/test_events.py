@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from hw_model import event_scan, playing
-from hw_model.graph import Input, read_only
-from hw_model.trace import PhaseInput
+from hw_model.engine import events as event_scan
+from hw_model.engine import playing
+from hw_model.engine.trace import PhaseInput
+from hw_model.mapping.graph import Input, read_only
 
 RECORDINGS = hnp.array_shapes(min_dims=3, max_dims=3, min_side=1, max_side=9).flatmap(
     lambda shape: hnp.arrays(np.uint8, shape, elements=st.integers(0, 1))

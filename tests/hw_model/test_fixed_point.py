@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hw_model.fixed_point import clip, decay, effective_weight, wrap
+from hw_model.arithmetic.fixed_point import clip, decay, effective_weight, wrap
 
 registers = st.integers(-(2**24), 2**24)
 

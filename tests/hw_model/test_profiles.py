@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 import hw_model as hw
-from hw_model.profile import NotIncluded, StaticPower
+from hw_model.description.profile import NotIncluded, StaticPower
 
 CHIP = hw.chip("loihi-sim")
 MINE = {

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hw_model.arithmetic.weights import SIGN_MODES, WEIGHT_BITS, weight_grid
 from hw_model.errors import InputError
-from hw_model.weights import SIGN_MODES, WEIGHT_BITS, weight_grid
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 import hw_model as hw
 import locsnn_compile as lc
+from locsnn_compile.baselines.operations import network_additions
 from locsnn_compile.cli.main import main
 from locsnn_compile.data import write_recordings
 from locsnn_compile.data.synthetic import synthetic_touches
@@ -22,8 +23,7 @@ from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.chip_numbers import STRATEGIES, Strategy
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.networks import build_network, delayed
-from locsnn_compile.operations import network_additions
-from locsnn_compile.reference import evaluate
+from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.training.config import TrainingConfig
 from locsnn_compile.training.export import export_checkpoint
 from locsnn_compile.training.train import train

@@ -8,10 +8,10 @@ import pytest
 import torch
 from torch import nn
 
+from locsnn_compile.baselines.operations import ann_counts, module_operations
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.networks import build_network
-from locsnn_compile.operations import ann_counts, module_operations
 
 
 def network(name: str, fingertips: int, steps: int, classes: int) -> nn.Module:

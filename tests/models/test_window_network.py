@@ -23,7 +23,7 @@ from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.window_network import WindowNetwork
 from locsnn_compile.models.windows import BIAS, WEIGHT, WindowParameters, output_parts
-from locsnn_compile.reference import evaluate
+from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.training.config import config_from_mapping
 from locsnn_compile.training.train import train
 

@@ -17,7 +17,7 @@ from make_environments import python_of, why_missing
 
 import hw_model as hw
 import locsnn_compile as lc
-from locsnn_compile.reference import evaluate
+from locsnn_compile.reference.evaluate import evaluate
 
 pytestmark = pytest.mark.peers
 

@@ -20,8 +20,8 @@ import yaml
 from make_environments import python_of, why_missing
 
 import hw_model as hw
-from locsnn_compile.emit.played import Played, play_recording
-from locsnn_compile.emit.sanafe import PARTS, sanafe_files
+from locsnn_compile.backends.played import Played, play_recording
+from locsnn_compile.backends.sanafe.files import PARTS, sanafe_files
 
 pytestmark = pytest.mark.peers
 

@@ -12,7 +12,7 @@ from test_frameworks import agreement
 
 import hw_model as hw
 import locsnn_compile as lc
-from locsnn_compile.reference import evaluate
+from locsnn_compile.reference.evaluate import evaluate
 
 pytestmark = pytest.mark.peers
 

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from locsnn_compile.excerpt import Excerpt, InputSpikes, NeuronPotential, PopulationSpikes
-from locsnn_compile.matching import Divergence
+from locsnn_compile.verification.excerpt import Excerpt, InputSpikes, NeuronPotential, PopulationSpikes
+from locsnn_compile.verification.matching import Divergence
 
 
 def error_budget() -> dict[str, Any]:

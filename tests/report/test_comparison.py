@@ -9,11 +9,11 @@ import pytest
 
 import hw_model as hw
 from locsnn_compile.errors import InputError
-from locsnn_compile.report.comparison import MAX_ROWS, Build, changes, comparison, percent
 from locsnn_compile.report.content import Notice, Table
-from locsnn_compile.report.flat import flatten
-from locsnn_compile.report.html import render_page
-from locsnn_compile.report.program_figures import program_figures
+from locsnn_compile.report.figures.flat import flatten
+from locsnn_compile.report.figures.program import program_figures
+from locsnn_compile.report.renderers.html import render_page
+from locsnn_compile.report.sections.comparison import MAX_ROWS, Build, changes, comparison, percent
 
 
 @pytest.fixture

@@ -12,9 +12,9 @@ import pytest
 from chromium import Chromium, find_chromium, started
 
 from locsnn_compile.cli.compile import main
-from locsnn_compile.excerpt import Excerpt
-from locsnn_compile.report.comparison import Build, comparison
-from locsnn_compile.report.html import render_html, render_page
+from locsnn_compile.report.renderers.html import render_html, render_page
+from locsnn_compile.report.sections.comparison import Build, comparison
+from locsnn_compile.verification.excerpt import Excerpt
 
 ROOT = Path(__file__).parents[2]
 ENTER, TAB = ("Enter", 13), ("Tab", 9)

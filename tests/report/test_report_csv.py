@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from locsnn_compile.excerpt import Excerpt
-from locsnn_compile.report.csv_files import csv_files
+from locsnn_compile.report.renderers.csv_files import csv_files
+from locsnn_compile.verification.excerpt import Excerpt
 
 
 def _lines(files: dict[str, bytes], name: str) -> list[str]:

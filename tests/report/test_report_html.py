@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from locsnn_compile.excerpt import Excerpt
-from locsnn_compile.report.html import render_html
+from locsnn_compile.report.renderers.html import render_html
+from locsnn_compile.verification.excerpt import Excerpt
 
 VOID = {"meta", "link", "br", "img", "hr", "input", "wbr"}
 

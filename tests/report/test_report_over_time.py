@@ -8,7 +8,7 @@ import pytest
 
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import Bar, Plot, Section, Table
-from locsnn_compile.report.html import render_html
+from locsnn_compile.report.renderers.html import render_html
 
 
 def _section(document: dict[str, Any]) -> Section:

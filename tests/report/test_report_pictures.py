@@ -13,14 +13,23 @@ import pytest
 from scipy import sparse
 
 import locsnn_compile as lc
-from locsnn_compile.excerpt import LINES, MARKS, NEURONS, POPULATIONS, STEPS, Excerpt, InputSpikes, PopulationSpikes
-from locsnn_compile.neurons import Cuba
+from locsnn_compile.network.neurons import Cuba
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import Mesh, Paragraph, Plot, Raster, Section, Table
-from locsnn_compile.report.html import render_html
 from locsnn_compile.report.pictures.mesh import mesh
 from locsnn_compile.report.pictures.raster import raster
-from locsnn_compile.report.ticks import round_numbers, step_ticks
+from locsnn_compile.report.pictures.ticks import round_numbers, step_ticks
+from locsnn_compile.report.renderers.html import render_html
+from locsnn_compile.verification.excerpt import (
+    LINES,
+    MARKS,
+    NEURONS,
+    POPULATIONS,
+    STEPS,
+    Excerpt,
+    InputSpikes,
+    PopulationSpikes,
+)
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "compiler"))
 from networks import single

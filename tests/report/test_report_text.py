@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from locsnn_compile.excerpt import Excerpt
-from locsnn_compile.report.markdown import render_markdown, text
-from locsnn_compile.report.terminal import render_terminal
+from locsnn_compile.report.renderers.markdown import render_markdown, text
+from locsnn_compile.report.renderers.terminal import render_terminal
+from locsnn_compile.verification.excerpt import Excerpt
 
 GOLDEN = Path(__file__).parent / "golden"
 

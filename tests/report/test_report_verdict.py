@@ -6,7 +6,7 @@ import pytest
 
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import Paragraph, Table
-from locsnn_compile.report.verdict import against, fits, matches, notices, pace
+from locsnn_compile.report.sections.verdict import against, fits, matches, notices, pace
 
 
 @pytest.mark.parametrize(

@@ -13,15 +13,15 @@ from slip_recordings import slip_recordings
 
 import hw_model as hw
 import locsnn_compile as lc
+from locsnn_compile.baselines.operations import additions_of_recordings
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
-from locsnn_compile.neurons import SrmAlpha
-from locsnn_compile.operations import additions_of_recordings
-from locsnn_compile.over_time import OverTime, over_time
+from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.training.config import TrainingConfig, config_from_mapping, read_config
 from locsnn_compile.training.export import export_checkpoint
 from locsnn_compile.training.train import train
+from locsnn_compile.verification.over_time import OverTime, over_time
 
 CONFIGS = Path(__file__).parents[2] / "examples/configs"
 

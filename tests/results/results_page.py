@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from result_rows import DATASETS, ROWS, SEEDS, Dataset, Row, command
 
-from locsnn_compile.operations import ann_operations
+from locsnn_compile.baselines.operations import ann_operations
 
 Found = Mapping[tuple[str, str], Mapping[int, Mapping[str, Any]]]
 """(data set, row) -> seed -> figures."""

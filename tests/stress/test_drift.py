@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import hw_model as hw
-from locsnn_compile.matching import PopulationMatch
-from locsnn_compile.reference import evaluate
+from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.report.format import short
 from locsnn_compile.stress import drift as drift_module
 from locsnn_compile.stress.cases.long_runs import long_runs
 from locsnn_compile.stress.drift import long_row, measure_drift, play_float
+from locsnn_compile.verification.matching import PopulationMatch
 
 CHIP = hw.chip("loihi-sim")
 RUNS = {(run.case.name, run.case.strategy): run for run in long_runs()}

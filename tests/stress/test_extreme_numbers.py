@@ -8,16 +8,16 @@ from scipy import sparse
 
 import hw_model as hw
 import locsnn_compile as lc
-from hw_model.graph import Readout
-from locsnn_compile.error_budget.budget import error_budget
+from hw_model.mapping.graph import Readout
 from locsnn_compile.errors import InputError, TargetError
-from locsnn_compile.matrices import matrix
-from locsnn_compile.network import InputView, Network, Population, Projection
-from locsnn_compile.neurons import Cuba, SrmAlpha
-from locsnn_compile.on_grid import ChipCuba
-from locsnn_compile.passes.kernels import alpha_kernel
+from locsnn_compile.network.chip_neurons import ChipCuba
+from locsnn_compile.network.matrices import matrix
+from locsnn_compile.network.network import InputView, Network, Population, Projection
+from locsnn_compile.network.neurons import Cuba, SrmAlpha
+from locsnn_compile.passes.srm.kernels import alpha_kernel
 from locsnn_compile.pipeline import lower
-from locsnn_compile.report.markdown import render_markdown
+from locsnn_compile.report.renderers.markdown import render_markdown
+from locsnn_compile.verification.error_budget.budget import error_budget
 
 CHIP = hw.chip("loihi-sim")
 SRM = SrmAlpha(theta=10.0, tau_sr=10.0, tau_ref=1.0, scale_ref=2.0)

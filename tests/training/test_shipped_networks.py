@@ -18,7 +18,7 @@ from locsnn_compile.models.checkpoint import Checkpoint, save_checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.chip_numbers import STRATEGIES
 from locsnn_compile.models.networks import build_network
-from locsnn_compile.network import Network
+from locsnn_compile.network.network import Network
 from locsnn_compile.pipeline import lower
 from locsnn_compile.training.config import TrainingConfig, config_from_mapping, read_config
 from locsnn_compile.training.target import chip_numbers

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from locsnn_compile.network import Network
-from locsnn_compile.neurons import SrmAlpha
+from locsnn_compile.network.network import Network
+from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.stress.case import (
     CHANNELS,
     NATIVE,

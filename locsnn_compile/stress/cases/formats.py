@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hw_model.weights import WEIGHT_BITS, WEIGHT_EXPONENTS
-from locsnn_compile.on_grid import ChipCuba, Signs
+from hw_model.arithmetic.weights import WEIGHT_BITS, WEIGHT_EXPONENTS
+from locsnn_compile.network.chip_neurons import ChipCuba, Signs
 from locsnn_compile.stress.case import (
     CHANNELS,
     NATIVE,

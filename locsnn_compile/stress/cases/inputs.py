@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hw_model.trace import ByteArray
-from locsnn_compile.on_grid import ChipCuba, ChipSrm
+from hw_model.engine.trace import ByteArray
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
 from locsnn_compile.stress.case import (
     CHANNELS,
     NATIVE,

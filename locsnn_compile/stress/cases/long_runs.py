@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hw_model.trace import ByteArray
-from locsnn_compile.neurons import Cuba, FloatArray
+from hw_model.engine.trace import ByteArray
+from locsnn_compile.network.neurons import Cuba, FloatArray
 from locsnn_compile.stress.case import (
     CHANNELS,
     NATIVE,

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from locsnn_compile.on_grid import ChipCuba
+from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.stress.case import (
     NATIVE,
     NEURONS,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from locsnn_compile.passes.rounding import FINE, NEAREST, Rounding
+from locsnn_compile.passes.rounding.rounding import FINE, NEAREST, Rounding
 from locsnn_compile.stress.case import (
     NATIVE,
     SRM_STRATEGIES,

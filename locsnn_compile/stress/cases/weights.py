@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from locsnn_compile.neurons import FloatArray
+from locsnn_compile.network.neurons import FloatArray
 from locsnn_compile.stress.case import (
     CHANNELS,
     NATIVE,

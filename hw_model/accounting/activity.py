@@ -1,0 +1,218 @@
+"""Count what a batch did in a phase, from its spikes and from what one spike of each source causes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from hw_model.accounting.mesh_routes import PER_PACKET, Routes, routes_of
+from hw_model.accounting.pieces import Pieces, pieces_of
+from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.description.counts import BY_CORE, COUNTED
+from hw_model.engine.trace import EVENTS, ByteArray, Int32Array, PhaseInput, PhaseTrace
+from hw_model.program.chip_program import ChipProgram
+
+
+@dataclass(frozen=True, eq=False)
+class StepActivity:
+    """One recording in one phase, step by step; several may be stacked, with a dimension in front.
+
+    ``by_piece[name]`` (steps, pieces) for each of :data:`hw_model.description.counts.BY_CORE`; ``packets`` (steps,
+    ways): packets on each way of :class:`hw_model.accounting.mesh_routes.Routes`; ``input_packets`` (steps, cores):
+    those that bring input events; ``buffered`` (steps,): events that the transpose buffer gives out.
+    """
+
+    pieces: Pieces
+    routes: Routes
+    by_piece: dict[str, IntArray]
+    packets: IntArray
+    input_packets: IntArray
+    buffered: IntArray
+
+    @cached_property
+    def by_core(self) -> dict[str, IntArray]:
+        """The same counts by core, (steps, cores)."""
+        return {name: self.pieces.of_pieces(counts) for name, counts in self.by_piece.items()}
+
+    def count(self, name: str) -> IntArray:
+        """Return a count, or one derived from them, (steps, cores)."""
+        if name == "neuron_updates_inactive":
+            return self.by_core["neuron_updates"] - self.by_core["neuron_updates_active"]
+        if name == "hops":
+            return self.by_core["hops_x"] + self.by_core["hops_y"]
+        if name == "packets_received":
+            arrived = self.input_packets.copy()
+            np.add.at(arrived.T, self.routes.target, self.packets.T)
+            return arrived
+        return self.by_core[name]
+
+
+def stacked(items: Sequence[StepActivity]) -> StepActivity:
+    """Return recordings of one phase and of equal length as one, (recordings, steps, ...)."""
+    first = items[0]
+    return StepActivity(
+        first.pieces,
+        first.routes,
+        {name: np.stack([item.by_piece[name] for item in items]) for name in first.by_piece},
+        np.stack([item.packets for item in items]),
+        np.stack([item.input_packets for item in items]),
+        np.stack([item.buffered for item in items]),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class FanOut:
+    """What one spike of each source causes; sources are input lines, then columns.
+
+    ``synapses`` (sources, pieces of the phase): synapses at each piece. ``due_late`` (longest delay + 1, sources): of
+    them, those with at least that delay. ``packets`` (sources, 4): of a compartment, :data:`PER_PACKET`.
+    ``input_packets`` (lines, cores of the phase): packets that carry an event of a line.
+    """
+
+    synapses: Int32Array
+    due_late: IntArray
+    packets: IntArray
+    input_packets: IntArray
+
+
+def count_totals(program: ChipProgram, phase: str, played: PhaseInput, trace: PhaseTrace) -> IntArray:
+    """Return the counts of every recording, (batch, fields of Counts): spikes of each source times what one causes."""
+    fan = fan_out(program, phase)
+    lines = len(fan.input_packets)
+    packets = trace.sent @ fan.packets
+    events = trace.events.sum(axis=2)
+    columns = {
+        "input_events": played.input_events,
+        "transpose_events": played.transpose_events,
+        "events_dropped": played.events_dropped,
+        "synaptic_ops": trace.sent @ fan.synapses.sum(axis=1),
+        "synaptic_ops_after_end": _due_after_end(played, trace.spikes, fan.due_late),
+        "neuron_updates": played.steps * trace.spikes.shape[2],
+        "neuron_updates_active": trace.active.sum(axis=(1, 2), dtype=np.int64),
+        "spikes": trace.sent[:, lines:].sum(axis=1),
+        **{name: packets[:, k] for k, name in enumerate(PER_PACKET)},
+        "input_packets": trace.sent[:, :lines] @ fan.input_packets.sum(axis=1),
+        **{name: events[:, k] for k, name in enumerate(EVENTS)},
+        "skipped_steps": trace.skipped,
+    }
+    table = np.empty((len(trace.sent), len(COUNTED)), dtype=np.int64)
+    for k, name in enumerate(COUNTED):
+        table[:, k] = columns[name]
+    return table
+
+
+def count_steps(program: ChipProgram, phase: str, played: PhaseInput, trace: PhaseTrace) -> list[StepActivity]:
+    """Return the counts of every recording step by step and core by core."""
+    fan = fan_out(program, phase)
+    pieces, routes = pieces_of(program, phase), routes_of(program, phase)
+    lines = len(fan.input_packets)
+    from_buffer = _through_buffer(program, phase)
+    found = []
+    for i in range(len(trace.spikes)):
+        sent, played_lines = trace.spikes[i], played.lines(i)
+        events = played_lines.astype(np.float64)
+        by_piece = {
+            "synaptic_ops": _whole(events @ fan.synapses[:lines] + sent.astype(np.float64) @ fan.synapses[lines:]),
+            "neuron_updates": np.broadcast_to(pieces.size, (played.steps, len(pieces.group))),
+            "neuron_updates_active": trace.active[i].astype(np.int64),
+            "spikes": pieces.of_spikes(sent),
+        }
+        packets = routes.packets(sent)
+        by_piece |= routes.by_piece(packets, len(pieces.group))
+        assert set(by_piece) == set(BY_CORE)
+        found.append(
+            StepActivity(
+                pieces,
+                routes,
+                by_piece,
+                packets=packets,
+                input_packets=_whole(events @ fan.input_packets),
+                buffered=played_lines[:, from_buffer].sum(axis=1, dtype=np.int64),
+            )
+        )
+    return found
+
+
+def _through_buffer(program: ChipProgram, phase: str) -> npt.NDArray[np.bool_]:
+    """Tell which lines of a phase the transpose buffer plays, (lines,)."""
+    inputs = program.inputs_of(phase)
+    return np.repeat([item.positions is not None for item in inputs], [item.size for item in inputs])
+
+
+def _whole(sums: npt.NDArray[np.float64]) -> IntArray:
+    """Sums of integers below 2^53 are exact in float64, and its matrix product is the fast one."""
+    return sums.astype(np.int64)
+
+
+def _due_after_end(played: PhaseInput, spikes: ByteArray, due_late: IntArray) -> IntArray:
+    """A spike d rows before the end is too late for the synapses whose delay is at least d."""
+    lines = sum(played.sizes)
+    late = np.zeros(len(spikes), dtype=np.int64)
+    for d in range(min(len(due_late), played.steps)):
+        row = played.steps - 1 - d
+        late += spikes[:, row].astype(np.int64) @ due_late[d, lines:]
+        offset = 0
+        for events, size in zip(played.events, played.sizes, strict=True):
+            recording, channel = events.at(row)
+            np.add.at(late, recording, due_late[d, offset + channel])
+            offset += size
+    return late
+
+
+@lru_cache(maxsize=8)
+def fan_out(program: ChipProgram, phase: str) -> FanOut:
+    """Follow every axon of a phase. Programs are hashed by identity."""
+    cores, pieces = program.cores_of(phase), pieces_of(program, phase)
+    place = {core.number: i for i, core in enumerate(cores)}
+    columns = {core.number: program.columns_of_core(core) for core in cores}
+    inputs = program.inputs_of(phase)
+    lines = sum(item.size for item in inputs)
+    count = lines + sum(core.compartments for core in cores)
+    longest = max((int(core.axons.delay.max(initial=0)) for core in cores), default=0)
+    synapses = np.zeros((count, len(pieces.group)), dtype=np.int32)
+    due_late = np.zeros((longest + 1, count), dtype=np.int64)
+    packets = np.zeros((count, len(PER_PACKET)), dtype=np.int64)
+    input_packets = np.zeros((lines, len(cores)), dtype=np.int64)
+
+    # How many synapses of each delay, and at each piece, an axon has, for every core.
+    by_delay, by_piece = {}, {}
+    for core in cores:
+        axons = core.axons
+        axon = np.repeat(np.arange(axons.input_axons), np.diff(axons.list_start))
+        by_delay[core.number] = _tally(axon, axons.delay, (axons.input_axons, longest + 1))
+        piece = np.repeat(np.arange(len(core.slices)), [part.size for part in core.slices])
+        by_piece[core.number] = _tally(axon, piece[axons.target], (axons.input_axons, len(core.slices)))
+
+    def arrive(sources: IntArray, to_core: IntArray, to_axon: IntArray) -> None:
+        for number in np.unique(to_core).tolist():
+            mine, index = to_core == number, place[number]
+            here = slice(pieces.of_core[index], pieces.of_core[index + 1])
+            np.add.at(synapses[:, here], sources[mine], by_piece[number][to_axon[mine]])
+            late = by_delay[number][to_axon[mine]]
+            np.add.at(due_late.T, sources[mine], late[:, ::-1].cumsum(axis=1)[:, ::-1])
+
+    first = 0
+    for item in inputs:
+        route = program.route_of(item.name)
+        arrive(route.line + first, route.core, route.axon)
+        to = np.array([place[number] for number in route.core.tolist()], dtype=np.int64)
+        np.add.at(input_packets, (route.line + first, to), 1)
+        first += item.size
+    for core in cores:
+        axons, mine = core.axons, columns[core.number]
+        sources = lines + mine[axons.out_compartment]
+        arrive(sources, axons.out_core, axons.out_axon)
+        hops = {int(to): program.chip.hops(core.slot, program.cores[to].slot) for to in np.unique(axons.out_core)}
+        ways = [(1, int(hops[to] == (0, 0)), *hops[to]) for to in axons.out_core.tolist()]
+        np.add.at(packets, sources, np.array(ways, dtype=np.int64).reshape(-1, len(PER_PACKET)))
+    return FanOut(synapses, due_late, packets, input_packets)
+
+
+def _tally(row: IntArray, column: IntArray, shape: tuple[int, int]) -> IntArray:
+    """Count how often each row meets each column."""
+    found: IntArray = np.bincount(row * shape[1] + column, minlength=shape[0] * shape[1])
+    return found.reshape(shape)

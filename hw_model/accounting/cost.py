@@ -1,0 +1,202 @@
+"""Energy and latency: counts times costs, and nothing else. Here a picojoule is multiplied.
+
+A step of a phase, on every core at once, until the barrier::
+
+    updates -> sending -> mesh -> deliveries -> synapses
+                                  (begin after the last packet to this core has arrived)
+
+A packet leaves after its core's updates and sending. It takes the time of its hops, X first, then Y; and as a link
+passes one packet in the time of a hop, it waits on the busiest link of its way for all others of that step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from hw_model.accounting.activity import StepActivity
+from hw_model.accounting.mesh_routes import Routes, routes_of
+from hw_model.description.counts import Counts
+from hw_model.description.profile import Profile
+from hw_model.program.chip_program import ChipProgram
+
+FloatArray = npt.NDArray[np.float64]
+UPDATES = ("neuron_updates", "neuron_updates_active", "neuron_updates_inactive")
+SENDING = ("spikes", "axon_packets", "packets_within_tile")
+DELIVERIES = ("packets_received",)
+SYNAPSES = ("synaptic_ops",)
+PARTS = ("updates", "sending", "mesh", "buffer", "deliveries", "synapses", "barrier")
+"""What a step's time goes to on its critical path; ``buffer``: reading events from the transpose buffer."""
+
+
+def energy_pj(counts: Counts, profile: Profile) -> dict[str, float]:
+    """Return picojoules by operation: each count times its cost. What a profile does not price is not in it."""
+    return {name: counts[name] * cost for name, cost in profile.energy_pj.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class Latency:
+    """Time of one recording: its phases follow each other. Host input is not in it."""
+
+    total_ns: float
+    by_phase_ns: Mapping[str, float]
+    critical_core: int
+    """The core that was last in most of the time."""
+    after_last_row_ns: float
+    """What is left to do when the last row has come: its step, and the phases that need the whole recording."""
+    slowest_step_ns: float
+    """The longest step that a row of the recording takes; 0 where no phase plays rows as they come."""
+
+
+@dataclass(frozen=True, eq=False)
+class StepTimes:
+    """Where the time of one phase goes, in nanoseconds, arrays (..., steps, cores) or (..., steps, ways).
+
+    ``work_ns[count]``: what a core works on each operation. ``buffer_ns``: reading the transpose buffer, before the
+    core's deliveries. ``mesh_ns``: from leaving a core to arriving at another, 0 on ways that no packet takes;
+    ``used`` tells which are taken. A step ends ``barrier_ns`` after the last core.
+    """
+
+    routes: Routes
+    work_ns: Mapping[str, FloatArray]
+    buffer_ns: FloatArray
+    mesh_ns: FloatArray
+    used: npt.NDArray[np.bool_]
+    barrier_ns: float
+
+    def of(self, counts: tuple[str, ...]) -> FloatArray:
+        """Return the work on some operations, (..., steps, cores)."""
+        return sum((self.work_ns[name] for name in counts if name in self.work_ns), start=np.zeros_like(self.buffer_ns))
+
+    @property
+    def sent_ns(self) -> FloatArray:
+        """When the last packet of each core leaves it, (..., steps, cores)."""
+        return self.of(UPDATES + SENDING)
+
+    @property
+    def begin_ns(self) -> FloatArray:
+        """When each core begins with what has arrived, (..., steps, cores)."""
+        begin = self.sent_ns
+        np.maximum.at(begin.T, self.routes.target, self._arrived_ns.T)
+        return begin
+
+    @property
+    def core_ns(self) -> FloatArray:
+        """When each core is done, (..., steps, cores)."""
+        return self.begin_ns + self.buffer_ns + self.of(DELIVERIES + SYNAPSES)
+
+    @property
+    def _arrived_ns(self) -> FloatArray:
+        """When the last packet of each way arrives; 0 where there is none."""
+        arrived: FloatArray = (self.sent_ns[..., self.routes.source] + self.mesh_ns) * self.used
+        return arrived
+
+
+@dataclass(frozen=True, eq=False)
+class CriticalPath:
+    """What decides how long each step takes, arrays (..., steps).
+
+    ``last``: the core that is done last; ``sender``: the core whose packet it waited for, itself where it waited for
+    none; both are indices of the phase's cores. ``parts_ns[part]`` add up to the time of the step.
+    """
+
+    last: npt.NDArray[np.int64]
+    sender: npt.NDArray[np.int64]
+    parts_ns: Mapping[str, FloatArray]
+
+    @property
+    def step_ns(self) -> FloatArray:
+        """Time of each step."""
+        return sum(self.parts_ns.values(), start=np.zeros(self.last.shape))
+
+
+def latency(program: ChipProgram, activity: Mapping[str, StepActivity], profile: Profile) -> Latency:
+    """Return the time of one recording from its activity by phase."""
+    paths = {phase: critical_path(step_times(program, phase, steps, profile)) for phase, steps in activity.items()}
+    return recording_latency(program, paths)
+
+
+def recording_latency(program: ChipProgram, paths: Mapping[str, CriticalPath]) -> Latency:
+    """Return the time of one recording from its critical path by phase."""
+    critical = np.zeros(len(program.cores))
+    by_phase, after, slowest = {}, 0.0, 0.0
+    for phase, path in paths.items():
+        step_ns = path.step_ns
+        by_phase[phase] = float(step_ns.sum())
+        if any(item.positions is None for item in program.inputs_of(phase)):
+            after += float(step_ns[-1])
+            slowest = max(slowest, float(step_ns.max()))
+        else:
+            after += by_phase[phase]
+        numbers = np.array([core.number for core in program.cores_of(phase)])
+        np.add.at(critical, numbers[path.last], step_ns)
+    return Latency(sum(by_phase.values()), by_phase, int(critical.argmax()), after, slowest)
+
+
+def step_times(program: ChipProgram, phase: str, steps: StepActivity, profile: Profile) -> StepTimes:
+    """Return the times of every step, core and way of a phase: counts times times."""
+    chip, cores = program.chip, program.cores_of(phase)
+    routes = routes_of(program, phase)
+    read_ns = steps.buffered * (chip.transpose_buffer.cycles_per_event / chip.clock_ghz)
+    return StepTimes(
+        routes=routes,
+        work_ns={
+            name: steps.count(name).astype(np.float64) * cost
+            for name, cost in profile.time_ns.items()
+            if name not in ("hops_x", "hops_y")
+        },
+        buffer_ns=np.repeat(read_ns[..., None], len(cores), axis=-1),
+        mesh_ns=_mesh_ns(routes, steps.packets, profile),
+        used=steps.packets > 0,
+        barrier_ns=profile.barrier_ns.ns(len({chip.tile_of(core.slot) for core in cores}), chip.mesh.tiles),
+    )
+
+
+def critical_path(times: StepTimes) -> CriticalPath:
+    """Follow every step back from the core that is done last, to the packet that it waited for and its sender."""
+    last = times.core_ns.argmax(axis=-1)
+    routes, sent_ns = times.routes, times.sent_ns
+    sender, mesh_ns = last.copy(), np.zeros(last.shape)
+    latest = _at(sent_ns, last)
+    for way in np.flatnonzero(routes.source != routes.target):
+        arrived = sent_ns[..., routes.source[way]] + times.mesh_ns[..., way]
+        decides = times.used[..., way] & (routes.target[way] == last) & (arrived > latest)
+        latest = np.where(decides, arrived, latest)
+        sender = np.where(decides, routes.source[way], sender)
+        mesh_ns = np.where(decides, times.mesh_ns[..., way], mesh_ns)
+    parts = {
+        "updates": _at(times.of(UPDATES), sender),
+        "sending": _at(times.of(SENDING), sender),
+        "mesh": mesh_ns,
+        "buffer": _at(times.buffer_ns, last),
+        "deliveries": _at(times.of(DELIVERIES), last),
+        "synapses": _at(times.of(SYNAPSES), last),
+        "barrier": np.full(last.shape, times.barrier_ns),
+    }
+    assert tuple(parts) == PARTS
+    return CriticalPath(last, sender, parts)
+
+
+def _mesh_ns(routes: Routes, packets: npt.NDArray[np.int64], profile: Profile) -> FloatArray:
+    """Return the time on each way in each step, (..., steps, ways): its hops, and the wait on its busiest link."""
+    cost_x, cost_y = profile.time_ns.get("hops_x", 0.0), profile.time_ns.get("hops_y", 0.0)
+    taken = packets > 0
+    mesh_ns: FloatArray = taken.astype(np.float64) * (routes.hops[:, 0] * cost_x + routes.hops[:, 1] * cost_y)
+    if routes.links:
+        waits = np.maximum(routes.loads(packets) - 1, 0) * np.where(routes.along_y, cost_y, cost_x)
+        # The last column stands for no link, as -1 behind a way's last one.
+        waits = np.concatenate((waits, np.zeros((*waits.shape[:-1], 1))), axis=-1)
+        longest = np.zeros(packets.shape)
+        for k in range(routes.over.shape[1]):
+            np.maximum(longest, waits[..., routes.over[:, k]], out=longest)
+        mesh_ns = mesh_ns + taken * longest
+    return mesh_ns
+
+
+def _at(values: FloatArray, core: npt.NDArray[np.int64]) -> FloatArray:
+    """Return the value of one core in each step, (..., steps)."""
+    found: FloatArray = np.take_along_axis(values, core[..., None], axis=-1)[..., 0]
+    return found

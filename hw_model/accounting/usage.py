@@ -1,0 +1,141 @@
+"""What recordings did and how long it took, added up: by phase, step, piece of a core, link and critical path."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from hw_model.accounting.activity import StepActivity, stacked
+from hw_model.accounting.cost import (
+    DELIVERIES,
+    SENDING,
+    SYNAPSES,
+    UPDATES,
+    CriticalPath,
+    FloatArray,
+    Latency,
+    StepTimes,
+    critical_path,
+    recording_latency,
+    step_times,
+)
+from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.description.profile import Profile
+from hw_model.program.chip_program import ChipProgram
+
+MAX_TOGETHER = 1 << 21
+"""Steps times ways that are held at a time."""
+
+
+@dataclass(frozen=True, eq=False)
+class PhaseUsage:
+    """Sums over recordings in one phase.
+
+    ``counts[name]`` (steps, pieces) for each of :data:`hw_model.description.counts.BY_CORE`; ``link_packets`` (links,),
+    and
+    ``link_most`` (links,): the most in one step of one recording; ``step_ns`` (steps,); ``parts_ns[part]``: critical
+    paths by :data:`hw_model.accounting.cost.PARTS`; ``busy_ns[part]`` (cores,): what each core did, critical or not;
+    ``paths_ns``: time of the steps by sender and last core.
+    """
+
+    counts: Mapping[str, IntArray]
+    link_packets: IntArray
+    link_most: IntArray
+    step_ns: FloatArray
+    parts_ns: Mapping[str, float]
+    busy_ns: Mapping[str, FloatArray]
+    paths_ns: Mapping[tuple[int, int], float]
+
+    def __add__(self, other: Self) -> Self:
+        return type(self)(
+            _added(self.counts, other.counts),
+            self.link_packets + other.link_packets,
+            np.maximum(self.link_most, other.link_most),
+            self.step_ns + other.step_ns,
+            {part: ns + other.parts_ns[part] for part, ns in self.parts_ns.items()},
+            _added(self.busy_ns, other.busy_ns),
+            dict(Counter(self.paths_ns) + Counter(other.paths_ns)),
+        )
+
+
+def measure(
+    program: ChipProgram, activity: Mapping[str, Sequence[StepActivity]], profile: Profile
+) -> tuple[list[Latency], dict[str, PhaseUsage]]:
+    """Return the latency of each recording, and the sums of all of them by phase; all recordings of equal length."""
+    latencies: list[Latency] = []
+    usages = []
+    for part in _parts(activity):
+        steps = {phase: stacked(items) for phase, items in part.items()}
+        times = {phase: step_times(program, phase, found, profile) for phase, found in steps.items()}
+        paths = {phase: critical_path(found) for phase, found in times.items()}
+        usages.append({phase: _usage(steps[phase], times[phase], paths[phase]) for phase in steps})
+        for i in range(len(next(iter(part.values())))):
+            latencies.append(recording_latency(program, {phase: _one(path, i) for phase, path in paths.items()}))
+    return latencies, added_usage(usages)
+
+
+def total_ns(program: ChipProgram, activity: Mapping[str, Sequence[StepActivity]], profile: Profile) -> float:
+    """Return the time of all recordings together, where nothing else is asked for."""
+    return sum(
+        float((core_ns := times.core_ns.max(axis=-1)).sum() + times.barrier_ns * core_ns.size)
+        for part in _parts(activity)
+        for phase, items in part.items()
+        for times in (step_times(program, phase, stacked(items), profile),)
+    )
+
+
+def _parts(activity: Mapping[str, Sequence[StepActivity]]) -> Iterator[dict[str, Sequence[StepActivity]]]:
+    """Yield recordings in parts that are small enough to be held step by step and way by way."""
+    a_recording = sum(items[0].packets.size + items[0].input_packets.size for items in activity.values())
+    recordings = len(next(iter(activity.values())))
+    many = max(1, MAX_TOGETHER // a_recording)
+    for start in range(0, recordings, many):
+        yield {phase: items[start : start + many] for phase, items in activity.items()}
+
+
+def _usage(steps: StepActivity, times: StepTimes, path: CriticalPath) -> PhaseUsage:
+    """Add up recordings (recordings, steps, ...)."""
+    loads = steps.routes.loads(steps.packets)
+    parts = {"updates": UPDATES, "sending": SENDING, "deliveries": DELIVERIES, "synapses": SYNAPSES}
+    return PhaseUsage(
+        counts={name: counts.sum(axis=0) for name, counts in steps.by_piece.items()},
+        link_packets=loads.sum(axis=(0, 1)),
+        link_most=loads.max(axis=(0, 1), initial=0),
+        step_ns=path.step_ns.sum(axis=0),
+        parts_ns={part: float(ns.sum()) for part, ns in path.parts_ns.items()},
+        busy_ns={part: times.of(counts).sum(axis=(0, 1)) for part, counts in parts.items()},
+        paths_ns=_paths_ns(path),
+    )
+
+
+def added_usage(parts: Iterable[Mapping[str, PhaseUsage]]) -> dict[str, PhaseUsage]:
+    """Add up the sums of several sets of recordings, phase by phase."""
+    added: dict[str, PhaseUsage] = {}
+    for part in parts:
+        added = {phase: added[phase] + found if phase in added else found for phase, found in part.items()}
+    return added
+
+
+def _added(one: Mapping[str, npt.NDArray[np.generic]], other: Mapping[str, npt.NDArray[np.generic]]) -> dict:  # type: ignore[type-arg]
+    return {name: values + other[name] for name, values in one.items()}  # type: ignore[operator]
+
+
+def _one(path: CriticalPath, recording: int) -> CriticalPath:
+    return CriticalPath(
+        path.last[recording],
+        path.sender[recording],
+        {part: ns[recording] for part, ns in path.parts_ns.items()},
+    )
+
+
+def _paths_ns(path: CriticalPath) -> dict[tuple[int, int], float]:
+    """Add up the time of steps by sender and last core."""
+    cores = int(path.last.max()) + 1
+    pairs, which = np.unique(path.sender.ravel() * cores + path.last.ravel(), return_inverse=True)
+    spent = np.bincount(which, weights=path.step_ns.ravel())
+    return {divmod(pair, cores): ns for pair, ns in zip(pairs.tolist(), spent.tolist(), strict=True)}

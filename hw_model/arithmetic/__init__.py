@@ -1,0 +1,1 @@
+"""The chip's integer arithmetic and its grid of weights: every formula once."""

@@ -1,0 +1,64 @@
+"""The grid of weight mantissas that a synapse format can hold, and rounding onto it.
+
+A format of ``b`` bits keeps the ``b`` high bits of an 8-bit magnitude; in mixed mode one of them is the sign:
+
+    sign mode     step         lowest               highest
+    mixed         2^(9 - b)    -256                 256 - step
+    excitatory    2^(8 - b)    0                    256 - step
+    inhibitory    2^(8 - b)    -(256 - step)        0
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.errors import InputError, did_you_mean
+
+SignMode = Literal["mixed", "excitatory", "inhibitory"]
+SIGN_MODES: tuple[SignMode, ...] = get_args(SignMode)
+WEIGHT_BITS = (1, 2, 3, 4, 5, 6, 8)
+WEIGHT_EXPONENTS = range(-8, 8)
+
+
+@dataclass(frozen=True)
+class WeightGrid:
+    """Mantissas ``low, low + step, ..., high``."""
+
+    weight_bits: int
+    sign_mode: SignMode
+    step: int
+    low: int
+    high: int
+
+    def round(self, values: npt.NDArray[np.float64]) -> IntArray:
+        """Round half to even onto the grid, then clip: the one place where weights are rounded."""
+        steps = np.rint(np.asarray(values, dtype=np.float64) / self.step)
+        mantissas: IntArray = np.clip(steps * self.step, self.low, self.high).astype(np.int64)
+        return mantissas
+
+    def off_grid(self, mantissas: IntArray) -> npt.NDArray[np.bool_]:
+        """Mark the mantissas that this format cannot hold."""
+        outside = (mantissas < self.low) | (mantissas > self.high)
+        marked: npt.NDArray[np.bool_] = outside | (mantissas % self.step != 0)
+        return marked
+
+
+def weight_grid(weight_bits: int, sign_mode: SignMode) -> WeightGrid:
+    """Return the grid of a format; a width or sign mode that no format has is an ``InputError``."""
+    if weight_bits not in WEIGHT_BITS:
+        raise InputError(
+            "weight bits",
+            f"no synapse format has {weight_bits} bits",
+            fix="Choose one of 1, 2, 3, 4, 5, 6, 8.",
+        )
+    if sign_mode not in SIGN_MODES:
+        raise InputError("sign mode", f"{sign_mode!r} does not exist", fix=did_you_mean(sign_mode, SIGN_MODES))
+    step = 1 << (9 - weight_bits if sign_mode == "mixed" else 8 - weight_bits)
+    low = {"mixed": -256, "excitatory": 0, "inhibitory": step - 256}[sign_mode]
+    high = 0 if sign_mode == "inhibitory" else 256 - step
+    return WeightGrid(weight_bits, sign_mode, step, low, high)

@@ -1,0 +1,193 @@
+"""A chip description: register widths, limits, mesh, and named energy and time profiles, read from YAML."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from importlib.resources import files
+from pathlib import Path
+
+from hw_model.description.check import check_chip
+from hw_model.description.profile import Profile
+from hw_model.description.read import parse, read_description
+from hw_model.errors import InputError, did_you_mean
+
+_YAML = (".yaml", ".yml")
+
+
+@dataclass(frozen=True)
+class Registers:
+    """Register widths in bits (sign not counted) and the largest settings."""
+
+    charge_bits: int
+    current_bits: int
+    voltage_bits: int
+    threshold_mantissa_bits: int
+    bias_mantissa_bits: int
+    bias_exponent_max: int
+    refractory_max: int
+    delay_max: int
+
+    @property
+    def voltage_max(self) -> int:
+        """Largest voltage, ``2^voltage_bits - 1``; the smallest is its negative."""
+        return (1 << self.voltage_bits) - 1
+
+    @property
+    def threshold_mantissa_max(self) -> int:
+        """Largest threshold mantissa."""
+        return (1 << self.threshold_mantissa_bits) - 1
+
+    @property
+    def slots(self) -> int:
+        """Accumulator slots a compartment needs: one for every delay, the step being read and the next."""
+        return self.delay_max + 2
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Tiles of a chip in columns and rows; packets travel x first, then y."""
+
+    columns: int
+    rows: int
+    cores_per_tile: int
+
+    @property
+    def tiles(self) -> int:
+        """Tiles of one chip."""
+        return self.columns * self.rows
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What one core, or one chip, holds at most."""
+
+    cores_per_chip: int
+    compartments_per_core: int
+    input_axons_per_core: int
+    output_axons_per_core: int
+    synapse_words_per_core: int
+    synapse_formats_per_core: int
+    compartment_profiles_per_core: int
+    threshold_profiles_per_core: int
+
+
+@dataclass(frozen=True)
+class SynapseMemory:
+    """Cost of an axon's synapse list, in memory words."""
+
+    word_bits: int
+    run_length: int
+    run_header_bits: int
+
+    def words(self, synapses: int, bits_per_synapse: int) -> int:
+        """Return the words of a list: each started run costs its header and synapses, rounded up to a word."""
+        full, rest = divmod(synapses, self.run_length)
+        return full * self._run(self.run_length, bits_per_synapse) + (self._run(rest, bits_per_synapse) if rest else 0)
+
+    def _run(self, synapses: int, bits_per_synapse: int) -> int:
+        return -(-(self.run_header_bits + synapses * bits_per_synapse) // self.word_bits)
+
+
+@dataclass(frozen=True)
+class TransposeBuffer:
+    """The buffer that turns a recording for location phases: an assumption of this model, outside the cores.
+
+    Events are written while the recording comes; each takes ``cycles_per_event`` to be read.
+    """
+
+    cycles_per_event: float
+
+
+@dataclass(frozen=True)
+class Chip:
+    """A chip and its board, as `hw_model/chips/*.yaml` describes it."""
+
+    name: str
+    description: str
+    chips: int
+    clock_ghz: float
+    registers: Registers
+    mesh: Mesh
+    limits: Limits
+    synapse_memory: SynapseMemory
+    profiles: Mapping[str, Profile]
+    document: str
+    """The YAML text that this chip was read from: a saved program carries it."""
+    transpose_buffer: TransposeBuffer = TransposeBuffer(1.0)
+
+    @property
+    def cores(self) -> int:
+        """Cores of the whole board."""
+        return self.chips * self.limits.cores_per_chip
+
+    def tile_of(self, slot: int) -> tuple[int, int]:
+        """Return (column, row) of a core's tile on the board: cores fill tiles row by row, chips lie side by side."""
+        chip, core = divmod(slot, self.limits.cores_per_chip)
+        row, column = divmod(core // self.mesh.cores_per_tile, self.mesh.columns)
+        return chip * self.mesh.columns + column, row
+
+    def hops(self, source_slot: int, target_slot: int) -> tuple[int, int]:
+        """Return (east-west, north-south) hops between two cores of the board."""
+        (x0, y0), (x1, y1) = self.tile_of(source_slot), self.tile_of(target_slot)
+        return abs(x0 - x1), abs(y0 - y1)
+
+    @property
+    def default_profile(self) -> str:
+        """Name of the energy profile that reports show first: the first of the chip file."""
+        return next(iter(self.profiles))
+
+    def profile(self, name: str) -> Profile:
+        """Return the named profile, or say which exist."""
+        if name not in self.profiles:
+            raise InputError(
+                f"chip {self.name}",
+                f"there is no energy profile {name!r}",
+                fix=did_you_mean(name, self.profiles) + " A profile of your own is a file that ends in .yaml.",
+            )
+        return self.profiles[name]
+
+
+def chip(name_or_path: str | Path) -> Chip:
+    """Return a chip by the name of a description that ships, or by the path of a YAML file."""
+    text = str(name_or_path)
+    if not text.endswith(_YAML):
+        if text not in chip_names():
+            raise InputError(
+                f"target {text!r}",
+                "no chip of this name ships",
+                fix=did_you_mean(text, chip_names()) + " A chip file of your own ends in .yaml.",
+            )
+        return parse_chip((files("hw_model") / "chips" / f"{text}.yaml").read_text("utf-8"), where=text)
+    path = Path(text)
+    return parse_chip(read_description(path, "chip", "those that `locsnn targets` lists"), where=path.name)
+
+
+def chip_names() -> tuple[str, ...]:
+    """Return the names of the chips that ship."""
+    names = (entry.name for entry in (files("hw_model") / "chips").iterdir())
+    return tuple(sorted(name.removesuffix(".yaml") for name in names if name.endswith(".yaml")))
+
+
+def parse_chip(text: str, where: str) -> Chip:
+    """Read a chip from YAML text; every missing, unknown or mistyped key is an ``InputError``."""
+    chip = parse(Chip, text, where, "chip", document=text)
+    check_chip(chip, where)
+    return chip
+
+
+def priced_by(chip: Chip, name_or_path: str | Path) -> Chip:
+    """Return the chip with another profile as its first: one of its own by name, or that of a YAML file.
+
+    The file holds what a profile of a chip file does; its name is the file's, without the ending.
+    """
+    text = str(name_or_path)
+    if not text.endswith(_YAML):
+        return replace(chip, profiles={text: chip.profile(text), **chip.profiles})
+    path = Path(text)
+    read = parse(Profile, read_description(path, "profile", "those in a chip file"), path.name, "profile")
+    if path.stem in chip.profiles:
+        raise InputError(
+            path.name, f"{chip.name} has a profile {path.stem!r} of its own", fix="Give the file another name."
+        )
+    return replace(chip, profiles={path.stem: read, **chip.profiles})

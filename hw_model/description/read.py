@@ -1,0 +1,205 @@
+"""Reads dataclasses from YAML, refusing in one line what they do not name: chips and energy profiles."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import MISSING, Field, dataclass, fields
+from pathlib import Path
+from typing import Any, TypeVar, get_type_hints
+
+import yaml
+
+from hw_model.description.counts import BY_CORE, COUNT_NAMES
+from hw_model.description.profile import NotIncluded, Profile, Range
+from hw_model.errors import InputError, did_you_mean
+from hw_model.io.yaml_text import load_yaml
+
+T = TypeVar("T")
+MAX_FILE_BYTES = 1 << 20
+TIMED = (*BY_CORE, "neuron_updates_inactive", "packets_received")
+"""Counts that a profile may give a time."""
+_MAY_BE_ZERO = ("bias_exponent_max", "delay_max", "run_header_bits")
+_COUNTED = {"energy_pj": COUNT_NAMES, "bound_pj": COUNT_NAMES, "time_ns": TIMED}
+"""What the costs of a mapping are of, by its key."""
+
+
+def read_description(path: Path, what: str, example: str) -> str:
+    """Return the text of a file that describes a chip or a profile; ``example``: files that it should be like."""
+    try:
+        size = path.stat().st_size
+        if size > MAX_FILE_BYTES:
+            raise InputError(
+                path.name,
+                f"the file is too large for a {what} description",
+                measured=f"{size} bytes against {MAX_FILE_BYTES}",
+                fix=f"Give a {what} file like {example}.",
+            )
+        return path.read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(
+            path.name,
+            f"the {what} file cannot be read: {_reason(error)}",
+            fix=f"Give the path of a {what} YAML file.",
+        ) from error
+
+
+def parse(cls: type[T], text: str, where: str, key: str, **given: object) -> T:
+    """Read a dataclass from YAML text; every missing, unknown or mistyped key is an ``InputError``."""
+    try:
+        document = load_yaml(text, where, loader=_OneOfEach)
+    except _TwiceError as error:
+        raise InputError(
+            where, f"the key {error.key!r} is given twice, again at line {error.line}", fix="Keep one."
+        ) from error
+    except (yaml.YAMLError, ValueError) as error:
+        line = getattr(getattr(error, "problem_mark", None), "line", None)
+        raise InputError(
+            where,
+            f"the {key} file is not YAML" + ("" if line is None else f" at line {line + 1}"),
+            fix="Compare it with a chip that ships.",
+        ) from error
+    return _Reader(where).build(cls, document, key, **given)
+
+
+class _TwiceError(Exception):
+    """A mapping of the YAML text has a key twice; ``line`` is that of the second."""
+
+    def __init__(self, key: str, line: int) -> None:
+        super().__init__(key)
+        self.key, self.line = key, line
+
+
+class _OneOfEach(yaml.SafeLoader):
+    """A safe loader that takes no key twice: the second would silently replace the first."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        seen = set()
+        for key, _ in node.value:
+            if isinstance(key, yaml.ScalarNode):
+                if key.value in seen:
+                    raise _TwiceError(key.value, key.start_mark.line + 1)
+                seen.add(key.value)
+        return super().construct_mapping(node, deep)
+
+
+def _reason(error: OSError | UnicodeDecodeError) -> str:
+    return "it is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else (error.strerror or "unknown")
+
+
+@dataclass(frozen=True)
+class _Reader:
+    where: str
+
+    def build(self, cls: type[T], value: object, key: str, **given: object) -> T:
+        hints = get_type_hints(cls)
+        wanted = [item for item in fields(cls) if item.name not in given]  # type: ignore[arg-type]
+        mapping = self.mapping(value, key)
+        for name in mapping:
+            if name not in {item.name for item in wanted}:
+                raise self.error(key, f"unknown key {name!r}", did_you_mean(name, (item.name for item in wanted)))
+        for item in wanted:
+            if item.name not in mapping and not _optional(item):
+                raise self.error(key, f"the key {item.name!r} is missing", "Add it.")
+        read = {
+            item.name: self.value(hints[item.name], mapping[item.name], item.name)
+            for item in wanted
+            if item.name in mapping
+        }
+        made = cls(**given, **read)
+        if isinstance(made, Profile):
+            self.check_profile(made)
+        return made
+
+    def value(self, hint: Any, value: object, key: str) -> object:
+        if hint is int:
+            return self.number(value, key, whole=True)
+        if hint is float:
+            return self.number(value, key, whole=False)
+        if hint == float | None:
+            return None if value is None else self.number(value, key, whole=False)
+        if hint is str:
+            return self.text(value, key)
+        if hint == Mapping[str, float]:
+            return self.costs(value, key)
+        if hint == Mapping[str, Range]:
+            return {name: self.range(item, f"{key}: {name}") for name, item in self.mapping(value, key).items()}
+        if hint == Mapping[str, str]:
+            return {name: self.text(item, f"{key}: {name}") for name, item in self.mapping(value, key).items()}
+        if hint == Mapping[str, Profile]:
+            profiles = self.mapping(value, key)
+            if not profiles:
+                raise self.error(key, "no energy profile is given", "Give at least one.")
+            return {name: self.build(Profile, item, name) for name, item in profiles.items()}
+        if hint == tuple[NotIncluded, ...]:
+            return tuple(self.left_out(item, key) for item in self.list(value, key))
+        # What may be left out has a type beside None.
+        classes = [kind for kind in getattr(hint, "__args__", (hint,)) if kind is not type(None)]
+        return self.build(classes[0], value, key)
+
+    def mapping(self, value: object, key: str) -> dict[str, object]:
+        if not isinstance(value, dict) or not all(isinstance(name, str) for name in value):
+            raise self.error(key, "not a mapping of names", "Compare it with a chip that ships.")
+        return value
+
+    def list(self, value: object, key: str) -> list[object]:
+        if not isinstance(value, list):
+            raise self.error(key, "not a list", "List texts.")
+        return value
+
+    def number(self, value: object, key: str, *, whole: bool) -> int | float:
+        kinds = int if whole else (int, float)
+        if isinstance(value, bool) or not isinstance(value, kinds) or not 0 <= value < 2**40:
+            kind = "whole number" if whole else "number"
+            raise self.error(key, f"{value!r} is not a {kind} from 0 up", "Correct it.")
+        if whole and key not in _MAY_BE_ZERO and value == 0:
+            raise self.error(key, "0 leaves nothing to place on", "Give at least 1.")
+        return value if whole else float(value)
+
+    def text(self, value: object, key: str) -> str:
+        if not isinstance(value, str) or not value or len(value) > 500:
+            raise self.error(key, "not a text of 1 to 500 characters", "Correct it.")
+        return value
+
+    def left_out(self, value: object, key: str) -> NotIncluded:
+        return self.build(NotIncluded, value, key) if isinstance(value, dict) else NotIncluded(self.text(value, key))
+
+    def range(self, value: object, key: str) -> Range:
+        if not isinstance(value, list) or len(value) != 2:
+            raise self.error(key, f"{value!r} is not a range", "Give [least, most], null for what is not known.")
+        low, high = (None if end is None else float(self.number(end, key, whole=False)) for end in value)
+        return low, high
+
+    def costs(self, value: object, key: str) -> dict[str, float]:
+        costs = {}
+        for name, cost in self.mapping(value, key).items():
+            self.known(name, key, _COUNTED[key])
+            costs[name] = float(self.number(cost, name, whole=False))
+        return costs
+
+    def check_profile(self, profile: Profile) -> None:
+        """Refuse ranges that their constant is not in, and sources and ranges of what has no price."""
+        for key, ranges, costs in (
+            ("energy_pj_range", profile.energy_pj_range, profile.energy_pj),
+            ("time_ns_range", profile.time_ns_range, profile.time_ns),
+        ):
+            for name, (low, high) in ranges.items():
+                self.known(name, key, costs)
+                if not (low or 0.0) <= costs[name] <= (costs[name] if high is None else high):
+                    ends = f"{'' if low is None else f'{low:g}'} to {'' if high is None else f'{high:g}'}".strip()
+                    raise self.error(
+                        f"{key}: {name}", f"the constant {costs[name]:g} is not within {ends}", "Correct it."
+                    )
+        for name in profile.sources:
+            self.known(name, "sources", {**profile.energy_pj, **profile.time_ns})
+
+    def known(self, name: str, key: str, names: Collection[str]) -> None:
+        if name not in names:
+            what = "is not counted" if key in _COUNTED else "has no constant"
+            raise self.error(key, f"{name!r} {what}", did_you_mean(name, names) if names else "Leave it out.")
+
+    def error(self, key: str, what: str, fix: str) -> InputError:
+        return InputError(f"{self.where}: {key}", what, fix=fix)
+
+
+def _optional(item: Field[Any]) -> bool:
+    return item.default is not MISSING or item.default_factory is not MISSING

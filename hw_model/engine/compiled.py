@@ -1,0 +1,156 @@
+"""Functions compiled by numba, kept in its cache where there is one to write to."""
+
+from __future__ import annotations
+
+import logging
+import os
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import llvmlite.binding
+import numba
+import numpy as np
+from llvmlite import ir
+from numba.core import event, types
+from numba.extending import intrinsic
+
+# Many arrays take part in an update; without this the compiler gives up proving that they do not overlap, and the loop
+# does not run in vectors.
+llvmlite.binding.set_option("hw_model", "-runtime-memory-check-threshold=200")
+
+
+FILES_OF_LOOPS = (
+    "engine/chunks",
+    "engine/compiled",
+    "engine/events",
+    "engine/fast",
+    "engine/layout",
+    "engine/registers32",
+    "engine/tiles",
+    "streaming/location_phase",
+    "streaming/time_phase",
+)
+
+_log = logging.getLogger("hw_model")
+
+
+class _Announce(event.Listener):  # type: ignore[misc]
+    """Log that loops are being compiled, which takes seconds, and how long it took: it happens once a machine."""
+
+    def __init__(self) -> None:
+        self._depth = 0
+        self._begun = 0.0
+
+    def on_start(self, event: Any) -> None:
+        if self._depth == 0:
+            self._begun = time.perf_counter()
+            _log.info("compiling %s for this machine, once", event.data["dispatcher"].py_func.__module__)
+        self._depth += 1
+
+    def on_end(self, event: Any) -> None:
+        self._depth -= 1
+        if self._depth == 0:
+            _log.info("compiled in %.1f s", time.perf_counter() - self._begun)
+
+
+event.register("numba:compile", _Announce())
+
+
+def compiled(function: Callable[..., Any]) -> Any:
+    """Compile a function that takes no Python objects and holds no lock: it may run in threads."""
+    return _compile(function)
+
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """Compile a function into each of its callers."""
+    return _compile(function, inline="always")
+
+
+def absorbed(function: Callable[..., Any]) -> Any:
+    """Compile a function that its callers take in as machine code: passing many arrays costs more than a short loop."""
+    return _compile(function, forceinline=True)
+
+
+def entry(function: Any, *arguments: Any) -> Callable[..., Any]:
+    """Return the machine code of a compiled function for arguments of these kinds; it must never be given others.
+
+    A call of the function itself looks at the kind of every array that it is given, which takes longer than a short
+    loop.
+    """
+    found: Callable[..., Any] = function.compile(tuple(numba.typeof(argument) for argument in arguments))
+    return found
+
+
+def _compile(function: Callable[..., Any], **options: Any) -> Any:
+    try:
+        dispatcher = numba.njit(cache=True, nogil=True, boundscheck=False, **options)(function)
+    except RuntimeError:  # neither the package's folder nor the user's cache can be written: compile every time
+        return numba.njit(nogil=True, boundscheck=False, **options)(function)
+    # The cache looks at the age of the function's own file, but its code holds that of what it calls elsewhere too.
+    kept = dispatcher._cache._cache_file
+    kept._source_stamp = (kept._source_stamp, _stamp_of_loops())
+    return dispatcher
+
+
+@lru_cache(maxsize=1)
+def _stamp_of_loops() -> tuple[tuple[int, int], ...]:
+    """Return age and size of every file of this package that holds compiled loops, or constants of theirs."""
+    files = [(Path(__file__).parents[1] / f"{name}.py").stat() for name in FILES_OF_LOOPS]
+    return tuple((file.st_mtime_ns, file.st_size) for file in files)
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def borrowed(typing: Any, value: Any) -> Any:
+    """Return an array, or a tuple of some, as it is but for its owner, so that no reference to it is ever counted.
+
+    Counting, with a locked instruction for each array at each call, took most of the time of short loops. The owner
+    must outlive the loop: so only for arrays that the caller was given by Python.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return _without_owner(context, builder, value, arguments[0])
+
+    return value(value), generate
+
+
+def _without_owner(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    if isinstance(kind, types.Array):
+        array = context.make_array(kind)(context, builder, value=value)
+        array.meminfo = ir.Constant(array.meminfo.type, None)
+        array.parent = ir.Constant(array.parent.type, None)
+        return array._getvalue()
+    if isinstance(kind, types.BaseTuple):  # type: ignore[attr-defined]
+        parts = [_without_owner(context, builder, part, builder.extract_value(value, i)) for i, part in enumerate(kind)]
+        return context.make_tuple(builder, kind, parts)
+    return value
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def trailing_zeros(typing: Any, word: Any) -> Any:
+    """Count the zeros below the lowest one of a uint64, which must not be 0."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
+
+    return types.int64(types.uint64), generate
+
+
+def in_parts(work: Callable[[int, int], Any], batch: int) -> list[Any]:
+    """Run ``work(start, stop)`` on even parts of a batch, one a core, in threads, and return what they return."""
+    bounds = [int(bound) for bound in np.linspace(0, batch, min(batch, os.cpu_count() or 1) + 1)]
+    if len(bounds) == 2:
+        return [work(0, batch)]
+    first, *rest = pairwise(bounds)
+    others = [_threads(os.getpid()).submit(work, *part) for part in rest]
+    return [work(*first), *(other.result() for other in others)]
+
+
+@lru_cache(maxsize=1)
+def _threads(process: int) -> ThreadPoolExecutor:
+    """Return the threads of this process; a fork has none of its parent's."""
+    return ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="hw_model")

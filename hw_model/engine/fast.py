@@ -1,0 +1,100 @@
+"""The fast engine: compiled, event-driven, 32 bits wide, block by block over tiles of steps. The same integers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.engine.compiled import borrowed, compiled, in_parts
+from hw_model.engine.layout import CHARGE_WRAPS, FIELDS, LANES, FastLayout, fast_layout
+from hw_model.engine.tiles import NOTHING_KEPT, Kept, KeptRegister, first_state, reset, run_tile, workspace
+from hw_model.engine.trace import (
+    EVENTS,
+    NOTHING,
+    REGISTERS,
+    EventLists,
+    Int32Array,
+    PhaseInput,
+    PhaseTrace,
+    Register,
+    Window,
+)
+from hw_model.program.chip_program import ChipProgram
+
+
+def run_phase(
+    program: ChipProgram, phase: str, played: PhaseInput, windows: dict[Register, Window], skip: bool = True
+) -> PhaseTrace:
+    """Run a batch through one phase, in threads; keep of the registers what the windows ask for."""
+    layout = fast_layout(program, phase)
+    batch, n = len(played.input_events), layout.columns
+    trace = PhaseTrace(
+        spikes=np.zeros((batch, played.steps, n), dtype=np.uint8),
+        sent=np.zeros((batch, sum(played.sizes) + n), dtype=np.int64),
+        active=np.zeros((batch, played.steps, layout.pieces), dtype=np.int64),
+        events=np.zeros((batch, len(EVENTS), n), dtype=np.int64),
+        skipped=np.zeros(batch, dtype=np.int64),
+        registers={kind: window.empty(batch) for kind, window in windows.items()},
+    )
+    in_parts(lambda start, stop: _run_part(layout, played, trace, windows, skip, slice(start, stop)), batch)
+    return trace
+
+
+def _run_part(
+    layout: FastLayout,
+    played: PhaseInput,
+    trace: PhaseTrace,
+    windows: dict[Register, Window],
+    skip: bool,
+    part: slice,
+) -> None:
+    kept = NOTHING_KEPT
+    if windows:
+        kept = Kept(True, *(_kept(kind, layout, trace, windows, part) for kind in REGISTERS))
+    first, line = join_lists(played.events, part)
+    _run(
+        first, line, layout.nodes, layout.chunks, layout.links, first_state(layout), workspace(layout), skip,
+        trace.spikes[part], trace.sent[part], trace.active[part], trace.events[part], trace.skipped[part], kept,
+    )  # fmt: skip
+
+
+def _kept(
+    kind: Register, layout: FastLayout, trace: PhaseTrace, windows: dict[Register, Window], part: slice
+) -> KeptRegister:
+    window = windows.get(kind, NOTHING)
+    place = np.full(layout.columns, -1, dtype=np.int64)
+    place[window.columns] = np.arange(len(window.columns))
+    return KeptRegister(place, window.start, trace.registers.get(kind, window.empty(part.stop))[part])
+
+
+def join_lists(events: Sequence[EventLists], part: slice) -> tuple[IntArray, Int32Array]:
+    """Return the lists of several inputs as one: where each recording of ``part``, row and input begins, and lines."""
+    offsets = np.cumsum([0, *(len(lists.channel) for lists in events)])
+    first = np.stack([lists.first[part] + offset for lists, offset in zip(events, offsets, strict=False)], axis=2)
+    return first, events[0].channel if len(events) == 1 else np.concatenate([lists.channel for lists in events])
+
+
+@compiled
+def _run(  # type: ignore[no-untyped-def]
+    first, line, nodes, chunks, links, state, work, skip, spikes, sent, active, events, skipped, kept
+):
+    """Run recordings one after the other, each tile by tile."""
+    first, line, nodes, chunks, links, state, work, spikes, sent, active, kept = borrowed(
+        (first, line, nodes, chunks, links, state, work, spikes, sent, active, kept)
+    )
+    steps, tile = spikes.shape[1], len(work.masks)
+    for b in range(len(spikes)):
+        reset(state)
+        for step in range(0, steps, tile):
+            rows = min(tile, steps - step)
+            skipped[b] += run_tile(
+                step, rows, first[b, step:], line, nodes, chunks, links, state, work, skip,
+                spikes[b, step:], sent[b], active[b, step:], b, kept,
+            )  # fmt: skip
+        for k in range(len(chunks.first_column)):
+            for i in range(chunks.width[k]):
+                at = k * FIELDS * LANES + i
+                for event in range(3):
+                    events[b, event, chunks.first_column[k] + i] = state.registers[at + (CHARGE_WRAPS + event) * LANES]

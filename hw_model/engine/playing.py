@@ -1,0 +1,122 @@
+"""How recordings become spikes on a phase's input lines: as they come, or through the transpose buffer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from hw_model.engine.trace import ByteArray, EventLists, PhaseInput
+from hw_model.errors import InputError
+from hw_model.mapping.graph import Input, Phase
+from hw_model.program.chip_program import ChipProgram
+
+Spikes = npt.ArrayLike | Mapping[str, npt.ArrayLike]
+
+
+def read_streams(program: ChipProgram, spikes: Spikes) -> tuple[dict[str, ByteArray], bool]:
+    """Return every stream as (batch, steps, channels) of 0 and 1, and whether a batch was given."""
+    expected = program.streams
+    given = dict(spikes) if isinstance(spikes, Mapping) else {name: spikes for name in list(expected)[:1]}
+    if sorted(given) != sorted(expected):
+        raise InputError(
+            "spikes", f"the program plays {', '.join(sorted(expected))}", fix="Give a mapping with one array for each."
+        )
+    arrays = {name: _stream(name, given[name], channels) for name, channels in expected.items()}
+    if len({array.shape[:-1] for array in arrays.values()}) != 1:
+        raise InputError("spikes", "the streams differ in batch or steps", fix="Give arrays of equal length.")
+    batched = next(iter(arrays.values())).ndim == 3
+    return {name: array if batched else array[None] for name, array in arrays.items()}, batched
+
+
+def _stream(name: str, given: npt.ArrayLike, channels: int) -> ByteArray:
+    array = np.asarray(given)
+    where = f"spikes of {name!r}"
+    if array.ndim not in (2, 3) or array.shape[-1] != channels:
+        raise InputError(
+            where,
+            "the shape does not fit",
+            measured=f"{array.shape} against (steps, {channels}) or (batch, steps, {channels})",
+            fix="Give one column a channel.",
+        )
+    if array.dtype.kind == "u":
+        binary = array.size == 0 or bool(array.max() <= 1)
+    else:
+        binary = array.dtype.kind in "bif" and bool(((array == 0) | (array == 1)).all())
+    if not binary:
+        raise InputError(
+            where, "values other than 0 and 1", fix="Binarise the events; graded spikes do not exist here."
+        )
+    return array.astype(np.uint8, copy=False)
+
+
+def list_events(recordings: ByteArray) -> EventLists:
+    """Return the spikes of recordings (batch, rows, channels) as lists."""
+    batch, rows, channels = recordings.shape
+    row, channel = divmod(np.flatnonzero(recordings), max(channels, 1))
+    starts = np.searchsorted(row, np.arange(batch * rows + 1))
+    first = starts[np.add.outer(np.arange(batch) * rows, np.arange(rows + 1))]
+    return EventLists(first, channel.astype(np.int32))
+
+
+def transpose(events: EventLists, item: Input, steps: int) -> EventLists:
+    """Return what the buffer plays of a transposed input in ``steps`` steps, lists of so many rows.
+
+    An event (step t, channel c) becomes line ``first_lines[c] + t`` at step ``positions[c]``, if both exist.
+    """
+    assert item.positions is not None
+    many = min(item.rows, events.rows)
+    first = np.zeros((len(events.first), steps + 1), dtype=np.int64)
+    parts, so_far = [np.empty(0, dtype=np.int32)], 0
+    for b, starts in enumerate(events.first):
+        channel = events.channel[starts[0] : starts[many]]
+        line = np.repeat(np.arange(many), np.diff(starts[: many + 1]))
+        if item.first_lines is not None:
+            line += item.first_lines[channel]
+        step = item.positions[channel]
+        order = np.lexsort((line, step))
+        order = order[: np.count_nonzero(step < steps)]
+        first[b] = so_far + np.searchsorted(step[order], np.arange(steps + 1))
+        parts.append(line[order].astype(np.int32))
+        so_far += len(order)
+    return EventLists(first, np.concatenate(parts))
+
+
+@dataclass(frozen=True)
+class Player:
+    """How events are listed and transposed; the two engines bring their own, which give the same lists."""
+
+    list_events: Callable[[ByteArray], EventLists] = list_events
+    transpose: Callable[[EventLists, Input, int], EventLists] = transpose
+
+
+def play(
+    program: ChipProgram, phase: Phase, streams: Mapping[str, EventLists], steps: int | None, player: Player
+) -> PhaseInput:
+    """Lay recordings out as the lines of a phase; ``steps`` where the phase does not fix them, else all rows."""
+    rows, batch = next((events.rows, len(events.first)) for events in streams.values())
+    length = phase.steps if phase.steps is not None else (steps if steps is not None else rows)
+    played, transposed, dropped = (np.zeros(batch, dtype=np.int64) for _ in range(3))
+    inputs = program.inputs_of(phase.name)
+    lists = []
+    for item in inputs:
+        recorded = streams[item.stream]
+        if item.positions is None:
+            lists.append(_fit(recorded, length))
+            played += recorded.until(length)
+            dropped += recorded.until(rows) - recorded.until(length)
+        else:
+            turned = player.transpose(recorded, item, length)
+            lists.append(turned)
+            transposed += turned.until(length)
+            dropped += recorded.until(rows) - turned.until(length)
+    return PhaseInput(length, tuple(item.size for item in inputs), tuple(lists), played, transposed, dropped)
+
+
+def _fit(events: EventLists, length: int) -> EventLists:
+    """Cut lists, or follow them by silence, to a length in steps."""
+    missing = length - events.rows
+    first = np.pad(events.first, ((0, 0), (0, missing)), mode="edge") if missing > 0 else events.first[:, : length + 1]
+    return EventLists(first, events.channel)

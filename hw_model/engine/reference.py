@@ -1,0 +1,147 @@
+"""The plain engine: the chip's step as the description tells it, core by core, spike by spike. Slow and obvious.
+
+One step is: update every compartment of every core (accumulate, decay, join, fire), then deliver the spikes of this
+step to the accumulator slots of the steps in which their charge is due.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hw_model.arithmetic.fixed_point import IntArray, clip, decay, wrap
+from hw_model.engine.trace import EVENTS, ByteArray, PhaseInput, PhaseTrace, Register, Window
+from hw_model.program.chip_program import ChipProgram, Core
+
+
+def run_phase(program: ChipProgram, phase: str, played: PhaseInput, windows: dict[Register, Window]) -> PhaseTrace:
+    """Run a batch through one phase, recording by recording; keep of the registers what the windows ask for."""
+    recordings = [played.lines(b) for b in range(len(played.input_events))]
+    traces = [_run_recording(program, phase, lines, windows) for lines in recordings]
+    spikes = np.stack([trace[0] for trace in traces])
+    lines_sent = np.stack([lines.sum(axis=0, dtype=np.int64) for lines in recordings])
+    sent = np.concatenate((lines_sent, spikes.sum(axis=1, dtype=np.int64)), axis=1)
+    return PhaseTrace(
+        spikes,
+        sent,
+        active=np.stack([trace[1] for trace in traces]),
+        events=np.stack([trace[2] for trace in traces]),
+        skipped=np.zeros(len(traces), dtype=np.int64),
+        registers={kind: np.stack([trace[3][kind] for trace in traces]) for kind in windows},
+    )
+
+
+def _run_recording(
+    program: ChipProgram, phase: str, lines: ByteArray, windows: dict[Register, Window]
+) -> tuple[ByteArray, IntArray, IntArray, dict[Register, IntArray]]:
+    """Return spikes, active, events and registers of one recording."""
+    cores = {core.number: _CoreState(core, program) for core in program.cores_of(phase)}
+    columns = np.concatenate([program.columns_of_core(core) for core in program.cores_of(phase)])
+    routes, first = [], 0
+    for item in program.inputs_of(phase):
+        routes.append((program.route_of(item.name), lines[:, first : first + item.size]))
+        first += item.size
+    steps = len(lines)
+    spikes = np.zeros((steps, len(columns)), dtype=np.uint8)
+    active = np.zeros((steps, sum(len(core.slices) for core in program.cores_of(phase))), dtype=np.int64)
+    registers = {kind: window.empty(1)[0] for kind, window in windows.items()}
+    for step in range(steps):
+        for state in cores.values():
+            state.update(step)
+
+        for state in cores.values():
+            axons = state.core.axons
+            for k in np.flatnonzero(state.fired[axons.out_compartment]):
+                cores[int(axons.out_core[k])].deliver(int(axons.out_axon[k]), step)
+        for route, played in routes:
+            for k in np.flatnonzero(played[step][route.line]):
+                cores[int(route.core[k])].deliver(int(route.axon[k]), step)
+
+        spikes[step, columns] = np.concatenate([state.fired for state in cores.values()])
+        active[step] = np.concatenate([state.active() for state in cores.values()])
+        for kind, window in windows.items():
+            if window.start <= step < window.stop:
+                register = np.empty(len(columns), dtype=np.int64)
+                register[columns] = np.concatenate([getattr(state, kind) for state in cores.values()])
+                registers[kind][step - window.start] = register[window.columns]
+    events = np.zeros((len(EVENTS), len(columns)), dtype=np.int64)
+    events[:, columns] = np.concatenate([state.events for state in cores.values()], axis=1)
+    return spikes, active, events, registers
+
+
+class _CoreState:
+    """Registers and accumulators of one core, arrays (compartments,)."""
+
+    def __init__(self, core: Core, program: ChipProgram) -> None:
+        self.core, self.limits = core, program.chip.registers
+        n = core.compartments
+        self.decay_u, self.decay_v = core.setting("decay_u"), core.setting("decay_v")
+        self.refractory, self.spiking = core.setting("refractory"), core.setting("joined") == 0
+        self.bias, self.threshold = core.bias, core.threshold_voltage
+        self.weight = core.effective_weights
+        self.slots = np.zeros((self.limits.slots, n), dtype=np.int64)
+        self.u, self.v, self.potential = (np.zeros(n, dtype=np.int64) for _ in range(3))
+        self.blocked = np.zeros(n, dtype=np.int64)
+        self.fired = np.zeros(n, dtype=np.bool_)
+        self.busy = np.zeros(n, dtype=np.bool_)
+        self.generations = _generations(core.parent)
+        self.events = np.zeros((len(EVENTS), n), dtype=np.int64)
+
+    def update(self, step: int) -> None:
+        """Accumulate, decay, join and fire, for every compartment of the core."""
+        bits = self.limits
+        slot = self.slots[step % bits.slots]
+        arrived = slot.copy()
+        slot[:] = 0
+        busy = (arrived != 0) | (self.u != 0) | (self.v != 0) | (self.bias != 0)
+
+        q = self._counted("charge_wraps", arrived, wrap(arrived, bits.charge_bits))
+        u = decay(self.u, self.decay_u) + q
+        self.u = self._counted("current_wraps", u, wrap(u, bits.current_bits))
+
+        joined = np.zeros_like(self.v)
+        for members in self.generations:
+            busy[members] |= joined[members] != 0
+            self._update_voltage(members, joined)
+        self.busy = busy
+        self.blocked = np.maximum(self.blocked - 1, 0)
+        self.blocked[self.fired] = self.refractory[self.fired] - 1
+
+    def active(self) -> list[int]:
+        """Count the compartments of every piece that had anything to work on."""
+        return [int(self.busy[p.offset : p.offset + p.size].sum()) for p in self.core.slices]
+
+    def _update_voltage(self, i: IntArray, joined: IntArray) -> None:
+        """Update v of compartments i, none the parent of another; ``joined[i]`` is complete."""
+        drive = self.u[i] + self.bias[i]
+        wrapped = wrap(drive, self.limits.current_bits)
+        v = decay(self.v[i], self.decay_v[i]) + wrapped + joined[i]
+        clipped = clip(v, self.core.vmin, self.core.vmax)
+
+        held = self.blocked[i] > 0
+        self.events[EVENTS.index("current_wraps"), i] += (wrapped != drive) & ~held
+        self.events[EVENTS.index("voltage_clips"), i] += (clipped != v) & ~held
+        self.potential[i] = np.where(held, 0, clipped)
+        self.fired[i] = ~held & self.spiking[i] & (clipped > self.threshold[i])
+        self.v[i] = np.where(self.fired[i], 0, self.potential[i])
+
+        children = i[self.core.parent[i] >= 0]
+        np.add.at(joined, self.core.parent[children], self.v[children])
+
+    def deliver(self, axon: int, step: int) -> None:
+        """Add the weights of an axon's synapses to the slots of the steps in which they are due."""
+        axons = self.core.axons
+        row = slice(int(axons.list_start[axon]), int(axons.list_start[axon + 1]))
+        due = (step + 1 + axons.delay[row]) % self.limits.slots
+        np.add.at(self.slots, (due, axons.target[row]), self.weight[row])
+
+    def _counted(self, event: str, before: IntArray, after: IntArray) -> IntArray:
+        self.events[EVENTS.index(event)] += before != after
+        return after
+
+
+def _generations(parent: IntArray) -> list[IntArray]:
+    """Return compartments without children, then those whose children all came before, and so on."""
+    height = np.zeros(len(parent), dtype=np.int64)
+    for i in np.flatnonzero(parent >= 0):
+        height[parent[i]] = max(height[parent[i]], height[i] + 1)
+    return [np.flatnonzero(height == h) for h in np.unique(height)]

@@ -1,0 +1,359 @@
+"""The compiled loops of the fast engine over a tile of steps: a link, a block; a chunk is
+:mod:`hw_model.engine.chunks`.
+
+Charges are kept in units of 64, the least that a weight can be: wrapping q to 21 bits plus sign is then taking the low
+16 bits. A chunk that is all zero, and on which nothing arrives, is skipped: nothing could change in it.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from hw_model.engine.chunks import add_up, pass_on, update
+from hw_model.engine.compiled import absorbed, compiled, trailing_zeros
+from hw_model.engine.layout import BIAS, FIELDS, LANES, POTENTIAL, FastLayout, U, V, aligned
+
+TILE = 64
+"""Steps that one block runs before the next does: their charges stay in the cache."""
+
+AnyArray = npt.NDArray[Any]
+
+
+LONG = 128
+"""Slots from which on several matrix rows are added at once; for fewer, setting out takes longer than it saves."""
+
+
+class State(NamedTuple):
+    """A phase at a step: registers; charges due in a tile of steps and after it; the chunks that they touch, by row.
+
+    ``at_rest`` marks the chunks that are all zero; the last two are registers and marks before the first step.
+    """
+
+    registers: AnyArray
+    charge: AnyArray
+    touched: AnyArray
+    at_rest: AnyArray
+    first_registers: AnyArray
+    first_at_rest: AnyArray
+
+
+class Workspace(NamedTuple):
+    """The spikes of a tile, as bits by row and chunk and as lists by node and row; and which rows were updated."""
+
+    masks: AnyArray
+    event: AnyArray
+    begin: AnyArray
+    updated: AnyArray
+
+
+class KeptRegister(NamedTuple):
+    """Rows (batch, rows, columns) of a register from step ``start`` on; column c goes to ``place[c]`` if not -1."""
+
+    place: AnyArray
+    start: int
+    rows: AnyArray
+
+
+class Kept(NamedTuple):
+    """What to keep of registers; ``watched``: anything at all."""
+
+    watched: bool
+    u: KeptRegister
+    v: KeptRegister
+    potential: KeptRegister
+
+
+NO_REGISTER = KeptRegister(np.empty(0, dtype=np.int64), 0, np.empty((1, 0, 0), dtype=np.int64))
+NOTHING_KEPT = Kept(False, NO_REGISTER, NO_REGISTER, NO_REGISTER)
+
+
+def first_state(layout: FastLayout, tile: int = TILE) -> State:
+    """Return the state before the first step."""
+    registers = layout.chunks.registers.reshape(-1)
+    at_rest = (layout.chunks.registers[:, BIAS] == 0).min(axis=1)
+    chunks, rows = len(at_rest), tile + layout.longest_delay + 1
+    charge = aligned((rows, chunks * LANES), np.int64 if layout.wide else np.int32)
+    touched = np.zeros((rows, chunks), dtype=np.uint8)
+    current = aligned(registers.shape, np.int32)
+    current[:] = registers
+    return State(current, charge, touched, at_rest.copy(), registers, at_rest)
+
+
+def workspace(layout: FastLayout, tile: int = TILE) -> Workspace:
+    """Return room for the spikes of a tile."""
+    return Workspace(
+        masks=np.zeros((tile, len(layout.chunks.node)), dtype=np.int32),
+        event=np.empty(tile * layout.columns, dtype=np.int32),
+        begin=np.zeros((tile + 1, len(layout.nodes.first)), dtype=np.int64),
+        updated=np.zeros(tile, dtype=np.uint8),
+    )
+
+
+# Unsigned, or each index would be tested for being negative.
+_LANES, _CHUNK = np.uint64(LANES), np.uint64(FIELDS * LANES)
+_U, _V, _POTENTIAL = np.uint64(U * LANES), np.uint64(V * LANES), np.uint64(POTENTIAL * LANES)
+
+
+@absorbed
+def deliver(  # type: ignore[no-untyped-def]
+    link, rows_from, rows_to, event, base, begin, m, charge, touched, nodes, links
+):
+    """Add the synapses of a link's spikes to the rows in which they are due: the next one, and later.
+
+    The spikes of row r are ``event[base + e]`` for e in ``begin[r, m]..begin[r + 1, m]``.
+    """
+    offset, width = links.offset[link], links.width[link]
+    if links.dense[link]:
+        node = links.target_node[link]
+        many, low = np.uint64(width), np.uint64(links.target[link])
+        for r in range(rows_from, rows_to):
+            if begin[r + 1, m] > begin[r, m]:
+                at = np.uint64(r + 1 + links.delay[link])
+                rest = begin[r, m]
+                if width >= LONG:
+                    rest = _add_eights(link, base, rest, begin[r + 1, m], event, charge, at, links)
+                for e in range(rest, begin[r + 1, m]):
+                    start = np.uint64(offset + event[base + e] * width)
+                    for j in range(many):
+                        charge[at, low + j] += links.matrix[start + j]
+                for chunk in range(nodes.chunk[node], nodes.chunk[node + 1]):
+                    touched[at, np.uint64(chunk)] = 1
+    else:
+        for r in range(rows_from, rows_to):
+            for e in range(begin[r, m], begin[r + 1, m]):
+                source = np.uint64(offset + event[base + e])
+                first, last = np.uint64(links.list_start[source]), np.uint64(links.list_start[source + np.uint64(1)])
+                for k in range(first, last):
+                    charge[np.uint64(r + 1 + links.late[k]), np.uint64(links.slot[k])] += links.weight[k]
+                first, last = np.uint64(links.reach_start[source]), np.uint64(links.reach_start[source + np.uint64(1)])
+                for k in range(first, last):
+                    touched[np.uint64(r + 1 + links.reach_late[k]), np.uint64(links.reach_chunk[k])] = 1
+
+
+@compiled
+def _add_eights(link, base, first, last, event, charge, at, links):  # type: ignore[no-untyped-def]
+    """Add matrix rows eight at once, so that the row of charges is passed less often; return the first one left."""
+    matrix, many = links.matrix, np.uint64(links.width[link])
+    offset, width, low = links.offset[link], links.width[link], np.uint64(links.target[link])
+    while first + 8 <= last:
+        k = base + first
+        a, b = np.uint64(offset + event[k] * width), np.uint64(offset + event[k + 1] * width)
+        c, d = np.uint64(offset + event[k + 2] * width), np.uint64(offset + event[k + 3] * width)
+        e, f = np.uint64(offset + event[k + 4] * width), np.uint64(offset + event[k + 5] * width)
+        g, h = np.uint64(offset + event[k + 6] * width), np.uint64(offset + event[k + 7] * width)
+        for j in range(many):
+            one = np.int32(matrix[a + j]) + np.int32(matrix[b + j]) + np.int32(matrix[c + j]) + np.int32(matrix[d + j])
+            two = np.int32(matrix[e + j]) + np.int32(matrix[f + j]) + np.int32(matrix[g + j]) + np.int32(matrix[h + j])
+            charge[at, low + j] += np.int32(one) + np.int32(two)
+        first += 8
+    return first
+
+
+@compiled
+def _keep(registers, at, first_column, width, step, recording, kept):  # type: ignore[no-untyped-def]
+    """Copy the lanes of a chunk that are to be kept, if this step is."""
+    row = step - kept.start
+    if 0 <= row < kept.rows.shape[1]:
+        for i in range(width):
+            if kept.place[first_column + i] >= 0:
+                kept.rows[recording, row, kept.place[first_column + i]] = registers[at + np.uint64(i)]
+
+
+@compiled
+def reset(state):  # type: ignore[no-untyped-def]
+    """Go back to before the first step."""
+    # Loops: each assignment of a whole array would take a second to compile.
+    for k in range(len(state.registers)):
+        state.registers[k] = state.first_registers[k]
+    for k in range(len(state.at_rest)):
+        state.at_rest[k] = state.first_at_rest[k]
+    for r in range(len(state.charge)):
+        _clear(state.charge, r)
+        _clear(state.touched, r)
+
+
+@compiled
+def _clear(array, row):  # type: ignore[no-untyped-def]
+    for k in range(array.shape[1]):
+        array[row, k] = 0
+
+
+@compiled
+def _move_row(array, row, to):  # type: ignore[no-untyped-def]
+    """Move a row to another; return whether anything in it was not 0."""
+    anything = False
+    for k in range(array.shape[1]):
+        anything |= array[row, k] != 0
+        array[to, k] = array[row, k]
+        array[row, k] = 0
+    return anything
+
+
+@compiled
+def run_tile(  # type: ignore[no-untyped-def]
+    step, rows, first, line, nodes, chunks, links, state, work, skip, spikes, sent, active, recording, kept
+):
+    """Run ``rows`` steps from ``step`` on; return how many of them nothing had to be updated in.
+
+    ``first`` (rows + 1 or more, inputs) and ``line``: the lists of the tile's input events. ``spikes`` (rows, n) and
+    ``active`` (rows, pieces) are written, ``sent`` (lines + n,) is added to, and registers are kept for ``recording``.
+    """
+    for m in range(first.shape[1]):
+        low = np.uint64(nodes.first[m])
+        for e in range(np.uint64(first[0, m]), np.uint64(first[rows, m])):
+            sent[low + np.uint64(line[e])] += 1
+    for r in range(rows):
+        work.updated[r] = 0
+    for block in range(len(chunks.feeds_itself)):
+        _run_block(
+            block,
+            step,
+            rows,
+            first,
+            line,
+            nodes,
+            chunks,
+            links,
+            state,
+            work,
+            skip,
+            spikes,
+            sent,
+            active,
+            recording,
+            kept,
+        )
+    _move_on(state.charge, state.touched, rows)
+    quiet = rows
+    for r in range(rows):
+        quiet -= work.updated[r]
+    return quiet
+
+
+@absorbed
+def _move_on(charge, touched, rows):  # type: ignore[no-untyped-def]
+    """Move what is due after a tile to the front; the rows behind it start empty. Those of the tile are empty."""
+    late = len(charge) - rows
+    for r in range(len(charge)):
+        if r >= late:
+            _clear(touched, r)
+        elif _move_row(touched, r + rows, r):
+            _move_row(charge, r + rows, r)
+
+
+@compiled
+def _run_block(  # type: ignore[no-untyped-def]
+    block, step, rows, first, line, nodes, chunks, links, state, work, skip, spikes, sent, active, recording, kept
+):
+    """Run one block over the rows of a tile: at once, or, if it feeds itself, row by row."""
+    charge, touched = state.charge, state.touched
+    event, begin = work.event, work.begin
+    tile = len(work.masks)
+    for link in range(links.into_block[block], links.into_block[block + 1]):
+        m = links.source[link]
+        if m < first.shape[1]:
+            deliver(link, 0, rows, line, 0, first, m, charge, touched, nodes, links)
+        else:
+            deliver(link, 0, rows, event, nodes.first[m] * tile, begin, m, charge, touched, nodes, links)
+
+    # A block that feeds itself is updated row by row; any other, bundle by bundle, with its registers in the cache.
+    by_row = chunks.feeds_itself[block]
+    stride = 1 if by_row else rows
+    for low in range(0, rows, stride):
+        fired = np.int32(0)
+        next_bundle = chunks.of_block[block]
+        while next_bundle < chunks.of_block[block + 1]:
+            start = chunks.bundle[next_bundle]
+            next_bundle = chunks.of_block[block + 1] if by_row else next_bundle + 1
+            if not by_row and chunks.bundle[next_bundle] == start + 1 and not kept.watched:
+                fired |= _update_alone(np.uint64(chunks.member[start]), rows, chunks, state, work, skip, active)
+                continue
+            for r in range(low, low + stride):
+                fired |= _update_members(
+                    start, chunks.bundle[next_bundle], r, step, chunks, state, work, skip, active, recording, kept
+                )
+        for index in range(chunks.of_node[block], chunks.of_node[block + 1]):
+            m = chunks.spiking_node[index]
+            _list_spikes(m, low, low + stride, fired, nodes, chunks, work, spikes, sent)
+            if fired:
+                for link in range(links.from_node[m], links.from_node[m + 1]):
+                    base = nodes.first[m] * tile
+                    deliver(link, low, low + stride, event, base, begin, m, charge, touched, nodes, links)
+
+
+@absorbed
+def _update_alone(k, rows, chunks, state, work, skip, active):  # type: ignore[no-untyped-def]
+    """Do what :func:`_update_members` does for a chunk to which nothing is joined, in all rows: the shortest loop."""
+    piece = np.uint64(chunks.piece[k])
+    rests = skip and state.at_rest[k]
+    fired = np.int32(0)
+    for r in range(np.uint64(rows)):
+        if rests and not state.touched[r, k]:
+            continue
+        mask, busy, restless = update(state.registers, k * _CHUNK, state.charge, r, k * _LANES)
+        rests = skip and restless == 0
+        work.masks[r, k] = mask
+        work.updated[r] = 1
+        active[r, piece] += busy
+        fired |= mask
+    state.at_rest[k] = rests
+    return fired
+
+
+@absorbed
+def _update_members(start, stop, r, step, chunks, state, work, skip, active, recording, kept):  # type: ignore[no-untyped-def]
+    """Update whole bundles, members ``start..stop``, in row r; return the spikes of all of them as bits."""
+    step += r
+    registers, at_rest = state.registers, state.at_rest
+    fired = np.int32(0)
+    stirred = False
+    for index in range(start, stop):
+        k = np.uint64(chunks.member[index])
+        stirred &= not chunks.begins[index]
+        if skip and at_rest[k] and not state.touched[r, k] and not stirred:
+            continue
+        at = np.uint64(k * np.uint64(FIELDS * LANES))
+        if chunks.sums[k]:
+            mask, busy, restless = add_up(registers, at)
+        else:
+            mask, busy, restless = update(registers, at, state.charge, np.uint64(r), k * _LANES)
+        at_rest[k] = restless == 0
+        work.masks[r, k] = mask
+        fired |= mask
+        active[r, chunks.piece[k]] += busy
+        work.updated[r] = 1
+        stirred = True
+        if chunks.parent[k] >= 0:
+            pass_on(registers, at, np.uint64(chunks.parent[k] * FIELDS * LANES))
+        if kept.watched:
+            first, width = chunks.first_column[k], chunks.width[k]
+            _keep(registers, at + _U, first, width, step, recording, kept.u)
+            _keep(registers, at + _V, first, width, step, recording, kept.v)
+            _keep(registers, at + _POTENTIAL, first, width, step, recording, kept.potential)
+    return fired
+
+
+@absorbed
+def _list_spikes(m, low, high, fired, nodes, chunks, work, spikes, sent):  # type: ignore[no-untyped-def]
+    """Turn the bits of node m in rows ``low..high`` into its lists, into 0 and 1, and into counts."""
+    masks, event, begin = work.masks, work.event, work.begin
+    base = nodes.first[m] * len(masks)
+    lines = len(sent) - spikes.shape[1]
+    found = begin[low, m] if low else 0
+    begin[low, m] = found
+    for r in range(low, high):
+        if fired:
+            for k in range(nodes.chunk[m], nodes.chunk[m + 1]):
+                mask = np.uint64(np.uint32(masks[r, k]))
+                masks[r, k] = 0
+                while mask:
+                    column = chunks.first_column[k] + trailing_zeros(mask)
+                    mask &= mask - np.uint64(1)
+                    event[base + found] = column - nodes.first[m]
+                    found += 1
+                    spikes[r, column] = 1
+                    sent[lines + column] += 1
+        begin[r + 1, m] = found

@@ -1,0 +1,113 @@
+"""What an engine is asked for and hands back: a batch of recordings in one phase.
+
+Columns are the compartments of the phase, group by group, as
+:meth:`hw_model.program.chip_program.ChipProgram.columns_of` says.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from hw_model.arithmetic.fixed_point import IntArray
+
+ByteArray = npt.NDArray[np.uint8]
+Int32Array = npt.NDArray[np.int32]
+
+Register = Literal["u", "v", "potential"]
+REGISTERS: tuple[Register, ...] = get_args(Register)
+"""``u`` and ``v`` are registers after the step (v is 0 on a spike row); ``potential`` is v as the threshold saw it."""
+
+EVENTS = ("charge_wraps", "current_wraps", "voltage_clips")
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """What to keep of a register: ``columns``, in rows ``start..stop``."""
+
+    columns: IntArray
+    start: int
+    stop: int
+
+    def empty(self, batch: int) -> IntArray:
+        """Return room for it, (batch, rows, columns)."""
+        return np.zeros((batch, self.stop - self.start, len(self.columns)), dtype=np.int64)
+
+
+NOTHING = Window(np.empty(0, dtype=np.int64), 0, 0)
+
+
+@dataclass(frozen=True, eq=False)
+class EventLists:
+    """Spikes of a batch as lists: those of recording b in row r are channels ``channel[first[b, r]:first[b, r + 1]]``.
+
+    ``first`` (batch, rows + 1), ``channel`` (events,), ascending within a row.
+    """
+
+    first: IntArray
+    channel: Int32Array
+
+    @property
+    def rows(self) -> int:
+        """Rows of every recording."""
+        return int(self.first.shape[1]) - 1
+
+    def until(self, rows: int) -> IntArray:
+        """Count the events of every recording before a row, (batch,)."""
+        return self.first[:, min(rows, self.rows)] - self.first[:, 0]
+
+    def at(self, row: int) -> tuple[IntArray, Int32Array]:
+        """Return the recording and the channel of every spike of a row."""
+        counts = self.first[:, row + 1] - self.first[:, row]
+        recording = np.repeat(np.arange(len(counts)), counts)
+        within = np.arange(len(recording)) - np.repeat(np.cumsum(counts) - counts, counts)
+        return recording, self.channel[self.first[recording, row] + within]
+
+
+@dataclass(frozen=True, eq=False)
+class PhaseInput:
+    """Spikes of a phase's input lines, as the buffer leaves them, one :class:`EventLists` of ``steps`` rows an input.
+
+    ``sizes``: lines of each input. ``input_events``, ``transpose_events`` and ``events_dropped`` (batch,) count what
+    was played as it came, what went through the transpose buffer, and what lay in rows after the last step.
+    """
+
+    steps: int
+    sizes: tuple[int, ...]
+    events: tuple[EventLists, ...]
+    input_events: IntArray
+    transpose_events: IntArray
+    events_dropped: IntArray
+
+    def lines(self, recording: int, start: int = 0) -> ByteArray:
+        """Return rows ``start`` and later of a recording, (steps, lines) of 0 and 1, inputs one after the other."""
+        dense = np.zeros((self.steps - start, sum(self.sizes)), dtype=np.uint8)
+        offset = 0
+        for events, size in zip(self.events, self.sizes, strict=True):
+            first = events.first[recording, start:]
+            rows = np.repeat(np.arange(self.steps - start), np.diff(first))
+            dense[rows, offset + events.channel[first[0] : first[-1]]] = 1
+            offset += size
+        return dense
+
+
+@dataclass(frozen=True, eq=False)
+class PhaseTrace:
+    """What a batch did in a phase of n columns.
+
+    ``spikes`` (batch, steps, n); ``sent`` (batch, lines + n): spikes of every source over all steps, input lines first;
+    ``active`` (batch, steps, pieces): compartments of each piece (:mod:`hw_model.accounting.pieces`) with anything to
+    work on;
+    ``events`` (batch, 3, n): how often each compartment met each of :data:`EVENTS`; ``skipped`` (batch,): steps in
+    which no compartment had to be updated; ``registers``: the windows asked for.
+    """
+
+    spikes: ByteArray
+    sent: IntArray
+    active: IntArray
+    events: IntArray
+    skipped: IntArray
+    registers: dict[Register, IntArray] = field(default_factory=dict)

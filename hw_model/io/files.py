@@ -1,0 +1,51 @@
+"""Files written whole or not at all, and archives of arrays whose bytes depend on the arrays alone."""
+
+from __future__ import annotations
+
+import io
+import os
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from hw_model.errors import InputError
+from hw_model.io.partial import locked, partial_path, remove, remove_leftovers, sync
+
+
+def replace_file(path: Path, content: bytes, where: str) -> None:
+    """Write a file under a temporary name beside it, then put it in place; ``where`` names it if that fails."""
+    remove_leftovers(path)
+    partial = partial_path(path)
+    try:
+        partial.touch(exist_ok=False)
+        with locked(partial):
+            partial.write_bytes(content)
+            sync(partial)
+            os.replace(partial, path)
+    except OSError as error:
+        raise InputError(
+            where,
+            "it cannot be written",
+            measured=error.strerror or "",
+            fix="Give a file in a folder that exists and can be written.",
+        ) from None
+    finally:
+        remove(partial)
+
+
+def pack_arrays(arrays: Mapping[str, npt.NDArray[Any]], *, compressed: bool) -> bytes:
+    """Return an ``.npz`` without time stamps. Compressed bytes also depend on the build of zlib."""
+    method = zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        for name, array in arrays.items():
+            member = io.BytesIO()
+            np.lib.format.write_array(member, np.asarray(array, order="C"), version=(1, 0), allow_pickle=False)
+            entry = zipfile.ZipInfo(f"{name}.npy", date_time=(1980, 1, 1, 0, 0, 0))
+            entry.compress_type = method
+            archive.writestr(entry, member.getvalue())
+    return packed.getvalue()

@@ -1,0 +1,173 @@
+"""Folders replaced as a whole: a process that is killed at any moment leaves either the old output or the new.
+
+The new folder is written beside the old one, with the old one's other entries linked into it, and both change places
+in one step of the system (``renameat2``). Where there is no such step, the old folder is renamed away first, and
+:func:`recover_folder` brings it back. A folder that must stay where it is - somebody works in it, or it is a mount
+point - gets its entries one by one, from a journal inside it that ``recover_folder`` goes through to its end.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import errno
+import functools
+import os
+import shutil
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from hw_model.io.partial import locked, partial_path, remove, remove_leftovers, sync
+
+JOURNAL = ".locsnn-journal"
+"""Entries that belong into the folder that holds it: from the moment it has this name, they are the output."""
+_AWAY = ".{}.locsnn-replaced"
+_AT_FDCWD, _RENAME_EXCHANGE = -100, 2
+
+
+def replace_entries(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write files into a folder, all or none; what else it holds stays. Raises ``OSError``, with the folder as it was.
+
+    A name may lie in a folder, ``vectors/manifest.yaml``; such a folder replaces the one before as a whole.
+    """
+    folder = Path(os.path.realpath(folder))
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    recover_folder(folder)
+    for target in (folder, folder / JOURNAL):
+        remove_leftovers(target)
+    if folder.exists() and _must_stay(folder):
+        _write_and(folder / JOURNAL, files, _finish_journal)
+    else:
+        _write_and(folder, files, lambda stage, target: _put_in_place(stage, target, files))
+
+
+def recover_folder(folder: Path) -> None:
+    """Finish what a killed process began: bring back a folder that was renamed away, go through a journal."""
+    folder = Path(os.path.realpath(folder))
+    away = folder.with_name(_AWAY.format(folder.name))
+    if os.path.isdir(away):  # False too where the name is too long
+        if folder.exists():
+            remove(away)
+        else:
+            os.rename(away, folder)
+    if (folder / JOURNAL).is_dir():
+        _move_entries(folder / JOURNAL)
+
+
+def finish_writing(folder: Path) -> None:
+    """Do so before a folder is read, where it may be written; else it is read as it is."""
+    with contextlib.suppress(OSError):
+        recover_folder(folder)
+
+
+def _write_and(target: Path, files: Mapping[str, bytes], place: Callable[[Path, Path], None]) -> None:
+    """Write the files into a stage beside ``target``, and place it there."""
+    stage = partial_path(target)
+    stage.mkdir()
+    try:
+        with locked(stage):
+            for name, content in files.items():
+                (stage / name).parent.mkdir(parents=True, exist_ok=True)
+                (stage / name).write_bytes(content)
+            for path in (*files, *{os.path.dirname(name) for name in files}):
+                sync(stage / path)
+            place(stage, target)
+        sync(target.parent)
+    finally:
+        remove(stage)
+
+
+def _finish_journal(stage: Path, journal: Path) -> None:
+    os.rename(stage, journal)
+    _move_entries(journal)
+
+
+def _move_entries(journal: Path) -> None:
+    """Move what a journal holds to where it belongs; begun again, it goes on where it was."""
+    for entry in sorted(os.listdir(journal)):
+        target = journal.parent / entry
+        if target.is_dir() or (journal / entry).is_dir():
+            remove(target)
+        os.replace(journal / entry, target)
+    journal.rmdir()
+
+
+def _put_in_place(stage: Path, folder: Path, files: Mapping[str, bytes]) -> None:
+    if not folder.exists():
+        os.rename(stage, folder)
+        return
+    entries = {name.split("/")[0] for name in files}
+    shutil.copymode(folder, stage)
+    _link_others(folder, stage, entries)
+    if not _exchange(stage, folder):
+        away = folder.with_name(_AWAY.format(folder.name))
+        os.rename(folder, away)
+        os.rename(stage, folder)
+        os.rename(away, stage)
+    # What came into the old folder meanwhile; the new one is in place, whatever becomes of that.
+    with contextlib.suppress(OSError):
+        _link_others(stage, folder, entries)
+
+
+def _link_others(source: Path, target: Path, entries: set[str]) -> None:
+    """Give ``target`` what ``source`` has beside ``entries``, the same files under a second name."""
+    with os.scandir(source) as found:
+        for entry in found:
+            other = target / entry.name
+            if entry.is_dir(follow_symlinks=False):
+                if entry.name not in entries:
+                    other.mkdir(exist_ok=True)
+                    _link_others(Path(entry.path), other, set())
+                    shutil.copystat(entry.path, other)
+            elif entry.name not in entries and not os.path.lexists(other):
+                _link(entry.path, other)
+
+
+def _link(path: str, other: Path) -> None:
+    try:
+        os.link(path, other, follow_symlinks=False)
+    except OSError:
+        # File systems without hard links.
+        shutil.copy2(path, other, follow_symlinks=False)
+
+
+def _must_stay(folder: Path) -> bool:
+    """Whether another folder cannot take its place: it is a mount point, its parent is closed, or we are in it."""
+    try:
+        here = Path.cwd()
+    except FileNotFoundError:
+        here = Path("/")
+    return (
+        folder == here
+        or folder in here.parents
+        or os.path.ismount(folder)
+        or not os.access(folder.parent, os.W_OK | os.X_OK)
+    )
+
+
+def _exchange(one: Path, other: Path) -> bool:
+    """Let two folders change places in one step; False where the system has none."""
+    renameat2 = _renameat2()
+    if renameat2 is None:
+        return False
+    paths = (os.fsencode(one), os.fsencode(other))
+    if renameat2(_AT_FDCWD, paths[0], _AT_FDCWD, paths[1], _RENAME_EXCHANGE) == 0:
+        return True
+    code = ctypes.get_errno()
+    if code in (errno.ENOSYS, errno.EINVAL, errno.EOPNOTSUPP):
+        return False
+    raise OSError(code, os.strerror(code))
+
+
+@functools.cache
+def _renameat2() -> Callable[..., int] | None:
+    if sys.platform != "linux":
+        return None
+    try:
+        function = ctypes.CDLL(None, use_errno=True).renameat2
+    except (OSError, AttributeError):
+        return None
+    function.argtypes = (ctypes.c_int, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_uint)
+    found: Callable[..., int] = function
+    return found

@@ -1,0 +1,1 @@
+"""From a graph of compartments to cores and routes."""

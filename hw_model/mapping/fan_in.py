@@ -1,0 +1,172 @@
+"""The synapses of a graph ordered by target, so that the part on a core is a slice; placement and routing share it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.weights import SignMode
+from hw_model.description.chip import Chip
+from hw_model.mapping.graph import CompartmentGraph, Synapses
+
+
+@dataclass(frozen=True, order=True)
+class SynapseFormat:
+    """How a run of synapses is stored; dense lists need no index bits."""
+
+    weight_bits: int
+    sign_mode: SignMode
+    exponent: int
+    delay_bits: int
+    index_bits: int
+
+    @property
+    def bits_per_synapse(self) -> int:
+        """Bits of one synapse; learning tags are not used."""
+        return self.weight_bits + self.delay_bits + self.index_bits
+
+    def joins(self, other: SynapseFormat) -> bool:
+        """Whether one format can hold the synapses of both unchanged: fields can be widened, exponents and signs not.
+
+        A wider weight field adds low bits to the grid, so the mantissas stay on it.
+        """
+        return (self.sign_mode, self.exponent) == (other.sign_mode, other.exponent)
+
+    def widened(self, other: SynapseFormat) -> SynapseFormat:
+        """Return the narrowest format that holds the synapses of both."""
+        return SynapseFormat(
+            max(self.weight_bits, other.weight_bits),
+            self.sign_mode,
+            self.exponent,
+            max(self.delay_bits, other.delay_bits),
+            max(self.index_bits, other.index_bits),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class FanIn:
+    """A projection by target, under a name of its own.
+
+    ``source`` counts through all inputs and groups of the graph, see :func:`first_source`.
+
+    The synapses onto target i are rows ``start[i]..start[i + 1]``, in order of their sources.
+    """
+
+    name: str
+    target_group: str
+    format: SynapseFormat
+    start: IntArray
+    target: IntArray
+    source: IntArray
+    mantissa: IntArray
+    delay: IntArray
+
+    def rows(self, start: int, stop: int) -> slice:
+        """Return the rows of all synapses onto targets ``start..stop``."""
+        return slice(int(self.start[start]), int(self.start[stop]))
+
+    def lengths(self, start: int, stop: int) -> IntArray:
+        """Return how many synapses each source has onto targets ``start..stop``, for sources that have any."""
+        return np.unique(self.source[self.rows(start, stop)], return_counts=True)[1]
+
+    def words_of(self, lengths: IntArray, chip: Chip, bits: int | None = None) -> int:
+        """Return the memory words of lists of these lengths; ``bits`` a synapse, by default the format's."""
+        kinds, times = np.unique(lengths, return_counts=True)
+        each = self.format.bits_per_synapse if bits is None else bits
+        return sum(chip.synapse_memory.words(int(n), each) * int(k) for n, k in zip(kinds, times, strict=True))
+
+
+def first_source(graph: CompartmentGraph) -> dict[str, int]:
+    """Number all input lines, then all compartments, in network order; return each name's first number."""
+    first, count = {}, 0
+    for node in graph.nodes:
+        first[node.name] = count
+        count += node.size
+    return first
+
+
+def fan_in(graph: CompartmentGraph, chip: Chip) -> tuple[FanIn, ...]:
+    """Return every projection of the graph by target.
+
+    Each is in the narrowest format that holds it. Groups joined to each other are on one core: where they have more
+    formats than a core holds, some come to share one, see :func:`share_formats`.
+    """
+    first = first_source(graph)
+    narrowest = [_format(synapses, graph.group(synapses.target).size, chip) for synapses in graph.synapses]
+    together = [_root(graph, synapses.target) for synapses in graph.synapses]
+    counts: dict[str, Counter[SynapseFormat]] = {root: Counter() for root in together}
+    for root, form, synapses in zip(together, narrowest, graph.synapses, strict=True):
+        counts[root][form] += len(synapses.mantissa)
+    stored = {root: share_formats(count, chip.limits.synapse_formats_per_core) for root, count in counts.items()}
+    return tuple(
+        _fan_in(
+            f"{number} {synapses.source} -> {synapses.target}",
+            synapses,
+            stored[root][form],
+            first[synapses.source],
+            graph,
+        )
+        for number, (root, form, synapses) in enumerate(zip(together, narrowest, graph.synapses, strict=True))
+    )
+
+
+def share_formats(synapses: Mapping[SynapseFormat, int], limit: int) -> dict[SynapseFormat, SynapseFormat]:
+    """Return the format in which the synapses of each format are stored, given how many synapses each has.
+
+    Up to ``limit`` formats stay as they are. Of more, the two for which it takes the fewest bits in all share one, and
+    so on, until they are few enough or no two can. Only memory is spent: no weight and no delay changes.
+    """
+    stored = {form: form for form in synapses}
+    held = Counter(synapses)
+    while len(held) > limit:
+        pairs = [pair for pair in combinations(sorted(held), 2) if pair[0].joins(pair[1])]
+        if not pairs:
+            break
+        pair = min(pairs, key=lambda pair: _bits_added(pair, held))
+        wide = pair[0].widened(pair[1])
+        moved = sum(held.pop(form) for form in pair)
+        held[wide] += moved
+        stored = {form: wide if now in pair else now for form, now in stored.items()}
+    return stored
+
+
+def _bits_added(pair: tuple[SynapseFormat, SynapseFormat], held: Mapping[SynapseFormat, int]) -> int:
+    """Return the bits of memory that it takes to store the synapses of two formats in one."""
+    wide = pair[0].widened(pair[1]).bits_per_synapse
+    return sum(held[form] * (wide - form.bits_per_synapse) for form in pair)
+
+
+def _root(graph: CompartmentGraph, name: str) -> str:
+    """Return the group at the end of the joins that begin at a group."""
+    while (parent := graph.group(name).joined_to) is not None:
+        name = parent
+    return name
+
+
+def _fan_in(name: str, synapses: Synapses, form: SynapseFormat, first: int, graph: CompartmentGraph) -> FanIn:
+    targets = graph.group(synapses.target).size
+    order = np.argsort(synapses.target_index, kind="stable")
+    target = synapses.target_index[order]
+    return FanIn(
+        name=name,
+        target_group=synapses.target,
+        format=form,
+        start=np.searchsorted(target, np.arange(targets + 1)),
+        target=target,
+        source=synapses.source_index[order] + first,
+        mantissa=synapses.mantissa[order],
+        delay=synapses.delay[order],
+    )
+
+
+def _format(synapses: Synapses, targets: int, chip: Chip) -> SynapseFormat:
+    """A list needs no index where every source reaches every target once: then any range of targets is contiguous."""
+    pairs = synapses.source_index * targets + synapses.target_index
+    full = len(pairs) % targets == 0 and np.array_equal(pairs, np.arange(len(pairs)))
+    index_bits = 0 if full else (chip.limits.compartments_per_core - 1).bit_length()
+    return SynapseFormat(synapses.weight_bits, synapses.sign_mode, synapses.exponent, synapses.delay_bits, index_bits)

@@ -1,0 +1,362 @@
+"""The first level of the chip side: named groups of compartments and the synapses between them, not yet on cores.
+
+CompartmentGraph -> PlacedGraph -> RoutedGraph -> ChipProgram
+(this file)         placement      routing        program
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from hw_model.arithmetic.fixed_point import DECAY_ONE, IntArray
+from hw_model.arithmetic.weights import WEIGHT_EXPONENTS, SignMode, weight_grid
+from hw_model.description.chip import Chip
+from hw_model.errors import InputError, TargetError
+
+Axis = Literal["time", "location"]
+
+
+def read_only(array: object) -> IntArray:
+    """Return an int64 copy that nobody can write to: frozen dataclasses do not freeze their arrays."""
+    copy = np.array(array, dtype=np.int64)
+    copy.setflags(write=False)
+    return copy
+
+
+@dataclass(frozen=True)
+class Phase:
+    """One run over one step axis; ``steps`` is None where the recording decides."""
+
+    name: str
+    axis: Axis
+    steps: int | None
+
+
+@dataclass(frozen=True, eq=False)
+class Input:
+    """``size`` input lines of a phase, fed from the recording ``stream`` (steps, channels).
+
+    With ``positions`` None, line c spikes at step t where channel c does. Else through the transpose buffer: an event
+    of channel c at step t becomes a spike of line ``first_lines[c] + t`` at step ``positions[c]``, both (channels,);
+    ``first_lines`` None: 0 for all. Channels of one step have lines of their own.
+    """
+
+    name: str
+    size: int
+    phase: str
+    stream: str
+    positions: IntArray | None = None
+    first_lines: IntArray | None = None
+
+    @property
+    def channels(self) -> int:
+        """Channels of the recording that feeds these lines."""
+        return self.size if self.positions is None else len(self.positions)
+
+    @property
+    def rows(self) -> int:
+        """Rows of a recording that the transpose buffer takes: one a line, from the highest of ``first_lines`` on."""
+        return self.size if self.first_lines is None else self.size - int(self.first_lines.max(initial=0))
+
+    @property
+    def lines_are_shared(self) -> bool:
+        """Whether two channels of one step have a line in common."""
+        if self.positions is None:
+            return False
+        first_lines = np.zeros_like(self.positions) if self.first_lines is None else self.first_lines
+        order = np.lexsort((first_lines, self.positions))
+        one_step = np.diff(self.positions[order]) == 0
+        return bool((one_step & (np.diff(first_lines[order]) < self.rows)).any())
+
+
+@dataclass(frozen=True, eq=False)
+class Compartments:
+    """A group of ``size`` compartments; every parameter is an array (size,) of integers.
+
+    ``u = rz(u, decay_u) + q``; ``v = rz(v, decay_v) + u + bias``, plus the v of joined children; spike where
+    ``v > 64 * threshold``. With ``joined_to``, compartment i adds its v to compartment i of that group, and neither
+    spikes nor is reset.
+    """
+
+    name: str
+    phase: str
+    size: int
+    decay_u: IntArray
+    decay_v: IntArray
+    threshold: IntArray
+    bias_mantissa: IntArray
+    bias_exponent: IntArray
+    refractory: IntArray
+    vmin: IntArray
+    vmax: IntArray
+    joined_to: str | None = None
+
+    @property
+    def spiking(self) -> bool:
+        """Whether these compartments can spike."""
+        return self.joined_to is None
+
+
+@dataclass(frozen=True, eq=False)
+class Synapses:
+    """Synapses from ``source`` (input or compartments) to ``target``, one row each, ordered by source, then target."""
+
+    source: str
+    target: str
+    source_index: IntArray
+    target_index: IntArray
+    mantissa: IntArray
+    delay: IntArray
+    exponent: int
+    weight_bits: int
+    sign_mode: SignMode
+
+    @property
+    def delay_bits(self) -> int:
+        """Bits that the longest delay needs in a synapse format."""
+        return int(self.delay.max(initial=0)).bit_length()
+
+
+@dataclass(frozen=True)
+class Readout:
+    """Class scores: what populations of one size give, weighted and added. Ties go to the first class.
+
+    A population gives its spike counts; with ``potentials_from``, its largest potentials from that step on: v as the
+    threshold sees it, of neurons that do not spike.
+    """
+
+    populations: tuple[str, ...]
+    weights: tuple[float, ...]
+    potentials_from: int | None = None
+
+    def scores(
+        self, spikes: Mapping[str, npt.NDArray[Any]], potential: Mapping[str, npt.NDArray[Any]]
+    ) -> npt.NDArray[np.float64]:
+        """Return the scores (batch, classes) of spikes and potentials (batch, steps, classes) by population."""
+        first = self.potentials_from
+        given = [
+            spikes[name].sum(axis=1, dtype=np.float64) if first is None else largest(potential[name], first)
+            for name in self.populations
+        ]
+        total: npt.NDArray[np.float64] = np.zeros(np.shape(given[0]))
+        # In the order in which a simulation adds them, so that float sums are equal to the last bit.
+        for weight, part in zip(self.weights, given, strict=True):
+            total += weight * part
+        return total
+
+
+def largest(potential: npt.NDArray[Any], first: int) -> npt.NDArray[np.float64]:
+    """Return the largest potentials (batch, n) of (batch, steps, n) from step ``first`` on; of no steps, 0."""
+    rows = potential[:, first:]
+    return np.asarray(rows.max(axis=1) if rows.shape[1] else np.zeros(rows.shape[::2]), dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class CompartmentGraph:
+    """A whole network as compartments and synapses of integers."""
+
+    name: str
+    phases: tuple[Phase, ...]
+    inputs: tuple[Input, ...]
+    groups: tuple[Compartments, ...]
+    synapses: tuple[Synapses, ...]
+    readout: Readout | None = None
+    synapses_pruned: int = 0
+    provenance: dict[str, str] = field(default_factory=dict)
+    """Texts that a saved program carries: where it came from and how it was made."""
+
+    @property
+    def nodes(self) -> tuple[Input | Compartments, ...]:
+        """Return all that can send spikes: inputs, then groups."""
+        return (*self.inputs, *self.groups)
+
+    def group(self, name: str) -> Compartments:
+        """Return a group by name."""
+        return next(group for group in self.groups if group.name == name)
+
+    def phase_of(self, name: str) -> str:
+        """Return the phase of an input or group."""
+        return next(node.phase for node in self.nodes if node.name == name)
+
+
+def check_graph(graph: CompartmentGraph, chip: Chip) -> None:
+    """Check the whole level; the first broken rule is an ``InputError`` or, for a chip limit, a ``TargetError``."""
+    _check_names(graph)
+    for item in graph.inputs:
+        _check_visits(item, next(phase for phase in graph.phases if phase.name == item.phase))
+    for group in graph.groups:
+        _check_group(graph, group, chip)
+    for synapses in graph.synapses:
+        _check_synapses(graph, synapses, chip)
+    if graph.readout is not None:
+        sizes = {graph.group(name).size for name in graph.readout.populations}
+        if len(sizes) != 1:
+            raise InputError("readout", f"its populations differ in size: {sorted(sizes)}", fix="Make them equal.")
+
+
+def _check_names(graph: CompartmentGraph) -> None:
+    names = [node.name for node in graph.nodes]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"{name!r}", "two inputs or groups have this name", fix="Rename one of them.")
+    phases = {phase.name for phase in graph.phases}
+    for node in graph.nodes:
+        if node.phase not in phases:
+            raise InputError(f"{node.name!r}", f"its phase {node.phase!r} does not exist", fix="Name a phase.")
+        if node.size < 1:
+            raise InputError(f"{node.name!r}", "it is empty", measured=f"size {node.size}", fix="Give it a size.")
+
+
+def _check_visits(item: Input, phase: Phase) -> None:
+    """Channels are visited within the phase, on lines that exist and are theirs alone in that step."""
+    if item.positions is None:
+        return
+    where, lines = f"input {item.name!r}", item.first_lines
+    outside = item.positions[(item.positions < 0) | (item.positions >= (phase.steps or np.inf))]
+    if len(outside):
+        raise InputError(
+            where,
+            "a channel is visited outside its phase",
+            measured=f"step {outside[0]} of {phase.steps}, counted from 0",
+            fix="Give the phase more steps.",
+        )
+    if lines is not None and (lines.shape != item.positions.shape or lines.min(initial=0) < 0 or item.rows < 1):
+        raise InputError(
+            where,
+            "its first lines do not fit",
+            measured=f"{len(lines)} within {lines.min(initial=0)}..{lines.max(initial=0)} against "
+            f"{item.channels} within 0..{item.size - 1}",
+            fix="Give one a channel.",
+        )
+    if item.lines_are_shared:
+        raise InputError(where, "two channels of one step share lines", fix="Give each lines of its own.")
+
+
+def _parameter_rules(chip: Chip) -> tuple[tuple[str, int, int, str], ...]:
+    """Rows: parameter, lowest, highest, way out."""
+    r = chip.registers
+    bias = 1 << r.bias_mantissa_bits
+    return (
+        ("decay_u", 0, DECAY_ONE, "Give an effective decay, what is subtracted from 4096."),
+        ("decay_v", 0, DECAY_ONE, "Give an effective decay, what is subtracted from 4096."),
+        (
+            "threshold",
+            0,
+            r.threshold_mantissa_max,
+            "The threshold is 64 times this mantissa: scale the weights down.",
+        ),
+        ("bias_mantissa", -bias, bias - 1, "Raise the bias exponent or scale the bias down."),
+        ("bias_exponent", 0, r.bias_exponent_max, "Use a smaller exponent and a larger mantissa."),
+        ("refractory", 1, r.refractory_max, "Shorten the refractory period; 1 blocks no step."),
+    )
+
+
+def _check_group(graph: CompartmentGraph, group: Compartments, chip: Chip) -> None:
+    for rule in _parameter_rules(chip):
+        _check_range(group, *rule)
+    _check_voltage_limits(group, chip)
+    if group.joined_to is None:
+        return
+    parent = next((other for other in graph.groups if other.name == group.joined_to), None)
+    if parent is None or parent.phase != group.phase or parent.size != group.size or parent is group:
+        raise InputError(
+            f"compartments {group.name!r}",
+            f"cannot be joined to {group.joined_to!r}",
+            fix="Join to another group of the same size and phase.",
+        )
+    if any(s.source == group.name for s in graph.synapses):
+        raise InputError(
+            f"compartments {group.name!r}",
+            "joined compartments do not spike, so no synapse can start there",
+            fix=f"Connect from {group.joined_to!r}.",
+        )
+
+
+def _check_range(group: Compartments, name: str, low: int, high: int, fix: str) -> None:
+    values: IntArray = getattr(group, name)
+    where = f"compartments {group.name!r}"
+    if values.shape != (group.size,):
+        raise InputError(where, f"{name} has shape {values.shape}, not ({group.size},)", fix="Give one a compartment.")
+    bad = np.flatnonzero((values < low) | (values > high))
+    if len(bad):
+        raise TargetError(
+            where,
+            f"{name} of compartment {bad[0]} is out of range",
+            measured=f"{values[bad[0]]} against {low}..{high}",
+            fix=fix,
+        )
+
+
+def voltage_minima(chip: Chip) -> list[int]:
+    """Return the lower voltage limits a core can be set to: ``1 - 2^k``, and the register's own end."""
+    return [1 - (1 << k) for k in range(chip.registers.voltage_bits + 1)]
+
+
+def voltage_maxima(chip: Chip) -> list[int]:
+    """Return the upper voltage limits a core can be set to: ``2^(9 + 2k) - 1``."""
+    return [(1 << b) - 1 for b in range(9, chip.registers.voltage_bits + 1, 2)]
+
+
+def _check_voltage_limits(group: Compartments, chip: Chip) -> None:
+    rules: tuple[tuple[str, Callable[[Chip], list[int]], str], ...] = (
+        ("vmin", voltage_minima, "1 - 2^k"),
+        ("vmax", voltage_maxima, "2^(9 + 2k) - 1"),
+    )
+    for name, settings, formula in rules:
+        values: IntArray = getattr(group, name)
+        for value in np.unique(values):
+            if value not in settings(chip):
+                nearest = min(settings(chip), key=lambda setting: abs(setting - int(value)))
+                raise TargetError(
+                    f"compartments {group.name!r}",
+                    f"{name} {value} is not of the form {formula}",
+                    fix=f"The nearest is {nearest}.",
+                )
+
+
+def _check_synapses(graph: CompartmentGraph, synapses: Synapses, chip: Chip) -> None:
+    where = f"synapses {synapses.source!r} -> {synapses.target!r}"
+    sizes = {node.name: node.size for node in graph.nodes}
+    targets = {group.name for group in graph.groups}
+    if synapses.source not in sizes or synapses.target not in targets:
+        raise InputError(where, "an end does not exist", fix="Add it before connecting.")
+    if graph.phase_of(synapses.source) != graph.phase_of(synapses.target):
+        raise InputError(where, "the ends are in different phases", fix="Connect within one phase.")
+    for values, size in (
+        (synapses.source_index, sizes[synapses.source]),
+        (synapses.target_index, sizes[synapses.target]),
+    ):
+        if len(values) and (values.min() < 0 or values.max() >= size):
+            raise InputError(where, "an index is outside its group", fix="Correct the indices.")
+    lengths = {len(getattr(synapses, f.name)) for f in fields(synapses) if f.type == "IntArray"}
+    if len(lengths) != 1:
+        raise InputError(where, "the synapse arrays differ in length", fix="Give one row a synapse.")
+    grid = weight_grid(synapses.weight_bits, synapses.sign_mode)
+    bad = np.flatnonzero(grid.off_grid(synapses.mantissa))
+    if len(bad):
+        raise TargetError(
+            where,
+            f"weight {synapses.mantissa[bad[0]]} is not on the grid of {grid.weight_bits}-bit {grid.sign_mode} weights",
+            measured=f"multiples of {grid.step} in {grid.low}..{grid.high}; {len(bad)} of {len(synapses.mantissa)} off",
+            fix="Round the weights onto the grid first.",
+        )
+    if synapses.exponent not in WEIGHT_EXPONENTS:
+        raise TargetError(
+            where,
+            "the weight exponent is out of range",
+            measured=f"{synapses.exponent} against -8..7",
+            fix="Rescale the weights.",
+        )
+    delays = synapses.delay[(synapses.delay < 0) | (synapses.delay > chip.registers.delay_max)]
+    if len(delays):
+        raise TargetError(
+            where,
+            "a delay is out of range",
+            measured=f"{delays[0]} against 0..{chip.registers.delay_max} steps",
+            fix="Relay the spike through a compartment, or shorten the delay.",
+        )

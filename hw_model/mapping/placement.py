@@ -1,0 +1,241 @@
+"""Give every compartment a core.
+
+Before: a checked CompartmentGraph.
+After:  every compartment is in exactly one slice on one core; joined compartments share a core, children first; a core
+        serves one phase and no core exceeds a limit. Cores are numbered in network order, and sit on the board so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import groupby
+
+import numpy as np
+
+from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.weights import WEIGHT_BITS
+from hw_model.description.chip import Chip
+from hw_model.errors import TargetError
+from hw_model.mapping.core_load import CoreLoad, Limit, first_broken
+from hw_model.mapping.fan_in import FanIn, fan_in, first_source
+from hw_model.mapping.graph import CompartmentGraph, Compartments
+
+
+@dataclass(frozen=True)
+class Slice:
+    """Compartments ``start..stop`` of a group, on a core from compartment ``offset`` on."""
+
+    group: str
+    core: int
+    start: int
+    stop: int
+    offset: int
+
+    @property
+    def size(self) -> int:
+        """Compartments in the slice."""
+        return self.stop - self.start
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedGraph:
+    """A graph with the core of every compartment; core i sits at ``slots[i]`` of the board.
+
+    Slot ``k`` is core ``k % cores_per_chip`` of chip ``k // cores_per_chip``. ``axons[i]`` are the sources that reach
+    core i, numbered as :func:`hw_model.mapping.fan_in.first_source` does, ascending.
+    """
+
+    graph: CompartmentGraph
+    chip: Chip
+    slices: tuple[Slice, ...]
+    slots: tuple[int, ...]
+    axons: tuple[IntArray, ...]
+
+    @property
+    def cores(self) -> int:
+        """Cores in use; they are numbered from 0."""
+        return len(self.axons)
+
+    def core_of_source(self) -> IntArray:
+        """Return the core of every source, -1 for input lines."""
+        first = first_source(self.graph)
+        core = np.full(sum(node.size for node in self.graph.nodes), -1, dtype=np.int64)
+        for piece in self.slices:
+            core[first[piece.group] + piece.start : first[piece.group] + piece.stop] = piece.core
+        return core
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """Groups joined to each other, children first: neuron i is compartment i of each."""
+
+    groups: tuple[Compartments, ...]
+
+    @property
+    def size(self) -> int:
+        """Neurons."""
+        return self.groups[0].size
+
+    @property
+    def root(self) -> str:
+        """Name of the group that the others are joined to: the population."""
+        return self.groups[-1].name
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Names of all groups."""
+        return frozenset(group.name for group in self.groups)
+
+
+def place_cores(graph: CompartmentGraph, chip: Chip) -> PlacedGraph:
+    """Fill cores in network order, never going back, so equal inputs place equally.
+
+    Output axons depend on where the targets went. Where a core has too many, its populations get fewer neurons a core
+    and all is placed again. A graph that fits in no way is a ``TargetError``.
+    """
+    incoming = fan_in(graph, chip)
+    most_neurons: dict[str, int] = {}
+    while True:
+        placed = _fill(graph, chip, incoming, most_neurons)
+        crowded = _crowded_by_output(placed)
+        if not crowded:
+            break
+        for name, neurons in crowded.items():
+            if neurons < 1:
+                raise _too_many_targets(placed, name)
+            most_neurons[name] = neurons
+    if placed.cores > chip.cores:
+        raise _too_many_cores(placed, incoming)
+    check_placed(placed)
+    return placed
+
+
+def check_placed(placed: PlacedGraph) -> None:
+    """Every compartment is placed exactly once, every core has its slot, no core holds too many compartments."""
+    used = np.zeros(placed.cores, dtype=np.int64)
+    seen = {group.name: np.zeros(group.size, dtype=np.int64) for group in placed.graph.groups}
+    for piece in placed.slices:
+        seen[piece.group][piece.start : piece.stop] += 1
+        used[piece.core] += piece.size
+    for name, times in seen.items():
+        assert (times == 1).all(), f"placement lost or doubled compartments of {name!r}"
+    assert (used <= placed.chip.limits.compartments_per_core).all(), "placement overfilled a core"
+    assert len(set(placed.slots)) == placed.cores, "two cores share a slot"
+
+
+def clusters(graph: CompartmentGraph, phase: str) -> list[Cluster]:
+    """Return joined groups together, in network order of their roots, children before parents."""
+    groups = {group.name: group for group in graph.groups if group.phase == phase}
+
+    def path(group: Compartments) -> tuple[str, ...]:
+        return (group.name,) if group.joined_to is None else (*path(groups[group.joined_to]), group.name)
+
+    order = {name: i for i, name in enumerate(groups)}
+    ranked = sorted(groups.values(), key=lambda group: (order[path(group)[0]], -len(path(group))))
+    return [Cluster(tuple(members)) for _, members in groupby(ranked, key=lambda group: path(group)[0])]
+
+
+def _fill(
+    graph: CompartmentGraph, chip: Chip, incoming: tuple[FanIn, ...], most_neurons: dict[str, int]
+) -> PlacedGraph:
+    sources = sum(node.size for node in graph.nodes)
+    slices: list[Slice] = []
+    loads: list[CoreLoad] = []
+    for phase in graph.phases:
+        load = CoreLoad(chip, sources)
+        for cluster in clusters(graph, phase.name):
+            projections = [p for p in incoming if p.target_group in cluster.names]
+            most = most_neurons.get(cluster.root)
+            start = 0
+            while start < cluster.size:
+                offset = load.compartments
+                count = load.take(
+                    cluster.groups,
+                    projections,
+                    start,
+                    cluster.size if most is None else min(cluster.size, start + most),
+                )
+                if count == 0 and load.compartments == 0:
+                    raise _too_large(cluster, start, first_broken(cluster.groups, projections, start, chip), chip)
+                if count == 0:
+                    loads.append(load)
+                    load = CoreLoad(chip, sources, like=load)
+                    continue
+                for group in cluster.groups:
+                    slices.append(Slice(group.name, len(loads), start, start + count, offset))
+                    offset += count
+                start += count
+                if count == most:  # the room left is for no other: its output axons are used up
+                    loads.append(load)
+                    load = CoreLoad(chip, sources, like=load)
+        if load.compartments:
+            loads.append(load)
+    return PlacedGraph(
+        graph, chip, tuple(slices), tuple(range(len(loads))), tuple(load.sources_on_core() for load in loads)
+    )
+
+
+def _crowded_by_output(placed: PlacedGraph) -> dict[str, int]:
+    """Return the populations of cores with too many output axons, and how many neurons of each fit a core.
+
+    Of several on one core it is the one with the most that gives way.
+    """
+    limit = placed.chip.limits.output_axons_per_core
+    first, core_of = first_source(placed.graph), placed.core_of_source()
+    every = np.concatenate(placed.axons)
+    reached = np.bincount(every[core_of[every] >= 0], minlength=len(core_of))
+    spiking = {group.name for group in placed.graph.groups if group.spiking}
+    output_axons: dict[int, dict[Slice, int]] = {}
+    for piece in placed.slices:
+        if piece.group in spiking:
+            start = first[piece.group]
+            output_axons.setdefault(piece.core, {})[piece] = int(
+                reached[start + piece.start : start + piece.stop].sum()
+            )
+    crowded: dict[str, int] = {}
+    for on_core in output_axons.values():
+        total = sum(on_core.values())
+        if total > limit:
+            piece = max(on_core, key=lambda piece: on_core[piece])
+            left = max(0, limit - total + on_core[piece])
+            fewer = min(piece.size - 1, piece.size * left // on_core[piece])
+            crowded[piece.group] = min(crowded.get(piece.group, fewer), fewer)
+    return crowded
+
+
+def _too_large(cluster: Cluster, neuron: int, broken: Limit, chip: Chip) -> TargetError:
+    return TargetError(
+        f"population {cluster.root!r}",
+        f"{broken.measured} {broken.what} of neuron {neuron} do not fit one core",
+        measured=f"{chip.name} holds {broken.limit}",
+        fix=broken.fix,
+    )
+
+
+def _too_many_cores(placed: PlacedGraph, incoming: tuple[FanIn, ...]) -> TargetError:
+    """Say how many chips would do, and, where narrower weights alone would, the most bits that do."""
+    graph, chip = placed.graph, placed.chip
+    chips = -(-placed.cores // chip.limits.cores_per_chip)
+    fix = f"Give a chip file with chips: {chips}, if the board has as many"
+    widest = max((p.format.weight_bits for p in incoming), default=1)
+    for bits in sorted((b for b in WEIGHT_BITS if b < widest), reverse=True):
+        narrow = [replace(p, format=replace(p.format, weight_bits=min(bits, p.format.weight_bits))) for p in incoming]
+        if _fill(graph, chip, tuple(narrow), {}).cores <= chip.cores:
+            fix += f", or use {bits} weight bits"
+            break
+    return TargetError(
+        f"network {graph.name!r}",
+        f"{placed.cores} cores are needed",
+        measured=f"{chip.name} has {chip.cores} on {chip.chips} chip{'s' * (chip.chips > 1)}",
+        fix=f"{fix}.",
+    )
+
+
+def _too_many_targets(placed: PlacedGraph, name: str) -> TargetError:
+    limit = placed.chip.limits.output_axons_per_core
+    return TargetError(
+        f"population {name!r}",
+        f"a neuron reaches more cores than a core has output axons ({placed.cores} cores in all)",
+        measured=f"{placed.chip.name} holds {limit} output axons",
+        fix="Connect it to fewer populations, or relay its spikes through compartments.",
+    )

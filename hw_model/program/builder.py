@@ -1,0 +1,254 @@
+"""Programs written by hand: name inputs and compartments, connect them, build."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy import sparse
+
+from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.weights import SignMode
+from hw_model.description.chip import Chip
+from hw_model.errors import InputError, TargetError
+from hw_model.mapping.arrangement import arrange_cores
+from hw_model.mapping.graph import (
+    CompartmentGraph,
+    Compartments,
+    Input,
+    Phase,
+    Readout,
+    Synapses,
+    check_graph,
+    read_only,
+)
+from hw_model.mapping.placement import place_cores
+from hw_model.mapping.routing import route_axons
+from hw_model.program.chip_program import ChipProgram, assemble
+
+Ints = int | npt.ArrayLike
+_LARGEST = 1 << 53
+"""Magnitudes up to this are the same number in float64 and in int64; beyond, numpy's integers go round."""
+
+
+@dataclass(frozen=True)
+class Node:
+    """An input or a group of compartments of a builder, to connect from or to."""
+
+    name: str
+    size: int
+
+
+class ProgramBuilder:
+    """Collects a program of one time phase.
+
+    >>> import hw_model as hw
+    >>> b = hw.ProgramBuilder(hw.chip("loihi-sim"))
+    >>> x = b.add_input("touch", 2)
+    >>> h = b.add_compartments("hidden", 1, decay_u=4096, decay_v=0, threshold=10)
+    >>> b.connect(x, h, [[20, -4]])
+    >>> hw.simulate(b.build(), [[1, 0], [0, 0]]).spikes["hidden"].ravel().tolist()
+    [0, 1]
+    """
+
+    def __init__(self, chip: Chip, name: str = "program") -> None:
+        self._chip, self._name = chip, name
+        self._inputs: list[Input] = []
+        self._groups: list[Compartments] = []
+        self._synapses: list[Synapses] = []
+        self._readout: Readout | None = None
+        self._pruned = 0
+
+    def add_input(self, name: str, size: int) -> Node:
+        """Add ``size`` input lines; line i spikes at step t where column i of the played array does."""
+        self._inputs.append(Input(name, int(size), "time", name))
+        return Node(name, int(size))
+
+    def add_compartments(
+        self,
+        name: str,
+        size: int,
+        *,
+        decay_u: Ints = 0,
+        decay_v: Ints = 0,
+        threshold: Ints,
+        bias: Ints = 0,
+        refractory: Ints = 1,
+        vmin: Ints | None = None,
+        vmax: Ints | None = None,
+        joined_to: Node | None = None,
+        join: str = "ADD",
+    ) -> Node:
+        """Add compartments; every parameter is one integer for all, or an array (size,).
+
+        ``decay_u``, ``decay_v``: effective decays 0..4096. ``threshold``: mantissa. ``bias``: its value, which must be
+        a 13-bit mantissa times a power of two up to 2^7. ``refractory`` k: no spike in the k - 1 steps after one.
+        ``vmin``, ``vmax``: values the chip can be set to. With ``joined_to``, compartment i adds its v to that group's
+        compartment i in the same step, and neither spikes nor is reset; ``join`` names the operation, of which only
+        ADD has a meaning here.
+        """
+        size = int(size)
+        if join != "ADD":
+            raise TargetError(
+                f"compartments {name!r}",
+                f"the join operation {join!r} is not modelled: no public source gives its integer timing",
+                fix="Join with ADD.",
+            )
+
+        def column(key: str, value: Ints) -> IntArray:
+            return _whole(f"compartments {name!r}", key, value, (size,))
+
+        last = self._chip.registers.voltage_max
+        # A lower limit beyond the register is the register's own end: 1 - 2^k is defined up to k = 31.
+        lowest = np.maximum(column("vmin", -last if vmin is None else vmin), -last)
+        mantissa, exponent = _bias(name, column("bias", bias), self._chip)
+        self._groups.append(
+            Compartments(
+                name,
+                "time",
+                size,
+                decay_u=column("decay_u", decay_u),
+                decay_v=column("decay_v", decay_v),
+                threshold=column("threshold", threshold),
+                bias_mantissa=read_only(mantissa),
+                bias_exponent=read_only(exponent),
+                refractory=column("refractory", refractory),
+                vmin=read_only(lowest),
+                vmax=column("vmax", last if vmax is None else vmax),
+                joined_to=None if joined_to is None else joined_to.name,
+            )
+        )
+        return Node(name, size)
+
+    def connect(
+        self,
+        source: Node,
+        target: Node,
+        weights: Any,
+        *,
+        exponent: int = 0,
+        delay: Any = 0,
+        weight_bits: int = 8,
+        sign_mode: SignMode = "mixed",
+    ) -> None:
+        """Connect by mantissas (n_target, n_source), dense or scipy sparse; zeros make no synapse and are counted.
+
+        Mantissas must be on the grid of the format. ``delay`` in steps, one for all or the shape of the weights.
+        """
+        where = f"synapses {source.name!r} -> {target.name!r}"
+        shape = (target.size, source.size)
+        if sparse.issparse(weights):
+            if weights.shape != shape:
+                raise _wrong_shape(where, "weights", weights.shape, shape)
+            entries = sparse.coo_array(weights)
+            entries.sum_duplicates()
+            given = np.asarray(entries.data)
+            rows, columns = entries.row.astype(np.int64), entries.col.astype(np.int64)
+            self._pruned += int((given == 0).sum())
+            keep = given != 0
+            rows, columns = rows[keep], columns[keep]
+            mantissa = _whole(where, "weights", given[keep], (len(rows),))
+        else:
+            matrix = _whole(where, "weights", weights, shape)
+            rows, columns = np.nonzero(matrix)
+            mantissa = matrix[rows, columns]
+            self._pruned += matrix.size - len(rows)
+        if sparse.issparse(delay):
+            delay = delay.toarray()
+        delays = np.broadcast_to(_whole(where, "delay", delay, shape), shape)[rows, columns]
+        order = np.lexsort((rows, columns))
+        self._synapses.append(
+            Synapses(
+                source.name,
+                target.name,
+                source_index=read_only(columns[order]),
+                target_index=read_only(rows[order]),
+                mantissa=read_only(mantissa[order]),
+                delay=read_only(delays[order]),
+                exponent=int(_whole(where, "exponent", exponent, ())),
+                weight_bits=weight_bits,
+                sign_mode=sign_mode,
+            )
+        )
+
+    def read_out(self, *populations: Node) -> None:
+        """Make the class scores the added spike counts of these populations."""
+        self._readout = Readout(tuple(node.name for node in populations), (1.0,) * len(populations))
+
+    def graph(self) -> CompartmentGraph:
+        """Return what was collected so far as a checked graph, not yet on cores."""
+        if not self._inputs or not self._groups:
+            raise InputError(
+                f"program {self._name!r}",
+                "has no input or no compartments",
+                fix="Call add_input and add_compartments first.",
+            )
+        graph = CompartmentGraph(
+            self._name,
+            (Phase("time", "time", None),),
+            tuple(self._inputs),
+            tuple(self._groups),
+            tuple(self._synapses),
+            self._readout,
+            self._pruned,
+        )
+        check_graph(graph, self._chip)
+        return graph
+
+    def build(self) -> ChipProgram:
+        """Check, place, arrange, route and assemble; a broken limit is a ``TargetError`` that says what would fit."""
+        return assemble(route_axons(arrange_cores(place_cores(self.graph(), self._chip))))
+
+
+def _whole(where: str, key: str, value: Any, shape: tuple[int, ...]) -> IntArray:
+    """Return integers of this shape, one value spread over all; anything else is an ``InputError``."""
+    array = np.asarray(value)
+    if array.dtype.kind not in "biuf" or not np.array_equal(array, np.round(array)):
+        raise InputError(where, f"{key} has values that are not whole numbers", fix="Quantise them first.")
+    beyond = array[(array < -_LARGEST) | (array > _LARGEST)]
+    if beyond.size:
+        raise InputError(
+            where,
+            f"{key} has values that no register holds",
+            measured=f"{beyond.flat[0]:g}",
+            fix="Quantise them first.",
+        )
+    if array.shape not in ((), shape):
+        raise _wrong_shape(where, key, array.shape, shape)
+    return read_only(np.broadcast_to(array, shape))
+
+
+def _wrong_shape(where: str, key: str, given: tuple[int, ...], shape: tuple[int, ...]) -> InputError:
+    order = "n_target rows and n_source columns" if len(shape) == 2 else "one value a compartment"
+    return InputError(where, f"{key} has the wrong shape", measured=f"{given} against {shape}", fix=f"Give {order}.")
+
+
+def _bias(name: str, values: IntArray, chip: Chip) -> tuple[IntArray, IntArray]:
+    """Split bias values into mantissa and the smallest exponent that holds them."""
+    registers = chip.registers
+    span = 1 << registers.bias_mantissa_bits
+    exponent = np.zeros_like(values)
+    for e in range(registers.bias_exponent_max, -1, -1):
+        holds = (values % (1 << e) == 0) & (values >> e >= -span) & (values >> e < span)
+        exponent = np.where(holds, e, exponent)
+    mantissa = values >> exponent
+    bad = np.flatnonzero((mantissa << exponent != values) | (mantissa < -span) | (mantissa >= span))
+    if len(bad):
+        value = int(values[bad[0]])
+        raise TargetError(
+            f"compartments {name!r}",
+            f"bias {value} of compartment {bad[0]} is not a mantissa times a power of two",
+            measured=f"mantissa {-span}..{span - 1}, exponent 0..{registers.bias_exponent_max}",
+            fix=f"The nearest is {_nearest_bias(value, chip)}.",
+        )
+    return mantissa, exponent
+
+
+def _nearest_bias(value: int, chip: Chip) -> int:
+    span = 1 << chip.registers.bias_mantissa_bits
+    held = [
+        min(max(round(value / (1 << e)), -span), span - 1) << e for e in range(chip.registers.bias_exponent_max + 1)
+    ]
+    return min(held, key=lambda bias: abs(bias - value))

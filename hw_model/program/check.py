@@ -1,0 +1,119 @@
+"""What a program out of a file must keep before it is played: compiled loops look at no index again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.weights import SIGN_MODES, WEIGHT_BITS, WEIGHT_EXPONENTS
+from hw_model.errors import InputError
+
+if TYPE_CHECKING:
+    from hw_model.description.chip import Registers
+    from hw_model.mapping.graph import Input
+    from hw_model.program.chip_program import ChipProgram, Core
+
+MAX_STEPS, MAX_LINES = 10_000_000, 10_000_000
+"""Steps of a phase and lines of an input, far above what a chip is used for."""
+MAX_DECAY = 4096
+_NONE = np.zeros(0, dtype=np.int64)
+_OF_COMPARTMENTS = ("profile", "threshold", "bias_mantissa", "bias_exponent", "parent")
+_OF_SYNAPSES = ("target", "mantissa", "delay", "format_index")
+_OF_OUTPUTS = ("out_compartment", "out_core", "out_axon")
+
+
+def check_tables(program: ChipProgram) -> None:
+    """Tables of one thing agree in length, numbers fit their registers, names exist; else ``InputError``."""
+    phases = [phase.name for phase in program.phases]
+    streams = program.streams
+    registers = program.chip.registers
+    _check("phases", [
+        ("names", len(set(phases)) == len(phases)),
+        ("axes", all(phase.axis in ("time", "location") for phase in program.phases)),
+        ("steps", all(phase.steps is None or _whole([phase.steps], 1, MAX_STEPS) for phase in program.phases)),
+    ])  # fmt: skip
+    for index, core in enumerate(program.cores):
+        _check(f"core {core.number}", _core_rules(index, core, phases, registers))
+    for item, route in zip(program.inputs, program.input_routes, strict=True):
+        positions = _NONE if item.positions is None else item.positions
+        steps = next((phase.steps for phase in program.phases if phase.name == item.phase), None)
+        _check(f"input {item.name!r}", [
+            ("sizes", _whole([item.size], 1, MAX_LINES)),
+            ("phases", item.phase in phases),
+            ("channels", item.channels == streams[item.stream]),
+            ("positions", _within(positions, 0, (steps or MAX_STEPS) - 1)),
+            ("first lines", _first_lines_fit(item)),
+            ("routes", len(route.line) == len(route.core) == len(route.axon)),
+            ("lines", _within(route.line, 0, item.size - 1)),
+        ])  # fmt: skip
+    _check_groups(program)
+
+
+def _first_lines_fit(item: Input) -> bool:
+    """They are lines of the input, one a channel, and channels of one step share none."""
+    if item.first_lines is None:
+        return not item.lines_are_shared
+    if item.positions is None or len(item.first_lines) != len(item.positions):
+        return False
+    return _within(item.first_lines, 0, item.size - 1) and not item.lines_are_shared
+
+
+def _core_rules(index: int, core: Core, phases: Sequence[str], registers: Registers) -> list[tuple[str, bool]]:
+    axons, count = core.axons, core.compartments
+    bias_max = (1 << registers.bias_mantissa_bits) - 1
+    ends = np.cumsum([0, *(piece.stop - piece.start for piece in core.slices)]).tolist()
+    return [
+        ("phases", core.phase in phases),
+        ("compartment tables", all(len(getattr(core, name)) == count for name in _OF_COMPARTMENTS)),
+        ("synapse tables", len({len(getattr(axons, name)) for name in _OF_SYNAPSES}) == 1),
+        ("output tables", len({len(getattr(axons, name)) for name in _OF_OUTPUTS}) == 1),
+        ("slices", [piece.offset for piece in core.slices] + [count] == ends and count > 0),
+        ("slices' places", all(p.core == index and 0 <= p.start < p.stop for p in core.slices)),
+        ("thresholds", _whole(core.thresholds, 0, registers.threshold_mantissa_max)),
+        ("voltage limits", _whole([-core.vmin, core.vmax], 0, registers.voltage_max)),
+        ("biases", _within(core.bias_mantissa, -bias_max - 1, bias_max)),
+        ("bias exponents", _within(core.bias_exponent, 0, registers.bias_exponent_max)),
+        ("weights", _within(axons.mantissa, -256, 255)),
+        ("decays", all(_whole([p.decay_u, p.decay_v], 0, MAX_DECAY) for p in core.profiles)),
+        ("refractory periods", all(_whole([p.refractory], 0, registers.refractory_max) for p in core.profiles)),
+        ("joints", all(_whole([p.joined], 0, 1) for p in core.profiles)),
+        ("formats", all(
+            form.weight_bits in WEIGHT_BITS and form.sign_mode in SIGN_MODES and form.exponent in WEIGHT_EXPONENTS
+            and _whole([form.delay_bits, form.index_bits], 0, 64)
+            for form in axons.formats
+        )),
+    ]  # fmt: skip
+
+
+def _check_groups(program: ChipProgram) -> None:
+    """Every group's slices cover it once, in one phase, and the readout's populations are groups of one size."""
+    pieces: dict[str, list[tuple[int, int, str]]] = {}
+    for core in program.cores:
+        for piece in core.slices:
+            pieces.setdefault(piece.group, []).append((piece.start, piece.stop, core.phase))
+    for name, found in pieces.items():
+        found.sort()
+        starts, stops = [start for start, *_ in found], [stop for _, stop, _ in found]
+        one_phase = len({phase for *_, phase in found}) == 1
+        _check(f"compartments {name!r}", [("slices", starts == [0, *stops[:-1]]), ("phases", one_phase)])
+    if program.readout is not None:
+        sizes = {program.populations.get(name) for name in program.readout.populations}
+        finite = np.isfinite(program.readout.weights).all()
+        _check("readout", [("populations", len(sizes) == 1 and None not in sizes), ("weights", bool(finite))])
+
+
+def _check(where: str, rules: Iterable[tuple[str, bool]]) -> None:
+    for what, holds in rules:
+        if not holds:
+            raise InputError(where, f"its {what} do not make a program", fix="Compile it again.")
+
+
+def _within(values: IntArray, low: int, high: int) -> bool:
+    return bool(((values >= low) & (values <= high)).all())
+
+
+def _whole(values: Iterable[object], low: int, high: int) -> bool:
+    return all(isinstance(value, int) and not isinstance(value, bool) and low <= value <= high for value in values)

@@ -1,0 +1,277 @@
+"""A program on disk: ``program.yaml``, readable, and ``program.npz``, its arrays, held together by a checksum.
+
+Nothing in either file is executed when it is read; a damaged, swapped or newer file is refused by name.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import stat
+import zipfile
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+import yaml
+
+from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.description.chip import parse_chip
+from hw_model.errors import InputError, LocsnnError
+from hw_model.io.files import pack_arrays
+from hw_model.io.folders import finish_writing, replace_entries
+from hw_model.io.yaml_text import FAST_LOADER, load_yaml
+from hw_model.io.zip_directory import check_directory
+from hw_model.mapping.fan_in import SynapseFormat
+from hw_model.mapping.graph import Input, Phase, Readout
+from hw_model.mapping.placement import Slice
+from hw_model.mapping.routing import AxonTables, InputRoute
+from hw_model.program.check import check_tables
+from hw_model.program.chip_program import ChipProgram, CompartmentProfile, Core, check_program
+
+FORMAT = "locsnn-program"
+VERSION = 1
+MAX_FILE_BYTES = 2 << 30
+MAX_ARRAY_BYTES = 3 << 29
+"""Of all arrays together, unpacked."""
+_CHUNK_BYTES = 1 << 20
+MAX_YAML_NODES = 2_000_000
+"""Values, keys and containers of ``program.yaml``: about a hundred for each core."""
+CORE_ARRAYS = ("profile", "threshold", "bias_mantissa", "bias_exponent", "parent")
+AXON_ARRAYS = ("list_start", "target", "mantissa", "delay", "format_index", "out_compartment", "out_core", "out_axon")
+ROUTE_ARRAYS = ("line", "core", "axon")
+
+
+def program_files(program: ChipProgram) -> dict[str, bytes]:
+    """Return the two files as bytes, by name; the same program gives the same bytes."""
+    arrays = pack_arrays(_arrays(program), compressed=True)
+    document = {"format": FORMAT, "version": VERSION, "arrays_sha256": hashlib.sha256(arrays).hexdigest()}
+    document.update(_document(program))
+    text = yaml.dump(document, sort_keys=False, allow_unicode=True, width=120, Dumper=_Dumper)
+    return {"program.npz": arrays, "program.yaml": text.encode()}
+
+
+def save_program(program: ChipProgram, folder: str | Path) -> None:
+    """Write both files, or none; what else the folder holds stays."""
+    target = Path(folder)
+    try:
+        replace_entries(target, program_files(program))
+    except OSError as error:
+        raise InputError(
+            f"folder {target.name!r}", f"cannot be written: {error.strerror}", fix="Choose a folder you may write to."
+        ) from error
+
+
+def load_program(folder: str | Path) -> ChipProgram:
+    """Read a program; anything missing, damaged, swapped or newer is an ``InputError``."""
+    finish_writing(Path(folder))
+    yaml_bytes, npz_bytes = (_read(Path(folder) / name) for name in ("program.yaml", "program.npz"))
+    try:
+        document = load_yaml(yaml_bytes, "program.yaml", loader=FAST_LOADER, most_nodes=MAX_YAML_NODES)
+    except (yaml.YAMLError, ValueError) as error:
+        raise InputError("program.yaml", "the file is not YAML: it is damaged", fix="Compile again.") from error
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
+        raise InputError("program.yaml", "this is not a program", fix="Give the folder that the compiler wrote.")
+    if document.get("version") != VERSION:
+        raise InputError(
+            "program.yaml",
+            "the program has another format version",
+            measured=f"{document.get('version')!r} against {VERSION}",
+            fix="Compile it again, or use the release that wrote it.",
+        )
+    if hashlib.sha256(npz_bytes).hexdigest() != document.get("arrays_sha256"):
+        raise InputError(
+            "program.npz", "the checksum differs: it is damaged, or of another program", fix="Compile again."
+        )
+    try:
+        program = _program(document, _unpack(npz_bytes))
+        check_tables(program)
+        check_program(program)
+    except LocsnnError:
+        raise
+    # Entries of any kind in any place, and archives that zipfile and numpy were not made for.
+    except Exception as error:
+        raise InputError("program.yaml", "its entries do not make a program", fix="Compile again.") from error
+    return program
+
+
+class _Dumper(yaml.SafeDumper):
+    """Writes the chip's own YAML text as a block."""
+
+
+def _text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style="|" if "\n" in text else None)
+
+
+_Dumper.add_representer(str, _text)
+
+
+def _document(program: ChipProgram) -> dict[str, Any]:
+    readout = program.readout
+    return {
+        "name": program.name,
+        "target": program.chip.name,
+        "provenance": dict(program.provenance),
+        "synapses_pruned": program.synapses_pruned,
+        "phases": [asdict(phase) for phase in program.phases],
+        "inputs": [
+            {
+                "name": i.name,
+                "size": i.size,
+                "phase": i.phase,
+                "stream": i.stream,
+                "transposed": i.positions is not None,
+            }
+            for i in program.inputs
+        ],
+        "readout": None if readout is None else dict(zip(readout.populations, readout.weights, strict=True)),
+        **(
+            {"readout_potentials_from": readout.potentials_from}
+            if readout and readout.potentials_from is not None
+            else {}
+        ),
+        "cores": [
+            {
+                "number": core.number,
+                "slot": core.slot,
+                "phase": core.phase,
+                "compartments": core.compartments,
+                "input_axons": core.axons.input_axons,
+                "output_axons": core.axons.output_axons,
+                "synapses": len(core.axons.target),
+                "synapse_words": core.axons.synapse_words,
+                "vmin": core.vmin,
+                "vmax": core.vmax,
+                "slices": [asdict(piece) for piece in core.slices],
+                "compartment_profiles": [asdict(profile) for profile in core.profiles],
+                "threshold_mantissas": list(core.thresholds),
+                "synapse_formats": [asdict(form) for form in core.axons.formats],
+            }
+            for core in program.cores
+        ],
+        "chip": program.chip.document,
+    }
+
+
+def _arrays(program: ChipProgram) -> dict[str, IntArray]:
+    arrays: dict[str, IntArray] = {}
+    for index, item in enumerate(program.inputs):
+        if item.positions is not None:
+            arrays[f"input{index}/positions"] = item.positions
+        if item.first_lines is not None:
+            arrays[f"input{index}/first_lines"] = item.first_lines
+    for index, route in enumerate(program.input_routes):
+        arrays.update({f"input{index}/{name}": getattr(route, name) for name in ROUTE_ARRAYS})
+    for core in program.cores:
+        arrays.update({f"core{core.number}/{name}": getattr(core, name) for name in CORE_ARRAYS})
+        arrays.update({f"core{core.number}/{name}": getattr(core.axons, name) for name in AXON_ARRAYS})
+    return arrays
+
+
+def _unpack(content: bytes) -> dict[str, IntArray]:
+    arrays: dict[str, IntArray] = {}
+    check_directory(io.BytesIO(content))
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        if sum(entry.file_size for entry in archive.infolist()) > MAX_ARRAY_BYTES:
+            raise InputError("program.npz", "its arrays are absurdly large", fix="Compile again.")
+        for entry in archive.infolist():
+            with archive.open(entry) as member:
+                array = _vector(member, entry)
+            array.setflags(write=False)
+            arrays[entry.filename.removesuffix(".npy")] = array
+    return arrays
+
+
+def _vector(member: IO[bytes], entry: zipfile.ZipInfo) -> IntArray:
+    """Return an int64 vector, read in place: what its header claims is compared with what is there before."""
+    if np.lib.format.read_magic(member) != (1, 0):
+        raise ValueError(entry.filename)
+    shape, _, dtype = np.lib.format.read_array_header_1_0(member)
+    if dtype != np.int64 or len(shape) != 1 or not 0 <= 8 * shape[0] <= entry.file_size:
+        raise ValueError(entry.filename)
+    array: IntArray = np.empty(shape, dtype=np.int64)
+    content = array.view(np.uint8)
+    at = 0
+    while at < len(content):
+        chunk = member.read(min(_CHUNK_BYTES, len(content) - at))
+        if not chunk:
+            raise ValueError(entry.filename)
+        content[at : at + len(chunk)] = np.frombuffer(chunk, dtype=np.uint8)
+        at += len(chunk)
+    return array
+
+
+def _read(path: Path) -> bytes:
+    try:
+        found = path.stat()
+        if not stat.S_ISREG(found.st_mode):
+            raise InputError(path.name, "it is no plain file", fix="Give the folder that the compiler wrote.")
+        if found.st_size > MAX_FILE_BYTES:
+            raise InputError(path.name, "the file is absurdly large", fix="Compile again.")
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(
+            path.name, f"cannot be read: {error.strerror}", fix="Give the folder that the compiler wrote."
+        ) from error
+
+
+def _program(document: dict[str, Any], arrays: dict[str, IntArray]) -> ChipProgram:
+    inputs = tuple(
+        Input(
+            item["name"],
+            int(item["size"]),
+            item["phase"],
+            item["stream"],
+            arrays[f"input{index}/positions"] if item["transposed"] else None,
+            arrays.get(f"input{index}/first_lines"),
+        )
+        for index, item in enumerate(document["inputs"])
+    )
+    routes = tuple(
+        InputRoute(item.name, **{name: arrays[f"input{index}/{name}"] for name in ROUTE_ARRAYS})
+        for index, item in enumerate(inputs)
+    )
+    readout = document["readout"]
+    return ChipProgram(
+        name=str(document["name"]),
+        chip=parse_chip(document["chip"], where="program.yaml: chip"),
+        phases=tuple(Phase(**phase) for phase in document["phases"]),
+        inputs=inputs,
+        input_routes=routes,
+        cores=tuple(_core(core, arrays) for core in document["cores"]),
+        readout=None
+        if readout is None
+        else Readout(tuple(readout), tuple(map(float, readout.values())), _first(document)),
+        synapses_pruned=int(document["synapses_pruned"]),
+        provenance={str(key): str(value) for key, value in document["provenance"].items()},
+    )
+
+
+def _first(document: dict[str, Any]) -> int | None:
+    first = document.get("readout_potentials_from")
+    return None if first is None else int(first)
+
+
+def _core(core: dict[str, Any], arrays: dict[str, IntArray]) -> Core:
+    prefix = f"core{int(core['number'])}/"
+    formats = tuple(SynapseFormat(**form) for form in core["synapse_formats"])
+    return Core(
+        number=int(core["number"]),
+        slot=int(core["slot"]),
+        phase=core["phase"],
+        slices=tuple(Slice(**piece) for piece in core["slices"]),
+        profiles=tuple(CompartmentProfile(**profile) for profile in core["compartment_profiles"]),
+        thresholds=tuple(map(int, core["threshold_mantissas"])),
+        vmin=int(core["vmin"]),
+        vmax=int(core["vmax"]),
+        **{name: arrays[prefix + name] for name in CORE_ARRAYS},
+        axons=AxonTables(
+            formats=formats,
+            synapse_words=int(core["synapse_words"]),
+            **{name: arrays[prefix + name] for name in AXON_ARRAYS},
+        ),
+    )
+
+
+assert {f.name for f in fields(AxonTables)} == {*AXON_ARRAYS, "formats", "synapse_words"}

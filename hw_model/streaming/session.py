@@ -1,0 +1,187 @@
+"""A recording as it arrives: push events step by step, and know the prediction after every one, in bounded memory.
+
+This is the timestep-wise inference of hybrid networks (Kang et al. 2022): after step t the time phases have run up to
+t, and the location phases are what they would be if nothing followed. A location phase is not run again for every
+step: see :mod:`hw_model.streaming.location_phase`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.engine.layout import fast_layout
+from hw_model.engine.playing import Spikes, read_streams
+from hw_model.engine.trace import ByteArray
+from hw_model.errors import InputError
+from hw_model.mapping.graph import Phase
+from hw_model.program.chip_program import ChipProgram
+from hw_model.streaming.location_phase import Replay
+from hw_model.streaming.time_phase import Live
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class StepScores:
+    """The state of the readout after each of some steps.
+
+    ``spikes[name]`` (steps, classes): spikes so far of each population of the readout; ``scores`` (steps, classes).
+    """
+
+    spikes: dict[str, IntArray]
+    scores: FloatArray
+
+    @property
+    def prediction(self) -> IntArray:
+        """Class with the highest score after each step, the first of equals, (steps,)."""
+        return np.asarray(self.scores.argmax(axis=1), dtype=np.int64)
+
+    @property
+    def lead(self) -> FloatArray:
+        """By how much the best score after each step is above the second, (steps,)."""
+        return leads(self.scores)
+
+
+def leads(scores: FloatArray) -> FloatArray:
+    """Return by how much the best of scores (..., classes) is above the second; an only one is above 0."""
+    if scores.shape[-1] == 1:
+        return scores[..., 0]
+    best = np.partition(scores, -2, axis=-1)
+    return np.asarray(best[..., -1] - best[..., -2])
+
+
+class Session:
+    """One recording, played to a program as it arrives. The integers are those of :func:`hw_model.simulate`.
+
+    ``psi``: weigh the time populations by 1 - w and the location populations by w of :func:`location_share`; None
+    leaves the readout's own weights. Phases that mix inputs as they come with transposed ones, and programs without a
+    readout, are an ``InputError``.
+    """
+
+    def __init__(self, program: ChipProgram, psi: float | None = None) -> None:
+        if program.readout is None:
+            raise InputError(
+                f"program {program.name!r}", "has no readout, so it predicts nothing", fix="Add a readout."
+            )
+        if program.readout.potentials_from is not None:
+            raise InputError(
+                f"program {program.name!r}",
+                "predicts by potentials, which are not followed step by step",
+                fix="Simulate whole recordings.",
+            )
+        self.program, self.psi = program, psi
+        self.steps = 0
+        self._length = _length(program, psi)
+        self._branches = [_Branch(program, phase) for phase in program.phases]
+        place = {name: i for i, branch in enumerate(self._branches) for name in branch.columns}
+        self._output = [
+            _Output(name, float(weight), place[name], self._branches[place[name]].columns[name])
+            for name, weight in zip(program.readout.populations, program.readout.weights, strict=True)
+        ]
+
+    def reset(self) -> None:
+        """Forget the recording, and be ready for another."""
+        self.steps = 0
+        for branch in self._branches:
+            branch.run.reset()
+
+    def push(self, spikes: Spikes) -> StepScores:
+        """Play further rows, (rows, channels) or (channels,) of 0 and 1, or a mapping of streams to them.
+
+        Rows after the last step that a phase is for change nothing in it.
+        """
+        given = spikes if isinstance(spikes, Mapping) else {name: spikes for name in list(self.program.streams)[:1]}
+        streams, batched = read_streams(self.program, {name: np.atleast_2d(array) for name, array in given.items()})
+        if batched:
+            raise InputError("spikes", "a session plays one recording", fix="Give rows, (rows, channels).")
+        rows = next(iter(streams.values())).shape[1]
+        counts = [branch.push(self.steps, streams) for branch in self._branches]
+        self.steps += rows
+        found = {output.population: counts[output.branch][:, output.columns] for output in self._output}
+        scores = sum(self._weight(output, rows) * found[output.population] for output in self._output)
+        return StepScores(found, np.asarray(scores, dtype=np.float64))
+
+    @property
+    def replayed(self) -> tuple[int, int]:
+        """Steps of transposed phases run so far, and how many it would be to run all again after every step."""
+        replays = [branch.run for branch in self._branches if isinstance(branch.run, Replay)]
+        return sum(replay.steps_run for replay in replays), self.steps * sum(r.steps_of_all for r in replays)
+
+    def spikes(self, population: str) -> ByteArray:
+        """Return the spikes of a population of a transposed phase as things stand, (steps, n)."""
+        for branch in self._branches:
+            if isinstance(branch.run, Replay) and population in branch.columns:
+                return branch.run.spikes()[:, branch.columns[population]]
+        raise InputError(f"population {population!r}", "is in no transposed phase", fix="Read its counts from push.")
+
+    def _weight(self, output: _Output, rows: int) -> float | FloatArray:
+        """Return what spikes count for after each of the last rows: a number, or (rows, 1)."""
+        if self.psi is None:
+            return output.weight
+        location = location_share(self.psi, np.arange(self.steps - rows + 1, self.steps + 1), self._length)
+        axis = self._branches[output.branch].phase.axis
+        return output.weight * (location if axis == "location" else 1.0 - location)[:, None]
+
+
+def location_share(psi: float, step: IntArray, steps: int) -> FloatArray:
+    """Return w = 1 / (1 + exp(-psi (t / T - 1))) after step t of T, which rises to 1/2 (Kang et al. 2022)."""
+    with np.errstate(over="ignore"):  # a large psi counts as 0 what is early
+        shares: FloatArray = 1.0 / (1.0 + np.exp(-psi * (np.minimum(step, steps) / steps - 1.0)))
+    return shares
+
+
+def check_psi(psi: float) -> None:
+    """Refuse a psi that is negative or not a number."""
+    if not (np.isfinite(psi) and psi >= 0):
+        raise InputError("psi", "it is no rate", measured=f"got {psi}", fix="Give 0 or more, such as 10.")
+
+
+class _Output(NamedTuple):
+    """A population of the readout: its ``columns`` in the phase of ``branch``."""
+
+    population: str
+    weight: float
+    branch: int
+    columns: slice
+
+
+class _Branch:
+    """A phase of a session: played as it comes, or replayed from the first change on."""
+
+    def __init__(self, program: ChipProgram, phase: Phase) -> None:
+        self.phase, self.columns = phase, program.columns_of(phase.name)
+        inputs = program.inputs_of(phase.name)
+        self._streams = [item.stream for item in inputs]
+        positions = [item.positions for item in inputs if item.positions is not None]
+        if 0 < len(positions) < len(inputs):
+            raise InputError(
+                f"phase {phase.name!r}",
+                "has inputs as they come beside transposed ones, so it cannot run as they arrive",
+                fix="Use simulate.",
+            )
+        layout = fast_layout(program, phase.name)
+        last = int(max((at.max(initial=0) for at in positions), default=0))
+        self.run = Replay(layout, phase.steps or last + 1, inputs) if positions else Live(layout, phase.steps)
+
+    def push(self, before: int, streams: dict[str, ByteArray]) -> IntArray:
+        """Push rows (1, rows, channels), and return the spikes so far after each, (rows, columns)."""
+        given = [streams[name][0] for name in self._streams]
+        # A copy, whatever came: loops are compiled anew for what is read-only, or not side by side.
+        rows = np.array(given[0] if len(given) == 1 else np.concatenate(given, axis=1), order="C")
+        return self.run.push(before, rows)
+
+
+def _length(program: ChipProgram, psi: float | None) -> int:
+    """Return T, the steps of a whole recording, where it is needed."""
+    lengths = [phase.steps for phase in program.phases if phase.axis == "time" and phase.steps]
+    if psi is not None:
+        check_psi(psi)
+    if psi is not None and not lengths:
+        raise InputError("psi", "the program does not say how long a recording is", fix="Fix the steps of its phase.")
+    return lengths[0] if lengths else 1

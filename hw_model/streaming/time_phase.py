@@ -1,0 +1,99 @@
+"""A phase whose inputs are played as they come: rows are pushed, and its state goes on from push to push."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from hw_model.engine.compiled import borrowed, compiled, entry
+from hw_model.engine.layout import FastLayout
+from hw_model.engine.tiles import NOTHING_KEPT, TILE, AnyArray, Kept, first_state, reset, run_tile, workspace
+from hw_model.engine.trace import ByteArray
+
+
+class Room(NamedTuple):
+    """What a tile of rows is played from and to: event lists, spikes, and what :func:`run_tile` counts.
+
+    ``so_far`` (columns,): the spikes since the first step.
+    """
+
+    first: AnyArray
+    line: AnyArray
+    spikes: AnyArray
+    so_far: AnyArray
+    sent: AnyArray
+    active: AnyArray
+    kept: Kept
+
+
+class Live:
+    """A phase of ``steps`` steps, or without end, before its first step."""
+
+    def __init__(self, layout: FastLayout, steps: int | None) -> None:
+        inputs = layout.inputs
+        lines = int(layout.nodes.size[:inputs].sum())
+        room = Room(
+            first=np.zeros((TILE + 1, inputs), dtype=np.int64),
+            line=np.empty(TILE * lines, dtype=np.int32),
+            spikes=np.zeros((TILE, layout.columns), dtype=np.uint8),
+            so_far=np.zeros(layout.columns, dtype=np.int64),
+            sent=np.zeros(lines + layout.columns, dtype=np.int64),
+            active=np.zeros((TILE, layout.pieces), dtype=np.int64),
+            kept=NOTHING_KEPT,
+        )
+        self._steps, self._columns = steps, layout.columns
+        self._state, self._so_far = first_state(layout), room.so_far
+        self._played = (layout.nodes, layout.chunks, layout.links, self._state, workspace(layout), room)
+        rows, counts = np.zeros((1, lines), dtype=np.uint8), np.zeros((1, layout.columns), dtype=np.int64)
+        self._push = entry(_push, rows, 1, *self._played, counts)
+
+    def reset(self) -> None:
+        """Go back to before the first step."""
+        reset(self._state)
+        self._so_far[:] = 0
+
+    def push(self, before: int, rows: ByteArray) -> AnyArray:
+        """Play rows (rows, lines), side by side in memory and writeable, from step ``before`` on.
+
+        Return the spike counts after each, (rows, columns).
+        """
+        lasting = len(rows) if self._steps is None else max(0, min(len(rows), self._steps - before))
+        counts = np.empty((len(rows), self._columns), dtype=np.int64)
+        self._push(rows, lasting, *self._played, counts)
+        return counts
+
+
+@compiled
+def _push(rows, lasting, nodes, chunks, links, state, work, room, counts):  # type: ignore[no-untyped-def]
+    nodes, chunks, links, state, work, room = borrowed((nodes, chunks, links, state, work, room))
+    for low in range(0, lasting, len(room.spikes)):
+        many = min(len(room.spikes), lasting - low)
+        _list_rows(rows, low, many, nodes, room.first, room.line)
+        run_tile(
+            low, many, room.first, room.line, nodes, chunks, links, state, work, True,
+            room.spikes, room.sent, room.active, 0, room.kept,
+        )  # fmt: skip
+        for row in range(many):
+            for column in range(len(room.so_far)):
+                room.so_far[column] += room.spikes[row, column]
+                room.spikes[row, column] = 0
+                counts[low + row, column] = room.so_far[column]
+    for row in range(lasting, len(rows)):
+        for column in range(len(room.so_far)):
+            counts[row, column] = room.so_far[column]
+
+
+@compiled
+def _list_rows(rows, low, many, nodes, first, line):  # type: ignore[no-untyped-def]
+    """List the events of ``many`` rows from ``low`` on, input after input."""
+    found = 0
+    for node in range(first.shape[1]):
+        begin = nodes.first[node]
+        for row in range(many):
+            first[row, node] = found
+            for source in range(nodes.size[node]):
+                if rows[low + row, begin + source]:
+                    line[found] = source
+                    found += 1
+        first[many, node] = found

@@ -1,0 +1,24 @@
+"""File formats out: a compiled model for other tools, one exporter a format."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from locsnn_compile.network.quantized import QuantizedNetwork
+
+EXCHANGE_KINDS = ("nir", "net")
+
+
+def exchange_file(kind: str, quantized: QuantizedNetwork) -> bytes:
+    """Return a model as a file of another tool: ``nir``, or ``net`` of lava-dl.
+
+    Raises ``InputError`` for what the format cannot hold.
+    """
+    if kind == "nir":
+        from locsnn_compile.backends.exchange.nir_file import nir_bytes
+
+        return nir_bytes(quantized)
+    from locsnn_compile.backends.exchange.net_file import net_bytes
+
+    return net_bytes(quantized)

@@ -1,0 +1,102 @@
+"""A network as a lava-dl ``.net`` file: what came from one as it was, and chains of layers whose integers fit."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import numpy as np
+
+from locsnn_compile.errors import InputError
+from locsnn_compile.frontends.lava_dl.layers import Array, NetFile, NetLayer
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection
+from locsnn_compile.network.matrices import Matrix, values_of
+from locsnn_compile.network.quantized import QuantizedNetwork, QuantizedPopulation
+
+_WHERE = "--emit net"
+_OTHER = "Emit another kind."
+
+
+def net_bytes(quantized: QuantizedNetwork) -> bytes:
+    """Return the file; ``InputError`` for what is no chain of dense layers in lava-dl's integers."""
+    origin = quantized.network.origin
+    return file_bytes(origin if isinstance(origin, NetFile) else net_file(quantized))
+
+
+def file_bytes(file: NetFile) -> bytes:
+    """Return layers as HDF5, laid out as ``export_hdf5`` of lava-dl does."""
+    import h5py
+
+    held = io.BytesIO()
+    with h5py.File(held, "w") as out:
+        for layer in file.layers:
+            group = out.create_group(f"layer/{layer.number}")
+            group.create_dataset("type", (1,), "S10", [layer.kind.encode("ascii")])
+            for key, value in layer.values.items():
+                if key != "type":
+                    group.create_dataset(key, data=value)
+        for key, value in file.simulation.items():
+            out.create_dataset(f"simulation/{key}", data=value)
+    return held.getvalue()
+
+
+def net_file(quantized: QuantizedNetwork) -> NetFile:
+    """Return the layers of a chain of populations in integers."""
+    if len(quantized.network.views) != 1 or quantized.network.axes != ("time",):
+        raise InputError(_WHERE, "lava-dl has no steps along locations", fix=_OTHER)
+    before, layers = quantized.network.views[0].name, []
+    layers.append(NetLayer(0, "input", {"shape": np.array([quantized.network.views[0].lines])}))
+    for number, q in enumerate(quantized.populations, start=1):
+        name = q.population.name
+        onto = [p for p in quantized.projections if p.target == name]
+        if [p.source for p in onto if p.source != name] != [before] or len(onto) > 2:
+            raise InputError(f"{_WHERE}, population {name!r}", "it is not the next of a chain", fix=_OTHER)
+        layers.append(_layer(number, q, onto))
+        before = name
+    return NetFile(tuple(layers), {})
+
+
+def _layer(number: int, q: QuantizedPopulation, onto: list[ChipProjection]) -> NetLayer:
+    name, neuron = q.population.name, q.neuron
+    where = f"{_WHERE}, population {name!r}"
+    if not isinstance(neuron, ChipCuba) or (neuron.refractory > 1).any():
+        raise InputError(where, "lava-dl runs neurons of one compartment without refractory period only", fix=_OTHER)
+    bias = neuron.bias_mantissa * 2**neuron.bias_exponent
+    if (bias % 64).any():
+        raise InputError(where, "a bias is no multiple of 64", measured=f"{bias[bias % 64 != 0][0]}", fix=_OTHER)
+    values: dict[str, Array | str] = {
+        "shape": np.array([q.population.size]),
+        "outFeatures": np.array(q.population.size),
+        "neuron/type": "CUBA",
+        "neuron/iDecay": neuron.decay_u,
+        "neuron/vDecay": neuron.decay_v,
+        "neuron/vThMant": neuron.threshold,
+        "neuron/refDelay": np.array(1),
+        "neuron/gradedSpike": np.array(0),
+    }
+    if bias.any():
+        values["bias"] = bias // 64
+    for projection in onto:
+        weights = _weights(projection, where)
+        values["weight_rec" if projection.source == name else "weight"] = weights.astype(np.float32)
+        if np.any(projection.delay):
+            if projection.source == name or np.size(projection.delay) > 1:
+                raise InputError(where, "its delays differ", fix=_OTHER)
+            values["delay"] = np.array(projection.delay)
+    values["inFeatures"] = np.array(np.shape(values["weight"])[1])
+    return NetLayer(number, "dense_rec" if "weight_rec" in values else "dense", values)
+
+
+def _weights(projection: ChipProjection, where: str) -> Any:
+    """Return weights (out, in) that lava-dl keeps: even ones, -256..254."""
+    held: Matrix = projection.mantissa
+    dense = held.toarray() if values_of(held).ndim == 1 else held
+    weights = np.floor(dense * 2.0**projection.exponent).astype(np.int64)
+    if (weights % 2).any() or weights.min(initial=0) < -256 or weights.max(initial=0) > 254:
+        raise InputError(
+            where,
+            "its weights are not even numbers of 8 bits",
+            measured=f"{weights.min()}..{weights.max()} against -256..254",
+            fix="Compile with --weight-bits 6, or emit another kind.",
+        )
+    return weights

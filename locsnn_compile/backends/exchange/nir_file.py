@@ -1,0 +1,177 @@
+"""A network as a NIR file, its quantised integers in the graph's metadata.
+
+A network that came from NIR goes out as the graph that it was, node by node and number by number. Others become Input,
+Linear, Delay, neuron and Output nodes, with the constants whose usual Euler step is the network's own: a share d lost
+in a step is ``tau = dt / d``, ``r = 1 / d``, and a bias b is ``v_leak = b / d``.
+
+Metadata, by keys with dots: ``dt``; for each population ``quantized.<name>.threshold``, ``decay_u``, ``decay_v``,
+``bias_mantissa``, ``bias_exponent``, ``refractory`` and ``scale``, a slash of the name as a dot; of neurons that a
+spike takes from, self-synapses ``refractory.delay``, ``refractory.mantissa`` and ``refractory.exponent``; for the k-th
+projection ``quantized.projection<k>`` with ``source``, ``target``, ``rows``, ``columns``, ``mantissa``, ``delay``,
+``exponent`` and ``weight_bits``.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from locsnn_compile.errors import InputError
+from locsnn_compile.frontends.nir.graph import Array, Edge, NirGraph, NirNode
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection, ChipSrm
+from locsnn_compile.network.matrices import Matrix, connections, values_of
+from locsnn_compile.network.network import Network, Population, Projection
+from locsnn_compile.network.neurons import Cuba
+from locsnn_compile.network.quantized import QuantizedNetwork
+
+DT_SECONDS = 1e-4
+_VERSION = "1.0"
+
+
+def nir_bytes(quantized: QuantizedNetwork) -> bytes:
+    """Return the file; ``InputError`` for neurons that NIR does not have."""
+    network = quantized.network
+    graph = network.origin if isinstance(network.origin, NirGraph) else nir_graph(network)
+    metadata = {**graph.metadata, "dt": np.array(network.step_seconds or DT_SECONDS), **_integers(quantized)}
+    return graph_bytes(NirGraph(graph.nodes, graph.edges, metadata))
+
+
+def graph_bytes(graph: NirGraph) -> bytes:
+    """Return a graph as HDF5, laid out as ``nir.write`` does."""
+    import h5py
+
+    held = io.BytesIO()
+    with h5py.File(held, "w") as file:
+        file.create_dataset("version", data=_VERSION, dtype=h5py.string_dtype())
+        _write_graph(file.create_group("node"), graph)
+    return held.getvalue()
+
+
+def _write_graph(group: Any, graph: NirGraph) -> None:
+    import h5py
+
+    group.create_dataset("type", data="NIRGraph", dtype=h5py.string_dtype())
+    group.create_dataset("edges", data=np.array(graph.edges, dtype=object).reshape(-1, 2), dtype=h5py.string_dtype())
+    nodes = group.create_group("nodes")
+    for name, node in graph.nodes.items():
+        inside = nodes.create_group(name)
+        if isinstance(node, NirGraph):
+            _write_graph(inside, node)
+        else:
+            _write_values(inside, {"type": node.kind, **node.parameters})
+    if graph.metadata:
+        _write_values(group.create_group("metadata"), graph.metadata)
+
+
+def _write_values(group: Any, values: Mapping[str, Array | str]) -> None:
+    import h5py
+
+    for name, value in values.items():
+        if isinstance(value, str):
+            group.create_dataset(name, data=value, dtype=h5py.string_dtype())
+        else:
+            group.create_dataset(name, data=value)
+
+
+def nir_graph(network: Network) -> NirGraph:
+    """Return the graph of a network of leaky integrate-and-fire neurons along time."""
+    dt = network.step_seconds or DT_SECONDS
+    nodes: dict[str, NirNode | NirGraph] = {}
+    edges: list[Edge] = []
+    for view in network.views:
+        nodes[view.name] = NirNode("Input", {"shape": np.array([view.lines])})
+    for population in network.populations:
+        nodes[population.name] = _neuron(population, dt)
+    for k, projection in enumerate(network.projections):
+        weights, factor = _weights(projection)
+        for delay in np.unique(projection.delay).tolist() or [0]:
+            name = f"weights{k}" if np.size(projection.delay) == 1 else f"weights{k}.{delay}"
+            dense = _of_delay(weights, projection.delay, delay) * factor
+            nodes[name] = NirNode("Linear", {"weight": dense})
+            edges.append((name, projection.target))
+            if delay:
+                late = np.full(dense.shape[1], delay * dt)
+                nodes[f"{name}.delay"] = NirNode("Delay", {"delay": late})
+                edges += [(projection.source, f"{name}.delay"), (f"{name}.delay", name)]
+            else:
+                edges.append((projection.source, name))
+    for name in network.readout.populations:
+        nodes[f"{name}.output"] = NirNode("Output", {"shape": np.array([network.classes])})
+        edges.append((name, f"{name}.output"))
+    return NirGraph(nodes, tuple(edges))
+
+
+def _weights(projection: Projection | ChipProjection) -> tuple[Matrix, float]:
+    """Return weights, and what each stands for."""
+    if isinstance(projection, ChipProjection):
+        return projection.mantissa, 64.0 * 2.0**projection.exponent
+    return projection.weights, 1.0
+
+
+def _of_delay(weights: Matrix, delays: Any, delay: int) -> Any:
+    """Return the weights of one delay as a dense float matrix."""
+    target, source, index = connections(weights)
+    each = np.broadcast_to(delays, values_of(weights).shape).ravel()[index]
+    dense = np.zeros(weights.shape)
+    here = each == delay
+    dense[target[here], source[here]] = values_of(weights).ravel()[index][here]
+    return dense
+
+
+def _neuron(population: Population, dt: float) -> NirNode:
+    where, neuron = f"--emit nir, population {population.name!r}", population.neuron
+    if isinstance(neuron, ChipCuba):
+        scale = 1 / 4096
+        u, v = neuron.decay_u * scale, neuron.decay_v * scale
+        threshold, bias = 64.0 * neuron.threshold, neuron.bias_mantissa * 2.0**neuron.bias_exponent
+    elif isinstance(neuron, Cuba):
+        u, v, bias = neuron.decay_u, neuron.decay_v, neuron.bias
+        # NIR spikes above the threshold: at it, where that is the next number below.
+        threshold = neuron.threshold if neuron.rule == ">" else np.nextafter(neuron.threshold, -np.inf)
+    else:
+        raise InputError(where, "NIR has no neuron without reset", fix="Emit another kind.")
+    if population.axis != "time":
+        raise InputError(where, "NIR has no steps along locations", fix="Emit another kind.")
+    if (neuron.refractory > 1).any():
+        raise InputError(where, "NIR has no refractory period", fix="Emit another kind.")
+    if (u <= 0).any() or ((v <= 0).any() and ((v > 0).any() or (u < 1).any() or bias.any())):
+        raise InputError(where, "a state that never decays has no time constant", fix="Emit another kind.")
+    zero = np.zeros(population.size)
+    if not v.any():
+        return NirNode("IF", {"r": zero + 1 / dt, "v_threshold": threshold, "v_reset": zero})
+    common = {"r": 1 / v, "v_leak": bias / v, "v_threshold": threshold, "v_reset": zero}
+    if (u == 1).all():
+        return NirNode("LIF", {"tau": dt / v, **common})
+    return NirNode("CubaLIF", {"tau_syn": dt / u, "tau_mem": dt / v, "w_in": 1 / u, **common})
+
+
+def _integers(quantized: QuantizedNetwork) -> dict[str, Array | str]:
+    """Return the integers of the quantised network as metadata."""
+    found: dict[str, Array | str] = {}
+    for q in quantized.populations:
+        # HDF5 would make groups of a slash.
+        name = q.population.name.replace("/", ".")
+        found[f"quantized.{name}.scale"] = np.asarray(q.scale)
+        numbers = dict(vars(q.neuron))
+        if isinstance(q.neuron, ChipSrm):
+            numbers |= {f"refractory.{key}": np.asarray(value) for key, value in vars(q.neuron.refractory).items()}
+        for key, values in numbers.items():
+            if isinstance(values, np.ndarray):
+                found[f"quantized.{name}.{key}"] = values
+    for k, p in enumerate(quantized.projections):
+        target, source, index = connections(p.mantissa)
+        held: dict[str, Array | str] = {
+            "source": p.source,
+            "target": p.target,
+            "rows": target,
+            "columns": source,
+            "mantissa": values_of(p.mantissa).ravel()[index],
+            "delay": np.broadcast_to(p.delay, values_of(p.mantissa).shape).ravel()[index],
+            "exponent": np.array(p.exponent),
+            "weight_bits": np.array(p.weight_bits),
+        }
+        found |= {f"quantized.projection{k}.{key}": value for key, value in held.items()}
+    return found

@@ -1,0 +1,1 @@
+"""``--emit sanafe``: a program as files that SANA-FE runs."""

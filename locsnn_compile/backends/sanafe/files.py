@@ -1,0 +1,128 @@
+"""``--emit sanafe``: the chip and each phase of a program as files that SANA-FE 2.2 runs, and what it has to find."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import yaml
+
+import hw_model as hw
+from hw_model.description.profile import Profile
+from locsnn_compile.backends.names import code_span, unique_names
+from locsnn_compile.backends.played import Played
+from locsnn_compile.backends.sanafe.architecture import PROFILE, TileUse, architecture, priced_by, tile_number
+from locsnn_compile.backends.sanafe.network import PhaseNetwork
+from locsnn_compile.backends.sanafe.rules import UNIT_SIZE, obstacles, updates
+from locsnn_compile.errors import InputError
+
+FOLDER = "sanafe"
+PARTS = {
+    "synapse": ("synaptic_ops",),
+    "soma": ("neuron_updates", "neuron_updates_active", "spikes"),
+    "network": ("axon_packets", "hops_x", "hops_y"),
+}
+"""Parts of SANA-FE's energy, and the counts of a profile that each adds up."""
+
+README = """\
+# {program} for SANA-FE, {title}
+
+`arch.yaml` is {chip} with the costs of its profile `{profile}`; one network file a phase. Run a phase with SANA-FE 2.2
+(`pip install sanafe`):
+
+```python
+import sanafe
+arch = sanafe.load_arch("arch.yaml")
+chip = sanafe.SpikingChip(arch)
+chip.load(sanafe.load_net("{first}.yaml", arch))
+print(chip.sim({steps}, spike_trace="spikes.csv"))
+```
+
+`expected.yaml` says for each phase what it has to find: counts under SANA-FE's names, and energies. Its timing follows
+rules of its own and is not compared.
+"""
+
+
+def sanafe_files(played: Played) -> dict[str, bytes]:
+    """Return the files by name, in the folder ``sanafe``."""
+    program = played.program
+    profile = priced_by(program.chip)
+    _check_units(program)
+    notes = {phase.name: obstacles(played, phase.name) for phase in played.phases}
+    networks = {phase: PhaseNetwork(played, phase, replayed=bool(why)) for phase, why in notes.items()}
+    names = unique_names(networks)
+    expected = {
+        "profile": PROFILE,
+        "phases": [
+            {"file": f"{names[phase]}.yaml", **_expected(played, phase, networks[phase], notes[phase], profile)}
+            for phase in networks
+        ],
+    }
+    first = played.phases[0].name
+    readme = README.format(
+        program=code_span(program.name),
+        title=code_span(played.title),
+        chip=code_span(program.chip.name),
+        profile=PROFILE,
+        first=names[first],
+        steps=played.steps(first),
+    )
+    texts = {
+        "README.md": readme,
+        "arch.yaml": architecture(program.chip, _uses(played, networks, notes)),
+        **{f"{names[phase]}.yaml": network.text() for phase, network in networks.items()},
+        "expected.yaml": yaml.safe_dump(expected, sort_keys=False, width=120),
+    }
+    return {f"{FOLDER}/{name}": text.encode() for name, text in texts.items()}
+
+
+def _uses(played: Played, networks: Mapping[str, PhaseNetwork], notes: Mapping[str, list[str]]) -> dict[int, TileUse]:
+    """Return what each tile holds, for all phases together: each is loaded alone."""
+    program = played.program
+    uses: dict[int, TileUse] = {}
+    for phase, network in networks.items():
+        lines = network.lines_by_tile()
+        for core in program.cores_of(phase):
+            tile = tile_number(program.chip, core.slot)
+            so_far = uses.get(tile, TileUse(0, 0))
+            replayed = core.compartments if notes[phase] else 0
+            uses[tile] = TileUse(max(so_far.lines, lines.get(tile, 0)), max(so_far.replayed, replayed))
+    return uses
+
+
+def _expected(
+    played: Played, phase: str, network: PhaseNetwork, why_replayed: list[str], profile: Profile
+) -> dict[str, object]:
+    """Return what SANA-FE has to find in a phase, and beside it our own energy where it differs."""
+    counts, cores = played.result.counts_by_phase[phase], played.program.cores_of(phase)
+    its_updates = counts.spikes if why_replayed else sum(updates(core, played) for core in cores)
+    energy = {
+        part: sum(counts[name] * profile.energy_pj.get(name, 0.0) for name in names) for part, names in PARTS.items()
+    }
+    more = (its_updates - counts.neuron_updates_active) * profile.energy_pj.get("neuron_updates_active", 0.0)
+    lines = network.input_spikes()
+    return {
+        "phase": phase,
+        "steps": played.steps(phase),
+        "neurons": "replayed" if why_replayed else "simulated",
+        "because": why_replayed,
+        "counts": {
+            "neurons_fired": counts.spikes + lines,
+            "neurons_updated": its_updates + lines,
+            "packets_sent": counts.axon_packets + counts.input_packets,
+            "hops": counts.hops,
+            "spikes": counts.synaptic_ops,
+        },
+        "energy_pj": {**energy, "soma": energy["soma"] + more},
+        "report": {"neuron_updates_active": counts.neuron_updates_active, "energy_pj": dict(energy)},
+    }
+
+
+def _check_units(program: hw.ChipProgram) -> None:
+    largest = max(core.compartments for core in program.cores)
+    if largest > UNIT_SIZE:
+        raise InputError(
+            "--emit sanafe",
+            "a core has more compartments than SANA-FE's units hold",
+            measured=f"{largest} against {UNIT_SIZE}",
+            fix="Leave it out for this chip.",
+        )

@@ -1,0 +1,178 @@
+"""One phase of a program as a network file of SANA-FE: neuron groups, edges, and where each neuron is mapped.
+
+A group of compartments is a group of neurons, under a name of its characters; ``<input>_tile<n>`` are the input lines
+that reach tile n, in ascending order. Weights and thresholds are mantissas, so a potential is v / 64.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+
+from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT, IntArray
+from hw_model.engine.trace import ByteArray
+from hw_model.mapping.graph import Input
+from hw_model.program.chip_program import Core
+from locsnn_compile.backends.names import unique_names
+from locsnn_compile.backends.played import Played
+from locsnn_compile.backends.sanafe.architecture import DENDRITE, LINE, REPLAY, SOMA, SYNAPSE, tile_number
+from locsnn_compile.backends.sanafe.rules import AFTER_SPIKE
+
+UNIT = 1 << WEIGHT_SHIFT
+"""What a potential of 1 is here."""
+
+
+class PhaseNetwork:
+    """The network of one phase; ``replayed``: compartments play their spikes back and synapses weigh nothing."""
+
+    def __init__(self, played: Played, phase: str, *, replayed: bool) -> None:
+        self._played, self._phase, self._replayed = played, phase, replayed
+        program = played.program
+        self._program, self._cores = program, program.cores_of(phase)
+        inputs = [item.name for item in program.inputs_of(phase)]
+        self._names = unique_names([*inputs, *program.columns_of(phase)])
+
+    def lines_by_tile(self) -> dict[int, int]:
+        """Return how many input lines each tile needs."""
+        found: dict[int, int] = {}
+        for _, tile, lines in self._inputs():
+            found[tile] = found.get(tile, 0) + len(lines)
+        return found
+
+    def input_spikes(self) -> int:
+        """Count the spikes of all input neurons: a line has one on every tile that it reaches."""
+        return sum(int(self._spikes_of(item)[:, lines].sum()) for item, _, lines in self._inputs())
+
+    def text(self) -> str:
+        """Return the file."""
+        lines = [
+            "network:",
+            f"  name: {unique_names([self._phase])[self._phase]}",
+            "  groups:",
+            *self._groups(),
+            "  edges:",
+            *self._edges(),
+            "mappings:",
+            *self._mappings(),
+        ]
+        return "\n".join(lines) + "\n"
+
+    def _inputs(self) -> Iterator[tuple[Input, int, IntArray]]:
+        """Yield every input with each tile it reaches, and its lines that do."""
+        for item in self._program.inputs_of(self._phase):
+            route = self._program.route_of(item.name)
+            tiles = np.array([self._tile(core) for core in self._program.cores], dtype=np.int64)[route.core]
+            for tile in np.unique(tiles).tolist():
+                yield item, tile, np.unique(route.line[tiles == tile])
+
+    def _spikes_of(self, item: Input) -> ByteArray:
+        """Return the spikes of an input's lines, (steps, lines)."""
+        first = 0
+        for other in self._program.inputs_of(self._phase):
+            if other.name == item.name:
+                break
+            first += other.size
+        return self._played.lines[self._phase][:, first : first + item.size]
+
+    def _tile(self, core: Core) -> int:
+        return tile_number(self._program.chip, core.slot)
+
+    def _groups(self) -> Iterator[str]:
+        for item, tile, lines in self._inputs():
+            yield f"    - name: {self._names[item.name]}_tile{tile}"
+            yield "      attributes: {log_spikes: true}"
+            yield "      neurons:"
+            for i, spikes in enumerate(self._spikes_of(item)[:, lines].T):
+                yield f"        - {i}: {_spike_list(spikes)}"
+        for group, columns in self._program.columns_of(self._phase).items():
+            yield f"    - name: {self._names[group]}"
+            yield f"      attributes: {{log_spikes: true, log_potential: {str(not self._replayed).lower()}}}"
+            yield "      neurons:"
+            settings = self._played_back(group) if self._replayed else self._settings(group)
+            assert len(settings) == columns.stop - columns.start
+            changes = [0, *(i for i in range(1, len(settings)) if settings[i] != settings[i - 1]), len(settings)]
+            for start, stop in pairwise(changes):
+                yield f"        - {start}..{stop - 1}: {settings[start]}"
+
+    def _played_back(self, group: str) -> list[str]:
+        steps, n = self._played.steps(self._phase), self._program.populations[group]
+        spikes = self._played.result.spikes.get(group, np.zeros((steps, n), dtype=np.uint8))
+        return [_spike_list(column) for column in spikes.T]
+
+    def _settings(self, group: str) -> list[str]:
+        """Return the attributes of every neuron of a group, in order."""
+        found = [""] * self._program.populations[group]
+        for core in self._cores:
+            rows = zip(
+                core.setting("decay_u").tolist(),
+                core.setting("decay_v").tolist(),
+                (core.threshold_voltage >> WEIGHT_SHIFT).tolist(),
+                core.bias.tolist(),
+                strict=True,
+            )
+            texts = [
+                f"{{soma: {{input_decay: {1 - decay_u / DECAY_ONE!r}, leak_decay: {1 - decay_v / DECAY_ONE!r}, "
+                f"threshold: {threshold}, bias: {bias / UNIT!r}, reset: {AFTER_SPIKE!r}, "
+                f"reverse_threshold: {core.vmin / UNIT!r}, reverse_reset_mode: saturate}}}}"
+                for decay_u, decay_v, threshold, bias in rows
+            ]
+            for piece in core.slices:
+                if piece.group == group:
+                    found[piece.start : piece.stop] = texts[piece.offset : piece.offset + piece.size]
+        return found
+
+    def _edges(self) -> Iterator[str]:
+        for core in self._cores:
+            sources, axons = self._sources(core), core.axons
+            targets = self._neurons(core)
+            weights = core.effective_weights >> WEIGHT_SHIFT
+            axon = np.repeat(np.arange(axons.input_axons), np.diff(axons.list_start)).tolist()
+            rows = zip(axon, axons.target.tolist(), weights.tolist(), axons.delay.tolist(), strict=True)
+            for source, target, weight, delay in rows:
+                held = f"weight: {weight}, delay: {delay}" if not self._replayed else "weight: 0"
+                yield f"    - {sources[source]} -> {targets[target]}: {{{held}}}"
+
+    def _sources(self, core: Core) -> list[str]:
+        """Return the neuron behind each input axon of a core."""
+        found = [""] * core.axons.input_axons
+        for item, tile, lines in self._inputs():
+            if tile == self._tile(core):
+                route = self._program.route_of(item.name)
+                here = route.core == core.number
+                for axon, line in zip(route.axon[here].tolist(), route.line[here].tolist(), strict=True):
+                    found[axon] = f"{self._names[item.name]}_tile{tile}.{np.searchsorted(lines, line)}"
+        for sender in self._cores:
+            neurons, axons = self._neurons(sender), sender.axons
+            for k in np.flatnonzero(axons.out_core == core.number).tolist():
+                found[axons.out_axon[k]] = neurons[axons.out_compartment[k]]
+        return found
+
+    def _neurons(self, core: Core) -> list[str]:
+        """Return the neuron of every compartment of a core."""
+        return [f"{self._names[p.group]}.{i}" for p in core.slices for i in range(p.start, p.stop)]
+
+    def _mappings(self) -> Iterator[str]:
+        host = self._program.chip.mesh.cores_per_tile
+        used: dict[int, int] = {}
+        for item, tile, lines in self._inputs():
+            for i in range(len(lines)):
+                soma = f"{LINE}[{used.get(tile, 0)}]"
+                yield f'  - {self._names[item.name]}_tile{tile}.{i}: {{core: {tile}.{host}, soma: "{soma}"}}'
+                used[tile] = used.get(tile, 0) + 1
+        for core in self._cores:
+            place = f"core: {self._tile(core)}.{core.slot % self._program.chip.mesh.cores_per_tile}"
+            units = f"synapse: {SYNAPSE}, dendrite: {DENDRITE}"
+            for piece in core.slices:
+                name = self._names[piece.group]
+                if self._replayed:
+                    for i in range(piece.size):
+                        soma = f"{REPLAY}[{piece.offset + i}]"
+                        yield f'  - {name}.{piece.start + i}: {{{place}, {units}, soma: "{soma}"}}'
+                else:
+                    yield f"  - {name}.{piece.start}..{piece.stop - 1}: {{{place}, {units}, soma: {SOMA}}}"
+
+
+def _spike_list(spikes: ByteArray) -> str:
+    return f"{{spikes: [{', '.join(map(str, spikes.tolist()))}]}}"

@@ -1,0 +1,92 @@
+"""What of a program SANA-FE's own models express, and what it counts by its own rules.
+
+Its soma computes, in units of 64: ``u = input_decay * u + charge``, ``v = trunc(leak_decay * v) + bias + u``, a spike
+where ``v > threshold``. It truncates v to a 64th as the chip does, but never u. So it finds the same spikes where no
+fraction of a current is ever cut off, and where a program uses nothing that its neurons lack.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy import sparse
+
+from hw_model.arithmetic.fixed_point import DECAY_ONE
+from hw_model.program.chip_program import Core
+from locsnn_compile.backends.played import BoolArray, Played
+
+DELAY_MAX = 5
+"""Its dendrites with delays hold six slots (``AccumulatorWithDelayModel``)."""
+UNIT_SIZE = 1024
+"""Compartments that one of its soma or dendrite units holds."""
+AFTER_SPIKE = 2.0**-7
+"""Voltage after a spike, in units of 64: half of what truncation keeps, so it is 0 before it is used.
+
+A voltage of exactly 0 would make SANA-FE take the compartment for idle in the next step, though it still has current.
+"""
+
+
+def obstacles(played: Played, phase: str) -> list[str]:
+    """Return why SANA-FE's neurons would not find the spikes of a phase; empty where they do."""
+    cores = played.program.cores_of(phase)
+    found = (
+        ("joined compartments, of which its neurons have none", sum(int((core.parent >= 0).sum()) for core in cores)),
+        (
+            "refractory periods, in which it loses charge that arrives",
+            sum(int((core.setting("refractory") > 1).sum()) for core in cores),
+        ),
+        (f"delays above {DELAY_MAX} steps", sum(int((core.axons.delay > DELAY_MAX).sum()) for core in cores)),
+        (
+            "upper voltage limits not above the threshold; it has no upper limit",
+            sum(int((core.vmax <= core.threshold_voltage).sum()) for core in cores),
+        ),
+        ("wraps of registers in this recording; it has none", _wraps(played, phase)),
+        (
+            "currents that lose a fraction in this recording; it keeps fractions",
+            sum(_fractions(core, played) for core in cores),
+        ),
+    )
+    return [f"{what} ({count})" for what, count in found if count]
+
+
+def updates(core: Core, played: Played) -> int:
+    """Count its updates of a core: compartments with a voltage, a bias, or a spike arriving, be its charge cancelled.
+
+    A compartment that spiked is one with a voltage in the next step, see :data:`AFTER_SPIKE`.
+    """
+    held = (played.register(core, "v") != 0) | (played.spikes(core) != 0)
+    before = np.concatenate((np.zeros_like(held[:1]), held[:-1]))
+    return int((before | (core.bias != 0) | _arrives(core, played)).sum())
+
+
+def _wraps(played: Played, phase: str) -> int:
+    events = (played.result.events.get(group, {}) for group in played.program.columns_of(phase))
+    return sum(found.get("charge_wraps", 0) + found.get("current_wraps", 0) for found in events)
+
+
+def _fractions(core: Core, played: Played) -> int:
+    """Count the decays of u that leave a fraction; what u is after the last step decays no more."""
+    u = played.register(core, "u")[:-1]
+    return int((np.abs(u) * (DECAY_ONE - core.setting("decay_u")) % DECAY_ONE != 0).sum())
+
+
+def _arrives(core: Core, played: Played) -> BoolArray:
+    """Return where at least one synapse brings its weight, (steps, compartments)."""
+    spikes = played.axons(core)
+    found = np.zeros((len(spikes), core.compartments), dtype=np.bool_)
+    for delay, synapses in _by_delay(core):
+        arriving = (sparse.csr_array(spikes, dtype=np.int64) @ synapses).toarray() > 0
+        found[1 + delay :] |= arriving[: max(len(spikes) - 1 - delay, 0)]
+    return found
+
+
+def _by_delay(core: Core) -> Iterator[tuple[int, sparse.csr_array]]:
+    """Yield the synapses of each delay as a matrix (input axons, compartments)."""
+    axons = core.axons
+    axon = np.repeat(np.arange(axons.input_axons), np.diff(axons.list_start))
+    shape = (axons.input_axons, core.compartments)
+    for delay in np.unique(axons.delay).tolist():
+        mine = axons.delay == delay
+        ones = np.ones(int(mine.sum()), dtype=np.int64)
+        yield delay, sparse.csr_array(sparse.coo_array((ones, (axon[mine], axons.target[mine])), shape=shape))

@@ -1,0 +1,1 @@
+"""``--emit vectors``: memory images, stimuli and expected values for a test bench."""

@@ -1,0 +1,75 @@
+"""Memory words as bits: named fields, packed low to high, and written as hexadecimal text that ``$readmemh`` reads."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from hw_model.arithmetic.fixed_point import IntArray
+
+BitArray = npt.NDArray[np.uint8]
+_DIGITS = np.frombuffer(b"0123456789abcdef", dtype=np.uint8)
+
+
+@dataclass(frozen=True)
+class Field:
+    """``width`` bits of a word; a signed field is two's complement."""
+
+    name: str
+    width: int
+    signed: bool = False
+
+
+@dataclass(frozen=True)
+class Layout:
+    """A word: its fields, the first at bit 0, each next one above it."""
+
+    fields: tuple[Field, ...]
+
+    @property
+    def width(self) -> int:
+        """Bits of the word."""
+        return sum(field.width for field in self.fields)
+
+    def pack(self, columns: Mapping[str, IntArray]) -> BitArray:
+        """Return a word a row as bits (rows, width), bit 0 first; ``columns[name]`` (rows,) holds a field's values."""
+        assert list(columns) == [field.name for field in self.fields]
+        return np.concatenate([bits_of(columns[field.name], field) for field in self.fields], axis=1)
+
+    def describe(self) -> dict[str, object]:
+        """Return what a manifest says of the word."""
+        low, fields = 0, []
+        for field in self.fields:
+            fields.append({"name": field.name, "low": low, "width": field.width, "signed": field.signed})
+            low += field.width
+        return {"width": self.width, "fields": fields}
+
+
+def bits_for(largest: int) -> int:
+    """Return the bits that hold 0..largest, at least one."""
+    return max(1, int(largest).bit_length())
+
+
+def bits_of(values: IntArray, field: Field) -> BitArray:
+    """Return values (n,) as bits (n, width), bit 0 first; every value fits its field."""
+    low, high = (-(1 << field.width - 1), 1 << field.width - 1) if field.signed else (0, 1 << field.width)
+    assert values.size == 0 or (low <= values.min() and values.max() < high), field.name
+    shifts = np.arange(field.width)
+    bits: BitArray = ((values[:, None] >> shifts) & 1).astype(np.uint8)
+    return bits
+
+
+def hex_words(bits: BitArray) -> bytes:
+    """Return words (rows, width), bit 0 first, as a line of hexadecimal digits each, the highest digit first."""
+    rows, width = bits.shape
+    digits = -(-width // 4)
+    padded = np.zeros((rows, 4 * digits), dtype=np.uint8)
+    padded[:, :width] = bits
+    values = padded.reshape(rows, digits, 4) @ np.array([1, 2, 4, 8], dtype=np.uint8)
+    lines = np.empty((rows, digits + 1), dtype=np.uint8)
+    lines[:, :digits] = _DIGITS[values[:, ::-1]]
+    lines[:, digits] = ord("\n")
+    return lines.tobytes()

@@ -1,0 +1,184 @@
+"""The synapse memory of a core as words: axons point at lists, a list is runs of synapses, a run a header and synapses.
+
+The chip description says what a run costs; this is a layout of exactly that cost:
+
+    run      header (format, synapses less one), then the synapses, up to a whole word
+    synapse  weight, delay, index, each as wide as its format says; low bits first
+
+A dense list has no indices: its synapses end on compartments ``base``, ``base + 1``, ...
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.weights import SIGN_MODES, weight_grid
+from hw_model.description.chip import Chip
+from hw_model.mapping.fan_in import SynapseFormat
+from hw_model.program.chip_program import Core
+from locsnn_compile.backends.vectors.memory_words import BitArray, Field, Layout, bits_for, bits_of
+from locsnn_compile.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class SynapseImage:
+    """Tables of a core, one word a row, as bits: ``axons`` point into ``lists``, and these into ``words``."""
+
+    axons: BitArray
+    lists: BitArray
+    words: BitArray
+    formats: BitArray
+
+
+@dataclass(frozen=True)
+class SynapseLayouts:
+    """Layouts of the words that lead to synapses, from the limits of a chip."""
+
+    axon: Layout
+    list: Layout
+    run_header: Layout
+    format: Layout
+
+
+def synapse_layouts(chip: Chip) -> SynapseLayouts:
+    """Return the layouts for a chip; one whose run header has no room for format and length is an ``InputError``."""
+    limits, memory = chip.limits, chip.synapse_memory
+    words, compartment = limits.synapse_words_per_core, limits.compartments_per_core - 1
+    header = (
+        Field("format", bits_for(limits.synapse_formats_per_core - 1)),
+        Field("synapses_less_1", bits_for(memory.run_length - 1)),
+    )
+    spare = memory.run_header_bits - Layout(header).width
+    if spare < 0:
+        raise InputError(
+            f"chip {chip.name}",
+            "the header of a run has no room for a format and a length",
+            measured=f"run_header_bits {memory.run_header_bits} against {Layout(header).width}",
+            fix="Leave out --emit vectors.",
+        )
+    return SynapseLayouts(
+        axon=Layout((Field("first_list", bits_for(words)), Field("lists", bits_for(words)))),
+        list=Layout(
+            (
+                Field("first_word", bits_for(words)),
+                Field("words", bits_for(words)),
+                Field("base", bits_for(compartment)),
+            )
+        ),
+        run_header=Layout((*header, Field("spare", spare)) if spare else header),
+        format=Layout(
+            (
+                Field("weight_bits", bits_for(8)),
+                Field("sign_mode", bits_for(len(SIGN_MODES) - 1)),
+                Field("exponent", 4, signed=True),
+                Field("delay_bits", bits_for(bits_for(chip.registers.delay_max))),
+                Field("index_bits", bits_for(bits_for(compartment))),
+            )
+        ),
+    )
+
+
+def synapse_image(core: Core, chip: Chip) -> SynapseImage:
+    """Pack the axons and synapses of a core."""
+    layouts, axons, memory = synapse_layouts(chip), core.axons, chip.synapse_memory
+    starts = _list_starts(core)
+    lengths = np.diff(np.append(starts, len(axons.target)))
+    forms = axons.format_index[starts]
+    widths = np.array([form.bits_per_synapse for form in axons.formats], dtype=np.int64)[forms]
+    words = np.array([memory.words(int(n), int(w)) for n, w in zip(lengths, widths, strict=True)], dtype=np.int64)
+    first_word = np.cumsum(words) - words
+    dense = np.array([form.index_bits == 0 for form in axons.formats], dtype=np.bool_)[forms]
+    first_list = np.searchsorted(starts, axons.list_start)
+    return SynapseImage(
+        axons=layouts.axon.pack({"first_list": first_list[:-1], "lists": np.diff(first_list)}),
+        lists=layouts.list.pack(
+            {"first_word": first_word, "words": words, "base": np.where(dense, axons.target[starts], 0)}
+        ),
+        words=_words(core, chip, layouts, starts, lengths, widths, first_word, int(words.sum())),
+        formats=layouts.format.pack(
+            {
+                "weight_bits": _of_formats(core, "weight_bits"),
+                "sign_mode": np.array([SIGN_MODES.index(form.sign_mode) for form in axons.formats], dtype=np.int64),
+                "exponent": _of_formats(core, "exponent"),
+                "delay_bits": _of_formats(core, "delay_bits"),
+                "index_bits": _of_formats(core, "index_bits"),
+            }
+        ),
+    )
+
+
+def stored_weights(form: SynapseFormat, mantissa: IntArray, where: str) -> IntArray:
+    """Return mantissas in steps of their grid, as a format stores them; magnitudes where the format has one sign."""
+    grid = weight_grid(form.weight_bits, form.sign_mode)
+    if grid.off_grid(mantissa).any():
+        raise InputError(where, "a weight is not on the grid of its format", fix="Compile the program again.")
+    stored: IntArray = mantissa // grid.step
+    return np.abs(stored) if form.sign_mode == "inhibitory" else stored
+
+
+def _list_starts(core: Core) -> IntArray:
+    """Return where lists begin: at an axon, another format or population, and where targets do not simply go on."""
+    axons = core.axons
+    count = len(axons.target)
+    if count == 0:
+        return np.empty(0, dtype=np.int64)
+    axon = np.repeat(np.arange(axons.input_axons), np.diff(axons.list_start))
+    piece = np.repeat(np.arange(len(core.slices)), [piece.size for piece in core.slices])[axons.target]
+    dense = np.array([form.index_bits == 0 for form in axons.formats])[axons.format_index]
+    step = np.diff(axons.target)
+    begins = (np.diff(axon) != 0) | (np.diff(axons.format_index) != 0) | (np.diff(piece) != 0)
+    begins |= (step <= 0) | (dense[1:] & (step != 1))
+    return np.flatnonzero(np.append(True, begins))
+
+
+def _words(
+    core: Core,
+    chip: Chip,
+    layouts: SynapseLayouts,
+    starts: IntArray,
+    lengths: IntArray,
+    widths: IntArray,
+    first_word: IntArray,
+    words: int,
+) -> BitArray:
+    """Return the memory, (words, bits of a word)."""
+    axons, memory = core.axons, chip.synapse_memory
+    bits = np.zeros(words * memory.word_bits, dtype=np.uint8)
+    full_run = np.array([memory.words(memory.run_length, int(w)) for w in widths], dtype=np.int64)
+
+    # Where each synapse lies: its list, its place in it, and from these its run.
+    of_list = np.repeat(np.arange(len(starts)), lengths)
+    place = np.arange(len(axons.target)) - starts[of_list]
+    run, in_run = place // memory.run_length, place % memory.run_length
+    run_at = (first_word[of_list] + run * full_run[of_list]) * memory.word_bits
+    synapse_at = run_at + memory.run_header_bits + in_run * widths[of_list]
+
+    heads = np.flatnonzero(in_run == 0)
+    left = lengths[of_list[heads]] - place[heads]
+    header = {"format": axons.format_index[heads], "synapses_less_1": np.minimum(left, memory.run_length) - 1}
+    if layouts.run_header.fields[-1].name == "spare":
+        header["spare"] = np.zeros(len(heads), dtype=np.int64)
+    _put(bits, run_at[heads], layouts.run_header.pack(header))
+
+    for number, form in enumerate(axons.formats):
+        mine = axons.format_index == number
+        weights = stored_weights(form, axons.mantissa[mine], f"core {core.number}")
+        fields = {
+            Field("weight", form.weight_bits, signed=form.sign_mode == "mixed"): weights,
+            Field("delay", form.delay_bits): axons.delay[mine],
+            Field("index", form.index_bits): axons.target[mine] if form.index_bits else np.zeros_like(weights),
+        }
+        packed = np.concatenate([bits_of(values, field) for field, values in fields.items()], axis=1)
+        _put(bits, synapse_at[mine], packed)
+    return bits.reshape(words, memory.word_bits)
+
+
+def _put(bits: BitArray, at: IntArray, rows: BitArray) -> None:
+    bits[at[:, None] + np.arange(rows.shape[1])] = rows
+
+
+def _of_formats(core: Core, name: str) -> IntArray:
+    return np.array([getattr(form, name) for form in core.axons.formats], dtype=np.int64)

@@ -1,0 +1,225 @@
+"""``--emit vectors``: what a test bench of the chip needs - memory images, stimuli and expected values, core by core.
+
+Everything is text that ``$readmemh`` reads, one word a line; ``manifest.yaml`` defines every file and every bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import yaml
+
+from hw_model.arithmetic.fixed_point import DECAY_BITS, DECAY_ONE, WEIGHT_SHIFT, IntArray
+from hw_model.arithmetic.weights import SIGN_MODES
+from hw_model.description.chip import Chip
+from hw_model.program.chip_program import Core
+from locsnn_compile.backends.names import code_span
+from locsnn_compile.backends.played import Played
+from locsnn_compile.backends.vectors.memory_words import BitArray, Field, Layout, bits_for, bits_of, hex_words
+from locsnn_compile.backends.vectors.synapse_image import synapse_image, synapse_layouts
+from locsnn_compile.errors import InputError
+
+FORMAT, VERSION = "locsnn-vectors", 1
+FOLDER = "vectors"
+MAX_BYTES = 1 << 30
+"""Of all files together: a recording of a large program on every register can be more than a disk likes."""
+
+README = """\
+# Vectors of {program}, {title}
+
+Memory images, stimuli and expected values for a test bench of {chip}: text, one word a line, as `$readmemh` reads it.
+`manifest.yaml` names every file with its layout and number of rows, and every layout bit by bit, bit 0 lowest.
+
+To check one core: load its images, let `axon_spikes.hex` reach its input axons row by row, a row a step, and compare
+`spikes.hex`, `u.hex` and `v.hex`. An axon spike of row t acts at step t + 1 + delay. Before step 0 everything is 0.
+To check cores together, give each only its `input_spikes.hex` and let spikes travel by `output_axons.hex`.
+
+u and v of compartment i after step t are line t * compartments + i, the first line being 0. v is 0 where a compartment
+spikes and while it is refractory. The arithmetic of a step is in `docs/emit.md` of the compiler.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class _Image:
+    """A file of a core: its words as bits, what a row is, and the layout of a row or, with none, what each bit is."""
+
+    name: str
+    row: str
+    bits: BitArray
+    layout: str = ""
+    bit: str = ""
+
+    def describe(self, file: str) -> dict[str, object]:
+        """Return what the manifest says of the file."""
+        kind = {"layout": self.layout} if self.layout else {"bit": self.bit, "width": self.bits.shape[1]}
+        return {"file": file, "rows": len(self.bits), "row": self.row, **kind}
+
+
+def vectors_files(played: Played) -> dict[str, bytes]:
+    """Return every file by name, in the folder ``vectors``."""
+    _check_size(played)
+    program = played.program
+    cores, files = [], {}
+    for core in program.cores:
+        entries = {}
+        for image in _images(core, played):
+            name = f"core{core.number}/{image.name}.hex"
+            files[name] = hex_words(image.bits)
+            entries[image.name] = image.describe(name)
+        cores.append(_core_entry(core, played, entries))
+    layouts = {name: layout.describe() for name, layout in _layouts(program.chip).items()}
+    manifest = {
+        "format": FORMAT,
+        "version": VERSION,
+        "program": program.name,
+        "target": program.chip.name,
+        "recording": played.title,
+        "arithmetic": _arithmetic(program.chip),
+        "layouts": layouts,
+        "phases": [
+            {"name": phase.name, "axis": phase.axis, "steps": played.steps(phase.name)} for phase in played.phases
+        ],
+        "cores": cores,
+    }
+    text = yaml.safe_dump(manifest, sort_keys=False, allow_unicode=True, width=120, default_flow_style=None)
+    readme = README.format(
+        program=code_span(program.name), title=code_span(played.title), chip=code_span(program.chip.name)
+    )
+    files = {"manifest.yaml": text.encode(), "README.md": readme.encode(), **files}
+    return {f"{FOLDER}/{name}": content for name, content in files.items()}
+
+
+def _images(core: Core, played: Played) -> Iterator[_Image]:
+    layouts, synapses = _layouts(played.program.chip), synapse_image(core, played.program.chip)
+    yield _Image("axons", "input axon", synapses.axons, layout="axon")
+    yield _Image("lists", "synapse list", synapses.lists, layout="list")
+    yield _Image("synapses", "memory word", synapses.words, bit="bit of a word")
+    yield _Image("formats", "synapse format", synapses.formats, layout="format")
+    yield _Image("profiles", "compartment profile", _profiles(core, layouts["profile"]), layout="profile")
+    mantissas = layouts["threshold"].pack({"mantissa": np.array(core.thresholds, dtype=np.int64)})
+    yield _Image("thresholds", "threshold", mantissas, layout="threshold")
+    yield _Image("compartments", "compartment", _compartments(core, layouts["compartment"]), layout="compartment")
+    yield _Image("output_axons", "output axon", _output_axons(core, layouts["output_axon"]), layout="output_axon")
+    yield _Image("input_spikes", "step", played.input_axons(core), bit="input axon")
+    yield _Image("axon_spikes", "step", played.axons(core), bit="input axon")
+    yield _Image("spikes", "step", played.spikes(core), bit="compartment")
+    (value,) = layouts["register"].fields
+    for kind in ("u", "v"):
+        words = bits_of(played.register(core, kind).ravel(), value)
+        yield _Image(kind, "step * compartments + compartment", words, layout="register")
+
+
+def _layouts(chip: Chip) -> dict[str, Layout]:
+    """Return the layouts of all words that have fields."""
+    limits, registers, synapse = chip.limits, chip.registers, synapse_layouts(chip)
+    compartment = bits_for(limits.compartments_per_core - 1)
+    decay = bits_for(DECAY_ONE)
+    widest = max(registers.current_bits, registers.voltage_bits) + 1
+    return {
+        "axon": synapse.axon,
+        "list": synapse.list,
+        "run_header": synapse.run_header,
+        "format": synapse.format,
+        "profile": Layout(
+            (
+                Field("decay_u", decay),
+                Field("decay_v", decay),
+                Field("refractory", bits_for(registers.refractory_max)),
+                Field("joined", 1),
+            )
+        ),
+        "threshold": Layout((Field("mantissa", registers.threshold_mantissa_bits),)),
+        "compartment": Layout(
+            (
+                Field("profile", bits_for(limits.compartment_profiles_per_core - 1)),
+                Field("threshold", bits_for(limits.threshold_profiles_per_core - 1)),
+                Field("bias_mantissa", registers.bias_mantissa_bits + 1, signed=True),
+                Field("bias_exponent", bits_for(registers.bias_exponent_max)),
+                Field("has_parent", 1),
+                Field("parent", compartment),
+            )
+        ),
+        "output_axon": Layout(
+            (
+                Field("compartment", compartment),
+                Field("core", bits_for(chip.cores - 1)),
+                Field("axon", bits_for(limits.input_axons_per_core - 1)),
+            )
+        ),
+        "register": Layout((Field("value", widest, signed=True),)),
+    }
+
+
+def _profiles(core: Core, layout: Layout) -> BitArray:
+    names = [field.name for field in layout.fields]
+    return layout.pack({name: np.array([getattr(p, name) for p in core.profiles], dtype=np.int64) for name in names})
+
+
+def _compartments(core: Core, layout: Layout) -> BitArray:
+    has_parent: IntArray = (core.parent >= 0).astype(np.int64)
+    return layout.pack(
+        {
+            "profile": core.profile,
+            "threshold": core.threshold,
+            "bias_mantissa": core.bias_mantissa,
+            "bias_exponent": core.bias_exponent,
+            "has_parent": has_parent,
+            "parent": core.parent * has_parent,
+        }
+    )
+
+
+def _output_axons(core: Core, layout: Layout) -> BitArray:
+    axons = core.axons
+    return layout.pack({"compartment": axons.out_compartment, "core": axons.out_core, "axon": axons.out_axon})
+
+
+def _core_entry(core: Core, played: Played, files: dict[str, dict[str, object]]) -> dict[str, object]:
+    return {
+        "number": core.number,
+        "slot": core.slot,
+        "phase": core.phase,
+        "steps": played.steps(core.phase),
+        "compartments": core.compartments,
+        "input_axons": core.axons.input_axons,
+        "vmin": core.vmin,
+        "vmax": core.vmax,
+        "slices": [
+            {"group": piece.group, "start": piece.start, "stop": piece.stop, "offset": piece.offset}
+            for piece in core.slices
+        ],
+        "files": files,
+    }
+
+
+def _arithmetic(chip: Chip) -> dict[str, object]:
+    """Return the numbers that the arithmetic of a step needs."""
+    registers, memory = chip.registers, chip.synapse_memory
+    return {
+        "charge_bits": registers.charge_bits,
+        "current_bits": registers.current_bits,
+        "decay_bits": DECAY_BITS,
+        "weight_shift": WEIGHT_SHIFT,
+        "delay_max": registers.delay_max,
+        "sign_modes": list(SIGN_MODES),
+        "synapse": ["weight", "delay", "index"],
+        "word_bits": memory.word_bits,
+        "run_length": memory.run_length,
+        "run_header_bits": memory.run_header_bits,
+    }
+
+
+def _check_size(played: Played) -> None:
+    """Refuse what would fill a disk; u and v outweigh everything else."""
+    chip = played.program.chip
+    line = -(-_layouts(chip)["register"].width // 4) + 1
+    values = sum(2 * core.compartments * played.steps(core.phase) for core in played.program.cores)
+    if values * line > MAX_BYTES:
+        raise InputError(
+            "--emit vectors",
+            "u and v of every compartment and step would be too much",
+            measured=f"{values * line} bytes against {MAX_BYTES}",
+            fix="Emit a shorter recording.",
+        )

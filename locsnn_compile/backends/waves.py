@@ -1,0 +1,128 @@
+"""``--emit vcd``: u, v, potential and spikes of chosen compartments as a value change dump (IEEE 1364), for a viewer.
+
+A microsecond of the file is one algorithmic step; phases follow each other. Signals of a phase are unknown (x) before
+it and keep their last value after it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hw_model.arithmetic.fixed_point import IntArray
+from locsnn_compile.backends.names import unique_names
+from locsnn_compile.backends.played import Played
+from locsnn_compile.backends.probed import Compartment, probed
+
+FILE = "waves.vcd"
+_FIRST_CODE, _CODES = 33, 94
+"""Identifier codes are made of the printable characters ``!`` to ``~``."""
+_STEP_BITS = 32
+
+
+@dataclass(frozen=True, eq=False)
+class _Signal:
+    """A signal in its scopes: ``values`` from time ``start`` on, in two's complement of ``width`` bits."""
+
+    scopes: tuple[str, ...]
+    name: str
+    kind: str
+    width: int
+    start: int
+    values: IntArray
+
+    def bits(self, i: int) -> str:
+        """Return a value; every bit, for a reader fills up with zeros, which would make a negative number positive."""
+        return format(int(self.values[i]) & (1 << self.width) - 1, f"0{self.width}b")
+
+
+def vcd_file(played: Played, probes: Sequence[str]) -> dict[str, bytes]:
+    """Return the file by name."""
+    compartments = probed(played, probes)
+    groups = unique_names(dict.fromkeys(c.group for c in compartments))
+    signals = list(_signals(played, compartments, groups))
+    end = sum(played.steps(phase.name) for phase in played.phases)
+    lines = [
+        "$version locsnn-compile $end",
+        f"$comment {_plain(played.program.name)}, {_plain(played.title)}; 1 us is one step $end",
+        *(f"$comment {name} is {_plain(group)} $end" for group, name in groups.items()),
+        "$timescale 1 us $end",
+        *_declarations(signals),
+        "$enddefinitions $end",
+        *_changes(signals, end),
+    ]
+    return {FILE: ("\n".join(lines) + "\n").encode()}
+
+
+def _signals(played: Played, compartments: Sequence[Compartment], groups: dict[str, str]) -> Iterator[_Signal]:
+    """Yield the signals phase by phase, those of a scope one after the other."""
+    registers, result, start = played.program.chip.registers, played.result, 0
+    current, voltage = registers.current_bits + 1, registers.voltage_bits + 1
+    names = unique_names(phase.name for phase in played.phases)
+    for phase in played.phases:
+        steps = np.arange(played.steps(phase.name))
+        yield _Signal((names[phase.name],), "running", "wire", 1, start, np.ones_like(steps))
+        yield _Signal((names[phase.name],), "step", "integer", _STEP_BITS, start, steps)
+        for group, i in ((c.group, c.index) for c in compartments):
+            if group not in played.program.columns_of(phase.name):
+                continue
+            scopes = (names[phase.name], groups[group], f"n{i}")
+            yield _Signal(scopes, "u", "reg", current, start, result.u[group][:, i])
+            yield _Signal(scopes, "v", "reg", voltage, start, result.v[group][:, i])
+            yield _Signal(scopes, "potential", "reg", voltage, start, result.potential[group][:, i])
+            if group in result.spikes:
+                yield _Signal(scopes, "spike", "wire", 1, start, result.spikes[group][:, i].astype(np.int64))
+        start += len(steps)
+
+
+def _declarations(signals: Sequence[_Signal]) -> Iterator[str]:
+    """Yield the variables, their scopes opened and closed around them."""
+    open_scopes: tuple[str, ...] = ()
+    for number, signal in enumerate(signals):
+        common = 0
+        while common < min(len(open_scopes), len(signal.scopes)) and open_scopes[common] == signal.scopes[common]:
+            common += 1
+        yield from ["$upscope $end"] * (len(open_scopes) - common)
+        yield from (f"$scope module {name} $end" for name in signal.scopes[common:])
+        bits = f" [{signal.width - 1}:0]" if signal.kind == "reg" else ""
+        yield f"$var {signal.kind} {signal.width} {_code(number)} {signal.name}{bits} $end"
+        open_scopes = signal.scopes
+    yield from ["$upscope $end"] * len(open_scopes)
+
+
+def _changes(signals: Sequence[_Signal], end: int) -> Iterator[str]:
+    """Yield every time with the values that change there."""
+    changes: dict[int, list[str]] = {0: [], end: []}
+    for number, signal in enumerate(signals):
+
+        def put(time: int, bits: str, signal: _Signal = signal, code: str = _code(number)) -> None:
+            changes.setdefault(time, []).append(f"{bits}{code}" if signal.width == 1 else f"b{bits} {code}")
+
+        if signal.start > 0:
+            put(0, "0" if signal.name == "running" else "x")
+        for i in np.flatnonzero(np.append(True, np.diff(signal.values) != 0)):
+            put(signal.start + int(i), signal.bits(int(i)))
+        if signal.name == "running":
+            put(signal.start + len(signal.values), "0")
+    for time in sorted(changes):
+        yield f"#{time}"
+        yield from ["$dumpvars"] * (time == 0)
+        yield from changes[time]
+        yield from ["$end"] * (time == 0)
+
+
+def _code(number: int) -> str:
+    """Return the identifier code of a signal: digits of base 94, the lowest first."""
+    code = ""
+    while True:
+        number, digit = divmod(number, _CODES)
+        code += chr(_FIRST_CODE + digit)
+        if number == 0:
+            return code
+
+
+def _plain(text: str) -> str:
+    """Return a text without what would end a comment early or break a line."""
+    return " ".join(text.replace("$", "_").split()).encode("ascii", "replace").decode()

@@ -1,0 +1,38 @@
+"""Energy of a conventional network's arithmetic: operations times published costs at 45 nm, memory traffic left out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from locsnn_compile.baselines.operations import AnnCounts
+
+ANN_ENERGY_SOURCE = "Horowitz, Computing's energy problem, ISSCC 2014: arithmetic at 45 nm and 0.9 V"
+ANN_NOT_INCLUDED = (
+    "memory traffic: weights, activations and instructions (one 32-bit word from DRAM is 640 pJ or more)",
+    "activation functions, control and clock",
+    "static power",
+)
+
+
+@dataclass(frozen=True)
+class Arithmetic:
+    """Picojoules of a multiplication and of an addition."""
+
+    multiplication_pj: float
+    addition_pj: float
+
+
+ARITHMETICS = {
+    "fp32": Arithmetic(3.7, 0.9),
+    "int8": Arithmetic(0.2, 0.03),
+    "int8_sums_of_32_bits": Arithmetic(0.2, 0.1),
+}
+"""32-bit floats; 8-bit integers all through, the least there is; 8-bit products added up in 32 bits, as is usual."""
+
+
+def ann_energy_pj(counts: AnnCounts) -> dict[str, float]:
+    """Return the energy of a recording's operations by arithmetic."""
+    return {
+        name: counts.multiplications * costs.multiplication_pj + counts.additions * costs.addition_pj
+        for name, costs in ARITHMETICS.items()
+    }

@@ -1,0 +1,101 @@
+"""Operations by the published method: what a network costs on paper, without a chip.
+
+Spiking networks add one weight for every spike and every neuron it fans out to, and multiply nothing. The artificial
+networks that they are compared with multiply and add, each counted as one operation. Source: Kang et al., IJCNN 2022;
+the counts below give its printed figures to the last digit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.engine.trace import ByteArray
+from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.models.ann_shapes import CONVOLUTIONS, convolved
+from locsnn_compile.network.network import Network
+
+if TYPE_CHECKING:
+    import torch
+
+GRU_HIDDEN = 32
+CHANNELS_PER_FINGERTIP = 78
+ANN_NAMES = ("cnn-3d", "gru-mlp")
+
+
+@dataclass(frozen=True)
+class AnnCounts:
+    """Operations of one recording; ``macs`` of the multiplications are each followed by an addition to a sum."""
+
+    macs: int
+    multiplications: int
+    additions: int
+
+    @property
+    def operations(self) -> int:
+        """Multiplications plus additions."""
+        return self.multiplications + self.additions
+
+
+def ann_operations(name: str, *, fingertips: int, steps: int, classes: int) -> int:
+    """Return multiplications plus additions of one recording of ``steps`` time steps; see :func:`ann_counts`."""
+    return ann_counts(name, fingertips=fingertips, steps=steps, classes=classes).operations
+
+
+def ann_counts(name: str, *, fingertips: int, steps: int, classes: int) -> AnnCounts:
+    """Count the operations of one recording of ``steps`` time steps.
+
+    ``cnn-3d``: for each fingertip Conv3d(2 -> 4, kernel 7x3x3, stride 4x1x1) and Conv3d(4 -> 8, kernel 5x3x3, stride
+    3x1x1) on steps x 9 x 7 frames, then one linear layer over both; its biases are not counted, as in the published
+    figures. ``gru-mlp``: GRU(78 a fingertip -> 32), then one linear layer at the last step. Beside its products with
+    weights, a step of the published count has 13 operations for each of the 32: nine additions in the gates (two
+    biases each, and the sum of input and state), the product with the reset gate, and, for the new state, two products
+    and their sum.
+    """
+    if name == "cnn-3d":
+        macs = _cnn_3d_macs(fingertips, steps, classes)
+        return AnnCounts(macs, macs, macs)
+    if name == "gru-mlp":
+        inputs, hidden = CHANNELS_PER_FINGERTIP * fingertips, GRU_HIDDEN
+        macs = steps * 3 * (inputs * hidden + hidden * hidden) + hidden * classes
+        return AnnCounts(macs, macs + 3 * steps * hidden, macs + 10 * steps * hidden)
+    raise InputError(f"network {name!r}", "its operations are not known", fix=did_you_mean(name, ANN_NAMES))
+
+
+def module_operations(network: torch.nn.Module, example: torch.Tensor) -> AnnCounts:
+    """Count the operations of any artificial network in torch for ``example``, one recording (1, ...).
+
+    See :func:`locsnn_compile.models.operation_counter.count_operations`.
+    """
+    from locsnn_compile.models.operation_counter import count_operations
+
+    return count_operations(network, example)
+
+
+def _cnn_3d_macs(fingertips: int, steps: int, classes: int) -> int:
+    macs, features, channels = 0, 0, 2
+    for (outputs, kernel, _), size in zip(CONVOLUTIONS, convolved(steps), strict=True):
+        macs += math.prod(size) * outputs * channels * math.prod(kernel)
+        channels, features = outputs, math.prod(size) * outputs
+    return fingertips * (macs + features * classes)
+
+
+def network_additions(network: Network, spikes: Mapping[str, ByteArray]) -> dict[str, int]:
+    """Return additions by axis over all recordings; see :func:`additions_of_recordings`."""
+    return {axis: int(each.sum()) for axis, each in additions_of_recordings(network, spikes).items()}
+
+
+def additions_of_recordings(network: Network, spikes: Mapping[str, ByteArray]) -> dict[str, IntArray]:
+    """Return additions by axis of each recording, (batch,): spikes (batch, steps, n) by source, times fan-out."""
+    batch = len(next(iter(spikes.values())))
+    additions = {axis: np.zeros(batch, dtype=np.int64) for axis in network.axes}
+    axis_of = {population.name: population.axis for population in network.populations}
+    for projection in network.projections:
+        sent = spikes[projection.source].sum(axis=1, dtype=np.int64)
+        additions[axis_of[projection.target]] += sent @ projection.fan_out()
+    return {str(axis): each for axis, each in additions.items()}

@@ -1,0 +1,160 @@
+"""Read HDF5 files without trusting them: sizes are looked at before data, links out of the file are never followed."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from locsnn_compile.data.torch_file import read_bytes
+from locsnn_compile.errors import InputError, LocsnnError
+from locsnn_compile.frontends.hdf5.safety import library_survives
+
+MAX_BYTES = 500_000_000
+"""Most that all datasets of a file together may hold once unpacked."""
+MAX_TEXT = 1000
+"""Longest text, in characters."""
+
+_WHOLE = "Give a whole file, or write it again."
+
+
+class Group:
+    """A group of an HDF5 file; every fault of what it holds is an ``InputError`` that names the place."""
+
+    def __init__(self, group: Any, where: str, budget: _Budget) -> None:
+        self._group, self.where, self._budget = group, where, budget
+
+    def names(self) -> list[str]:
+        """Return the names of what it holds, in the file's order."""
+        return [str(name) for name in self._group]
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.names()
+
+    def group(self, name: str, where: str | None = None) -> Group:
+        """Return a group inside; ``where`` names it in errors."""
+        found = self._held(name)
+        if not hasattr(found, "keys"):
+            raise InputError(self.where, f"{name!r} is a value, not a group", fix=_WHOLE)
+        return Group(found, where or self.where, self._budget)
+
+    def array(self, name: str, *, infinite: bool = False) -> npt.NDArray[Any]:
+        """Return a dataset of numbers, integers as int64 and others as float64; ``infinite`` ones only if allowed."""
+        found = self._dataset(name)
+        if found.dtype.kind not in "biuf":
+            raise InputError(self.where, f"{name!r} is not made of numbers", measured=f"{found.dtype}", fix=_WHOLE)
+        values = np.asarray(self._read(found, name))
+        if values.dtype.kind == "f":
+            wide = values.astype(np.float64)
+            if np.isnan(wide).any() or (not infinite and np.isinf(wide).any()):
+                raise InputError(self.where, f"{name!r} holds what is no finite number", fix="Train or export again.")
+            return wide
+        if values.dtype.kind == "u" and values.size and int(values.max()) > 2**62:
+            raise InputError(self.where, f"{name!r} is too large", measured=f"{values.max()}", fix=_WHOLE)
+        return values.astype(np.int64)
+
+    def number(self, name: str) -> float:
+        """Return a dataset of exactly one number."""
+        values = self.array(name)
+        if values.size != 1:
+            raise InputError(self.where, f"{name!r} must be one number", measured=f"{values.shape}", fix=_WHOLE)
+        return float(values.reshape(-1)[0])
+
+    def text(self, name: str) -> str:
+        """Return a dataset of exactly one text."""
+        found = self.texts(name)
+        if len(found) != 1:
+            raise InputError(self.where, f"{name!r} must be one text", measured=f"{len(found)}", fix=_WHOLE)
+        return found[0]
+
+    def is_group(self, name: str) -> bool:
+        """Tell whether there is a group of this name."""
+        return hasattr(self._held(name), "keys")
+
+    def is_text(self, name: str) -> bool:
+        """Tell whether a dataset holds text."""
+        return self._dataset(name).dtype.kind in "OS"
+
+    def texts(self, name: str) -> list[str]:
+        """Return a dataset of texts, row by row."""
+        found = self._dataset(name)
+        if found.dtype.kind not in "OS":
+            raise InputError(self.where, f"{name!r} is not text", measured=f"{found.dtype}", fix=_WHOLE)
+        texts = []
+        for value in np.asarray(self._read(found, name), dtype=object).reshape(-1):
+            text = value.decode("utf-8", "replace") if isinstance(value, bytes) else value
+            if not isinstance(text, str) or len(text) > MAX_TEXT:
+                raise InputError(self.where, f"{name!r} is not text of {MAX_TEXT} characters at most", fix=_WHOLE)
+            texts.append(text)
+        return texts
+
+    def shape(self, name: str) -> tuple[int, ...]:
+        """Return the shape of a dataset, without reading it."""
+        return tuple(int(n) for n in self._dataset(name).shape)
+
+    def _held(self, name: str) -> Any:
+        import h5py
+
+        link = self._group.get(name, getlink=True)
+        if link is None:
+            raise InputError(self.where, f"{name!r} is missing", fix=_WHOLE)
+        if not isinstance(link, h5py.HardLink):
+            raise InputError(
+                self.where, f"{name!r} is a link, and links are not followed", fix="Store the data itself."
+            )
+        return self._group[name]
+
+    def _dataset(self, name: str) -> Any:
+        found = self._held(name)
+        if hasattr(found, "keys") or not hasattr(found, "dtype"):
+            raise InputError(self.where, f"{name!r} is a group, not a value", fix=_WHOLE)
+        if found.shape is None:
+            raise InputError(self.where, f"{name!r} is empty", fix=_WHOLE)
+        if found.is_virtual or found.external:
+            raise InputError(self.where, f"{name!r} keeps its data in another file", fix="Store the data itself.")
+        return found
+
+    def _read(self, found: Any, name: str) -> Any:
+        self._budget.take(int(found.size) * max(8, found.dtype.itemsize), f"{self.where}: {name!r}")
+        return found[()]
+
+
+class _Budget:
+    """How many bytes may still be read."""
+
+    def __init__(self) -> None:
+        self._left = MAX_BYTES
+
+    def take(self, amount: int, where: str) -> None:
+        if amount > self._left:
+            raise InputError(
+                where,
+                "the file unpacks to more than is read",
+                measured=f"{amount} bytes more against {self._left} of {MAX_BYTES} left",
+                fix="Give a smaller model.",
+            )
+        self._left -= amount
+
+
+@contextmanager
+def open_hdf5(path: Path, where: str) -> Iterator[tuple[Group, bytes]]:
+    """Give the root group of a file, and the file's bytes; whatever HDF5 stumbles on is an ``InputError``."""
+    import h5py
+
+    data = read_bytes(path, where)
+    damaged = InputError(where, "it is damaged, truncated or not an HDF5 file", fix=_WHOLE)
+    if not library_survives(data):
+        raise damaged
+    try:
+        with h5py.File(io.BytesIO(data), "r") as file:
+            yield Group(file, where, _Budget()), data
+    except LocsnnError:
+        raise
+    # The library meets damaged bytes with many kinds of exception; each means the same to the user.
+    except Exception:
+        raise damaged from None

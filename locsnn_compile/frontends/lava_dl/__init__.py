@@ -1,0 +1,1 @@
+"""lava-dl ``.net`` files in."""

@@ -1,0 +1,98 @@
+"""A lava-dl file (``.net``) as plain frozen data: its layers in order, each with all that it holds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from locsnn_compile.errors import InputError
+from locsnn_compile.frontends.hdf5.read import Group, open_hdf5
+
+MAX_LAYERS = 1000
+
+Array = npt.NDArray[Any]
+Values = Mapping[str, Array | str]
+"""Datasets by their path inside the layer (``weight``, ``neuron/iDecay``), arrays of int64 or float64, or text."""
+
+
+@dataclass(frozen=True, eq=False)
+class NetLayer:
+    """A layer: its number in the file, its type, and its datasets."""
+
+    number: int
+    kind: str
+    values: Values
+
+    def whole(self, name: str, where: str) -> npt.NDArray[np.int64]:
+        """Return numbers that must be whole."""
+        values = self.values[name] if name in self.values else None
+        if values is None or isinstance(values, str):
+            raise InputError(where, f"{name!r} is missing or no number", fix="Export it again with lava-dl.")
+        if (values != np.rint(values)).any() or np.abs(values).max(initial=0) > 2**40:
+            bad = values[(values != np.rint(values)) | (np.abs(values) > 2**40)].reshape(-1)[0]
+            raise InputError(where, f"{name!r} is not made of integers", measured=f"{bad:g}", fix="Export it again.")
+        return np.asarray(values, dtype=np.int64)
+
+    def one(self, name: str, where: str, default: int) -> int:
+        """Return a whole number, or the default where there is none."""
+        if name not in self.values:
+            return default
+        values = self.whole(name, where).reshape(-1)
+        if values.size == 0 or (values != values[0]).any():
+            raise InputError(where, f"{name!r} must be one number", measured=f"{values[:4]}", fix="Export it again.")
+        return int(values[0])
+
+    def text(self, name: str) -> str:
+        """Return text, or '' where there is none."""
+        value = self.values.get(name, "")
+        return value if isinstance(value, str) else ""
+
+
+@dataclass(frozen=True, eq=False)
+class NetFile:
+    """The layers, and ``simulation``'s numbers where the file has them."""
+
+    layers: tuple[NetLayer, ...]
+    simulation: Values
+
+
+def read_net(path: Path, where: str) -> tuple[NetFile, bytes]:
+    """Return the layers of a file, and the file's bytes; ``InputError`` for what is no lava-dl network."""
+    with open_hdf5(path, where) as (root, data):
+        held = root.group("layer")
+        names = held.names()
+        if not all(name.isascii() and name.isdecimal() and len(name) < 6 for name in names):
+            raise InputError(where, "its layers are not numbered", measured=f"{names[:4]}"[:80], fix="Export it again.")
+        if not 0 < len(names) <= MAX_LAYERS or sorted(int(name) for name in names) != list(range(len(names))):
+            raise InputError(
+                where,
+                "its layers are not numbered 0, 1, 2, ...",
+                measured=f"{len(names)} layers",
+                fix="Export it again.",
+            )
+        layers = []
+        for name in sorted(names, key=int):
+            place = f"{where}, layer {name}"
+            group = held.group(name, place)
+            layers.append(NetLayer(int(name), group.text("type"), _values(group, "")))
+        simulation = _values(root.group("simulation"), "") if "simulation" in root else {}
+        return NetFile(tuple(layers), simulation), data
+
+
+def _values(group: Group, prefix: str) -> dict[str, Array | str]:
+    found: dict[str, Array | str] = {}
+    for name in group.names():
+        if not prefix and name in ("neuron", "weight") and group.is_group(name):
+            found |= _values(group.group(name, f"{group.where}, {name}"), f"{name}/")
+        elif group.is_text(name):
+            found[prefix + name] = group.text(name)
+        else:
+            values = np.array(group.array(name))
+            values.setflags(write=False)
+            found[prefix + name] = values
+    return found

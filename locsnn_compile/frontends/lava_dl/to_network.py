@@ -1,0 +1,339 @@
+"""From a lava-dl network (``.net``) to a Network on the grid: weights and parameters are kept as the integers they are.
+
+Read in lava-dl 0.6 (``netx.hdf5``, ``slayer.block``): ``iDecay`` is the effective decay of the current (the register
+holds one less), ``vDecay`` that of the voltage; a spike arrives as 64 times its weight, a bias as 64 times its number.
+A neuron spikes where v > 64 vThMant, and each layer takes one step. Delays are floored and at most 62. A ``flatten``
+reads the image (channels, height, width) that the layer before gives, in this order.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+
+from hw_model.arithmetic.fixed_point import DECAY_ONE, IntArray
+from hw_model.mapping.graph import Readout
+from locsnn_compile.errors import InputError
+from locsnn_compile.frontends.lava_dl.layers import NetFile, NetLayer, read_net
+from locsnn_compile.frontends.linear_maps import Shape, check_entries, convolution
+from locsnn_compile.frontends.nir.flat import MAX_SIZE
+from locsnn_compile.frontends.synthetic_input import synthetic_recordings
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection, Signs, integers
+from locsnn_compile.network.matrices import Matrix, matrix, of_target, values_of
+from locsnn_compile.network.network import InputView, Network, Population
+
+STEPS = 100
+"""Steps of synthetic recordings where the file names no tSample."""
+INPUT = "input"
+DELAY_MAX = 62
+THRESHOLD_MAX = 2**17 - 1
+BIAS_EXPONENT = 6
+SILENT = 2**18 - 1
+"""What lava-dl writes for the threshold of neurons that are not to spike."""
+INPUT_WEIGHT = 64
+"""A value of 1 at the neurons of an input layer, as slayer counts in training."""
+_REFUSED = {
+    "convT": "Replace it with a convolution.",
+    "unpool": "Train without it.",
+    "average": "Count the spikes of the layer before it.",
+    "concat": "Join the inputs before the network.",
+}
+
+
+@dataclass(eq=False)
+class _Built:
+    """What the layers so far gave: the last one's name and shape, and the network's parts."""
+
+    source: str
+    shape: Shape | None
+    views: list[InputView] = field(default_factory=list)
+    populations: list[Population] = field(default_factory=list)
+    projections: list[ChipProjection] = field(default_factory=list)
+
+
+def load_lava_dl(path: Path) -> Network:
+    """Read a ``.net`` file and state its network; ``InputError`` for what cannot be used."""
+    where = f"model {path.name!r}"
+    file, data = read_net(path, where)
+    return network_of_net(file, name=path.stem, sha256=hashlib.sha256(data).hexdigest(), where=where)
+
+
+def network_of_net(file: NetFile, *, name: str, sha256: str, where: str) -> Network:
+    """State the network of a file's layers; populations are called ``layer<i>``, the input ``input``."""
+    built = _Built(INPUT, None)
+    for layer in file.layers:
+        _add(built, layer, f"{where}, layer {layer.number}")
+    if not built.populations:
+        raise InputError(where, "it has no layer of neurons", fix="Export a network with a dense or conv layer.")
+    lines = built.views[0].lines
+    seconds, steps = _simulation(file)
+    return Network(
+        name=name,
+        channels=lines,
+        steps=steps,
+        step_seconds=seconds,
+        fingertips=None,
+        views=tuple(built.views),
+        populations=tuple(built.populations),
+        projections=tuple(built.projections),
+        readout=Readout((built.source,), (1.0,), _potentials_from(file, built)),
+        sha256=sha256,
+        recordings=synthetic_recordings(lines, steps, seconds),
+        origin=file,
+        any_length=True,
+    )
+
+
+def _potentials_from(file: NetFile, built: _Built) -> int | None:
+    """Return the first step of potentials where the last layer never spikes, as an affine block of slayer does not."""
+    last = next(layer for layer in reversed(file.layers) if f"layer{layer.number}" == built.source)
+    threshold = last.values["neuron/vThMant"]
+    silent = not isinstance(threshold, str) and bool((threshold >= SILENT).all())
+    return len(built.populations) if silent else None
+
+
+def _simulation(file: NetFile) -> tuple[float | None, int]:
+    """Return seconds a step (Ts is in milliseconds) and steps of a recording."""
+    held = {key: value for key, value in file.simulation.items() if not isinstance(value, str) and value.size == 1}
+    ts, samples = (float(held[key].reshape(-1)[0]) if key in held else math.nan for key in ("Ts", "tSample"))
+    steps = samples / ts if ts > 0 else math.nan
+    return (ts / 1000 if ts > 0 else None), int(steps) if 1 <= steps <= 10_000 else STEPS
+
+
+def _add(built: _Built, layer: NetLayer, where: str) -> None:
+    kind = layer.kind
+    if kind == "input":
+        built.shape = _shape(layer, where)
+        built.views.append(InputView(INPUT, "time", math.prod(built.shape)))
+        if any(key.startswith("neuron/") for key in layer.values):
+            _add_input_neurons(built, layer, where)
+    elif kind == "flatten":
+        built.shape = None if built.shape is None else (math.prod(built.shape),)
+    elif kind in ("dense", "dense_rec", "conv", "pool"):
+        _add_neurons(built, layer, where)
+    elif kind in _REFUSED:
+        raise InputError(where, f"{kind!r} has no meaning on the chip", fix=_REFUSED[kind])
+    else:
+        raise InputError(where, f"{kind[:40]!r} is no known type of layer", fix="Use dense and conv layers.")
+
+
+def _add_neurons(built: _Built, layer: NetLayer, where: str) -> None:
+    name = f"layer{layer.number}"
+    if "weight/real" in layer.values or "weight/imag" in layer.values:
+        raise InputError(where, "its weights are complex", fix="Use CUBA neurons.")
+    mantissa, shape, source = _weights(built, layer, where)
+    size = math.prod(shape)
+    if not built.views:
+        built.views.append(InputView(INPUT, "time", source))
+    built.populations.append(Population(name, "time", size, _neurons(layer, shape, where)))
+    built.projections.append(_projection(built.source, name, mantissa, _delay(layer, mantissa, where), where))
+    if layer.kind == "dense_rec":
+        back = layer.whole("weight_rec", where)
+        check_entries(back.size, where)
+        if back.size != size * size:
+            raise InputError(
+                where, "weight_rec has the wrong size", measured=f"{back.shape} for {size}", fix="Export it again."
+            )
+        built.projections.append(_projection(name, name, matrix(back.reshape(size, size), np.int64), 0, where))
+    built.source, built.shape = name, shape
+
+
+def _add_input_neurons(built: _Built, layer: NetLayer, where: str) -> None:
+    """Add the neurons of an input layer, each of which an event reaches as the value 1."""
+    assert built.shape is not None
+    name, size = f"layer{layer.number}", math.prod(built.shape)
+    one = matrix(sparse.csr_array(INPUT_WEIGHT * sparse.eye_array(size, dtype=np.int64)), np.int64)
+    built.populations.append(Population(name, "time", size, _neurons(layer, built.shape, where)))
+    built.projections.append(_projection(INPUT, name, one, 0, where))
+    built.source = name
+
+
+def _weights(built: _Built, layer: NetLayer, where: str) -> tuple[Matrix, Shape, int]:
+    """Return the mantissas (n, n_source), the layer's shape and n_source."""
+    weight = layer.whole("weight", where)
+    check_entries(weight.size, where)
+    shape = _shape(layer, where)
+    if layer.kind in ("dense", "dense_rec"):
+        size = math.prod(shape)
+        held = weight.reshape(size, -1) if weight.size and weight.size % size == 0 else weight
+        source = held.shape[1] if held.ndim == 2 and held.shape[0] == size else -1
+        if source < 1 or (built.shape is not None and math.prod(built.shape) != source):
+            raise InputError(
+                where,
+                "its weight has the wrong shape",
+                measured=f"{weight.shape} for {size} neurons and an input of {built.shape}",
+                fix="Export it again.",
+            )
+        return matrix(held, np.int64), shape, source
+    given = built.shape or _image_before(layer, weight.shape, shape, where)
+    kernel = _kernel(layer, weight, where)
+    groups = layer.one("groups", where, 1)
+    if layer.kind == "pool" and kernel.ndim == 4:
+        groups = given[0]
+        check_entries(kernel.size * groups, where)
+        kernel = np.tile(kernel[:1, :1], (groups, 1, 1, 1))
+    if kernel.ndim != 4 or len(given) != 3:
+        raise InputError(where, "it is no layer of images", measured=f"weight {weight.shape}", fix="Export it again.")
+    stride, padding, dilation = (_pair(layer, key, where) for key in ("stride", "padding", "dilation"))
+    short = _short(given, shape, stride) if layer.kind == "pool" else (0, 0)
+    padded = (given[0], given[1] + short[0], given[2] + short[1])
+    found, out = convolution(
+        kernel, padded, stride=stride, padding=padding, dilation=dilation, groups=groups, where=where
+    )
+    if out != shape:
+        raise InputError(where, "its shape is not what it computes", measured=f"{shape} for {out}", fix="Export again.")
+    if any(short):
+        inside = np.arange(math.prod(padded)).reshape(padded)[:, : given[1], : given[2]].ravel()
+        found = sparse.csr_array(found[:, inside])
+    return matrix(found, np.int64), shape, math.prod(given)
+
+
+def _kernel(layer: NetLayer, weight: IntArray, where: str) -> IntArray:
+    """Return the kernel (out, in / groups, height, width); slayerPytorch writes it without its axes of one."""
+    if weight.ndim == 5 and weight.shape[4] == 1:
+        return weight.reshape(weight.shape[:4])
+    if weight.ndim >= 4 or "kernelSize" not in layer.values:
+        return weight
+    height, width = _pair(layer, "kernelSize", where)
+    if layer.kind == "pool":
+        whole: Shape = (1, 1, height, width)
+    else:
+        groups = max(layer.one("groups", where, 1), 1)
+        whole = (layer.one("outChannels", where, 1), layer.one("inChannels", where, 1) // groups, height, width)
+    return weight.reshape(whole) if weight.size == math.prod(whole) else weight
+
+
+def _short(given: Shape, shape: Shape, stride: tuple[int, int]) -> tuple[int, int]:
+    """Return the rows and columns of silence behind an image that slayerPytorch's pooling fills up to whole windows."""
+    if len(given) != 3 or len(shape) != 3 or min(stride) < 1:
+        return (0, 0)
+    rows, columns = (-n % s if out == -(-n // s) else 0 for n, out, s in zip(given[1:], shape[1:], stride, strict=True))
+    return rows, columns
+
+
+def _image_before(layer: NetLayer, kernel: Shape, shape: Shape, where: str) -> Shape:
+    """Return the image that a convolution is given where no layer says it: with a stride of 1 its own shape does."""
+    stride, padding, dilation = (_pair(layer, key, where) for key in ("stride", "padding", "dilation"))
+    if layer.kind != "conv" or len(kernel) < 4 or len(shape) != 3 or set(stride) != {1}:
+        raise InputError(where, "the shape of its input is not known", fix="Export the input layer too.")
+    rows, columns = (
+        n - 1 + d * (k - 1) + 1 - 2 * p for n, d, k, p in zip(shape[1:], dilation, kernel[2:4], padding, strict=True)
+    )
+    if min(rows, columns) < 1:
+        raise InputError(where, "its padding is wider than its input", measured=f"{padding}", fix="Export it again.")
+    return (kernel[1] * layer.one("groups", where, 1), rows, columns)
+
+
+def _pair(layer: NetLayer, name: str, where: str) -> tuple[int, int]:
+    if name not in layer.values:
+        return (0, 0) if name == "padding" else (1, 1)
+    values = layer.whole(name, where).reshape(-1)
+    if values.size not in (1, 2):
+        raise InputError(
+            where, f"{name!r} must be one number or two", measured=f"{values.size}", fix="Export it again."
+        )
+    return int(values[0]), int(values[-1])
+
+
+def _shape(layer: NetLayer, where: str) -> Shape:
+    values = layer.whole("shape", where).reshape(-1)
+    shape = tuple(int(n) for n in values)
+    if not shape or min(shape) < 1 or math.prod(shape) > MAX_SIZE:
+        raise InputError(where, "no size to work with", measured=f"{shape} against 1 to {MAX_SIZE}", fix="Correct.")
+    return shape
+
+
+def _projection(source: str, target: str, mantissa: Matrix, delay: int | IntArray, where: str) -> ChipProjection:
+    values = values_of(mantissa)
+    low, high = (int(values.min(initial=0)), int(values.max(initial=0)))
+    signs: Signs = "mixed"
+    if low < -256 or high > 254 or (values % 2).any():
+        signs = "apart"
+        if max(-low, high) > 255:
+            raise InputError(
+                where,
+                "a weight is out of an 8-bit synapse's range",
+                measured=f"{low}..{high} against -256..254, even, or -255..255",
+                fix="Export it again, with quantised weights.",
+            )
+    return ChipProjection(source, target, mantissa, 0, 8, signs, delay)
+
+
+def _delay(layer: NetLayer, mantissa: Matrix, where: str) -> int | IntArray:
+    """Return the delays as netx spreads them: one for all, one a neuron, or one an input."""
+    if "delay" not in layer.values:
+        return 0
+    values = layer.values["delay"]
+    if isinstance(values, str) or (values < 0).any():
+        raise InputError(where, "a delay is below 0", fix="Clamp the delays before the export.")
+    delay = np.minimum(np.floor(values), DELAY_MAX).astype(np.int64).reshape(-1)
+    rows, columns = mantissa.shape
+    if (delay == delay[:1]).all() and delay.size in (1, rows, columns):
+        return int(delay[0])
+    channels = layer.one("outChannels", where, 0)
+    if layer.kind == "conv" and delay.size == channels and rows % channels == 0:
+        delay = np.repeat(delay, rows // channels)
+    if delay.size not in (rows, columns):
+        raise InputError(
+            where,
+            "the delays have the wrong size",
+            measured=f"{delay.size} against {rows} outputs or {columns} inputs",
+            fix="Export it again.",
+        )
+    if delay.size == rows:
+        spread: IntArray = np.broadcast_to(of_target(mantissa, delay), values_of(mantissa).shape).astype(np.int64)
+    else:
+        spread = delay[mantissa.indices] if sparse.issparse(mantissa) else np.tile(delay, (rows, 1))
+    spread.setflags(write=False)
+    return spread
+
+
+def _neurons(layer: NetLayer, shape: Shape, where: str) -> ChipCuba:
+    kind = layer.text("neuron/type") or ("CUBA" if "neuron/vThMant" in layer.values else "")
+    if kind not in ("CUBA", "LOIHI"):
+        raise InputError(
+            where,
+            f"{kind[:40]!r} neurons have no single compartment on the chip" if kind else "it has no neurons",
+            fix="Use CUBA neurons.",
+        )
+    if layer.one("neuron/gradedSpike", where, 0):
+        raise InputError(where, "its spikes are graded", fix="Train with graded_spike=False.")
+    if layer.one("neuron/wgtExp", where, 0):
+        raise InputError(where, "wgtExp is not 0, and lava-dl ignores it", fix="Export with wgtExp 0.")
+    size = math.prod(shape)
+
+    def each(name: str, default: int | None = None) -> Any:
+        if default is not None and name not in layer.values:
+            return default
+        values = layer.whole(name, where).reshape(-1)
+        if values.size not in (1, shape[0], size):
+            raise InputError(
+                where, f"{name!r} has the wrong size", measured=f"{values.size} for {shape}", fix="Export it again."
+            )
+        return integers(np.repeat(values, size // values.size), size)
+
+    made = ChipCuba.of(
+        size,
+        decay_u=each("neuron/iDecay"),
+        decay_v=each("neuron/vDecay"),
+        # Of neurons that are not to spike; the register ends at 2^17 - 1, near v's own end.
+        threshold=np.minimum(each("neuron/vThMant"), THRESHOLD_MAX),
+        bias_mantissa=each("bias", 0),
+        bias_exponent=BIAS_EXPONENT if "bias" in layer.values else 0,
+        refractory=np.maximum(each("neuron/refDelay", 1), 1),
+    )
+    for key, values, most in (("iDecay", made.decay_u, DECAY_ONE), ("vDecay", made.decay_v, DECAY_ONE)):
+        if (values < 0).any() or (values > most).any():
+            raise InputError(
+                where,
+                f"{key} is no decay",
+                measured=f"{values.min()}..{values.max()} against 0..{most}",
+                fix="Correct.",
+            )
+    return made

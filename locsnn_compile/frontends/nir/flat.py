@@ -1,0 +1,266 @@
+"""A nested NIR graph as one flat graph of checked edges, with the shape that every node gives.
+
+A node of a graph inside is named ``outer.inner``; the ends of that graph become nodes of kind ``Pass``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import networkx as nx
+import numpy as np
+
+from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.frontends.linear_maps import Shape
+from locsnn_compile.frontends.nir.graph import Edge, NirGraph, NirNode
+
+MAX_SIZE = 1_000_000
+"""Most neurons or lines of one node: eight chips of 128 cores hold as many."""
+NEURONS = ("IF", "LIF", "CubaLIF", "Threshold", "LI", "CubaLI")
+"""What becomes a population; the last two never spike."""
+READOUTS = ("LI", "CubaLI")
+
+
+@dataclass(frozen=True, eq=False)
+class FlatGraph:
+    """Nodes by name, the names that feed each, and the shapes that they give."""
+
+    nodes: Mapping[str, NirNode]
+    sources: Mapping[str, tuple[str, ...]]
+    shapes: Mapping[str, Shape]
+
+    def size(self, name: str) -> int:
+        """Return how many values a node gives."""
+        return math.prod(self.shapes[name])
+
+    def named(self, *kinds: str) -> list[str]:
+        """Return the names of the nodes of some kinds, in the file's order."""
+        return [name for name, node in self.nodes.items() if node.kind in kinds]
+
+
+def flatten_graph(graph: NirGraph, where: str) -> FlatGraph:
+    """Flatten a graph; edges to nowhere, circles without a neuron and shapes that do not fit are refused."""
+    nodes, edges = _flat(graph, where, "", top=True)
+    sources: dict[str, tuple[str, ...]] = {name: () for name in nodes}
+    for source, target in dict.fromkeys(edges):
+        sources[target] = (*sources[target], source)
+    _check_circles(nodes, edges, where)
+    return FlatGraph(nodes, sources, _shapes(nodes, sources, where))
+
+
+def _flat(graph: NirGraph, where: str, prefix: str, *, top: bool = False) -> tuple[dict[str, NirNode], list[Edge]]:
+    nodes: dict[str, NirNode] = {}
+    edges: list[Edge] = []
+    entrance: dict[str, str] = {}
+    leave: dict[str, str] = {}
+    for name, node in graph.nodes.items():
+        full = prefix + name
+        entrance[name] = leave[name] = full
+        if isinstance(node, NirGraph):
+            inside, inner = _flat(node, where, f"{full}.")
+            entrance[name], leave[name] = (f"{full}.{_only(node, kind, where, full)}" for kind in ("Input", "Output"))
+        else:
+            inside, inner = {full: node if top or node.kind not in ("Input", "Output") else _passing(node)}, []
+        for held in inside:
+            if held in nodes:
+                raise InputError(where, f"two nodes are called {held[:60]!r}", fix="Rename one.")
+        nodes |= inside
+        edges += inner
+    for source, target in graph.edges:
+        for end in (source, target):
+            if end not in graph.nodes:
+                raise InputError(
+                    where,
+                    f"the edge {source[:60]!r} -> {target[:60]!r} names a node that does not exist",
+                    fix=did_you_mean(end[:60], graph.nodes),
+                )
+        edges.append((leave[source], entrance[target]))
+    return nodes, edges
+
+
+def _passing(node: NirNode) -> NirNode:
+    return NirNode("Pass", node.parameters)
+
+
+def _only(graph: NirGraph, kind: str, where: str, name: str) -> str:
+    found = [inner for inner, node in graph.nodes.items() if isinstance(node, NirNode) and node.kind == kind]
+    if len(found) != 1:
+        raise InputError(
+            f"{where}, node {name!r}",
+            f"a graph inside a graph needs one {kind}",
+            measured=f"{len(found)} found",
+            fix="Split it into graphs of one input and one output.",
+        )
+    return found[0]
+
+
+def _check_circles(nodes: Mapping[str, NirNode], edges: list[Edge], where: str) -> None:
+    """Refuse a circle of weights alone: with no neuron in it, no step lies between a value and itself."""
+    held = nx.DiGraph()
+    held.add_edges_from((a, b) for a, b in edges if nodes[a].kind not in NEURONS)
+    try:
+        circle = nx.find_cycle(held)
+    except nx.NetworkXNoCycle:
+        return
+    raise InputError(
+        where,
+        "a circle of edges passes no neuron",
+        measured=" -> ".join([a for a, _ in circle[:6]])[:200],
+        fix="Put a neuron into the circle.",
+    )
+
+
+def _shapes(nodes: Mapping[str, NirNode], sources: Mapping[str, tuple[str, ...]], where: str) -> dict[str, Shape]:
+    targets: dict[str, list[str]] = {name: [] for name in nodes}
+    for target, found in sources.items():
+        for source in found:
+            targets[source].append(target)
+    shapes: dict[str, Shape] = {}
+    waiting = deque(name for name, node in nodes.items() if node.kind == "Input" or (not sources[name]))
+    # Nodes in a circle that know their own size start it, where what feeds them does not.
+    waiting.extend(name for name, node in nodes.items() if node.kind in NEURONS and _own_shape(node))
+    while waiting:
+        name = waiting.popleft()
+        if name in shapes:
+            continue
+        given = next((shapes[source] for source in sources[name] if source in shapes), None)
+        place = f"{where}, node {name!r}"
+        shape = output_shape(nodes[name], given, place)
+        if shape is None:
+            continue
+        if math.prod(shape) > MAX_SIZE or min(shape, default=1) < 1:
+            raise InputError(place, "no size to work with", measured=f"{shape} against 1 to {MAX_SIZE}", fix="Correct.")
+        shapes[name] = shape
+        waiting.extend(targets[name])
+    for name in nodes:
+        if name not in shapes:
+            raise InputError(f"{where}, node {name!r}", "its size cannot be found", fix="Connect it to the input.")
+    return shapes
+
+
+def _own_shape(node: NirNode) -> Shape:
+    """Return the shape of a neuron's parameters; () where these are single numbers."""
+    arrays = [value.shape for value in node.parameters.values() if not isinstance(value, str)]
+    try:
+        shape = np.broadcast_shapes(*arrays)
+    except ValueError:
+        shape = max(arrays, key=math.prod)
+    return shape if math.prod(shape) > 1 else ()
+
+
+def output_shape(node: NirNode, given: Shape | None, where: str) -> Shape | None:
+    """Return the shape of what a node gives for what it is given; None where that is needed and not known."""
+    if node.kind == "Input":
+        return _as_shape(node, "shape", where)
+    if node.kind in NEURONS:
+        own = _own_shape(node)
+        return _joined(own, given, where) if given is not None else own or None
+    if node.kind in ("Linear", "Affine"):
+        weight = node.array("weight")
+        if weight.ndim != 2:
+            raise InputError(
+                where, "its weight is no matrix", measured=f"{weight.shape}", fix="Give (outputs, inputs)."
+            )
+        return (weight.shape[0],)
+    if node.kind in ("Conv1d", "Conv2d"):
+        return _convolved(node, given, where)
+    if given is None:
+        return None
+    if node.kind in ("SumPool2d", "AvgPool2d"):
+        return _pooled(node, given, where)
+    if node.kind == "Flatten":
+        return _flattened(node, given)
+    return given
+
+
+def ints(node: NirNode, name: str, axes: int, where: str) -> tuple[int, ...]:
+    """Return a parameter of whole numbers, one an axis; a single one stands for all."""
+    values = node.array(name)
+    if values.size not in (1, axes) or (values != np.rint(values)).any() or np.abs(values).max(initial=0) > 1e9:
+        raise InputError(where, f"{name} must be {axes} whole numbers", measured=f"{values.shape}", fix="Correct it.")
+    return tuple(int(v) for v in np.broadcast_to(values.reshape(-1), (axes,)))
+
+
+def image_shape(node: NirNode, given: Shape | None, where: str) -> Shape | None:
+    """Return the input shape (channels, *spatial) of a convolution, from itself or from what it is given."""
+    weight = node.array("weight")
+    axes = 1 if node.kind == "Conv1d" else 2
+    if weight.ndim != axes + 2:
+        raise InputError(where, "its weight has the wrong axes", measured=f"{weight.shape}", fix="Give (out, in, ...).")
+    if "input_shape" in node.parameters:
+        return (weight.shape[1] * ints(node, "groups", 1, where)[0], *ints(node, "input_shape", axes, where))
+    # A leading axis of one is a batch that some exporters leave in.
+    return given[1:] if given is not None and len(given) == axes + 2 and given[0] == 1 else given
+
+
+def _convolved(node: NirNode, given: Shape | None, where: str) -> Shape | None:
+    shape = image_shape(node, given, where)
+    if shape is None:
+        return None
+    weight = node.array("weight")
+    axes = weight.ndim - 2
+    if len(shape) != axes + 1:
+        raise InputError(where, "it is given no image", measured=f"{shape}", fix="Set its input_shape.")
+    stride, dilation = (ints(node, name, axes, where) for name in ("stride", "dilation"))
+    padding = node.parameters["padding"]
+    if isinstance(padding, str) and padding == "same":
+        return (weight.shape[0], *shape[1:])
+    pads = (0,) * axes if isinstance(padding, str) else ints(node, "padding", axes, where)
+    return (weight.shape[0], *_slid(shape[1:], weight.shape[2:], stride, pads, dilation))
+
+
+def pool_shape(given: Shape) -> Shape:
+    """Return the image (channels, height, width) that a pooling layer is given."""
+    return given[1:] if len(given) == 4 and given[0] == 1 else given
+
+
+def _pooled(node: NirNode, given: Shape, where: str) -> Shape:
+    shape = pool_shape(given)
+    if len(shape) != 3:
+        raise InputError(where, "it is given no image", measured=f"{given}", fix="Pool before flattening.")
+    kernel, stride, padding = (ints(node, name, 2, where) for name in ("kernel_size", "stride", "padding"))
+    return (shape[0], *_slid(shape[1:], kernel, stride, padding, (1, 1)))
+
+
+def _slid(spatial: Shape, kernel: Shape, stride: Shape, padding: Shape, dilation: Shape) -> Shape:
+    return tuple(
+        (n + 2 * p - d * (k - 1) - 1) // max(s, 1) + 1
+        for n, p, d, k, s in zip(spatial, padding, dilation, kernel, stride, strict=True)
+    )
+
+
+def _flattened(node: NirNode, given: Shape) -> Shape:
+    axes = len(given)
+    start, end = (int(node.array(name).reshape(-1)[0]) for name in ("start_dim", "end_dim"))
+    start, end = (i + axes if i < 0 else i for i in (start, end))
+    # Exporters differ in whether the axes count a batch; order is all that the weights behind it need.
+    if not 0 <= start <= end < axes:
+        return (math.prod(given),)
+    return (*given[:start], math.prod(given[start : end + 1]), *given[end + 1 :])
+
+
+def _as_shape(node: NirNode, name: str, where: str) -> Shape:
+    values = node.array(name).reshape(-1)
+    if not values.size or (values != np.rint(values)).any() or np.abs(values).max() > 2**40:
+        raise InputError(where, "its shape is not made of whole numbers", measured=f"{values[:6]}", fix="Correct it.")
+    return tuple(int(v) for v in values)
+
+
+def _joined(own: Shape, given: Shape, where: str) -> Shape:
+    """Return the shape of neurons: what they are given, to which their parameters spread, or as many of their own."""
+    if not own or math.prod(own) == math.prod(given):
+        return own or given
+    try:
+        if np.broadcast_shapes(own, given) == given:
+            return given
+    except ValueError:
+        pass
+    raise InputError(
+        where,
+        "its parameters do not fit what it is given",
+        measured=f"{own} against {given}",
+        fix="Give one number a neuron.",
+    )

@@ -1,0 +1,157 @@
+"""A NIR file as plain frozen data: nodes with their arrays, edges; nothing of it is interpreted here.
+
+HDF5 layout (NIR 1.0): ``/version`` and ``/node``; a graph is a group of ``type`` NIRGraph with ``nodes/<name>`` and
+``edges`` (n, 2); a node is a group of its ``type`` and its parameters. Read without the ``nir`` package, whose reader
+takes every size on trust.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.frontends.hdf5.read import Group, open_hdf5
+
+MAX_NODES = 10_000
+MAX_DEPTH = 16
+
+Array = npt.NDArray[Any]
+Edge = tuple[str, str]
+
+PARAMETERS: Mapping[str, tuple[str, ...]] = {
+    "Input": ("shape",),
+    "Output": ("shape",),
+    "Linear": ("weight",),
+    "Affine": ("weight", "bias"),
+    "Scale": ("scale",),
+    "Threshold": ("threshold",),
+    "Delay": ("delay",),
+    "Flatten": ("start_dim", "end_dim"),
+    "Conv1d": ("weight", "stride", "padding", "dilation", "groups", "bias"),
+    "Conv2d": ("weight", "stride", "padding", "dilation", "groups", "bias"),
+    "SumPool2d": ("kernel_size", "stride", "padding"),
+    "AvgPool2d": ("kernel_size", "stride", "padding"),
+    "I": ("r",),
+    "IF": ("r", "v_threshold"),
+    "LI": ("tau", "r", "v_leak"),
+    "LIF": ("tau", "r", "v_leak", "v_threshold"),
+    "CubaLI": ("tau_syn", "tau_mem", "r", "v_leak"),
+    "CubaLIF": ("tau_syn", "tau_mem", "r", "v_leak", "v_threshold"),
+}
+"""The primitives and what each must hold."""
+OPTIONAL: Mapping[str, tuple[str, ...]] = {
+    "Flatten": ("input_type",),
+    "Conv1d": ("input_shape",),
+    "Conv2d": ("input_shape",),
+    "IF": ("v_reset",),
+    "LIF": ("v_reset",),
+    "CubaLI": ("w_in",),
+    "CubaLIF": ("v_reset", "w_in"),
+}
+"""What may be missing: files of older versions lack ``v_reset``, which is then 0, and ``w_in``, which is then 1."""
+
+UNBOUNDED = ("tau", "tau_mem", "r")
+"""What may be infinite: snnTorch writes both so for a neuron that does not leak."""
+
+
+@dataclass(frozen=True, eq=False)
+class NirNode:
+    """A primitive: its type and its parameters, arrays of int64 or float64 and, for a padding in words, text."""
+
+    kind: str
+    parameters: Mapping[str, Array | str]
+
+    def array(self, name: str) -> Array:
+        """Return a parameter that is an array."""
+        value = self.parameters[name]
+        assert not isinstance(value, str)
+        return value
+
+
+@dataclass(frozen=True, eq=False)
+class NirGraph:
+    """Nodes by name, in the file's order, and edges between them; a node may be a graph."""
+
+    nodes: Mapping[str, NirNode | NirGraph]
+    edges: tuple[Edge, ...]
+    metadata: Mapping[str, Array | str] = field(default_factory=dict)
+
+
+def read_nir(path: Path, where: str) -> tuple[NirGraph, bytes]:
+    """Return the graph of a file, and the file's bytes; ``InputError`` for what is no NIR graph."""
+    with open_hdf5(path, where) as (root, data):
+        if "node" not in root:
+            raise InputError(where, "it holds no NIR graph", fix="Write it with nir.write(path, graph).")
+        top = root.group("node")
+        kind = top.text("type")
+        if kind != "NIRGraph":
+            raise InputError(where, "it holds one node, not a graph", measured=kind[:60], fix="Wrap it in a NIRGraph.")
+        return _read_graph(top, where, 0, [0]), data
+
+
+def _read_graph(group: Group, where: str, depth: int, seen: list[int]) -> NirGraph:
+    if depth > MAX_DEPTH:
+        raise InputError(where, "graphs are nested too deep", measured=f"more than {MAX_DEPTH}", fix="Flatten them.")
+    nodes: dict[str, NirNode | NirGraph] = {}
+    held = group.group("nodes")
+    for name in held.names():
+        seen[0] += 1
+        if seen[0] > MAX_NODES:
+            raise InputError(where, "too many nodes", measured=f"more than {MAX_NODES}", fix="Give a smaller graph.")
+        place = f"{where}, node {name[:60]!r}"
+        if not name.isprintable() or len(name) > 200:
+            raise InputError(place, "its name is no plain text", fix="Rename it.")
+        nodes[name] = _read_node(held.group(name, place), place, depth, seen)
+    edges = group.texts("edges") if "edges" in group else []
+    if edges and group.shape("edges")[1:] != (2,):
+        raise InputError(where, "edges are not pairs", measured=f"shape {group.shape('edges')}", fix="Write it again.")
+    return NirGraph(nodes, tuple(zip(edges[::2], edges[1::2], strict=True)), _metadata(group))
+
+
+def _metadata(group: Group) -> dict[str, Array | str]:
+    """Return the metadata that is text or numbers; what else is there belongs to others."""
+    if "metadata" not in group:
+        return {}
+    held, found = group.group("metadata"), dict[str, Array | str]()
+    for name in held.names():
+        try:
+            found[name] = held.text(name) if held.is_text(name) else held.array(name)
+        except InputError:
+            continue
+    return found
+
+
+def _read_node(group: Group, where: str, depth: int, seen: list[int]) -> NirNode | NirGraph:
+    if "type" not in group:
+        raise InputError(
+            where, "it has no type; HDF5 makes groups of a name with a slash", fix="Rename nodes without slashes."
+        )
+    kind = group.text("type")
+    if kind == "NIRGraph":
+        return _read_graph(group, where, depth + 1, seen)
+    if kind not in PARAMETERS:
+        raise InputError(where, f"{kind[:60]!r} is no NIR primitive", fix=did_you_mean(kind[:60], PARAMETERS))
+    parameters: dict[str, Array | str] = {}
+    for name in PARAMETERS[kind]:
+        parameters[name] = _parameter(group, name)
+    for name in OPTIONAL.get(kind, ()):
+        # Some versions write the input's type as a group; its order is all that the weights behind it need.
+        if name in group and not (name == "input_type" and group.is_group(name)):
+            parameters[name] = _parameter(group, name)
+    return NirNode(kind, parameters)
+
+
+def _parameter(group: Group, name: str) -> Array | str:
+    if name == "padding" and group.is_text(name):
+        return group.text(name)
+    values = group.array(name, infinite=name in UNBOUNDED)
+    # A copy that nobody can write to: the graph goes out again as it came in.
+    values = np.array(values)
+    values.setflags(write=False)
+    return values

@@ -1,0 +1,226 @@
+"""NIR's neurons, which are differential equations, as neurons that step.
+
+With a step of dt, an input spike is a current of 1 for that step. Two discretisations:
+
+``euler`` (the usual one, which snnTorch, norse and NIR's own papers take): a time constant tau loses ``dt / tau``.
+
+    I(t) = I(t - 1) + dt / tau_syn * (w_in * x(t) - I(t - 1))
+    v(t) = v(t - 1) + dt / tau_mem * (v_leak - v(t - 1) + r * I(t))
+
+``exact``: a time constant loses ``1 - exp(-dt / tau)``, and a spike's charge, ``dt``, arrives at once; then v is the
+equation's own solution at every step between two spikes of the neuron, and one step later with a synaptic current.
+
+``hold``: likewise, but what arrives in a step is held for that step: the shares that are lost are added of the input.
+
+    I(t) = exp(-dt / tau_syn) * I(t - 1) + (1 - exp(-dt / tau_syn)) * w_in * x(t)         and v(t) in the same way
+
+Neurons start at rest, v_leak. With a reset to a value, potentials are counted from v_reset, so that the chip's reset to
+0 is NIR's; with a reset by subtraction from v_leak. A constant that arrives beside the spikes (a bias) is brought by a
+neuron that spikes in every step, so that it begins, as in a framework, with the first step of the input that its layer
+sees; where rest is not the reset's value, a neuron that spikes once, in the first step, brings the difference.
+
+A reset by subtraction takes the threshold from the potential at once (``subtract``), or in the next step, after the
+decay (``late-subtract``). A membrane without a synaptic current is then the chip's current, which no spike resets, and
+a synapse of each neuron to itself takes the threshold; one with a current is a :class:`SoftCuba`. ``late-zero`` holds
+the potential at the reset's value for the step after a spike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from locsnn_compile.errors import InputError
+from locsnn_compile.frontends.nir.flat import READOUTS
+from locsnn_compile.frontends.nir.graph import NirNode
+from locsnn_compile.frontends.nir.signals import Signal
+from locsnn_compile.network.matrices import matrix
+from locsnn_compile.network.neurons import Cuba, FloatArray, SoftCuba
+
+Discretisation = Literal["euler", "exact", "hold"]
+Reset = Literal["zero", "subtract", "late-zero", "late-subtract"]
+
+_UNREACHED = 1.001
+"""The threshold of a neuron that never spikes, as a multiple of what its inputs can reach."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stepping:
+    """Decays, what a spike of weight 1 adds, and what a constant input of 1 adds in every step; all (n,)."""
+
+    decay_u: FloatArray
+    decay_v: FloatArray
+    spike: FloatArray
+    constant: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Stated:
+    """Neurons, the signal that drives them in units of their potential, and what is beside it, all (n,).
+
+    ``own`` is taken from the charge of the next step by a spike; ``first`` is to be on the potential before any input.
+    """
+
+    neuron: Cuba | SoftCuba
+    signal: Signal
+    own: FloatArray
+    first: FloatArray
+
+
+def neurons_of(
+    node: NirNode, signal: Signal, size: int, dt: float, how: Discretisation, reset: Reset, where: str
+) -> Stated:
+    """Return the neurons of a node."""
+    values = {name: _spread(node, name, size, where) for name in node.parameters}
+    stepping = _STEPPING[node.kind](values, dt, how, where)
+    leak, floor = (values.get(name, np.zeros(size)) for name in ("v_leak", "v_reset"))
+    # A current that takes up decay_u of this in every step settles at what the constant gives.
+    constant = stepping.constant * stepping.decay_u * signal.constant
+    scaled = Signal(signal.scaled(stepping.spike).terms, constant)
+    if node.kind in READOUTS:
+        return _read_out(scaled, stepping, leak, where)
+    if node.kind == "Threshold":
+        reset = "zero"
+    limit = values["threshold" if node.kind == "Threshold" else "v_threshold"]
+    soft = reset in ("subtract", "late-subtract")
+    zero = leak if soft else floor
+    _check_threshold(limit, zero, "v_leak, where it starts" if soft else "the reset", where)
+    bias, nothing = stepping.decay_v * (leak - zero), np.zeros(size)
+    if not soft:
+        made = Cuba.of(
+            size,
+            decay_u=stepping.decay_u,
+            decay_v=stepping.decay_v,
+            threshold=limit - zero,
+            bias=bias,
+            refractory=2 if reset == "late-zero" else 1,
+        )
+        return Stated(made, scaled, nothing, np.where(leak < limit, leak - zero, 0.0))
+    drop = (limit - floor) * (1.0 if reset == "late-subtract" else 1 - stepping.decay_v)
+    if (stepping.decay_u == 1).all():
+        held = Cuba.of(size, decay_u=stepping.decay_v, decay_v=1.0, threshold=limit - zero)
+        return Stated(held, scaled, drop, nothing)
+    return Stated(SoftCuba(stepping.decay_u, stepping.decay_v, limit - zero, drop), scaled, nothing, nothing)
+
+
+def _read_out(signal: Signal, stepping: Stepping, leak: FloatArray, where: str) -> Stated:
+    """Return neurons that never spike, of one threshold and so of one scale: their potentials are compared.
+
+    Those are counted from v_leak where it is one for all, else from 0.
+    """
+    if (stepping.decay_v == 0).any():
+        raise InputError(where, "a readout without leak overflows every register", fix="Give it a tau.")
+    size = len(leak)
+    above = leak - leak[0] if (leak == leak[0]).all() else leak
+    bias = stepping.decay_v * above
+    threshold = np.full(size, _unreached(signal, bias, stepping).max())
+    made = Cuba.of(size, decay_u=stepping.decay_u, decay_v=stepping.decay_v, threshold=threshold, bias=bias)
+    return Stated(made, signal, np.zeros(size), above)
+
+
+def _check_threshold(limit: FloatArray, zero: FloatArray, name: str, where: str) -> None:
+    """Refuse neurons that would spike for ever."""
+    above = limit - zero
+    if (above <= 0).any():
+        raise InputError(
+            where,
+            f"the threshold is not above {name}",
+            measured=f"by {above[above <= 0][0]:g}",
+            fix="Train with a threshold above v_reset and v_leak, and above 0.",
+        )
+
+
+def _spread(node: NirNode, name: str, size: int, where: str) -> FloatArray:
+    values = node.array(name)
+    if values.size == size:
+        return np.asarray(values.reshape(-1), dtype=np.float64)
+    if values.size == 1:
+        return np.full(size, float(values.reshape(-1)[0]))
+    raise InputError(
+        where, f"{name} is not one number a neuron", measured=f"{values.shape} against {size}", fix="Give as many."
+    )
+
+
+def _lost(tau: FloatArray, dt: float, how: Discretisation, name: str, where: str) -> FloatArray:
+    """Return the share that a time constant loses in a step."""
+    if (tau <= 0).any():
+        raise InputError(where, f"{name} must be above 0", measured=f"{tau.min():g}", fix="Correct it.")
+    if how != "euler":
+        return np.asarray(-np.expm1(-dt / tau))
+    if (dt > tau * (1 + 1e-6)).any():
+        raise InputError(
+            where,
+            f"{name} is shorter than a step",
+            measured=f"{tau.min():g} s against {dt:g} s",
+            fix="Give a smaller --dt, or --discretisation exact or hold.",
+        )
+    return np.minimum(dt / tau, 1.0)
+
+
+def _leaky(p: dict[str, FloatArray], dt: float, how: Discretisation, where: str) -> Stepping:
+    lost = _lost(p["tau"], dt, how, "tau", where)
+    gain = _gain(p["r"], lost, where)
+    return Stepping(np.ones_like(lost), lost, gain if how != "exact" else _gain(p["r"], dt / p["tau"], where), gain)
+
+
+def _integrating(p: dict[str, FloatArray], dt: float, how: Discretisation, where: str) -> Stepping:
+    """Frameworks write r = 1 where a spike adds its weight, whatever their step is."""
+    gain = np.where(p["r"] == 1, 1.0, p["r"] * dt)
+    return Stepping(np.ones_like(gain), np.zeros_like(gain), gain, gain)
+
+
+def _current_based(p: dict[str, FloatArray], dt: float, how: Discretisation, where: str) -> Stepping:
+    tau_syn, tau_mem = p["tau_syn"], p["tau_mem"]
+    u, v = (_lost(tau, dt, how, name, where) for tau, name in ((tau_syn, "tau_syn"), (tau_mem, "tau_mem")))
+    weight = p.get("w_in", np.ones_like(u))
+    settled = _gain(p["r"], v, where) * weight
+    spike = settled * u
+    if how == "exact":
+        spike = p["r"] * weight * dt * _alpha(tau_syn, tau_mem, dt)
+    return Stepping(u, v, spike, settled)
+
+
+def _gain(r: FloatArray, share: FloatArray, where: str) -> FloatArray:
+    """Return r times the share of its input that a membrane takes; a tau without end has an r without end."""
+    endless = np.isinf(r)
+    if (endless & (share > 0)).any() or (r == -np.inf).any():
+        raise InputError(where, "r is infinite, and its tau is not", fix="Give both as numbers.")
+    return np.where(endless, 1.0, np.where(endless, 1.0, r) * share)
+
+
+def _alpha(tau_syn: FloatArray, tau_mem: FloatArray, dt: float) -> FloatArray:
+    """Return (exp(-dt / tau_mem) - exp(-dt / tau_syn)) / (tau_mem - tau_syn), and its limit for equal ones."""
+    apart = tau_mem - tau_syn
+    equal = np.abs(apart) < 1e-6 * tau_mem
+    quotient = (np.exp(-dt / tau_mem) - np.exp(-dt / tau_syn)) / np.where(equal, 1.0, apart)
+    return np.where(equal, dt / tau_mem**2 * np.exp(-dt / tau_mem), quotient)
+
+
+def _comparing(p: dict[str, FloatArray], dt: float, how: Discretisation, where: str) -> Stepping:
+    one = np.ones_like(p["threshold"])
+    return Stepping(one, one, one, one)
+
+
+_STEPPING: dict[str, Callable[[dict[str, FloatArray], float, Discretisation, str], Stepping]] = {
+    "LIF": _leaky,
+    "LI": _leaky,
+    "IF": _integrating,
+    "CubaLIF": _current_based,
+    "CubaLI": _current_based,
+    "Threshold": _comparing,
+}
+
+
+def _unreached(signal: Signal, bias: FloatArray, stepping: Stepping) -> FloatArray:
+    """Return thresholds that no input reaches: all excitation in every step, for ever, and the bias."""
+    most = np.zeros(len(bias))
+    for term in signal.terms:
+        positive = matrix(term.weights, np.float64)
+        most += np.asarray(positive.maximum(0).sum(axis=1)).reshape(-1)
+    most += np.maximum(signal.constant, 0)
+    # A start at rest comes on top for some steps.
+    reached = most / (stepping.decay_u * stepping.decay_v) + 2 * np.abs(bias) / stepping.decay_v
+    return np.where(reached > 0, reached, 1.0) * _UNREACHED

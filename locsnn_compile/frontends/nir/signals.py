@@ -1,0 +1,110 @@
+"""What arrives at a node of a linear network: sums of delayed, weighted spikes, and a constant."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+
+from hw_model.arithmetic.fixed_point import IntArray
+from locsnn_compile.frontends.linear_maps import product
+from locsnn_compile.network.matrices import Matrix, matrix
+from locsnn_compile.network.network import Projection
+from locsnn_compile.network.neurons import FloatArray
+
+DENSE = 0.5
+"""Share of connections from which a matrix is kept dense."""
+
+
+@dataclass(frozen=True, eq=False)
+class Term:
+    """Spikes of one source through weights (n, n_source), CSR, after whole steps of delay."""
+
+    source: str
+    delay: int
+    weights: Any
+
+
+@dataclass(frozen=True, eq=False)
+class Signal:
+    """The terms that add up at ``n`` values, and the constant (n,) beside them."""
+
+    terms: tuple[Term, ...]
+    constant: FloatArray
+
+    @classmethod
+    def of_source(cls, name: str, size: int) -> Signal:
+        """Return the spikes of a source themselves."""
+        return cls((Term(name, 0, sparse.csr_array(sparse.eye_array(size))),), np.zeros(size))
+
+    @classmethod
+    def total(cls, parts: Iterable[Signal], size: int) -> Signal:
+        """Return the sum of signals; of none, nothing."""
+        found = tuple(parts)
+        terms = tuple(term for part in found for term in part.terms)
+        return cls(terms, np.sum([part.constant for part in found], axis=0) if found else np.zeros(size))
+
+    def through(self, weights: Any, constant: FloatArray | float, where: str) -> Signal:
+        """Return what a linear layer of weights (m, n) and a constant makes of it."""
+        terms = tuple(Term(t.source, t.delay, product(weights, t.weights, where)) for t in self.terms)
+        return Signal(terms, weights @ self.constant + constant)
+
+    def scaled(self, factor: FloatArray) -> Signal:
+        """Return it times one factor a value, (n,)."""
+        rows = sparse.diags_array(factor)
+        return Signal(tuple(Term(t.source, t.delay, rows @ t.weights) for t in self.terms), self.constant * factor)
+
+    def delayed(self, steps: IntArray) -> Signal:
+        """Return it later by steps (n,), each value by its own."""
+        terms = []
+        for term in self.terms:
+            for delay in np.unique(steps).tolist():
+                kept = sparse.diags_array((steps == delay).astype(np.float64)) @ term.weights
+                terms.append(Term(term.source, term.delay + delay, kept))
+        return Signal(tuple(terms), self.constant)
+
+    def projections(self, target: str) -> tuple[Projection, ...]:
+        """Return the projections of the terms: one a source, unless several delays meet at one connection."""
+        by_source: dict[str, dict[int, Any]] = {}
+        for term in self.terms:
+            delays = by_source.setdefault(term.source, {})
+            delays[term.delay] = delays[term.delay] + term.weights if term.delay in delays else term.weights
+        return tuple(
+            Projection(source, target, weights, delay)
+            for source, delays in by_source.items()
+            for weights, delay in _joined(delays)
+        )
+
+
+def _joined(delays: Mapping[int, Any]) -> list[tuple[Matrix, int | IntArray]]:
+    """Return (weights, delay) of one source: one pair with a delay a connection where no two delays meet."""
+    held = {delay: _canonical(weights) for delay, weights in delays.items()}
+    held = {delay: weights for delay, weights in held.items() if weights.nnz} or dict(list(held.items())[:1])
+    if len(held) == 1:
+        return [(compact(weights), delay) for delay, weights in held.items()]
+    merged = _canonical(sum(abs(weights) for weights in held.values()))
+    if merged.nnz != sum(weights.nnz for weights in held.values()):
+        return [(compact(weights), delay) for delay, weights in held.items()]
+    total = matrix(sum(held.values()), np.float64)
+    # Delays are written one more than they are, since a sparse sum drops nothing but what was never stored.
+    late = matrix(sum((weights != 0) * (delay + 1) for delay, weights in held.items()), np.int64)
+    steps = late.data - 1
+    steps.setflags(write=False)
+    return [(total, steps)]
+
+
+def _canonical(weights: Any) -> Any:
+    found = sparse.csr_array(weights, copy=True)
+    found.sum_duplicates()
+    found.eliminate_zeros()
+    return found
+
+
+def compact(weights: Any) -> Matrix:
+    """Return weights as the levels hold them: dense where most connections are there, else CSR."""
+    held = _canonical(weights)
+    small = held.nnz >= DENSE * held.shape[0] * held.shape[1]
+    return matrix(held.toarray() if small else held, np.float64)

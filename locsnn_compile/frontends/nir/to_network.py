@@ -1,0 +1,335 @@
+"""From a NIR graph to a Network: linear nodes are multiplied out, every neuron node is a population of its name.
+
+A spike takes one step from a population to the next, as on the chip, where frameworks take none: what these give at
+step t behind k populations comes at step t + k.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Any, get_args
+
+import networkx as nx
+import numpy as np
+from scipy import sparse
+
+from hw_model.mapping.graph import Readout
+from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.frontends.linear_maps import check_entries, convolution, pooling
+from locsnn_compile.frontends.nir.flat import NEURONS, READOUTS, FlatGraph, flatten_graph, image_shape, ints, pool_shape
+from locsnn_compile.frontends.nir.graph import NirGraph, NirNode, read_nir
+from locsnn_compile.frontends.nir.neurons import Discretisation, Reset, Stated, neurons_of
+from locsnn_compile.frontends.nir.signals import Signal, Term
+from locsnn_compile.frontends.synthetic_input import synthetic_recordings
+from locsnn_compile.network.matrices import matrix
+from locsnn_compile.network.network import InputView, Network, Population, Projection
+from locsnn_compile.network.neurons import Cuba, FloatArray
+
+DT_SECONDS = 1e-4
+"""The step by convention: NIR files do not hold one."""
+BIAS = "nir/bias"
+"""The population of one neuron that spikes in every step and brings the biases; no node's name has a slash."""
+START = "nir/start"
+"""The population of one neuron that spikes once, in the first step, and brings potentials to rest."""
+INPUTS = "nir/inputs"
+"""The input of a graph of several: their lines one after the other, in the file's order."""
+STEPS = 100
+"""Steps of synthetic recordings: NIR files do not hold a length either."""
+
+
+def load_nir(path: Path, dt: float | None = None, reset: str | None = None, discretisation: str = "euler") -> Network:
+    """Read a NIR file and state its network, in steps of ``dt`` seconds; ``InputError`` for what cannot be used."""
+    where = f"model {path.name!r}"
+    graph, data = read_nir(path, where)
+    return network_of_nir(
+        graph,
+        name=path.stem,
+        sha256=hashlib.sha256(data).hexdigest(),
+        dt=dt,
+        reset=reset,
+        discretisation=discretisation,
+        where=where,
+    )
+
+
+def network_of_nir(
+    graph: NirGraph,
+    *,
+    name: str,
+    sha256: str,
+    dt: float | None = None,
+    reset: str | None = None,
+    discretisation: str = "euler",
+    where: str,
+) -> Network:
+    """State the network of a graph; options as in :func:`locsnn_compile.frontends.load`."""
+    how: Discretisation = _one_of(discretisation, Discretisation, "discretisation")
+    after: Reset = _one_of(reset or "zero", Reset, "reset")
+    seconds = _step_seconds(dt, graph)
+    flat = flatten_graph(graph, where)
+    _refuse_integrators(flat, where)
+    view = _input(flat, where)
+    signals = _signals(flat, view, seconds, where)
+    populations: list[Population] = []
+    projections: list[Projection] = []
+    depth = _depths(flat)
+    for found in _in_order(flat):
+        place, size = f"{where}, node {found!r}", flat.size(found)
+        stated = neurons_of(flat.nodes[found], _arriving(flat, signals, found, place), size, seconds, how, after, place)
+        populations.append(Population(found, "time", size, stated.neuron))
+        projections += _onto(found, stated, depth[found]).projections(found)
+    sources = {projection.source for projection in projections}
+    if BIAS in sources:
+        populations.append(Population(BIAS, "time", 1, Cuba.of(1, decay_v=1.0, threshold=1.0, bias=2.0)))
+    if START in sources:
+        # Its own spike inhibits it, and that current never decays.
+        populations.append(Population(START, "time", 1, Cuba.of(1, decay_u=0.0, decay_v=1.0, threshold=1.0, bias=2.0)))
+        projections.append(Projection(START, START, matrix(np.array([[-8.0]]), np.float64)))
+    outputs = _outputs(flat, where)
+    channels = view.lines
+    return Network(
+        name=name,
+        channels=channels,
+        steps=STEPS,
+        step_seconds=seconds,
+        fingertips=None,
+        views=(view,),
+        populations=tuple(populations),
+        projections=tuple(projections),
+        readout=Readout(outputs, (1.0,) * len(outputs), _potentials_from(flat, outputs, depth, where)),
+        sha256=sha256,
+        recordings=synthetic_recordings(channels, STEPS, seconds),
+        any_length=True,
+        origin=graph,
+    )
+
+
+def _onto(name: str, stated: Stated, depth: int) -> Signal:
+    """Return all that reaches a population: its signal, constants, its own spikes, and what brings it to rest."""
+    neuron, terms = stated.neuron, list(stated.signal.terms)
+    if stated.signal.constant.any():
+        terms.append(Term(BIAS, depth - 1, _column(stated.signal.constant)))
+    if stated.own.any():
+        terms.append(Term(name, 0, sparse.csr_array(sparse.diags_array(-stated.own))))
+    if stated.first.any():
+        # The bias acts from step 0 on; in step 1 this is what is missing, and the current forgets it in step 2.
+        missing = stated.first * (1 - neuron.decay_v) ** 2
+        terms.append(Term(START, 0, _column(missing)))
+        if (neuron.decay_u < 1).any():
+            terms.append(Term(START, 1, _column(-(1 - neuron.decay_u) * missing)))
+    return Signal(tuple(terms), stated.signal.constant)
+
+
+def _column(values: FloatArray) -> Any:
+    return sparse.csr_array(values[:, None])
+
+
+def _one_of(name: str, kind: Any, what: str) -> Any:
+    """Return a name that is one of a literal type's."""
+    if name not in get_args(kind):
+        raise InputError(f"{what} {name!r}", "is not known", fix=did_you_mean(name, get_args(kind)))
+    return name
+
+
+def _step_seconds(dt: float | None, graph: NirGraph) -> float:
+    """Return the step: the one given, that which a file of ours holds, or the conventional one."""
+    held = graph.metadata.get("dt")
+    if dt is None and held is not None and not isinstance(held, str) and held.size == 1:
+        dt = float(held.reshape(-1)[0])
+    seconds = DT_SECONDS if dt is None else float(dt)
+    if not (np.isfinite(seconds) and 0 < seconds <= 1e6):
+        raise InputError("dt", "a step must last more than 0 s", measured=f"{seconds:g}", fix="Give seconds a step.")
+    return seconds
+
+
+def _refuse_integrators(flat: FlatGraph, where: str) -> None:
+    for name in flat.named("I"):
+        raise InputError(
+            f"{where}, node {name!r}",
+            "an integrator without leak or threshold overflows every register",
+            fix="Take an LI with a long tau, or an IF.",
+        )
+
+
+def _input(flat: FlatGraph, where: str) -> InputView:
+    names = flat.named("Input")
+    if not names:
+        raise InputError(where, "a graph needs an Input", fix="Add an Input node before the first weights.")
+    if not flat.named(*NEURONS):
+        raise InputError(where, "it has no neurons", fix="Export a network with LIF neurons.")
+    return InputView(names[0] if len(names) == 1 else INPUTS, "time", sum(flat.size(name) for name in names))
+
+
+def _in_order(flat: FlatGraph) -> list[str]:
+    """Return the neurons by how far they are from an input; files hold nodes by name and edges in any order."""
+    held = nx.DiGraph()
+    held.add_nodes_from(flat.nodes)
+    held.add_edges_from((source, target) for target, sources in flat.sources.items() for source in sources)
+    far = nx.multi_source_dijkstra_path_length(held, set(flat.named("Input")))
+    return sorted(flat.named(*NEURONS), key=lambda name: far.get(name, len(flat.nodes)))
+
+
+def _depths(flat: FlatGraph) -> dict[str, int]:
+    """Return how many projections lie between an input and every neuron, at least; 1 where none leads there."""
+    held = nx.DiGraph()
+    held.add_nodes_from(flat.nodes)
+    for target, sources in flat.sources.items():
+        held.add_weighted_edges_from((source, target, int(flat.nodes[target].kind in NEURONS)) for source in sources)
+    far = nx.multi_source_dijkstra_path_length(held, set(flat.named("Input")))
+    return {name: max(int(far.get(name, 1)), 1) for name in flat.named(*NEURONS)}
+
+
+def _signals(flat: FlatGraph, view: InputView, dt: float, where: str) -> dict[str, Signal]:
+    """Return what every node gives: neurons and the input their spikes, linear nodes what they make of them."""
+    order = nx.DiGraph()
+    order.add_nodes_from(flat.nodes)
+    for target, sources in flat.sources.items():
+        order.add_edges_from((source, target) for source in sources if flat.nodes[source].kind not in NEURONS)
+    signals: dict[str, Signal] = {}
+    spiking = (*NEURONS, "Input")
+    for name in flat.named(*NEURONS):
+        signals[name] = Signal.of_source(name, flat.size(name))
+    first = 0
+    for name in flat.named("Input"):
+        size = flat.size(name)
+        lines = sparse.csr_array(sparse.eye_array(size, view.lines, k=first))
+        signals[name] = Signal((Term(view.name, 0, lines),), np.zeros(size))
+        first += size
+    for name in nx.topological_sort(order):
+        if flat.nodes[name].kind not in spiking:
+            place = f"{where}, node {name!r}"
+            arriving = _arriving(flat, signals, name, place)
+            signals[name] = _passed(flat, name, arriving, dt, place)
+    return signals
+
+
+def _arriving(flat: FlatGraph, signals: dict[str, Signal], name: str, where: str) -> Signal:
+    """Return the sum of what a node is given; graded values of a readout cannot be sent on."""
+    sources = flat.sources[name]
+    sizes = {flat.size(source) for source in sources}
+    if len(sizes) > 1:
+        raise InputError(where, "its inputs differ in size", measured=f"{sorted(sizes)}", fix="Make them one size.")
+    graded = [source for source in sources if flat.nodes[source].kind in READOUTS]
+    if graded and flat.nodes[name].kind not in ("Output", "Pass", "Flatten"):
+        raise InputError(
+            where,
+            f"it takes the potential of {graded[0]!r}, and the chip sends spikes only",
+            fix="End the graph at that node, or make it a LIF.",
+        )
+    if sources and flat.nodes[name].kind in NEURONS and sizes != {flat.size(name)}:
+        raise InputError(
+            where, "it is given another size", measured=f"{sizes.pop()} against {flat.size(name)}", fix="Correct it."
+        )
+    return Signal.total((signals[source] for source in sources), sizes.pop() if sizes else flat.size(name))
+
+
+def _passed(flat: FlatGraph, name: str, signal: Signal, dt: float, where: str) -> Signal:
+    """Return what a linear node makes of a signal."""
+    node, size = flat.nodes[name], len(signal.constant)
+    if node.kind in ("Output", "Pass", "Flatten"):
+        return signal
+    if node.kind == "Scale":
+        return signal.scaled(_each(node, "scale", size, where))
+    if node.kind == "Delay":
+        return signal.delayed(_delay_steps(node, size, dt, where))
+    given = next((flat.shapes[source] for source in flat.sources[name]), None)
+    weights, constant = _linear(node, given, where)
+    if weights.shape[1] != size:
+        raise InputError(
+            where, "it is given another size", measured=f"{size} against {weights.shape[1]}", fix="Correct its weight."
+        )
+    return signal.through(weights, constant, where)
+
+
+def _linear(node: NirNode, given: tuple[int, ...] | None, where: str) -> tuple[Any, Any]:
+    """Return the matrix, CSR, and the constant of a layer of weights."""
+    if node.kind in ("Linear", "Affine"):
+        weight = node.array("weight")
+        check_entries(weight.size, where)
+        bias = _each(node, "bias", len(weight), where) if node.kind == "Affine" else 0.0
+        return sparse.csr_array(weight.astype(np.float64)), bias
+    if node.kind in ("Conv1d", "Conv2d"):
+        shape = image_shape(node, given, where)
+        assert shape is not None  # its output's shape was found from it
+        weight = node.array("weight")
+        axes = weight.ndim - 2
+        stride, dilation = (ints(node, key, axes, where) for key in ("stride", "dilation"))
+        text = node.parameters["padding"]
+        padding = text if isinstance(text, str) else ints(node, "padding", axes, where)
+        weights, out = convolution(
+            weight.astype(np.float64),
+            shape,
+            stride=stride,
+            padding=padding,
+            dilation=dilation,
+            groups=ints(node, "groups", 1, where)[0],
+            where=where,
+        )
+        return weights, np.repeat(_each(node, "bias", out[0], where), int(np.prod(out[1:])))
+    assert given is not None  # its output's shape was found from it
+    kernel, stride, padding = (ints(node, key, 2, where) for key in ("kernel_size", "stride", "padding"))
+    average = node.kind == "AvgPool2d"
+    return pooling(kernel, pool_shape(given), stride=stride, padding=padding, average=average, where=where)[0], 0.0
+
+
+def _each(node: NirNode, name: str, size: int, where: str) -> Any:
+    values = node.array(name).astype(np.float64).reshape(-1)
+    if values.size not in (1, size):
+        raise InputError(
+            where, f"{name} has the wrong size", measured=f"{values.size} against {size}", fix="Correct it."
+        )
+    return np.broadcast_to(values, (size,))
+
+
+def _delay_steps(node: NirNode, size: int, dt: float, where: str) -> Any:
+    """Return delays in whole steps, (size,)."""
+    steps = _each(node, "delay", size, where) / dt
+    whole = np.rint(steps)
+    if (steps < -0.01).any() or (np.abs(steps - whole) > 0.01).any() or (whole > 1e6).any():
+        bad = steps[(steps < -0.01) | (np.abs(steps - whole) > 0.01) | (whole > 1e6)][0]
+        raise InputError(
+            where,
+            "a delay is no whole number of steps",
+            measured=f"{bad:g} steps of {dt:g} s",
+            fix="Give another --dt.",
+        )
+    return whole.astype(np.int64)
+
+
+def _potentials_from(flat: FlatGraph, outputs: tuple[str, ...], depth: dict[str, int], where: str) -> int | None:
+    """Return the step from which potentials of readouts are those of a framework; None where outputs spike."""
+    graded = [name for name in outputs if flat.nodes[name].kind in READOUTS]
+    if graded and len(graded) < len(outputs):
+        raise InputError(
+            f"{where}, node {graded[0]!r}",
+            "some outputs are potentials, others spikes",
+            fix="Keep outputs of one kind.",
+        )
+    return max(depth[name] for name in graded) if graded else None
+
+
+def _outputs(flat: FlatGraph, where: str) -> tuple[str, ...]:
+    """Return the populations that are read out: those that reach an Output with nothing but a Flatten between."""
+    found: list[str] = []
+    waiting = flat.named("Output")
+    if not waiting:
+        raise InputError(where, "a graph needs an Output", fix="Add an Output node behind the last neurons.")
+    while waiting:
+        name = waiting.pop(0)
+        kind = flat.nodes[name].kind
+        if kind in NEURONS:
+            found.append(name)
+        elif kind in ("Output", "Pass", "Flatten") and flat.sources[name]:
+            waiting.extend(flat.sources[name])
+        else:
+            raise InputError(
+                f"{where}, node {name!r}",
+                f"the output is that of {kind}, and the chip's is spikes",
+                fix="End the graph in a LIF, or in an LI whose potential is read.",
+            )
+    outputs = tuple(dict.fromkeys(found))
+    sizes = {flat.size(name) for name in outputs}
+    if len(sizes) > 1:
+        raise InputError(where, "its outputs differ in size", measured=f"{sorted(sizes)}", fix="Keep one Output.")
+    return outputs

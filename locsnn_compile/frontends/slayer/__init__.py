@@ -1,0 +1,1 @@
+"""slayerPytorch checkpoints with their YAML in."""

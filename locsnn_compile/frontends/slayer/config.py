@@ -1,0 +1,188 @@
+"""The YAML beside a slayerPytorch checkpoint: neuron, step, and the location order where a network walks one."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from locsnn_compile.data.torch_file import read_bytes
+from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.network.neurons import SrmAlpha
+
+MAX_CONFIG_BYTES = 200_000
+MAX_LAYERS = 1000
+DEFAULT_ORDER = "loop"
+"""Taxels by their numbers: what transposing a recording gives when nothing is said."""
+
+
+@dataclass(frozen=True)
+class LoihiNeuron:
+    """slayerPytorch's LOIHI neuron: integers of the chip; weights act as ``w * 2^(6 + weight_exponent)``."""
+
+    decay_u: int
+    decay_v: int
+    threshold: int
+    refractory: int
+    weight_exponent: int
+
+
+@dataclass(frozen=True)
+class LayerEntry:
+    """An entry of ``layer``: what ``dim`` says, and the numbers of a convolution.
+
+    ``kind`` is input, conv, pool or dense; ``numbers`` are those in ``dim``: (width, height, channels) of an input,
+    (channels, kernel) of a convolution, (kernel,) of pooling, (neurons,) of a dense layer.
+    """
+
+    kind: str
+    numbers: tuple[int, ...]
+    stride: int = 1
+    padding: int = 0
+    dilation: int = 1
+    groups: int = 1
+
+
+@dataclass(frozen=True)
+class SlayerConfig:
+    """What the description says: the neuron, the step, steps of a recording, and a location order.
+
+    ``ts`` is in milliseconds; SRM time constants are in steps already. ``order`` is a name or taxel numbers. ``layers``
+    are those of the description's own ``layer`` list, the input first; () where it has none.
+    """
+
+    neuron: SrmAlpha | LoihiNeuron
+    ts: float
+    steps: int | None
+    order: str
+    layers: tuple[LayerEntry, ...] = ()
+
+
+def read_config(path: Path) -> SlayerConfig:
+    """Read a description; ``InputError`` for what is none."""
+    import yaml
+
+    from hw_model.io.yaml_text import load_yaml
+
+    where = f"config {path.name!r}"
+    data = read_bytes(path, where)
+    if len(data) > MAX_CONFIG_BYTES:
+        raise InputError(
+            where,
+            "it is too large",
+            measured=f"{len(data)} bytes against {MAX_CONFIG_BYTES}",
+            fix="Give the YAML alone.",
+        )
+    try:
+        values = load_yaml(data, where)
+    except (yaml.YAMLError, ValueError):
+        raise InputError(where, "it is no YAML", fix="Give slayerPytorch's network description.") from None
+    if not isinstance(values, dict):
+        raise InputError(where, "it is no description", fix="Give slayerPytorch's network description.")
+    return parse_config(values, where)
+
+
+def parse_config(values: Mapping[Any, Any], where: str) -> SlayerConfig:
+    """Return the description that plain values hold, every entry checked."""
+    simulation = _section(values, "simulation", where)
+    ts = _number(simulation, "Ts", where, least=1e-6)
+    samples = _number(simulation, "tSample", where, least=0) if "tSample" in simulation else math.nan
+    steps = int(samples / ts) if samples >= ts and samples / ts <= 1_000_000 else None
+    section = _section(values, "neuron", where)
+    kind = section.get("type")
+    if kind == "SRMALPHA":
+        theta, tau_sr, tau_ref = (_number(section, key, where, least=1e-6) for key in ("theta", "tauSr", "tauRef"))
+        scale_ref = _number(section, "scaleRef", where, least=0)
+        neuron: SrmAlpha | LoihiNeuron = SrmAlpha(theta, tau_sr / ts, tau_ref / ts, scale_ref)
+    elif kind == "LOIHI":
+        threshold, decay_v, decay_u = (_whole(section, key, where) for key in ("vThMant", "vDecay", "iDecay"))
+        refractory = max(_whole(section, "refDelay", where), 1) if "refDelay" in section else 1
+        exponent = _whole(section, "wgtExp", where) if "wgtExp" in section else 0
+        neuron = LoihiNeuron(decay_u, decay_v, threshold, refractory, exponent)
+    else:
+        raise InputError(
+            f"{where}, neuron.type",
+            f"{str(kind)[:40]!r} is not known",
+            fix=did_you_mean(str(kind), ("SRMALPHA", "LOIHI")),
+        )
+    layers = parse_layers(values["layer"], where) if "layer" in values else ()
+    return SlayerConfig(neuron, ts, steps, _order(values, where), layers)
+
+
+def parse_layers(held: Any, where: str) -> tuple[LayerEntry, ...]:
+    """Return the entries of a ``layer`` list as slayerPytorch's Loihi networks read it: ``34x34x2, 16c5z, 2a, 10``."""
+    if not isinstance(held, list) or not 0 < len(held) <= MAX_LAYERS or not all(isinstance(e, dict) for e in held):
+        raise InputError(f"{where}, layer", "it is no list of layers", fix="Give entries such as {dim: 16c5z}.")
+    return tuple(_entry(entry, f"{where}, layer {i}", first=i == 0) for i, entry in enumerate(held))
+
+
+def _entry(entry: Mapping[Any, Any], where: str, *, first: bool) -> LayerEntry:
+    dim = str(entry.get("dim", ""))[:60]
+    kind, count = next(
+        (
+            row
+            for row in (("conv", 2, "c"), ("average", 1, "avg"), ("pool", 1, "a"), ("input", 3, "x"))
+            if row[2] in dim
+        ),
+        ("dense", 1, ""),
+    )[:2]
+    numbers = tuple(int(n) for n in re.findall("[0-9]{1,7}", dim))
+    if first and kind == "dense":
+        kind, count, numbers = "input", 3, (1, 1, *numbers)
+    if first and kind == "input" and len(numbers) == 2:
+        numbers = (*numbers, 1)
+    if (
+        first != (kind == "input")
+        or len(numbers) != count
+        or min(numbers) < 1
+        or "neuron" in entry
+        or kind == "average"
+    ):
+        raise InputError(
+            where, f"dim {dim!r} is not read there", fix="Give the input first, as 34x34x2, then 16c5z, 2a or 10."
+        )
+    if kind == "pool":
+        return LayerEntry(kind, numbers, stride=numbers[0])
+    if kind != "conv":
+        return LayerEntry(kind, numbers)
+    given = {key: _whole(entry, key, where) for key in ("stride", "padding", "dilation", "groups") if key in entry}
+    return LayerEntry(kind, numbers, **{"padding": numbers[1] // 2, **given})
+
+
+def _order(values: Mapping[Any, Any], where: str) -> str:
+    """Return the location order: ``location_order`` or ``locationOrder``, a name or a list of taxels."""
+    for key in ("location_order", "locationOrder"):
+        if key in values:
+            order = values[key]
+            if isinstance(order, list) and all(isinstance(n, int) and not isinstance(n, bool) for n in order):
+                return ",".join(str(n) for n in order[:1000])
+            if isinstance(order, str):
+                return order[:4000]
+            raise InputError(f"{where}, {key}", "it is no order", fix="Give arch, whorl, loop or a list of taxels.")
+    return DEFAULT_ORDER
+
+
+def _section(values: Mapping[Any, Any], name: str, where: str) -> Mapping[Any, Any]:
+    section = values.get(name)
+    if not isinstance(section, dict):
+        raise InputError(where, f"section {name!r} is missing", fix="Give slayerPytorch's network description.")
+    return section
+
+
+def _number(section: Mapping[Any, Any], key: str, where: str, *, least: float) -> float:
+    value = section.get(key)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value) or value < least:
+        raise InputError(
+            where, f"{key} must be a number from {least:g} on", measured=f"{value!r}"[:40], fix="Correct it."
+        )
+    return float(value)
+
+
+def _whole(section: Mapping[Any, Any], key: str, where: str) -> int:
+    value = section.get(key)
+    if isinstance(value, bool) or not isinstance(value, int | float) or value != value // 1 or abs(value) > 2**31:
+        raise InputError(where, f"{key} must be a whole number", measured=f"{value!r}"[:40], fix="Correct it.")
+    return int(value)

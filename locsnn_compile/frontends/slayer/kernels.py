@@ -1,0 +1,107 @@
+"""slayerPytorch's kernels, which end where they become small: compared with the full ones that the chip has.
+
+slayerPytorch samples ``k / tau * exp(1 - k / tau)``, times a factor, and stops at the first step beyond tau whose value
+is below 0.01: of the published neuron, 77 taps of the input kernel and 11 of the refractory one remain. Recursive
+dendrites hold the whole tail, and a chip's delays (62 steps) could not cut it. What the cut would change is measured by
+:func:`truncated_spikes`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from hw_model.engine.trace import ByteArray
+from locsnn_compile.errors import InputError
+from locsnn_compile.frontends.slayer.config import LoihiNeuron, SlayerConfig
+from locsnn_compile.network.matrices import charge
+from locsnn_compile.network.network import Network, Projection
+from locsnn_compile.network.neurons import FloatArray, SrmAlpha
+
+SMALLEST = 0.01
+MAX_TAPS = 100_000
+_CLOSE = 1e-3
+
+
+def alpha_taps(tau: float, factor: float, steps: int = MAX_TAPS) -> FloatArray:
+    """Return the taps that slayerPytorch keeps of ``factor * k / tau * exp(1 - k / tau)``, k from 0."""
+    k = np.arange(min(steps, MAX_TAPS))
+    values = np.asarray(factor * k / tau * np.exp(1 - k / tau), dtype=np.float64)
+    small = np.flatnonzero((np.abs(values) < SMALLEST) & (k > tau))
+    return values[: small[0]] if small.size else values
+
+
+def cut(neuron: SrmAlpha | LoihiNeuron) -> SrmAlpha:
+    """Return neurons whose kernels end where slayerPytorch ends them; others have none, an ``InputError``."""
+    if not isinstance(neuron, SrmAlpha):
+        raise InputError("kernels 'cut'", "LOIHI neurons have no kernels", fix="Leave the option out.")
+    taps = (neuron.tau_sr, 1.0), (neuron.tau_ref, -neuron.scale_ref * neuron.theta)
+    eps, nu = (len(alpha_taps(*row)) for row in taps)
+    return replace(neuron, eps_taps=eps, nu_taps=nu)
+
+
+def check_kernels(tensors: Mapping[str, Any], config: SlayerConfig, where: str) -> None:
+    """Compare the kernels that a checkpoint holds with those of the description: they must be one model's."""
+    neuron = config.neuron
+    if not isinstance(neuron, SrmAlpha):
+        return
+    wanted = {
+        "srmKernel": alpha_taps(neuron.tau_sr, 1.0),
+        "refKernel": alpha_taps(neuron.tau_ref, -neuron.scale_ref * neuron.theta),
+    }
+    for key, values in tensors.items():
+        name = key.rpartition(".")[2]
+        if name not in wanted:
+            continue
+        held, made = values.reshape(-1), wanted[name]
+        shared = min(len(held), len(made))
+        scale = max(float(np.abs(made).max(initial=0)), 1e-9)
+        if shared and np.abs(held[:shared] - made[:shared]).max() > _CLOSE * scale:
+            raise InputError(
+                f"{where}, entry {key!r}",
+                "the kernel is not that of the config",
+                measured=f"{np.abs(held[:shared] - made[:shared]).max():.3g} apart",
+                fix="Give the YAML that this checkpoint was trained with.",
+            )
+
+
+def truncated_spikes(network: Network, recordings: ByteArray) -> dict[str, ByteArray]:
+    """Return the spikes (batch, steps, n) of every population with slayerPytorch's cut kernels.
+
+    For chains of SRM neurons, each with one projection onto it; other networks are an ``InputError``.
+    """
+    spikes: dict[str, ByteArray] = {view.name: view.play(recordings) for view in network.views}
+    for population in network.populations:
+        neuron, onto = population.neuron, network.into(population.name)
+        if not isinstance(neuron, SrmAlpha) or len(onto) != 1 or onto[0].source not in spikes:
+            raise InputError(
+                f"population {population.name!r}", "kernels are cut in chains of SRM neurons only", fix="Leave it out."
+            )
+        projection = onto[0]
+        assert isinstance(projection, Projection)
+        arriving = charge(spikes[projection.source], projection.weights)
+        potential = _filtered(arriving, alpha_taps(neuron.tau_sr, 1.0), int(np.max(projection.delay)))
+        spikes[population.name] = _fired(potential, neuron)
+    return {population.name: spikes[population.name] for population in network.populations}
+
+
+def _filtered(arriving: Any, taps: FloatArray, delay: int) -> FloatArray:
+    steps = arriving.shape[1]
+    potential = np.zeros(arriving.shape)
+    for k in range(1, min(len(taps), steps - delay)):
+        potential[:, k + delay :] += taps[k] * arriving[:, : steps - k - delay]
+    return potential
+
+
+def _fired(potential: FloatArray, neuron: SrmAlpha) -> ByteArray:
+    """Return the spikes, each of which adds the cut refractory kernel to its neuron's future."""
+    taps = alpha_taps(neuron.tau_ref, -neuron.scale_ref * neuron.theta)
+    fired = np.zeros(potential.shape, dtype=np.uint8)
+    for t in range(potential.shape[1]):
+        fired[:, t] = potential[:, t] >= neuron.theta
+        last = min(len(taps), potential.shape[1] - t)
+        potential[:, t : t + last] += taps[:last, None] * fired[:, t, None]
+    return fired

@@ -1,0 +1,276 @@
+"""From a slayerPytorch checkpoint, a dict of tensors, and its YAML to a Network.
+
+A checkpoint names layers and their weights in the order in which they were made, and no structure. Layers are taken as
+one chain in that order; those whose names begin with ``location`` are a second chain, which walks the channels. A
+``layer`` list in the YAML says which are convolutions and pooling. A delay belongs to the layer of its own block, else
+to the first that gives as many spikes and has none yet.
+
+SRMALPHA layers become float neurons with the full kernels; LOIHI layers integers, their weights ``2 round(w / 2)``,
+half to even, as slayerPytorch quantises them in every forward pass; each of these takes one step, as there.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+
+from hw_model.mapping.graph import Axis, Readout
+from locsnn_compile.data.sensor import channel_walk, parse_location_order
+from locsnn_compile.data.torch_file import load_plain, read_bytes
+from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.frontends.slayer.config import LoihiNeuron, SlayerConfig, read_config
+from locsnn_compile.frontends.slayer.kernels import check_kernels, cut
+from locsnn_compile.frontends.slayer.layers import dense_layer, listed_layers
+from locsnn_compile.frontends.synthetic_input import synthetic_recordings, touch_fingertips
+from locsnn_compile.models.checkpoint import FORMAT
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection
+from locsnn_compile.network.matrices import Matrix, matrix, values_of, with_values
+from locsnn_compile.network.network import InputView, Network, Population, Projection
+from locsnn_compile.network.neurons import FloatArray
+
+STEPS = 100
+"""Steps of synthetic recordings where the description names no tSample."""
+VIEW_NAMES: dict[Axis, str] = {"time": "touch", "location": "touch_transposed"}
+MAX_WEIGHTS = 50_000_000
+DELAY_MAX = 62
+KERNELS = ("full", "cut")
+
+_STATE_KEYS = ("state_dict", "model_state_dict", "net", "model")
+_WEIGHT = (
+    ".weight",
+    ".weight_g",
+    ".weight_v",
+    ".parametrizations.weight.original0",
+    ".parametrizations.weight.original1",
+)
+_FIX = "Save net.state_dict() with torch.save."
+
+
+@dataclass(eq=False)
+class _Layer:
+    """A layer of weights (n, n_source), its channels, and the delays (n,) of the spikes that it gives, in steps."""
+
+    name: str
+    weights: Matrix
+    channels: int
+    delays: Any = field(default=None)
+
+    @property
+    def size(self) -> int:
+        """Neurons."""
+        return int(self.weights.shape[0])
+
+    @property
+    def axis(self) -> Axis:
+        return "location" if self.name.split(".")[-1].lower().startswith("location") else "time"
+
+
+def load_slayer(path: Path, config: Path, kernels: str = "full") -> Network:
+    """Read a checkpoint and its description; ``InputError`` for what cannot be used."""
+    if kernels not in KERNELS:
+        raise InputError(f"kernels {kernels!r}", "are not known", fix=did_you_mean(kernels, KERNELS))
+    where = f"model {path.name!r}"
+    data = read_bytes(path, where)
+    held = load_plain(data, where, fix=_FIX)
+    if isinstance(held, dict) and held.get("format") == FORMAT:
+        raise InputError(where, "config was given, but a checkpoint says this itself", fix="Leave config out.")
+    description = read_config(config)
+    if kernels == "cut":
+        description = replace(description, neuron=cut(description.neuron))
+    tensors = _tensors(held, where)
+    check_kernels(tensors, description, where)
+    return network_of_slayer(
+        _layers(tensors, description, where),
+        description,
+        name=path.stem,
+        sha256=hashlib.sha256(data).hexdigest(),
+        where=where,
+    )
+
+
+def network_of_slayer(
+    layers: tuple[_Layer, ...], config: SlayerConfig, *, name: str, sha256: str, where: str
+) -> Network:
+    """State the network of layers in their order."""
+    chains = {axis: [layer for layer in layers if layer.axis == axis] for axis in VIEW_NAMES}
+    chains = {axis: chain for axis, chain in chains.items() if chain}
+    for chain in chains.values():
+        _check_chain(chain, where)
+    steps = chains["location"][0].weights.shape[1] if "location" in chains else config.steps or STEPS
+    channels = chains["time"][0].weights.shape[1] if "time" in chains else None
+    views, populations, projections, outputs = [], [], [], []
+    for axis, chain in chains.items():
+        if axis == "location":
+            walk, channels = _walk(config.order, channels, where)
+            views.append(InputView(VIEW_NAMES[axis], axis, steps, walk))
+        else:
+            views.append(InputView(VIEW_NAMES[axis], axis, chain[0].weights.shape[1]))
+        source, delays = VIEW_NAMES[axis], None
+        for layer in chain:
+            population, projection = _stated(layer, axis, source, delays, config, where)
+            populations.append(population)
+            projections.append(projection)
+            source, delays = layer.name, layer.delays
+        outputs.append(source)
+    assert channels is not None  # one chain or the other says it
+    sizes = {p.name: p.size for p in populations}
+    if len({sizes[name] for name in outputs}) > 1:
+        raise InputError(
+            where,
+            "its branches differ in classes",
+            measured=f"{[sizes[n] for n in outputs]}",
+            fix="Train them together.",
+        )
+    seconds = config.ts / 1000
+    return Network(
+        name=name,
+        channels=channels,
+        steps=steps,
+        step_seconds=seconds,
+        fingertips=None,
+        views=tuple(views),
+        populations=tuple(populations),
+        projections=tuple(projections),
+        readout=Readout(tuple(outputs), (1.0,) * len(outputs)),
+        sha256=sha256,
+        recordings=synthetic_recordings(channels, steps, seconds),
+        any_length="location" not in chains,
+    )
+
+
+def _walk(order: str, channels: int | None, where: str) -> tuple[Any, int]:
+    """Return the walk over channels and their number: two fingertips where no time branch says it."""
+    count = channels or 156
+    fingertips = touch_fingertips(count)
+    if fingertips is None:
+        if order != "loop":
+            raise InputError(
+                where, f"order {order[:40]!r} is one of fingertips", measured=f"{count} channels", fix="Take loop."
+            )
+        return np.arange(count), count
+    return channel_walk(parse_location_order(order)[1], fingertips), count
+
+
+def _stated(
+    layer: _Layer, axis: Axis, source: str, delays: Any, config: SlayerConfig, where: str
+) -> tuple[Population, Projection | ChipProjection]:
+    """Return a population and the weights onto it; ``delays`` are those of its source's spikes."""
+    size = layer.size
+    late: Any = 0
+    if delays is not None:
+        late = _spread(delays, layer.weights) if (delays != delays[0]).any() else int(delays[0])
+    n = config.neuron
+    if not isinstance(n, LoihiNeuron):
+        return Population(layer.name, axis, size, n), Projection(
+            source, layer.name, matrix(layer.weights, np.float64), late
+        )
+    mantissa = with_values(layer.weights, (2 * np.rint(values_of(layer.weights) / 2)).astype(np.int64))
+    low, high = int(values_of(mantissa).min(initial=0)), int(values_of(mantissa).max(initial=0))
+    if low < -256 or high > 254:
+        raise InputError(
+            f"{where}, layer {layer.name!r}",
+            "a weight is out of an 8-bit synapse's range",
+            measured=f"{low}..{high} against -256..254",
+            fix="Clamp the weights in training.",
+        )
+    neuron = ChipCuba.of(size, decay_u=n.decay_u, decay_v=n.decay_v, threshold=n.threshold, refractory=n.refractory)
+    projection = ChipProjection(source, layer.name, matrix(mantissa, np.int64), n.weight_exponent, 8, "mixed", late)
+    return Population(layer.name, axis, size, neuron), projection
+
+
+def _check_chain(chain: list[_Layer], where: str) -> None:
+    for before, after in pairwise(chain):
+        if after.weights.shape[1] != before.size:
+            raise InputError(
+                f"{where}, layer {after.name!r}",
+                f"it does not follow {before.name!r}",
+                measured=f"{after.weights.shape[1]} inputs against {before.size}",
+                fix="Save the layers of one chain in their order.",
+            )
+
+
+def _tensors(held: object, where: str) -> dict[str, Any]:
+    """Return the tensors of a state dict as arrays, by name, in order."""
+    if isinstance(held, dict):
+        held = next((held[key] for key in _STATE_KEYS if isinstance(held.get(key), dict)), held)
+    if not isinstance(held, dict) or not held:
+        raise InputError(where, "it is no state dict", measured=f"a {type(held).__name__}", fix=_FIX)
+    found: dict[str, Any] = {}
+    for key, tensor in held.items():
+        if not isinstance(key, str) or len(key) > 200 or not hasattr(tensor, "detach"):
+            continue
+        if str(tensor.layout) != "torch.strided" or not tensor.dtype.is_floating_point:
+            raise InputError(
+                f"{where}, entry {key!r}", "it is no dense float tensor", measured=f"{tensor.dtype}", fix=_FIX
+            )
+        if tensor.numel() > MAX_WEIGHTS:
+            raise InputError(
+                f"{where}, entry {key!r}", "too many weights", measured=f"{tensor.numel()} against {MAX_WEIGHTS}",
+                fix="Give a smaller layer.",
+            )  # fmt: skip
+        array = tensor.detach().double().numpy()
+        if not np.isfinite(array).all():
+            raise InputError(f"{where}, entry {key!r}", "a weight is not a finite number", fix="Train again.")
+        found[key.removeprefix("module.")] = array
+    return found
+
+
+def _layers(tensors: Mapping[str, Any], config: SlayerConfig, where: str) -> tuple[_Layer, ...]:
+    names = dict.fromkeys(key.removesuffix(end) for key in tensors for end in _WEIGHT if key.endswith(end))
+    kernels = {name: _weights(tensors, name, where) for name in names}
+    if not kernels:
+        raise InputError(where, "it holds no weights", measured=f"{list(tensors)[:3]}"[:80], fix=_FIX)
+    if config.layers:
+        found = listed_layers(kernels, config.layers, where)
+        layers = [_Layer(name, *found[name]) for name in kernels]
+    else:
+        dense = {name: dense_layer(kernel, f"{where}, layer {name!r}") for name, kernel in kernels.items()}
+        layers = [_Layer(name, weights, len(weights)) for name, weights in dense.items()]
+    for key, values in tensors.items():
+        if key == "delay" or key.endswith(".delay"):
+            _attach(layers, key, values.reshape(-1), config, f"{where}, entry {key!r}")
+    return tuple(layers)
+
+
+def _attach(layers: list[_Layer], key: str, delay: Any, config: SlayerConfig, where: str) -> None:
+    """Give delays, in milliseconds, to the layer of the same block, else to the first of as many spikes that has none.
+
+    A convolution has one a channel.
+    """
+    steps = np.clip(np.floor(delay / config.ts), 0, DELAY_MAX).astype(np.int64)
+    block = key.rpartition(".")[0].rpartition(".")[0]
+    beside = [layer for layer in layers if block and layer.name.rpartition(".")[0] == block]
+    for layer in beside or layers:
+        if layer.delays is None and steps.size in (1, layer.size, layer.channels):
+            layer.delays = np.repeat(steps, layer.size // steps.size)
+            return
+    raise InputError(where, "no layer gives as many spikes", measured=f"{steps.size} delays", fix="Give one a neuron.")
+
+
+def _spread(delays: Any, weights: Matrix) -> Any:
+    """Return the delays of sources, one a weight."""
+    if sparse.issparse(weights):
+        return delays[matrix(weights, np.float64).indices]
+    return np.tile(delays, (weights.shape[0], 1))
+
+
+def _weights(tensors: Mapping[str, Any], name: str, where: str) -> FloatArray:
+    """Return a layer's weights as they are shaped, weight normalisation multiplied out."""
+    held = [tensors.get(name + end) for end in _WEIGHT]
+    plain, gains, directions = held[0], *(next((t for t in held[i::2] if t is not None), None) for i in (1, 2))
+    if plain is None:
+        if gains is None or directions is None:
+            raise InputError(f"{where}, layer {name!r}", "half of its weight normalisation is missing", fix=_FIX)
+        axes = tuple(range(1, directions.ndim))
+        norms = np.sqrt((directions**2).sum(axis=axes, keepdims=True))
+        if gains.size != len(directions) or (norms == 0).any():
+            raise InputError(f"{where}, layer {name!r}", "its weight normalisation has no meaning", fix=_FIX)
+        plain = gains.reshape(norms.shape) * directions / norms
+    return np.asarray(plain, dtype=np.float64)

@@ -1,0 +1,1 @@
+"""The first two levels: a trained network, and the same in the chip's integers."""

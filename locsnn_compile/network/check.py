@@ -1,0 +1,203 @@
+"""The rules of the first level; the first that is broken is an ``InputError`` that names the place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from hw_model.mapping.graph import Axis
+from locsnn_compile.errors import InputError
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection, ChipSrm, RefractoryDendrite
+from locsnn_compile.network.matrices import values_of
+from locsnn_compile.network.network import InputView, Network, Population, Projection
+from locsnn_compile.network.neurons import Cuba, SoftCuba, SrmAlpha
+
+_Array = npt.NDArray[Any]
+_Ends = dict[str, tuple[Axis, int]]
+
+_POSITIVE: tuple[Callable[[_Array], Any], str] = (lambda v: v > 0, "above 0")
+_NOT_NEGATIVE: tuple[Callable[[_Array], Any], str] = (lambda v: v >= 0, "at least 0")
+_FRACTION: tuple[Callable[[_Array], Any], str] = (lambda v: (v >= 0) & (v <= 1), "a fraction from 0 to 1")
+_AT_LEAST_ONE: tuple[Callable[[_Array], Any], str] = (lambda v: v >= 1, "at least 1")
+_FINITE: tuple[Callable[[_Array], Any], str] = (np.isfinite, "a finite number")
+
+_RULES: dict[type, dict[str, tuple[Callable[[_Array], Any], str]]] = {
+    SrmAlpha: {"theta": _POSITIVE, "tau_sr": _POSITIVE, "tau_ref": _POSITIVE, "scale_ref": _NOT_NEGATIVE},
+    Cuba: {
+        "decay_u": _FRACTION,
+        "decay_v": _FRACTION,
+        "threshold": _POSITIVE,
+        "bias": _FINITE,
+        "refractory": _AT_LEAST_ONE,
+    },
+    SoftCuba: {"decay_u": _FRACTION, "decay_v": _FRACTION, "threshold": _POSITIVE, "drop": _NOT_NEGATIVE},
+}
+"""What a float parameter must be; integers are checked against the chip that they are compiled for."""
+
+_LEAST, _MOST = 1e-100, 1e100
+"""Magnitudes that float numbers may have, those below 1 only where they divide: products of three stay in float64."""
+_DIVISORS = ("theta", "tau_sr", "tau_ref", "threshold")
+
+
+def check_network(network: Network) -> None:
+    """Check the whole level."""
+    ends: _Ends = {view.name: (view.axis, view.lines) for view in network.views}
+    for population in network.populations:
+        if population.name in ends:
+            raise InputError(f"population {population.name!r}", "the name is taken", fix="Rename it.")
+        ends[population.name] = (population.axis, population.size)
+        _check_neuron(population)
+    for view in network.views:
+        _check_view(view, network)
+    walks = [view.steps for view in network.views if view.axis == "location"]
+    if len(set(walks)) > 1 or ("location" in network.axes and not walks):
+        raise InputError(
+            f"model {network.name!r}",
+            "its inputs do not give the location axis one number of steps",
+            measured=f"steps {', '.join(map(str, walks)) or 'of none'}",
+            fix="Give inputs of that axis that take equal steps.",
+        )
+    if not network.projections:
+        raise InputError(f"model {network.name!r}", "it has no weights", fix="Connect an input to a population.")
+    on_grid = {population.name: population.on_grid for population in network.populations}
+    dendrites = {p.name: p.neuron.dendrites for p in network.populations if isinstance(p.neuron, ChipSrm)}
+    for projection in network.projections:
+        _check_ends(projection, ends)
+        _check_kind(projection, on_grid[projection.target])
+        _check_dendrite(projection, dendrites.get(projection.target, 1))
+        _check_values(projection, (ends[projection.target][1], ends[projection.source][1]))
+
+
+def _check_view(view: InputView, network: Network) -> None:
+    where = f"input {view.name!r}"
+    if view.axis == "time":
+        if view.walk is not None or view.together != 1 or view.silence != 0:
+            raise InputError(where, "only a location axis has a location order", fix="Leave it out.")
+        return
+    if view.walk is None:
+        raise InputError(where, "a location axis has no location order", fix="Visit every channel exactly once.")
+    if sorted(view.walk.tolist()) != list(range(network.channels)):
+        raise InputError(
+            where,
+            "its location order is not a permutation of the channels",
+            fix="Visit every channel exactly once.",
+        )
+    if not 1 <= view.together <= network.channels or view.lines % view.together:
+        raise InputError(
+            where,
+            "channels visited together do not have equal lines of their own",
+            measured=f"{view.together} of {network.channels} channels on {view.lines} lines",
+            fix="Give lines for every time step of each.",
+        )
+    if view.silence < 0:
+        raise InputError(where, "less than no silence", measured=f"{view.silence} steps", fix="Give 0 or more.")
+
+
+def _check_neuron(population: Population) -> None:
+    where = f"population {population.name!r}"
+    for key, values, shape in _parameters(population):
+        if values.shape not in ((), shape):
+            raise InputError(
+                where,
+                f"{key} has the wrong shape",
+                measured=f"{values.shape} against {shape}",
+                fix="Give one number a neuron.",
+            )
+    if isinstance(population.neuron, ChipSrm) and population.neuron.dendrites < 1:
+        raise InputError(
+            where, "neurons without a dendrite", measured=f"{population.neuron.dendrites}", fix="Give 1 or more."
+        )
+    for key, (holds, words) in _RULES.get(type(population.neuron), {}).items():
+        values = np.asarray(getattr(population.neuron, key))
+        bad = values[~(np.isfinite(values) & holds(values))]
+        if bad.size:
+            raise InputError(where, f"{key} must be {words}", measured=f"{bad.flat[0]}", fix="Correct it.")
+        _check_magnitude(where, key, values, _LEAST if key in _DIVISORS else 0.0)
+
+
+def _check_magnitude(where: str, key: str, values: _Array, least: float) -> None:
+    """Refuse numbers with which the float network itself overflows."""
+    size = np.abs(values)
+    bad = values[(size < least) | (size > _MOST)]
+    if bad.size:
+        raise InputError(
+            where,
+            f"{key} is too {'small' if abs(bad.flat[0]) < 1 else 'large'} a number to compute with",
+            measured=f"{bad.flat[0]:g} against {f'{least:g} to ' if least else ''}{_MOST:g}",
+            fix="Give it in other units.",
+        )
+
+
+def _parameters(population: Population) -> list[tuple[str, _Array, tuple[int, ...]]]:
+    """Return rows of (name, values, shape that they should have)."""
+    neuron, each = population.neuron, (population.size,)
+    if isinstance(neuron, ChipSrm):
+        found = [(key, getattr(neuron, key), each) for key in ("decay_u", "decay_v", "threshold")]
+        ref = neuron.refractory
+        if isinstance(ref, RefractoryDendrite):
+            return [*found, ("refractory decay", ref.decay, each), ("refractory mantissa", ref.mantissa, each)]
+        taps = (len(ref.delay),)
+        return [*found, ("tap exponent", ref.exponent, taps), ("tap mantissa", ref.mantissa, (*taps, *each))]
+    if isinstance(neuron, ChipCuba):
+        return [(key, values, each) for key, values in vars(neuron).items()]
+    return [(key, np.asarray(getattr(neuron, key)), each) for key in _RULES[type(neuron)]]
+
+
+def _check_ends(projection: Projection | ChipProjection, ends: _Ends) -> None:
+    where = _where(projection)
+    if projection.source not in ends or projection.target not in ends:
+        raise InputError(where, "an end does not exist", fix="Name an input or a population.")
+    source_axis, target_axis = ends[projection.source][0], ends[projection.target][0]
+    if source_axis != target_axis:
+        raise InputError(where, f"joins the {source_axis} axis to the {target_axis} axis", fix="Keep to one axis.")
+
+
+def _check_kind(projection: Projection | ChipProjection, on_grid: bool) -> None:
+    if isinstance(projection, ChipProjection) != on_grid:
+        raise InputError(
+            _where(projection),
+            "float weights reach integer neurons" if on_grid else "integer weights reach float neurons",
+            fix="Give a population and the weights onto it in one kind of number.",
+        )
+
+
+def _check_dendrite(projection: Projection | ChipProjection, dendrites: int) -> None:
+    if isinstance(projection, ChipProjection) and not 0 <= projection.dendrite < dendrites:
+        raise InputError(
+            _where(projection),
+            "the target has no such dendrite",
+            measured=f"{projection.dendrite} of {dendrites}, counted from 0",
+            fix="Name one that it has.",
+        )
+
+
+def _check_values(projection: Projection | ChipProjection, shape: tuple[int, int]) -> None:
+    where = _where(projection)
+    weights = projection.mantissa if isinstance(projection, ChipProjection) else projection.weights
+    if weights.shape != shape:
+        raise InputError(
+            where,
+            "the weights have the wrong shape",
+            measured=f"{weights.shape} against {shape}",
+            fix="Give one row a target and one column a source.",
+        )
+    if not np.isfinite(values_of(weights)).all():
+        raise InputError(where, "a weight is not a finite number", fix="Train again, with a lower learning rate.")
+    _check_magnitude(where, "a weight", values_of(weights), 0.0)
+    delay, values = np.asarray(projection.delay), values_of(weights)
+    if delay.shape not in ((), values.shape):
+        raise InputError(
+            where,
+            "the delays have the wrong shape",
+            measured=f"{delay.shape} against {values.shape}",
+            fix="Give one delay, or one for each weight that is held.",
+        )
+    if delay.dtype.kind not in "iu" or (delay < 0).any():
+        raise InputError(where, "a delay is not a whole number of steps from 0 on", fix="Round the delays.")
+
+
+def _where(projection: Projection | ChipProjection) -> str:
+    return f"projection {projection.source!r} -> {projection.target!r}"

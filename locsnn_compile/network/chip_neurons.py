@@ -1,0 +1,177 @@
+"""Neurons and projections whose every number is an integer that the chip holds.
+
+They are what ``quantize`` makes of float ones, and also what a network trained on the chip's own arithmetic consists of
+from the start: those are kept as they are. Notation of the equations: ``rz(x, d)`` is what a decay d of 4096 leaves of
+x, truncated toward zero; ``q(t)`` the effective weights of all spikes that arrive at step t, wrapped to the charge's
+width; u wraps, v is clipped. A spike of step t arrives at step ``t + 1 + delay``. Every parameter of a neuron is an
+int64 array (n,).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from hw_model.arithmetic.fixed_point import IntArray
+from locsnn_compile.network.matrices import Matrix, fan_out, matrix
+from locsnn_compile.network.neurons import spread
+
+Signs = Literal["apart", "mixed"]
+"""``apart``: positive and negative weights in formats of their own, all bits magnitude; ``mixed``: both in one."""
+
+
+@dataclass(frozen=True, eq=False)
+class ChipCuba:
+    """One compartment a neuron, with the chip's own reset.
+
+        u(t) = rz(u(t - 1), decay_u) + q(t)
+        v(t) = rz(v(t - 1), decay_v) + u(t) + bias_mantissa * 2^bias_exponent
+
+    It spikes where ``v(t) > 64 * threshold``; then v = 0, and stays so without a spike for ``refractory - 1`` steps.
+    """
+
+    decay_u: IntArray
+    decay_v: IntArray
+    threshold: IntArray
+    bias_mantissa: IntArray
+    bias_exponent: IntArray
+    refractory: IntArray
+
+    @classmethod
+    def of(
+        cls,
+        size: int,
+        *,
+        decay_u: npt.ArrayLike,
+        decay_v: npt.ArrayLike,
+        threshold: npt.ArrayLike,
+        bias_mantissa: npt.ArrayLike = 0,
+        bias_exponent: npt.ArrayLike = 0,
+        refractory: npt.ArrayLike = 1,
+    ) -> ChipCuba:
+        """Make ``size`` neurons; each parameter is one integer for all, or an array (size,)."""
+        given = (decay_u, decay_v, threshold, bias_mantissa, bias_exponent, refractory)
+        return cls(*(integers(value, size) for value in given))
+
+
+@dataclass(frozen=True, eq=False)
+class RefractoryDendrite:
+    """A second dendrite, which own spikes drive by the effective weight ``64 * floor(mantissa * 2^exponent)``.
+
+    ``s(t) = rz(s(t - 1), decay) + q_own(t)``, ``r(t) = rz(r(t - 1), decay) + s(t)``. Mantissas are -255..255, below 0
+    where a spike inhibits.
+    """
+
+    decay: IntArray
+    mantissa: IntArray
+    exponent: int
+
+
+@dataclass(frozen=True, eq=False)
+class RefractoryTaps:
+    """Own spikes come back to the alpha dendrite through delayed self-synapses, one row a tap.
+
+    Tap k has a ``delay[k]`` in steps and an ``exponent[k]``, both (taps,), and mantissas ``mantissa[k]``, (taps, n),
+    -255..255. The weights of one delay add up.
+    """
+
+    delay: IntArray
+    mantissa: IntArray
+    exponent: IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class ChipSrm:
+    """A neuron without reset: a memoryless soma to which dendrites add their voltages.
+
+        u(t) = rz(u(t - 1), decay_u) + q(t)                  the alpha dendrite
+        v(t) = rz(v(t - 1), decay_v) + u(t)
+        potential(t) = v(t) + r(t)                           r of a refractory dendrite; without one, 0
+
+    It spikes where ``potential(t) > 64 * threshold``; nothing is reset. With taps, own spikes are part of ``q``. A
+    neuron may have ``dendrites`` of both kinds, with the same decays, each with inputs of its own and own spikes of the
+    refractory weight: the potential is the sum of all, and may be as many times as large.
+    """
+
+    decay_u: IntArray
+    decay_v: IntArray
+    threshold: IntArray
+    refractory: RefractoryDendrite | RefractoryTaps
+    dendrites: int = 1
+
+    @classmethod
+    def with_dendrite(
+        cls,
+        size: int,
+        *,
+        decay: npt.ArrayLike,
+        threshold: npt.ArrayLike,
+        refractory_decay: npt.ArrayLike,
+        refractory_mantissa: npt.ArrayLike,
+        refractory_exponent: int,
+    ) -> ChipSrm:
+        """Make ``size`` neurons of strategy ``dendrite``; a parameter is one integer for all, or an array (size,)."""
+        refractory = RefractoryDendrite(
+            integers(refractory_decay, size), integers(refractory_mantissa, size), int(refractory_exponent)
+        )
+        return cls(integers(decay, size), integers(decay, size), integers(threshold, size), refractory)
+
+    @classmethod
+    def with_taps(
+        cls,
+        size: int,
+        *,
+        decay: npt.ArrayLike,
+        threshold: npt.ArrayLike,
+        delay: npt.ArrayLike,
+        mantissa: npt.ArrayLike,
+        exponent: npt.ArrayLike,
+    ) -> ChipSrm:
+        """Make ``size`` neurons of strategy ``delay-line``: taps (taps,), their mantissas (taps,) or (taps, size)."""
+        delays = np.asarray(delay)
+        each = np.asarray(mantissa)
+        mantissas = np.broadcast_to(each[:, None] if each.ndim == 1 else each, (len(delays), size))
+        refractory = RefractoryTaps(
+            integers(delays, len(delays)), matrix(mantissas, np.int64), integers(exponent, len(delays))
+        )
+        return cls(integers(decay, size), integers(decay, size), integers(threshold, size), refractory)
+
+    @property
+    def strategy(self) -> str:
+        """The strategy that lays this neuron out."""
+        if isinstance(self.refractory, RefractoryTaps):
+            return "delay-line"
+        return "dendrite" if self.dendrites == 1 else "paired-dendrite"
+
+
+ChipNeuron = ChipCuba | ChipSrm
+
+
+@dataclass(frozen=True, eq=False)
+class ChipProjection:
+    """Mantissas (n_target, n_source), int64, dense or CSR; effective weights are ``64 * floor(mantissa * 2^exponent)``.
+
+    ``delay`` in steps: one for all, or an array like the matrix's values. ``dendrite`` is that of the target's alpha
+    dendrites which the charge reaches. Several projections may join the same ends: their weights add up.
+    """
+
+    source: str
+    target: str
+    mantissa: Matrix
+    exponent: int
+    weight_bits: int
+    signs: Signs = "apart"
+    delay: int | IntArray = 0
+    dendrite: int = 0
+
+    def fan_out(self) -> IntArray:
+        """Return the synapses that each source has, (n_source,)."""
+        return fan_out(self.mantissa)
+
+
+def integers(value: npt.ArrayLike, size: int) -> IntArray:
+    """Return a read-only int64 array (size,) of one integer or of as many."""
+    return spread(value, size, np.int64)

@@ -1,0 +1,110 @@
+"""Weight matrices (n_target, n_source), dense or scipy CSR, behind one set of functions.
+
+The *values* of a matrix are its array where it is dense, and the stored entries, (entries,) row by row, where it is
+sparse. What is not stored is no connection.
+"""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+from scipy import sparse
+
+from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.whole import whole_numbers
+
+Values = npt.NDArray[Any]
+Matrix: TypeAlias = Any
+"""A numpy array (n_target, n_source), or a ``scipy.sparse.csr_array`` of that shape in canonical order."""
+
+
+def matrix(given: Any, dtype: npt.DTypeLike) -> Matrix:
+    """Return a read-only copy: CSR, entries summed and in order, where a sparse matrix is given, else an array.
+
+    Integers must be whole.
+    """
+    if sparse.issparse(given):
+        held = sparse.csr_array(given, copy=True)
+        held.data = _of_type(held.data, dtype)
+        held.sum_duplicates()
+        for part in (held.data, held.indices, held.indptr):
+            part.setflags(write=False)
+        return held
+    array = _of_type(given, dtype)
+    array.setflags(write=False)
+    return array
+
+
+def _of_type(given: npt.ArrayLike, dtype: npt.DTypeLike) -> Values:
+    """Return a copy in a type."""
+    return whole_numbers(given) if np.issubdtype(dtype, np.integer) else np.array(given, dtype=dtype)
+
+
+def values_of(m: Matrix) -> Values:
+    """Return the values: an array (n_target, n_source), or (entries,) of a sparse matrix."""
+    values: Values = m.data if sparse.issparse(m) else m
+    return values
+
+
+def with_values(m: Matrix, values: Values) -> Matrix:
+    """Return a matrix of the same connections with other values, shaped as :func:`values_of`; read-only."""
+    values.setflags(write=False)
+    return sparse.csr_array((values, m.indices, m.indptr), shape=m.shape) if sparse.issparse(m) else values
+
+
+def of_target(m: Matrix, each: npt.ArrayLike) -> Values:
+    """Spread one number a target (n_target,) so that it can be multiplied with the values."""
+    column = np.asarray(each)
+    return np.repeat(column, np.diff(m.indptr)) if sparse.issparse(m) else column[:, None]
+
+
+def connections(m: Matrix) -> tuple[IntArray, IntArray, IntArray]:
+    """Return (target, source, index into the flat values) of all values but 0, ordered by source, then target."""
+    if sparse.issparse(m):
+        target = np.repeat(np.arange(m.shape[0]), np.diff(m.indptr))
+        source, index = m.indices.astype(np.int64), np.flatnonzero(m.data)
+        target, source = target[index], source[index]
+    else:
+        target, source = (found.astype(np.int64) for found in np.nonzero(m))
+        index = target * m.shape[1] + source
+    order = np.lexsort((target, source))
+    return target[order], source[order], index[order]
+
+
+def fan_out(m: Matrix) -> IntArray:
+    """Return how many targets every source reaches with a weight that is not 0, (n_source,)."""
+    return np.bincount(connections(m)[1], minlength=m.shape[1]).astype(np.int64)
+
+
+def row_maxima(m: Matrix) -> npt.NDArray[np.float64]:
+    """Return the largest magnitude of every target's weights, (n_target,); 0 where it has none."""
+    found = np.zeros(m.shape[0])
+    target, _, index = connections(m)
+    np.maximum.at(found, target, np.abs(values_of(m).ravel()[index]).astype(np.float64))
+    return found
+
+
+def row_sums(m: Matrix) -> npt.NDArray[np.float64]:
+    """Return what every target's positive weights, or its negative ones, add up to at most, (n_target,), no sign."""
+    target, _, index = connections(m)
+    weights = values_of(m).ravel()[index].astype(np.float64)
+    positive, negative = (
+        np.bincount(target, weights=np.maximum(side, 0.0), minlength=m.shape[0]) for side in (weights, -weights)
+    )
+    return np.maximum(positive, negative)
+
+
+def charge(spikes: npt.NDArray[np.uint8], m: Matrix) -> Values:
+    """Return the weights that the spikes (..., n_source) of 0 and 1 add up to, (..., n_target), in the weights' type.
+
+    Integers stay integers: they are added spike by spike, without a float in between.
+    """
+    rows = spikes.reshape(-1, m.shape[1])
+    if np.issubdtype(values_of(m).dtype, np.integer):
+        found = sparse.csr_array(rows.astype(np.int64)) @ m.T
+        added: Values = found.toarray() if sparse.issparse(found) else found
+    else:
+        added = rows.astype(np.float64) @ m.T if not sparse.issparse(m) else (m @ rows.T.astype(np.float64)).T
+    return added.reshape(*spikes.shape[:-1], m.shape[0])

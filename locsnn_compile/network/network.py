@@ -1,0 +1,152 @@
+"""The first level: a trained network, as its author thinks of it: in float, or already in the chip's integers.
+
+Network -> QuantizedNetwork -> CompartmentGraph -> PlacedGraph -> RoutedGraph -> ChipProgram
+(this file)  quantize       lower_neurons      place_cores    route_axons    assemble
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.mapping.graph import Axis, Readout
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection, ChipSrm
+from locsnn_compile.network.matrices import Matrix, fan_out
+from locsnn_compile.network.neurons import Cuba, SoftCuba, SrmAlpha
+
+Neuron = SrmAlpha | Cuba | SoftCuba | ChipSrm | ChipCuba
+"""Float models, which ``quantize`` rounds, and on-grid ones, which every pass keeps exactly."""
+
+
+@dataclass(frozen=True, eq=False)
+class InputView:
+    """``lines`` input lines of one axis, taken from the recording (steps, channels).
+
+    On the time axis line c spikes at step t where channel c does. On the location axis channel ``walk[i]`` is visited
+    at step ``i // together``: an event of it at time step t spikes on line ``(i % together) * (lines // together) + t``
+    there. After the walk follow ``silence`` steps without events, in which the last ones still go through the layers.
+    """
+
+    name: str
+    axis: Axis
+    lines: int
+    walk: npt.NDArray[np.int64] | None = None
+    together: int = 1
+    silence: int = 0
+
+    @property
+    def steps(self) -> int:
+        """Steps of a walk over the location axis, with the silence after it."""
+        assert self.walk is not None
+        return -(-len(self.walk) // self.together) + self.silence
+
+    @property
+    def positions(self) -> npt.NDArray[np.int64] | None:
+        """The inverse of the walk: the step at which each channel is visited, (channels,)."""
+        return None if self.walk is None else np.argsort(self.walk).astype(np.int64) // self.together
+
+    @property
+    def first_lines(self) -> npt.NDArray[np.int64] | None:
+        """The line of time step 0 of each channel, (channels,); None where one is visited at a time."""
+        if self.walk is None or self.together == 1:
+            return None
+        return np.argsort(self.walk).astype(np.int64) % self.together * (self.lines // self.together)
+
+    def play(self, recordings: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+        """Return the lines' spikes, (batch, steps of the axis, lines), of recordings (batch, time steps, channels)."""
+        if self.walk is None:
+            return recordings
+        rows = self.lines // self.together
+        visits = recordings[:, :rows, self.walk].transpose(0, 2, 1)
+        if visits.shape[1:] == (self.steps, self.lines):
+            return visits
+        played = np.zeros((len(visits), self.steps * self.together, rows), dtype=np.uint8)
+        played[:, : visits.shape[1], : visits.shape[2]] = visits
+        return played.reshape(len(visits), self.steps, self.lines)
+
+
+@dataclass(frozen=True, eq=False)
+class Population:
+    """``size`` neurons of one model that step along one axis."""
+
+    name: str
+    axis: Axis
+    size: int
+    neuron: Neuron
+
+    @property
+    def on_grid(self) -> bool:
+        """Whether its parameters, and the weights onto it, are integers of the chip already."""
+        return isinstance(self.neuron, ChipSrm | ChipCuba)
+
+    def threshold_of(self, i: int) -> float:
+        """Return the threshold of neuron i, in the units of its potential."""
+        neuron = self.neuron
+        if isinstance(neuron, SrmAlpha):
+            return neuron.theta
+        return float(neuron.threshold[i]) if isinstance(neuron, Cuba | SoftCuba) else 64.0 * int(neuron.threshold[i])
+
+
+@dataclass(frozen=True, eq=False)
+class Projection:
+    """Weights (n_target, n_source), float64, dense or CSR, from an input view or a population to a population.
+
+    A spike of step t acts at step ``t + 1 + delay``; ``delay`` in steps, one for all, or an array like the matrix's
+    values: (n_target, n_source), or (entries,) of a sparse one. The source may be the target, or come after it.
+    """
+
+    source: str
+    target: str
+    weights: Matrix
+    delay: int | IntArray = 0
+
+    def fan_out(self) -> IntArray:
+        """Return the weights other than 0 that each source has, (n_source,)."""
+        return fan_out(self.weights)
+
+
+@dataclass(frozen=True, eq=False)
+class Network:
+    """A trained network: views of one recording, populations, projections and a readout."""
+
+    name: str
+    channels: int
+    steps: int
+    """Time steps of a recording; a shorter one is followed by silence."""
+    step_seconds: float | None
+    fingertips: int | None
+    """Fingertips of 39 taxels and two polarities, where the channels are those of a tactile sensor."""
+    views: tuple[InputView, ...]
+    populations: tuple[Population, ...]
+    projections: tuple[Projection | ChipProjection, ...]
+    readout: Readout
+    sha256: str
+    """Of the file that it was read from."""
+    recordings: Recordings | None = None
+    """A few recordings that the file carries for the check."""
+    origin: object | None = None
+    """What its file held, where it can be written again in that format."""
+    any_length: bool = False
+    """Whether a recording is played for as many steps as it has; ``steps`` is then only the usual number."""
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """The step axes in use, time first."""
+        return tuple(axis for axis in ("time", "location") if any(p.axis == axis for p in self.populations))
+
+    def steps_of(self, axis: Axis) -> int:
+        """Steps of an axis: time steps, or those of the walk over the channels."""
+        return self.steps if axis == "time" else next(view.steps for view in self.views if view.axis == axis)
+
+    def into(self, name: str) -> tuple[Projection | ChipProjection, ...]:
+        """Return the projections onto a population."""
+        return tuple(projection for projection in self.projections if projection.target == name)
+
+    @property
+    def classes(self) -> int:
+        """Classes of the readout."""
+        return next(p.size for p in self.populations if p.name == self.readout.populations[0])

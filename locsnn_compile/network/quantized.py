@@ -1,0 +1,88 @@
+"""The second level: the same populations and projections, every number an integer that the chip holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from hw_model.mapping.graph import Readout
+from locsnn_compile.network.chip_neurons import ChipNeuron, ChipProjection, ChipSrm
+from locsnn_compile.network.network import Network, Population
+from locsnn_compile.network.neurons import FloatArray, SrmAlpha
+
+
+@dataclass(frozen=True)
+class KernelFit:
+    """How far the chip's integer responses are from the kernels of the float neuron, as shares of these.
+
+    ``input_max`` and ``input_rms``: of the response to an input spike whose peak is at the threshold, the largest
+    difference over the kernel's largest value, and the root of the summed squares of the difference over those of the
+    kernel. ``refractory_max`` and ``refractory_rms``: likewise of what an own spike takes from the potential; None
+    where the neuron has no refractory kernel.
+    """
+
+    input_max: float
+    input_rms: float
+    refractory_max: float | None
+    refractory_rms: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class QuantizedPopulation:
+    """A population of the network in the chip's integers.
+
+    A potential of 1 in the float network is ``scale[i]`` in the registers of neuron i, (n,). ``fit`` is None where the
+    population was on the grid from the start: nothing was rounded then, and the scale is 1.
+    """
+
+    population: Population
+    neuron: ChipNeuron
+    scale: FloatArray
+    fit: KernelFit | None
+
+    @property
+    def strategy(self) -> str:
+        """How neurons become compartments: a strategy for SRM neurons, or ``native``, one compartment each."""
+        if isinstance(self.neuron, ChipSrm):
+            return self.neuron.strategy
+        return "reset" if isinstance(self.population.neuron, SrmAlpha) else "native"
+
+
+@dataclass(frozen=True, eq=False)
+class QuantizedNetwork:
+    """A network in integers; structure and views are those of ``network``.
+
+    A projection of the network may be several here, whose weights add up; ``weights_pruned`` of its weights are 0.
+    """
+
+    network: Network
+    populations: tuple[QuantizedPopulation, ...]
+    projections: tuple[ChipProjection, ...]
+    weights_pruned: int
+
+    @property
+    def strategy(self) -> str:
+        """The strategies of its populations, each named once, in order."""
+        return ", ".join(dict.fromkeys(q.strategy for q in self.populations))
+
+    @property
+    def readout(self) -> Readout:
+        """What reads the integers as the network's readout reads floats.
+
+        Potentials of several populations are added, and each population has a scale of its own: they are brought to
+        that of the first.
+        """
+        readout = self.network.readout
+        if readout.potentials_from is None:
+            return readout
+        scales = [float(self.population(name).scale.max()) for name in readout.populations]
+        weights = tuple(w * scales[0] / scale for w, scale in zip(readout.weights, scales, strict=True))
+        return replace(readout, weights=weights)
+
+    def on_grid(self) -> Network:
+        """Return the network with these integers for its own: evaluated, it spikes as the program must, bit for bit."""
+        populations = tuple(replace(q.population, neuron=q.neuron) for q in self.populations)
+        return replace(self.network, populations=populations, projections=self.projections, readout=self.readout)
+
+    def population(self, name: str) -> QuantizedPopulation:
+        """Return a population by name."""
+        return next(q for q in self.populations if q.population.name == name)

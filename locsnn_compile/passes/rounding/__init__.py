@@ -1,0 +1,1 @@
+"""Weights onto the chip's grid: apart, or together so that errors cancel."""

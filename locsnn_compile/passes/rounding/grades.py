@@ -1,0 +1,138 @@
+"""Formats of several exponents for the weights of one population: each weight in the finest that holds it.
+
+Weights are whole numbers of *quanta*: a quantum is an effective weight of 64, the least that the chip has. Grade k of b
+bits holds magnitudes that are multiples of ``2^k``, up to ``(2^b - 1) * 2^k`` quanta: mantissas of b high bits, and the
+exponent ``k + b - 8``. A *split* weight has two synapses, the second in the finest grade that holds what the first
+leaves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.weights import WEIGHT_EXPONENTS
+from locsnn_compile.network.chip_neurons import ChipNeuron, ChipProjection, ChipSrm, RefractoryTaps
+from locsnn_compile.network.matrices import with_values
+from locsnn_compile.network.network import Projection
+from locsnn_compile.network.neurons import FloatArray
+from locsnn_compile.passes.rounding.rounding import Rounding
+
+MANTISSA_BITS = 8
+GRADES, GRADES_IF_SPLIT, GRADES_BESIDE_TAPS = 4, 3, 2
+"""Grades of first synapses. Second ones double them at most, and signs double that: at most 12 of a core's 16 formats,
+or 8 beside the 6 of taps."""
+
+FORMATS, FORMATS_OF_TAPS = 16, 6
+"""Synapse formats of a core, and those that the taps of its neurons take at most."""
+
+BoolArray = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Grades:
+    """Grades of so many bits, finest first."""
+
+    weight_bits: int
+    held: tuple[int, ...]
+
+    @classmethod
+    def holding(cls, largest: float, weight_bits: int, *, count: int = GRADES, split: bool = False) -> Grades:
+        """Return the grades for magnitudes up to ``largest`` quanta: so many of first synapses, and their seconds."""
+        top = coarsest(weight_bits)
+        highest = next((k for k in range(top) if np.rint(largest / 2**k) < 1 << weight_bits), top)
+        first = set(range(max(0, highest - count + 1), highest + 1))
+        second = {max(0, k - weight_bits) for k in first} if split else set()
+        return cls(weight_bits, tuple(sorted(first | second)))
+
+    def grade(self, magnitude: FloatArray) -> IntArray:
+        """Return the finest grade of every magnitude that still holds it with a step added, else the coarsest."""
+        most = [float(self.largest_of(np.array(k)) - (1 << k if self.weight_bits > 1 else 0)) for k in self.held]
+        index = np.minimum(np.searchsorted(most, magnitude), len(self.held) - 1)
+        found: IntArray = np.array(self.held, dtype=np.int64)[index]
+        return found
+
+    def second_grade(self, grade: IntArray) -> IntArray:
+        """Return the grade of a split weight's second synapse: the finest that holds all that is below the first's."""
+        index = np.searchsorted(self.held, np.asarray(grade) - self.weight_bits)
+        found: IntArray = np.array(self.held, dtype=np.int64)[index]
+        return found
+
+    def largest_of(self, grade: IntArray) -> IntArray:
+        """Return the largest magnitude of every grade, in quanta."""
+        found: IntArray = ((1 << self.weight_bits) - 1) << grade
+        return found
+
+    def exponent(self, grade: int) -> int:
+        """Return the weight exponent of a grade's format."""
+        return grade + self.weight_bits - MANTISSA_BITS
+
+    def parts(self, quanta: IntArray, grade: IntArray, split: BoolArray) -> Iterator[tuple[IntArray, int]]:
+        """Yield (mantissas, exponent) of every grade that is in use, finest first; effective weights add up."""
+        magnitude, sign = np.abs(quanta), np.sign(quanta)
+        first = magnitude >> grade << grade
+        rest = np.where(split, magnitude - first, 0)
+        second = self.second_grade(grade)
+        for k in self.held:
+            here = np.where(grade == k, first, 0) + np.where(second == k, rest, 0)
+            if here.any():
+                yield sign * (here >> k << (MANTISSA_BITS - self.weight_bits)), self.exponent(k)
+
+
+def grades_for(
+    largest: float, weight_bits: int, rounding: Rounding, neuron: ChipNeuron, incoming: Sequence[Projection] = ()
+) -> Grades:
+    """Return the grades for magnitudes up to ``largest`` quanta onto such neurons.
+
+    Weights whose delays take other numbers of bits are in formats of their own: the more there are, the fewer grades.
+    What is left too many, the format of own spikes among it, is made to share delay fields when cores are filled.
+    """
+    split = rounding.split > 0
+    taps = isinstance(neuron, ChipSrm) and isinstance(neuron.refractory, RefractoryTaps)
+    count = GRADES if not split else GRADES_BESIDE_TAPS if taps else GRADES_IF_SPLIT
+    kinds = len({int(np.max(p.delay, initial=0)).bit_length() for p in incoming})
+    if kinds > 1:
+        left = FORMATS - (FORMATS_OF_TAPS if taps else 0)
+        count = max(1, min(count, left // (2 * kinds * (2 if split else 1))))
+    return Grades.holding(largest, weight_bits, count=count if rounding.graded else 1, split=split)
+
+
+def nearest(quanta: FloatArray, step: IntArray, most: IntArray) -> IntArray:
+    """Round to the nearest multiples of the steps, half to even, and clip to magnitudes; 0 where a step is."""
+    rounded = np.rint(quanta / np.maximum(step, 1)) * step
+    found: IntArray = np.clip(rounded, -most, most).astype(np.int64)
+    return found
+
+
+def coarsest(weight_bits: int) -> int:
+    """Return the coarsest grade that the chip has of so many bits."""
+    return WEIGHT_EXPONENTS[-1] + MANTISSA_BITS - weight_bits
+
+
+def shares(quanta: IntArray, dendrites: int, step: IntArray | int) -> list[IntArray]:
+    """Divide multiples of steps into nearly equal ones, one for each dendrite."""
+    whole = np.abs(quanta) // np.maximum(step, 1)
+    return [np.sign(quanta) * step * ((whole + number) // dendrites) for number in range(dendrites)]
+
+
+def in_grades(
+    p: Projection, quanta: IntArray, grade: IntArray, split: BoolArray, grades: Grades, dendrites: int = 1
+) -> list[ChipProjection]:
+    """Return a projection's values in quanta as one projection a dendrite and grade, of zeros where all is 0.
+
+    ``grade`` is that of each dendrite's share.
+    """
+    made = []
+    step = 1 << np.where(split, grades.second_grade(grade), grade)
+    for dendrite, share in enumerate(shares(quanta, dendrites, step)):
+        parts = list(grades.parts(share, grade, split)) or [(share, grades.exponent(grades.held[0]))]
+        for mantissa, exponent in parts:
+            held = with_values(p.weights, mantissa)
+            made.append(
+                ChipProjection(p.source, p.target, held, exponent, grades.weight_bits, delay=p.delay, dendrite=dendrite)
+            )
+    return made

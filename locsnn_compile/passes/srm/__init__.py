@@ -1,0 +1,1 @@
+"""Spike response neurons: integers for them, and their lowering strategies."""

@@ -1,0 +1,145 @@
+"""Strategy ``delay-line``: own spikes come back to the alpha dendrite through delayed self-synapses.
+
+The dendrite answers a charge by ``k * b^(k-1)``, k steps after the spike, b being what its *rounded* decay keeps. To
+make it answer an own spike by nu instead, the charges are nu filtered by ``(1 - b z^-1)^2``:
+
+    charge(k) = nu(k) - 2 b nu(k - 1) + b^2 nu(k - 2)
+
+Each is rounded to a mantissa of an exponent, a large one to two of them, and the next makes up for the rest: it is
+computed from the voltage and current that the rounded ones left, so that rounding errors do not add up through the
+dendrite's long memory.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from hw_model.arithmetic.fixed_point import DECAY_ONE, IntArray
+from locsnn_compile.errors import TargetError
+from locsnn_compile.network.chip_neurons import ChipSrm
+from locsnn_compile.network.neurons import FloatArray, SrmAlpha
+from locsnn_compile.passes.srm.kernels import kernel
+
+TAPS_MAX = 63
+"""Delays are 0..62."""
+EXPONENTS_MAX = 3
+"""Exponents of a population's taps, evenly spread: with both signs six of a core's 16 formats."""
+MANTISSA_MAX = 255
+FINE = 2.0**-11
+"""A charge that rounds by more than this share of the kernel's largest value gets a second synapse for the rest."""
+ENOUGH, EXACT = 1.25, 2.0**-12
+"""The fewest taps are taken whose error is at most ``EXACT``, or ``ENOUGH`` times the least of any number of taps."""
+ERROR_MAX = 0.1
+"""Largest relative root mean square error; beyond, the kernel outlasts the delays, or drowns in rounding."""
+FAINT = 0.01
+"""A kernel whose root of summed squares is less, in thresholds, is measured against that: it hardly matters."""
+HORIZON = 12
+"""Time constants over which the error is summed, of at most so many steps in all."""
+STEPS_MAX = 4096
+
+
+@dataclass(frozen=True, eq=False)
+class _Rounded:
+    """Mantissas and exponents (lags, 2, candidates); ``error[k]`` of the response to lags 0..k alone, (candidates,)."""
+
+    mantissa: IntArray
+    exponent: IntArray
+    error: FloatArray
+
+
+def heaviest_charge(neuron: SrmAlpha, decay: int, where: str) -> float:
+    """Return the largest own charge, in thresholds."""
+    return float(np.abs(_charges(_response(neuron, 1.0, TAPS_MAX), decay)).max())
+
+
+def lay_out(neuron: SrmAlpha, size: int, decay: int, thresholds: Iterable[int], where: str) -> ChipSrm:
+    """Return the neurons at that of the threshold mantissas whose taps round best."""
+    candidates = np.array(list(thresholds))
+    # v > 64 * threshold is v >= 64 * threshold + 1 for integers: this value stands for theta.
+    found = _round_taps(neuron, decay, 64.0 * candidates + 1)
+    best = found.error.min(axis=1)
+    last = int(np.flatnonzero(best <= max(ENOUGH * best.min(), EXACT))[0])
+    chosen = int(found.error[last].argmin())
+    error = float(found.error[last, chosen])
+    if error > ERROR_MAX:
+        raise TargetError(
+            where,
+            f"no {TAPS_MAX} delayed synapses hold the refractory kernel of tau_ref {neuron.tau_ref:g}",
+            measured=f"an error of {error:.2g} against {ERROR_MAX:g}",
+            fix="Use strategy dendrite.",
+        )
+    mantissa, exponent = found.mantissa[: last + 1, :, chosen], found.exponent[: last + 1, :, chosen]
+    delay, part = np.nonzero(mantissa)
+    return ChipSrm.with_taps(
+        size,
+        decay=decay,
+        threshold=int(candidates[chosen]),
+        delay=delay,
+        mantissa=mantissa[delay, part],
+        exponent=exponent[delay, part],
+    )
+
+
+def _round_taps(neuron: SrmAlpha, decay: int, theta: FloatArray) -> _Rounded:
+    """Round the charges of every lag, one after the other, for thetas (candidates,) in units of the registers."""
+    keep = (DECAY_ONE - decay) / DECAY_ONE
+    tau = max(neuron.tau_ref, -1.0 / math.log(keep) if keep else 0.0)
+    steps = min(TAPS_MAX + math.ceil(HORIZON * tau), STEPS_MAX)
+    wanted = _response(neuron, theta, steps)
+    energy = np.maximum((wanted**2).sum(axis=0), (FAINT * theta) ** 2)
+    exponents = _exponents(float(np.abs(_charges(wanted, decay)).max()))
+    fine = FINE * np.abs(wanted).max(axis=0) / 64
+    current, voltage, passed = np.zeros((3, len(theta)))
+    rows = []
+    for lag in range(TAPS_MAX):
+        charge = (wanted[lag] - keep * voltage - keep * current) / 64
+        mantissa, exponent = _round(charge, exponents, fine)
+        current = keep * current + 64 * (mantissa * 2.0**exponent).sum(axis=0)
+        voltage = keep * voltage + current
+        passed = passed + (voltage - wanted[lag]) ** 2
+        # With no tap after this one, the dendrite goes on by itself.
+        m = np.arange(1, steps - lag)[:, None]
+        left = keep**m * (voltage + m * current) - wanted[lag + 1 :]
+        rows.append((mantissa, exponent, np.sqrt((passed + (left**2).sum(axis=0)) / energy)))
+    return _Rounded(*(np.stack(column) for column in zip(*rows, strict=True)))
+
+
+def _round(charge: FloatArray, exponents: IntArray, fine: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return mantissas and exponents (2, candidates) of charges in units of 64; the second is the rest, if not fine."""
+    first = _round_once(charge, exponents)
+    rest = charge - first[0] * 2.0 ** first[1]
+    second = _round_once(np.where(np.abs(rest) > fine, rest, 0.0), exponents)
+    return np.stack((first[0], second[0])), np.stack((first[1], second[1]))
+
+
+def _round_once(charge: FloatArray, exponents: IntArray) -> tuple[IntArray, IntArray]:
+    """Return mantissas and the smallest exponents that hold charges (candidates,), in units of 64."""
+    largest = (MANTISSA_MAX + 0.5) * 2.0**exponents
+    exponent = exponents[np.minimum(np.searchsorted(largest, np.abs(charge)), len(exponents) - 1)]
+    mantissa = np.clip(np.rint(charge / 2.0**exponent), -MANTISSA_MAX, MANTISSA_MAX).astype(np.int64)
+    return mantissa, exponent
+
+
+def _response(neuron: SrmAlpha, theta: FloatArray | float, steps: int) -> FloatArray:
+    """Return nu at lags 1..steps, (steps, candidates), for thetas in any unit."""
+    k = np.arange(1, steps + 1, dtype=np.float64)[:, None]
+    return -neuron.scale_ref * kernel(neuron.tau_ref, k) * theta
+
+
+def _charges(response: FloatArray, decay: int) -> FloatArray:
+    """Return the charges whose answer is the response (steps, candidates)."""
+    keep = (DECAY_ONE - decay) / DECAY_ONE
+    before = np.concatenate((np.zeros_like(response[:2]), response))
+    charges: FloatArray = response - 2 * keep * before[1:-1] + keep**2 * before[:-2]
+    return charges
+
+
+def _exponents(largest: float) -> IntArray:
+    """Return the exponents in use, ascending: down to 0 from the one that holds the largest charge."""
+    highest = max(0, math.ceil(math.log2(largest / (64 * MANTISSA_MAX)))) if largest else 0
+    step = max(1, math.ceil(highest / (EXPONENTS_MAX - 1)))
+    return np.unique(np.maximum(highest - step * np.arange(EXPONENTS_MAX), 0)).astype(np.int64)

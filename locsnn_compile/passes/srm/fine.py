@@ -1,0 +1,219 @@
+"""Integers for SRM neurons and the weights onto them, rounded for calibration recordings.
+
+The ideal weights are the real ones with which the chip's filters follow the float potential best; they are rounded
+together, neuron by neuron. A larger scale makes finer weights and clips more potentials: each neuron takes, of a few
+scales, the one with which its potential errs least on the calibration recordings, near the threshold above all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.description.chip import Chip
+from locsnn_compile.network.chip_neurons import ChipProjection, ChipSrm, RefractoryDendrite, integers
+from locsnn_compile.network.matrices import charge as charge_of
+from locsnn_compile.network.network import Population, Projection
+from locsnn_compile.network.neurons import FloatArray, SrmAlpha
+from locsnn_compile.passes.rounding.drive import Drive, drive_of
+from locsnn_compile.passes.rounding.grades import BoolArray, Grades, coarsest, grades_for, in_grades, nearest, shares
+from locsnn_compile.passes.rounding.rounding import Rounding
+from locsnn_compile.passes.rounding.scaling import HEAVIEST, Scaled
+from locsnn_compile.passes.rounding.together import round_together
+from locsnn_compile.passes.srm import dendrite as srm_dendrite
+from locsnn_compile.passes.srm.quantize import of_a_dendrite
+from locsnn_compile.reference.calibration import CHUNK, Calibration
+from locsnn_compile.reference.integer_neurons import ChipSrmSteps
+
+SCALES = 2.0 ** (-0.45 * np.arange(6))
+"""Scales that are tried, as shares of the largest: with those of another population on a core, 12 of its 16 threshold
+profiles."""
+HEADROOM_MIN = 4
+"""The voltage register holds at least this many thresholds."""
+CURRENT_ROOM = 4
+"""The current register holds at least this many times the largest current of the calibration recordings."""
+NEAR = 0.3
+"""An error of the potential counts ``exp(-distance / NEAR)``, the distance to the threshold in thresholds."""
+BEAM, BEAM_TO_COMPARE = 8, 1
+"""Candidates a neuron when weights are rounded, and when only scales are compared."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """A population to round, and what is known of it."""
+
+    population: Population
+    neuron: SrmAlpha
+    incoming: Sequence[Projection]
+    drive: Drive
+    calibration: Calibration
+    chip: Chip
+    weight_bits: int
+    rounding: Rounding
+
+
+def fine_srm(
+    population: Population,
+    neuron: SrmAlpha,
+    incoming: Sequence[Projection],
+    plain: Scaled,
+    chip: Chip,
+    weight_bits: int,
+    rounding: Rounding,
+    calibration: Calibration,
+) -> tuple[Scaled, list[list[ChipProjection]]] | None:
+    """Return neurons and weights, given the plain integers of a strategy; None where there is no drive to round for."""
+    made = plain.neuron
+    if not isinstance(made, ChipSrm):
+        return None
+    decays = (int(made.decay_u[0]), int(made.decay_v[0]))
+    drive = drive_of(neuron, incoming, decays, float(plain.gain[0]), calibration)
+    if drive is None:
+        return None
+    task = _Task(population, neuron, incoming, drive, calibration, chip, weight_bits, rounding)
+    if rounding.scaled_apart and isinstance(made.refractory, RefractoryDendrite):
+        made = _scaled_apart(task, made)
+    rounded = _rounded(task, made, BEAM)
+    return Scaled(made, _scale(task, made), plain.gain, plain.exponent), _projections(task, rounded)
+
+
+def _scale(task: _Task, made: ChipSrm) -> FloatArray:
+    """Return what a potential of 1 is in the registers of each neuron: 64 T + 1 is the threshold of v > 64 T."""
+    scale: FloatArray = (64 * made.threshold + 1) / task.neuron.theta
+    return scale
+
+
+def _scaled_apart(task: _Task, made: ChipSrm) -> ChipSrm:
+    """Return the neurons each at the scale with which its potential errs least; the plain scale is always allowed."""
+    assert isinstance(made.refractory, RefractoryDendrite)
+    share, dendrites = of_a_dendrite(task.neuron, made.dendrites), made.dendrites
+    wanted = np.append(SCALES * _largest_threshold(task, share, dendrites), made.threshold[0])
+    thresholds, mantissas, exponent = srm_dendrite.whole_mantissas(share, wanted)
+    decays = (int(made.decay_u[0]), int(made.decay_v[0]), int(made.refractory.decay[0]))
+    size = task.population.size
+    candidates = _at(np.repeat(thresholds, size), np.repeat(mantissas, size), exponent, decays, dendrites)
+    errors = _errors(task, candidates, len(thresholds))
+    errors[:-1][thresholds[:-1, None] > dendrites * _threshold_limits(task)] = np.inf
+    best = errors.argmin(axis=0)
+    return _at(thresholds[best], mantissas[best], exponent, decays, dendrites)
+
+
+def _at(
+    thresholds: IntArray, mantissas: IntArray, exponent: int, decays: tuple[int, int, int], dendrites: int
+) -> ChipSrm:
+    """Return neurons with these threshold and refractory mantissas, (n,)."""
+    size = len(thresholds)
+    u, v, own, threshold, mantissa = (integers(value, size) for value in (*decays, thresholds, mantissas))
+    return ChipSrm(u, v, threshold, RefractoryDendrite(own, mantissa, exponent), dendrites)
+
+
+def _largest_threshold(task: _Task, share: SrmAlpha, dendrites: int) -> float:
+    """Return the largest threshold mantissa that registers and own charges, a dendrite's share, leave to any neuron."""
+    registers = task.chip.registers
+    own = srm_dendrite.heaviest_charge(share, 0, f"population {task.population.name!r}")
+    caps = [registers.threshold_mantissa_max, dendrites * registers.voltage_max / (64 * HEADROOM_MIN)]
+    return min(*caps, HEAVIEST / own - 1) if own else min(caps)
+
+
+def _threshold_limits(task: _Task) -> FloatArray:
+    """Return the largest threshold mantissas (m,) at which a neuron's weights fit a format, and its charge and current
+    the registers of one dendrite: the charge whatever the input."""
+    registers, ideal, theta = task.chip.registers, task.drive.ideal, task.neuron.theta
+    largest = np.abs(ideal).max(axis=1, initial=0.0)
+    one_sign = np.maximum(np.maximum(ideal, 0).sum(axis=1), np.maximum(-ideal, 0).sum(axis=1))
+    # A neuron without weights, or with none to speak of, has no limit.
+    with np.errstate(divide="ignore", over="ignore"):
+        heaviest = float((1 << task.weight_bits) - 1 << coarsest(task.weight_bits)) / largest
+        charge = (1 << registers.charge_bits) / 64 / one_sign
+        current = (1 << registers.current_bits) / 64 / CURRENT_ROOM / task.drive.peak_current
+        limits: FloatArray = np.minimum(np.minimum(heaviest, charge), current) * theta - 1
+    return limits
+
+
+def _errors(task: _Task, candidates: ChipSrm, count: int) -> FloatArray:
+    """Return the error of each neuron's potential as each of ``count`` candidates, (count, m).
+
+    ``candidates`` are the population that many times over. Inputs and own spikes are those of the float network, so
+    that one error does not lead to others.
+    """
+    calibration, theta = task.calibration, task.neuron.theta
+    scale = _scale(task, candidates)
+    quanta = _rounded(task, candidates, BEAM_TO_COMPARE).quanta
+    # The weights of all neurons, dendrite by dendrite.
+    weights = np.concatenate(shares(64 * quanta, candidates.dendrites, 64))
+    columns = np.split(weights, _ends(task), axis=1)
+    error = np.zeros(len(scale))
+    for start in range(0, calibration.samples, CHUNK):
+        here = slice(start, start + CHUNK)
+        own = np.tile(calibration.spikes[task.population.name][here].astype(np.bool_), (1, 1, count))
+        wanted = np.tile(calibration.potential[task.population.name][here], (1, 1, count))
+        weight = np.exp(-np.abs(wanted / theta - 1) / NEAR)
+        charge = np.zeros((*own.shape[:2], len(weights)), dtype=np.int64)
+        for p, part in zip(task.incoming, columns, strict=True):
+            late = 1 + int(p.delay)
+            charge[:, late:] += charge_of(calibration.spikes[p.source][here], part)[:, :-late]
+        state = ChipSrmSteps(candidates, task.chip.registers, len(own))
+        for step in range(own.shape[1]):
+            _, potential = state.step(charge[:, step])
+            state.fired = own[:, step]
+            error += (np.abs(potential / scale - wanted[:, step]) * weight[:, step]).sum(axis=0)
+    return error.reshape(count, -1)
+
+
+@dataclass(frozen=True, eq=False)
+class _Rounded:
+    """Weights in quanta (k, n), onto so many dendrites together; the grade of each share, and which are split."""
+
+    quanta: IntArray
+    dendrites: int
+    grade: IntArray
+    split: BoolArray
+    grades: Grades
+
+
+def _rounded(task: _Task, made: ChipSrm, beam: int) -> _Rounded:
+    """Round the ideal weights onto neurons: those of the population, or these several times over."""
+    scale = _scale(task, made)
+    times = len(scale) // task.population.size
+    ideal = np.tile(task.drive.ideal, (times, 1)) * scale[:, None] / 64
+    magnitude = np.abs(ideal) / made.dendrites
+    grades = grades_for(float(magnitude.max()), task.weight_bits, task.rounding, made, task.incoming)
+    grade = grades.grade(magnitude)
+    present = np.tile(np.hstack([p.weights for p in task.incoming]) != 0, (times, 1))
+    split = _worth_splitting(task, grades, grade, present)
+    step = np.where(present, 1 << np.where(split, grades.second_grade(grade), grade), 0)
+    most = made.dendrites * grades.largest_of(grade)
+    if task.rounding.error_aware:
+        quanta = round_together(task.drive.gram, ideal, step, most, beam)
+    else:
+        quanta = nearest(ideal, step, most)
+    return _Rounded(quanta, made.dendrites, grade, split, grades)
+
+
+def _worth_splitting(task: _Task, grades: Grades, grade: IntArray, present: BoolArray) -> BoolArray:
+    """Mark the share of weights that buys most: squared error saved, over synaptic operations added."""
+    saved = (4.0**grade - 4.0 ** grades.second_grade(grade)) * np.diag(task.drive.gram)
+    # A silent input costs nothing; the ridge says what it may be worth.
+    value = np.where(present, saved / np.maximum(task.drive.rate, 1 / task.calibration.samples), 0.0)
+    count = round(task.rounding.split * int(present.sum()))
+    chosen = np.zeros(value.shape, dtype=np.bool_)
+    chosen.flat[np.argsort(-value, axis=None, kind="stable")[:count]] = True
+    return chosen & (value > 0)
+
+
+def _projections(task: _Task, rounded: _Rounded) -> list[list[ChipProjection]]:
+    made, start = [], 0
+    for p in task.incoming:
+        here = slice(start, start + p.weights.shape[1])
+        parts = (rounded.quanta[:, here], rounded.grade[:, here], rounded.split[:, here])
+        made.append(in_grades(p, *parts, rounded.grades, rounded.dendrites))
+        start = here.stop
+    return made
+
+
+def _ends(task: _Task) -> IntArray:
+    """Return the columns at which the weights of each projection but the first begin."""
+    return np.cumsum([p.weights.shape[1] for p in task.incoming])[:-1]

@@ -1,0 +1,127 @@
+"""Decays on the chip's grid, and the gain that makes up best for their rounding.
+
+A compartment that keeps a of its current and b of its voltage answers a charge of 1 by
+``h(m) = sum over i = 0..m of a^i b^(m-i)``, m steps after the charge arrived: ``(m + 1) a^m`` where a = b.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from hw_model.arithmetic.fixed_point import DECAY_ONE, IntArray
+from locsnn_compile.errors import TargetError
+from locsnn_compile.network.neurons import FloatArray
+
+FADED = 1e-100
+"""A kernel whose first value is smaller has faded before any step; its squares would not be numbers."""
+
+
+def alpha_kernel(tau: float, where: str) -> tuple[int, float, float]:
+    """Return the effective decay nearest to exp(-1 / tau), the gain that fits best with it, and the error left.
+
+    The chip answers a spike with ``gain * k * b^(k-1)``, where ``b = (4096 - decay) / 4096``; the kernel is
+    ``c * k * a^(k-1)``, where ``a = exp(-1 / tau)`` and ``c = e * a / tau``. The gain is the least-squares one. The
+    error is the root of the squared difference over the squared kernel, both summed over all k. The gain of a kernel
+    that is over before the first step is 0, without an error.
+    """
+    a = math.exp(-1.0 / tau)
+    decay = round(DECAY_ONE * (1.0 - a))
+    if decay == 0:
+        raise _never_fades(where, f"{tau:g} steps against at most {2 * DECAY_ONE - 1}")
+    b = (DECAY_ONE - decay) / DECAY_ONE
+    c = math.e * a / tau
+    if c < FADED:
+        return decay, 0.0, 0.0
+    own, cross, kernel = _energy(b * b), c * _energy(a * b), c * c * _energy(a * a)
+    gain = cross / own
+    return decay, gain, math.sqrt(max(0.0, 1.0 - cross * cross / (own * kernel)))
+
+
+SPREAD = 64
+"""Two decays that are tried for one kernel are at most so far from their mean."""
+
+
+@lru_cache(maxsize=64)
+def fitted_decays(tau: float, where: str) -> tuple[int, int, float, float]:
+    """Return the two decays whose response fits an alpha kernel best, their gain, and the error left.
+
+    Of all effective decays ``decay_u <= decay_v`` at most :data:`SPREAD` from their mean, which is within 2 of
+    ``4096 * (1 - exp(-1 / tau))``: those with which the best gain, in the least squares over all lags, leaves the least
+    error, measured as by :func:`alpha_kernel`. Two decays apart make a kernel that lasts longer, so pairs are a finer
+    grid than single decays. Ties go to the pair that is least apart, then to the smaller decays.
+    """
+    nearest, gain, error = alpha_kernel(tau, where)
+    if gain == 0.0:
+        return nearest, nearest, gain, error
+    a = math.exp(-1.0 / tau)
+    c, exact = math.e * a / tau, DECAY_ONE * (1.0 - a)
+    apart, total = (
+        grid.ravel()
+        for grid in np.meshgrid(np.arange(2 * SPREAD + 1), math.floor(2 * exact) + np.arange(-4, 6), indexing="ij")
+    )
+    here = (apart + total) % 2 == 0
+    u, v = (total[here] - apart[here]) // 2, (total[here] + apart[here]) // 2
+    held = (u >= 1) & (v <= DECAY_ONE)
+    u, v = u[held], v[held]
+    keep_u, keep_v, keep = (DECAY_ONE - u) / DECAY_ONE, (DECAY_ONE - v) / DECAY_ONE, np.full(len(u), a)
+    own, cross = _overlap(keep_u, keep_v, keep_u, keep_v), c * _overlap(keep, keep, keep_u, keep_v)
+    errors = np.sqrt(np.maximum(0.0, 1.0 - cross**2 / (own * c * c * _overlap(keep, keep, keep, keep))))
+    best = int(np.argmin(np.round(errors, 9)))
+    return int(u[best]), int(v[best]), float(cross[best] / own[best]), float(errors[best])
+
+
+def nearest_decays(fractions: FloatArray, where: str) -> IntArray:
+    """Return the effective decays (n,) nearest to fractions lost in a step; only a fraction of 0 may become 0."""
+    decays = np.rint(fractions * DECAY_ONE).astype(np.int64)
+    lost = fractions[(decays == 0) & (fractions > 0)]
+    if len(lost):
+        raise _never_fades(where, f"{lost[0]:g} lost in a step against at least {0.5 / DECAY_ONE:.3g}")
+    return decays
+
+
+def best_gain(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> FloatArray:
+    """Return, for each neuron (n,), the gain g for which ``g * h(m)`` of c and d is nearest to ``h(m)`` of a and b.
+
+    In the least squares over all m, by ``sum over m of h_ab h_cd = (1 - abcd) / ((1-ac)(1-ad)(1-bc)(1-bd))``. A
+    compartment that keeps all of its current or voltage never fades; there the values that it ends at are made equal.
+    """
+    fades = (np.maximum(a, b) < 1) & (np.maximum(c, d) < 1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        gain = _overlap(a, b, c, d) / _overlap(c, d, c, d)
+        end = (1 - np.minimum(c, d)) / (1 - np.minimum(a, b))
+    found: FloatArray = np.where(fades, gain, np.where(np.minimum(a, b) < 1, end, 1.0))
+    return found
+
+
+def keeps(decay: IntArray) -> FloatArray:
+    """Return the fractions that effective decays keep."""
+    return (DECAY_ONE - decay) / DECAY_ONE
+
+
+def kernel(tau: float, k: npt.NDArray[np.float64]) -> FloatArray:
+    """Return ``(k / tau) * exp(1 - k / tau)``."""
+    values: FloatArray = k / tau * np.exp(1.0 - k / tau)
+    return values
+
+
+def _overlap(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> FloatArray:
+    overlap: FloatArray = (1 - a * b * c * d) / ((1 - a * c) * (1 - a * d) * (1 - b * c) * (1 - b * d))
+    return overlap
+
+
+def _energy(r: float) -> float:
+    """Return the sum over k = 1, 2, ... of k^2 r^(k-1), which is (1 + r) / (1 - r)^3."""
+    return (1.0 + r) / (1.0 - r) ** 3
+
+
+def _never_fades(where: str, measured: str) -> TargetError:
+    return TargetError(
+        where,
+        "the decay rounds to nothing, so the potential would never fade",
+        measured=measured,
+        fix="Use a shorter time constant or a longer step.",
+    )

@@ -1,0 +1,98 @@
+"""Choose integers for SRM neurons, strategy by strategy.
+
+The threshold is exact, rule included: ``u >= theta`` holds where ``v > 64 * threshold``. The gain of the alpha kernel
+makes up for its rounded decay.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hw_model.arithmetic.weights import WeightGrid
+from hw_model.description.chip import Chip
+from locsnn_compile.errors import TargetError
+from locsnn_compile.network.chip_neurons import ChipNeuron, ChipSrm, integers
+from locsnn_compile.network.neurons import SrmAlpha
+from locsnn_compile.passes.rounding.scaling import HEAVIEST, Scaled, check_threshold, exponent_and_threshold
+from locsnn_compile.passes.srm import delay_line as srm_delay_line
+from locsnn_compile.passes.srm import dendrite as srm_dendrite
+from locsnn_compile.passes.srm import reset as srm_reset
+from locsnn_compile.passes.srm.kernels import alpha_kernel, fitted_decays
+
+SCALE_SLACK = 0.99
+"""A scale may be up to one percent below the largest, if own weights round better there."""
+
+
+@dataclass(frozen=True)
+class Strategy:
+    """How SRM neurons are laid out: both functions are told the decay of the alpha kernel, and where they are.
+
+    ``heaviest_charge`` of a neuron's own spike, in thresholds; ``lay_out`` for so many neurons, at one of the threshold
+    mantissas. With several ``dendrites`` of both kinds, each takes its share of every weight, own ones included.
+    """
+
+    heaviest_charge: Callable[[SrmAlpha, int, str], float]
+    lay_out: Callable[[SrmAlpha, int, int, Iterable[int], str], ChipNeuron]
+    dendrites: int = 1
+
+
+STRATEGIES: dict[str, Strategy] = {
+    "dendrite": Strategy(srm_dendrite.heaviest_charge, srm_dendrite.lay_out),
+    "delay-line": Strategy(srm_delay_line.heaviest_charge, srm_delay_line.lay_out),
+    "reset": Strategy(srm_reset.heaviest_charge, srm_reset.lay_out),
+    "paired-dendrite": Strategy(srm_dendrite.heaviest_charge, srm_dendrite.lay_out, dendrites=2),
+}
+
+
+def quantize_srm(
+    neuron: SrmAlpha,
+    size: int,
+    largest: float,
+    grid: WeightGrid,
+    chip: Chip,
+    strategy: str,
+    where: str,
+    fitted: bool = False,
+) -> Scaled:
+    """Return neurons in integers, given the largest weight onto any of them.
+
+    With ``fitted``, two decays instead of one, where the strategy can have them: taps are made for one.
+    """
+    layout, mantissa_max = STRATEGIES[strategy], chip.registers.threshold_mantissa_max
+    decay, gain, _ = alpha_kernel(neuron.tau_sr, f"{where}: tau_sr")
+    heaviest = largest * gain / neuron.theta / layout.dendrites
+    share = of_a_dendrite(neuron, layout.dendrites)
+    own = layout.heaviest_charge(share, decay, where)
+    _check_own(own, where)
+    cap = int(min(HEAVIEST / own - 1, mantissa_max)) if own else mantissa_max
+    exponent, most = exponent_and_threshold(heaviest, grid, chip, cap, 1)
+    check_threshold(most, heaviest, grid, 1, where)
+    candidates = range(most, max(1, math.ceil(SCALE_SLACK * most)) - 1, -1)
+    made = layout.lay_out(share, size, decay, candidates, where)
+    if isinstance(made, ChipSrm):
+        made = replace(made, dendrites=layout.dendrites)
+    if fitted and strategy != "delay-line":
+        decay_u, decay_v, gain, _ = fitted_decays(neuron.tau_sr, f"{where}: tau_sr")
+        made = replace(made, decay_u=integers(decay_u, size), decay_v=integers(decay_v, size))
+    scale = (64 * made.threshold + 1) / neuron.theta
+    return Scaled(made, scale, np.full(size, gain), exponent)
+
+
+def of_a_dendrite(neuron: SrmAlpha, dendrites: int) -> SrmAlpha:
+    """Return a neuron whose own spikes do what they do in each of so many refractory dendrites."""
+    return replace(neuron, scale_ref=neuron.scale_ref / dendrites)
+
+
+def _check_own(own: float, where: str) -> None:
+    """Refuse own charges, the largest given in thresholds, beside which no threshold mantissa of 1 or more is left."""
+    if own > HEAVIEST / 2:
+        raise TargetError(
+            where,
+            "no scale holds both the threshold and the refractory kernel",
+            measured=f"an own spike weighs {own:.3g} thresholds against {HEAVIEST / 2:.0f}",
+            fix="Use a smaller scale_ref, or strategy reset.",
+        )

@@ -1,0 +1,170 @@
+"""On-grid neurons step by step in int64: chip.md's arithmetic written once more, by population instead of compartment.
+
+It shares no arithmetic with ``hw_model``, so that agreement of the two means something. Letters as in ``on_grid``.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+import numpy.typing as npt
+
+from hw_model.description.chip import Registers
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection, ChipSrm, RefractoryDendrite, RefractoryTaps
+from locsnn_compile.network.matrices import Matrix, values_of, with_values
+
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+
+def kept(x: IntArray, decay: IntArray | int) -> IntArray:
+    """Return x * (4096 - decay) / 4096, truncated toward zero."""
+    product = x * (4096 - decay)
+    truncated: IntArray = (product + np.where(product < 0, 4095, 0)) >> 12
+    return truncated
+
+
+def effective(mantissa: IntArray, exponent: int | IntArray) -> IntArray:
+    """Return 64 * floor(mantissa * 2^exponent)."""
+    scaled: IntArray = np.floor(np.ldexp(np.asarray(mantissa, dtype=np.float64), exponent)).astype(np.int64) * 64
+    return scaled
+
+
+def effective_weights(projection: ChipProjection) -> Matrix:
+    """Return a projection's effective weights, int64, in the form of its mantissas."""
+    return with_values(projection.mantissa, effective(values_of(projection.mantissa), projection.exponent))
+
+
+class Filter:
+    """Current and voltage of compartments (batch, n) that neither spike nor are reset."""
+
+    def __init__(self, decay_u: IntArray, decay_v: IntArray, registers: Registers, batch: int) -> None:
+        self._decay_u, self._decay_v, self._registers = decay_u, decay_v, registers
+        self._u, self.v = np.zeros((2, batch, len(decay_u)), dtype=np.int64)
+
+    def step(self, charge: IntArray) -> IntArray:
+        """Take the charge that arrives, (batch, n); return v."""
+        r = self._registers
+        self._u = _wrapped(kept(self._u, self._decay_u) + _wrapped(charge, r.charge_bits), r.current_bits)
+        self.v = _clipped(kept(self.v, self._decay_v) + self._u, r)
+        return self.v
+
+
+def input_response(neuron: ChipSrm | ChipCuba, charge: IntArray, registers: Registers, steps: int) -> IntArray:
+    """Return the voltage, without bias or spikes, after a charge (n,) in the first step alone; (steps, n).
+
+    Of several dendrites each takes its share, and their voltages are added up.
+    """
+    dendrites = neuron.dendrites if isinstance(neuron, ChipSrm) else 1
+    parts = np.stack([(charge + number) // dendrites for number in range(dendrites)])
+    state = Filter(neuron.decay_u, neuron.decay_v, registers, dendrites)
+    charges = [parts, *[np.zeros_like(parts)] * (steps - 1)]
+    return np.stack([state.step(q).sum(axis=0) for q in charges])
+
+
+class ChipSrmSteps:
+    """SRM neurons (batch, n) of either strategy, of d dendrites each."""
+
+    def __init__(self, neuron: ChipSrm, registers: Registers, batch: int) -> None:
+        self._threshold, self._registers = 64 * neuron.threshold, registers
+        self._dendrites = neuron.dendrites
+        decay_u, decay_v = (np.tile(decay, neuron.dendrites) for decay in (neuron.decay_u, neuron.decay_v))
+        self._alpha = Filter(decay_u, decay_v, registers, batch)
+        part = neuron.refractory
+        self._own = _Dendrite(part, registers, batch) if isinstance(part, RefractoryDendrite) else _Taps(part, batch)
+        self.fired = np.zeros((batch, len(neuron.threshold)), dtype=np.bool_)
+
+    def step(self, arriving: IntArray) -> tuple[BoolArray, IntArray]:
+        """Take the charge that arrives from others, (batch, d n), dendrite by dendrite; return spikes and the potential
+        that decided them, (batch, n)."""
+        charge, pull = self._own.step(self.fired)
+        alpha = self._alpha.step(arriving + np.tile(charge, self._dendrites))
+        summed = alpha.reshape(len(alpha), self._dendrites, -1).sum(axis=1) + self._dendrites * pull
+        potential = _clipped(summed, self._registers)
+        self.fired = potential > self._threshold
+        return self.fired, potential
+
+
+def own_spike_response(neuron: ChipSrm, registers: Registers, steps: int) -> IntArray:
+    """Return what a spike adds to the potential of neurons at rest in the steps after it, (steps, n)."""
+    state = ChipSrmSteps(neuron, registers, 1)
+    state.fired[:] = True
+    silence = np.zeros((1, neuron.dendrites * len(neuron.threshold)), dtype=np.int64)
+    return np.concatenate([state.step(silence)[1] for _ in range(steps)])
+
+
+def reset_response(neuron: ChipCuba, registers: Registers, steps: int) -> IntArray:
+    """Return what the reset of a spike takes from neurons that a steady current holds at the threshold, (steps, n)."""
+    held = 64 * neuron.threshold
+    state = ChipCubaSteps(neuron, registers, 1)
+    state.u[:] = held - kept(held, neuron.decay_v)
+    state.blocked[:] = neuron.refractory - 1
+    charge = state.u - kept(state.u, neuron.decay_u)
+    return np.concatenate([state.step(charge)[1] - held for _ in range(steps)])
+
+
+class _Dendrite:
+    """Own spikes through a dendrite of their own, whose voltage joins at the soma."""
+
+    def __init__(self, part: RefractoryDendrite, registers: Registers, batch: int) -> None:
+        self._weight = effective(part.mantissa, part.exponent)
+        self._filter = Filter(part.decay, part.decay, registers, batch)
+
+    def step(self, fired: BoolArray) -> tuple[IntArray, IntArray]:
+        """Take the spikes of the step before; return what joins the alpha dendrite's charge, and the soma's voltage."""
+        return np.zeros_like(fired, dtype=np.int64), self._filter.step(self._weight * fired)
+
+
+class _Taps:
+    """Own spikes back to the alpha dendrite, each tap after its delay."""
+
+    def __init__(self, part: RefractoryTaps, batch: int) -> None:
+        self._weights = effective(part.mantissa, part.exponent[:, None])
+        self._delays = part.delay
+        length = int(part.delay.max(initial=0)) + 1
+        silence = np.zeros((batch, part.mantissa.shape[1]), dtype=np.bool_)
+        self._past = deque([silence] * length, maxlen=length)
+
+    def step(self, fired: BoolArray) -> tuple[IntArray, IntArray]:
+        """Take the spikes of the step before; return what joins the alpha dendrite's charge, and the soma's voltage."""
+        self._past.appendleft(fired)
+        charge = np.zeros(fired.shape, dtype=np.int64)
+        for delay, weights in zip(self._delays, self._weights, strict=True):
+            charge += weights * self._past[delay]
+        return charge, np.zeros_like(charge)
+
+
+class ChipCubaSteps:
+    """Single compartments (batch, n) with the chip's own reset and refractory count."""
+
+    def __init__(self, neuron: ChipCuba, registers: Registers, batch: int) -> None:
+        self._neuron, self._registers = neuron, registers
+        self._bias = neuron.bias_mantissa << neuron.bias_exponent
+        self.u, self.v, self.blocked = np.zeros((3, batch, len(neuron.threshold)), dtype=np.int64)
+
+    def step(self, arriving: IntArray) -> tuple[BoolArray, IntArray]:
+        """Take the charge that arrives, (batch, n); return spikes and the potential before the reset."""
+        n, r = self._neuron, self._registers
+        self.u = _wrapped(kept(self.u, n.decay_u) + _wrapped(arriving, r.charge_bits), r.current_bits)
+        drive = _wrapped(self.u + self._bias, r.current_bits)
+        held = self.blocked > 0
+        potential = np.where(held, 0, _clipped(kept(self.v, n.decay_v) + drive, r))
+        fired: BoolArray = ~held & (potential > 64 * n.threshold)
+        self.v = np.where(fired, 0, potential)
+        self.blocked = np.where(fired, n.refractory - 1, np.maximum(self.blocked - 1, 0))
+        return fired, potential
+
+
+def _wrapped(x: IntArray, bits: int) -> IntArray:
+    """Return x in two's complement of ``bits`` bits plus sign."""
+    span = 2 << bits
+    rest = x % span
+    wrapped: IntArray = np.where(rest >= span // 2, rest - span, rest)
+    return wrapped
+
+
+def _clipped(x: IntArray, registers: Registers) -> IntArray:
+    """Return x within the voltage register."""
+    clipped: IntArray = np.clip(x, -registers.voltage_max, registers.voltage_max)
+    return clipped

@@ -1,0 +1,1 @@
+"""report.json: the figures, as plain values."""

@@ -1,0 +1,87 @@
+"""The diagnosis as plain values of report.json: error budget, cause of the first divergence, margins."""
+
+from __future__ import annotations
+
+from locsnn_compile.report.content import Document
+from locsnn_compile.verification.diagnosis import Diagnosis
+from locsnn_compile.verification.error_budget.budget import Deviation
+from locsnn_compile.verification.error_budget.cause import Cause
+from locsnn_compile.verification.margins import EDGES, PopulationMargins, RegisterUse
+from locsnn_compile.verification.matching import PopulationMatch
+
+
+def budget_entry(diagnosis: Diagnosis) -> Document | None:
+    """Return ``error_budget``; None where nothing was rounded."""
+    budget = diagnosis.budget
+    if budget is None:
+        return None
+    return {
+        "recordings": list(diagnosis.recordings),
+        "recordings_available": diagnosis.available,
+        "alone": {stage: _deviation(found) for stage, found in budget.alone.items()},
+        "all_but": {stage: _deviation(found) for stage, found in budget.without.items()},
+        "together": _deviation(budget.together),
+        "unexplained_spikes": budget.unexplained,
+        "kernel_tail": None if budget.kernel_tail is None else _deviation(budget.kernel_tail),
+    }
+
+
+def cause_entry(cause: Cause | None) -> Document | None:
+    """Return ``match.first_divergence.cause``: what each stage adds to the potential that decided."""
+    if cause is None:
+        return None
+    return {
+        "moved_by": dict(cause.moved),
+        "moved_by_interaction": cause.rest,
+        "moved_together": cause.together,
+        "largest": cause.largest,
+        "enough_alone": list(cause.enough),
+    }
+
+
+def margins_entry(diagnosis: Diagnosis) -> Document:
+    """Return ``margins``; distances and errors are in thresholds."""
+    found = diagnosis.margins
+    return {
+        "recordings": list(diagnosis.recordings),
+        "recordings_available": diagnosis.available,
+        "histogram_edges": [float(f"{edge:.6g}") for edge in EDGES],
+        "by_population": {name: _population(one) for name, one in found.populations.items()},
+        "registers": {name: _registers(one) for name, one in found.registers.items()},
+    }
+
+
+def _deviation(found: Deviation) -> Document:
+    return {
+        **_match(found.spikes),
+        "predictions_changed": found.predictions_changed,
+        "by_population": {name: _match(one) for name, one in found.by_population.items()},
+    }
+
+
+def _match(found: PopulationMatch) -> Document:
+    return {"spike_agreement": found.agreement, "spike_mismatches": found.mismatches}
+
+
+def _population(found: PopulationMargins) -> Document:
+    return {
+        "neuron_steps": found.neuron_steps,
+        "nearest": {f"{share:g}": distance for share, distance in found.nearest.items()},
+        "error": {f"{share:g}": error for share, error in found.error.items()},
+        "within_error": found.within_error,
+        "decided_otherwise": found.decided_otherwise,
+        "distance_histogram": found.distance_histogram.tolist(),
+        "error_histogram": found.error_histogram.tolist(),
+    }
+
+
+def _registers(found: RegisterUse) -> Document:
+    return {
+        "peak_u": found.peak_u,
+        "share_u": found.share_u,
+        "peak_v": found.peak_v,
+        "share_v": found.share_v,
+        "headroom_bits": found.headroom_bits,
+        "wraps": found.wraps,
+        "clips": found.clips,
+    }

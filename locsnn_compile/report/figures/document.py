@@ -1,0 +1,266 @@
+"""report.json as plain values: what the other renderings show, and where each figure comes from."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+import numpy.typing as npt
+
+import hw_model as hw
+from hw_model.description.counts import Counts, total
+from hw_model.program.chip_program import ChipProgram, Core
+from locsnn_compile.baselines.ann_energy import ANN_ENERGY_SOURCE, ANN_NOT_INCLUDED, ann_energy_pj
+from locsnn_compile.baselines.operations import ANN_NAMES, ann_counts
+from locsnn_compile.network.chip_neurons import ChipCuba
+from locsnn_compile.network.network import Network
+from locsnn_compile.network.neurons import Cuba
+from locsnn_compile.pipeline import Levels
+from locsnn_compile.report.figures.diagnosis import budget_entry, cause_entry, margins_entry
+from locsnn_compile.report.figures.energy import energy_entry
+from locsnn_compile.report.figures.latency import latency_entry
+from locsnn_compile.report.sections.over_time import over_time_entry
+from locsnn_compile.verification.diagnosis import Diagnosis
+from locsnn_compile.verification.matching import Match
+from locsnn_compile.verification.over_time import LeftOut, OverTime
+
+SCHEMA = "locsnn-report/1"
+OPERATION_KEYS = ("synaptic_ops", "neuron_updates", "spikes", "input_events", "transpose_events")
+
+Document = dict[str, Any]
+
+
+def report_document(
+    levels: Levels, match: Match, diagnosis: Diagnosis | None = None, followed: OverTime | LeftOut | None = None
+) -> Document:
+    """Return the report; every ``per_sample`` figure is a mean over the recordings of the check.
+
+    Without a diagnosis it has neither ``error_budget`` nor ``margins``, and the first divergence no cause; where
+    predictions were not ``followed`` over time, no ``over_time``.
+    """
+    network, program = levels.network, levels.program
+    counts = total(match.counts)
+    energy = energy_entry(program, match, network)
+    return {
+        "schema": SCHEMA,
+        "model": {"name": network.name, "sha256": network.sha256},
+        "target": program.chip.name,
+        "strategy": program.provenance["strategy"],
+        "weight_bits": levels.quantized.projections[0].weight_bits,
+        "match": {
+            "reference": _arithmetic(levels.network),
+            **_match(match, counts, None if diagnosis is None else cause_entry(diagnosis.cause)),
+        },
+        "accuracy": match.accuracy,
+        "operations": {
+            "per_sample": _per_sample(counts, match.samples),
+            "by_branch": {name: _per_sample(c, match.samples) for name, c in match.counts_by_phase.items()},
+            "published_method": _published(network, match),
+        },
+        "energy": energy,
+        "latency": latency_entry(program, match, network),
+        "resources": _resources(program),
+        "ann_comparison": _ann_comparison(network, match, energy["per_sample_pj"]),
+        "skipped": {
+            "steps": counts.skipped_steps,
+            "events_dropped": counts.events_dropped,
+            "synapses_pruned": program.synapses_pruned,
+            "biases_lost": _biases_lost(levels),
+            "compartments_pruned": sum(g.size for g in levels.compartments.groups)
+            - sum(core.compartments for core in program.cores),
+        },
+        "quantization": _quantization(levels),
+        "range": _range(program),
+        **({} if diagnosis is None else _diagnosis(diagnosis)),
+        **({} if followed is None else {"over_time": over_time_entry(followed, program, network.step_seconds)}),
+    }
+
+
+def _diagnosis(diagnosis: Diagnosis) -> Document:
+    return {"error_budget": budget_entry(diagnosis), "margins": margins_entry(diagnosis)}
+
+
+def _arithmetic(network: Network) -> str:
+    """Return what the reference computes in: integers of its own where the model's numbers are the chip's already."""
+    return "integers" if all(population.on_grid for population in network.populations) else "float64"
+
+
+def _match(match: Match, counts: Counts, cause: Document | None) -> Document:
+    first = match.first_divergence
+    return {
+        "samples": match.samples,
+        "events_source": match.events_source,
+        "prediction_agreement": match.prediction_agreement,
+        "spike_agreement": match.spikes.agreement,
+        "spike_mismatches": match.spikes.mismatches,
+        "reference_spikes": match.spikes.reference_spikes,
+        "chip_spikes": match.spikes.chip_spikes,
+        "by_population": {
+            name: {
+                "spike_agreement": found.agreement,
+                "spike_mismatches": found.mismatches,
+                "reference_spikes": found.reference_spikes,
+                "chip_spikes": found.chip_spikes,
+            }
+            for name, found in match.by_population.items()
+        },
+        "first_divergence": None
+        if first is None
+        else {
+            "recording": first.recording,
+            "population": first.population,
+            "neuron": first.neuron,
+            "step": first.step,
+            "reference_potential": first.reference_potential,
+            "chip_potential": first.chip_potential,
+            "threshold": first.threshold,
+            "cause": cause,
+        },
+        "wraps": counts.wraps,
+        "clips": counts.clips,
+        "wraps_and_clips_by_population": match.wraps_and_clips,
+    }
+
+
+def _per_sample(counts: Counts, samples: int) -> dict[str, float]:
+    return {key: counts[key] / samples for key in OPERATION_KEYS}
+
+
+def _published(network: Network, match: Match) -> Document:
+    """Additions on paper, spikes of the reference times fan-out, and the events that cross the transpose buffer."""
+    by_branch = {axis: n / match.samples for axis, n in match.additions.items()}
+    transposed = total(match.counts).transpose_events / match.samples
+    return {
+        "additions": sum(by_branch.values()),
+        "additions_by_branch": by_branch,
+        "transpose_events": transposed,
+        "operations": sum(by_branch.values()) + transposed,
+    }
+
+
+def _resources(program: ChipProgram) -> Document:
+    limits = program.chip.limits
+    word_bits = program.chip.synapse_memory.word_bits
+    rows = [_core_use(program.chip, core) for core in program.cores]
+    of_core = {
+        "compartments": limits.compartments_per_core,
+        "axons_in": limits.input_axons_per_core,
+        "axons_out": limits.output_axons_per_core,
+        "synapse_words": limits.synapse_words_per_core,
+        "synapse_formats": limits.synapse_formats_per_core,
+        "compartment_profiles": limits.compartment_profiles_per_core,
+        "threshold_profiles": limits.threshold_profiles_per_core,
+    }
+    return {
+        "cores": len(program.cores),
+        "compartments": sum(row["compartments"] for row in rows),
+        "synapses": sum(row["synapses"] for row in rows),
+        "synapse_bits": sum(row["synapse_words"] for row in rows) * word_bits,
+        "axons_in": sum(row["axons_in"] for row in rows),
+        "axons_out": sum(row["axons_out"] for row in rows),
+        "limits": {
+            "cores": {"used": len(program.cores), "limit": program.chip.cores},
+            **{key: {"used": max(row[key] for row in rows), "limit": limit} for key, limit in of_core.items()},
+        },
+        "mesh": {
+            "chips": program.chip.chips,
+            "cores_per_chip": limits.cores_per_chip,
+            "columns": program.chip.mesh.columns,
+            "rows": program.chip.mesh.rows,
+            "cores_per_tile": program.chip.mesh.cores_per_tile,
+        },
+        "by_core": rows,
+    }
+
+
+def _core_use(chip: hw.Chip, core: Core) -> dict[str, Any]:
+    return {
+        "core": core.number,
+        "phase": core.phase,
+        "slot": core.slot,
+        "tile": list(chip.tile_of(core.slot)),
+        "compartments": core.compartments,
+        "synapses": len(core.axons.target),
+        "synapse_words": core.axons.synapse_words,
+        "axons_in": core.axons.input_axons,
+        "axons_out": core.axons.output_axons,
+        "synapse_formats": len(core.axons.formats),
+        "compartment_profiles": len(core.profiles),
+        "threshold_profiles": len(core.thresholds),
+    }
+
+
+def _ann_comparison(network: Network, match: Match, own_pj: float) -> Document:
+    """The published comparison, at this network's input size; empty where the input is not a fingertip's."""
+    if network.fingertips is None:
+        return {}
+    own = _published(network, match)["operations"]
+    found = {}
+    for name in ANN_NAMES:
+        try:
+            counted = ann_counts(name, fingertips=network.fingertips, steps=network.steps, classes=network.classes)
+        except hw.InputError:  # the recording is too short for that network's kernels: nothing to compare with
+            continue
+        energies = ann_energy_pj(counted)
+        found[name] = {
+            "operations": counted.operations,
+            "ratio": counted.operations / own if own else None,
+            "macs": counted.macs,
+            "multiplications": counted.multiplications,
+            "additions": counted.additions,
+            "energy_pj": energies,
+            "energy_ratio": {arithmetic: pj / own_pj if own_pj else None for arithmetic, pj in energies.items()},
+            "energy_source": ANN_ENERGY_SOURCE,
+            "energy_not_included": list(ANN_NOT_INCLUDED),
+        }
+    return found
+
+
+def _quantization(levels: Levels) -> Document:
+    quantized = levels.quantized
+    return {
+        q.population.name: {
+            "strategy": q.strategy,
+            "scale": _spread(q.scale),
+            "threshold_mantissa": _spread(q.neuron.threshold),
+            "decay_u": _spread(q.neuron.decay_u),
+            "decay_v": _spread(q.neuron.decay_v),
+            "kernel_fit": None if q.fit is None else asdict(q.fit),
+            "weight_exponents": [p.exponent for p in quantized.projections if p.target == q.population.name],
+        }
+        for q in quantized.populations
+    }
+
+
+def _biases_lost(levels: Levels) -> int:
+    """Count the biases other than 0 that round to 0."""
+    return sum(
+        int(((q.population.neuron.bias != 0) & (q.neuron.bias_mantissa == 0)).sum())
+        for q in levels.quantized.populations
+        if isinstance(q.population.neuron, Cuba) and isinstance(q.neuron, ChipCuba)
+    )
+
+
+def _spread(values: npt.NDArray[Any]) -> Any:
+    """Return the one value that all neurons have, else the least and the largest."""
+    low, high = values.min().item(), values.max().item()
+    return low if low == high else [low, high]
+
+
+def _range(program: ChipProgram) -> Document:
+    """What is proven of registers by group; the period is the longest that a compartment of the group needs."""
+    found: Document = {}
+    for core, proven in zip(program.cores, hw.prove_range(program), strict=True):
+        for piece in core.slices:
+            here = slice(piece.offset, piece.offset + piece.size)
+            periods = proven.safe_period[here]
+            row = found.setdefault(
+                piece.group, {"compartments": 0, "cannot_wrap": 0, "cannot_clip": 0, "safe_period_steps": 1}
+            )
+            row["compartments"] += piece.size
+            row["cannot_wrap"] += int(proven.cannot_wrap[here].sum())
+            row["cannot_clip"] += int(proven.cannot_clip[here].sum())
+            longest = row["safe_period_steps"]
+            unproven = longest is None or not periods.all()
+            row["safe_period_steps"] = None if unproven else max(longest, int(periods.max()))
+    return found

@@ -1,0 +1,190 @@
+"""What report.json says of energy: totals, spread, breakdowns, and each constant with its source.
+
+Every breakdown adds up to the total. What is counted without a step and a core is in ``elsewhere_pj`` alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+import hw_model as hw
+from hw_model.accounting.pieces import pieces_of
+from hw_model.accounting.usage import PhaseUsage
+from hw_model.description.counts import BY_CORE, Counts, total
+from hw_model.description.profile import Profile, Range
+from hw_model.program.chip_program import ChipProgram
+from locsnn_compile.network.network import Network
+from locsnn_compile.report.figures.spread import Document, FloatArray, by_class, course, spread, tile, worst
+from locsnn_compile.verification.matching import Match
+
+_PLACED = frozenset((*BY_CORE, "neuron_updates_inactive", "hops"))
+"""Counts that are kept for every step, core and population."""
+
+
+def energy_entry(program: ChipProgram, match: Match, network: Network) -> Document:
+    """Return energy under the default profile of the chip; every figure a mean per recording but for the spread."""
+    name = program.chip.default_profile
+    profile = program.chip.profile(name)
+    counts, samples = total(match.counts), match.samples
+    breakdown = _breakdown(counts, profile, samples)
+    each = np.array([sum(hw.energy_pj(one, profile).values()) for one in match.counts])
+    pieces = _pieces_pj(program, match, profile)
+    static = _static(program, match, network, profile)
+    left_out = _left_out(counts, profile, samples, static)
+    return {
+        "profile": name,
+        "source": profile.source,
+        "basis": profile.basis,
+        "voltage_v": profile.voltage_v,
+        "per_sample_pj": sum(breakdown.values()),
+        "range_pj": _range_pj(counts, profile, samples),
+        "breakdown_pj": breakdown,
+        "by_branch_pj": {phase: _energy_pj(c, profile, samples) for phase, c in match.counts_by_phase.items()},
+        "by_branch_breakdown_pj": {
+            phase: _breakdown(c, profile, samples) for phase, c in match.counts_by_phase.items()
+        },
+        "by_population_pj": _by_population(program, network, pieces),
+        "by_core_pj": _by_core(program, pieces),
+        "by_step_pj": {phase: course(found.sum(axis=1)) for phase, found in pieces.items()},
+        "elsewhere_pj": sum(pj for count, pj in breakdown.items() if count not in _PLACED),
+        "over_samples_pj": spread(each),
+        "worst_recording": worst(each, match, "pj"),
+        "by_class": by_class(each, match, "pj"),
+        "other_profiles_pj": {
+            other: _energy_pj(counts, found, samples) for other, found in program.chip.profiles.items() if other != name
+        },
+        "other_profiles_by_branch_pj": {
+            other: {phase: _energy_pj(c, found, samples) for phase, c in match.counts_by_phase.items()}
+            for other, found in program.chip.profiles.items()
+            if other != name
+        },
+        "static": static,
+        "not_included": [item["what"] for item in left_out],
+        "not_included_bounds": left_out,
+        "profiles": {other: _constants(found) for other, found in program.chip.profiles.items()},
+    }
+
+
+def _breakdown(counts: Counts, profile: Profile, samples: int) -> dict[str, float]:
+    return {name: pj / samples for name, pj in hw.energy_pj(counts, profile).items()}
+
+
+def _energy_pj(counts: Counts, profile: Profile, samples: int) -> float:
+    return sum(_breakdown(counts, profile, samples).values())
+
+
+def _range_pj(counts: Counts, profile: Profile, samples: int) -> list[float | None]:
+    """Return least and most of the mean energy; None where a constant that was used has no such end."""
+
+    def end(index: int) -> float | None:
+        costs = {name: profile.energy_pj_range.get(name, (pj, pj))[index] for name, pj in profile.energy_pj.items()}
+        if any(cost is None and counts[name] for name, cost in costs.items()):
+            return None
+        return sum(counts[name] * (cost or 0.0) for name, cost in costs.items()) / samples
+
+    return [end(0), end(1)]
+
+
+def _pieces_pj(program: ChipProgram, match: Match, profile: Profile) -> dict[str, FloatArray]:
+    """Return the mean energy by phase, (steps, pieces)."""
+    return {
+        phase: sum(
+            (_count(used, name) * pj for name, pj in profile.energy_pj.items() if name in _PLACED),
+            start=np.zeros(used.counts["spikes"].shape),
+        )
+        / match.samples
+        for phase, used in match.usage.items()
+    }
+
+
+def _count(used: PhaseUsage, name: str) -> npt.NDArray[np.int64]:
+    if name == "neuron_updates_inactive":
+        return used.counts["neuron_updates"] - used.counts["neuron_updates_active"]
+    if name == "hops":
+        return used.counts["hops_x"] + used.counts["hops_y"]
+    return used.counts[name]
+
+
+def _by_population(program: ChipProgram, network: Network, pieces: dict[str, FloatArray]) -> Document:
+    """Return each population's energy with that of its groups of compartments, its own and the joined ones."""
+    names = [population.name for population in network.populations]
+    found: Document = {name: {"pj": 0.0, "compartments": {}} for name in names}
+    for phase, pj in pieces.items():
+        for group, its in zip(pieces_of(program, phase).group, pj.sum(axis=0).tolist(), strict=True):
+            entry = found[_population_of(group, names)]
+            entry["pj"] += its
+            entry["compartments"][group] = entry["compartments"].get(group, 0.0) + its
+    return found
+
+
+def _population_of(group: str, names: Sequence[str]) -> str:
+    """Return the population that a group of compartments was lowered from: itself, or what stands before its part."""
+    return group if group in names else max((name for name in names if group.startswith(f"{name}/")), key=len)
+
+
+def _by_core(program: ChipProgram, pieces: dict[str, FloatArray]) -> list[Document]:
+    rows = []
+    for phase, pj in pieces.items():
+        by_core = np.add.reduceat(pj.sum(axis=0), pieces_of(program, phase).of_core[:-1])
+        for core, its in zip(program.cores_of(phase), by_core.tolist(), strict=True):
+            rows.append({"core": core.number, "phase": phase, **tile(program, core.slot), "pj": its})
+    return sorted(rows, key=lambda row: row["core"])
+
+
+def _static(program: ChipProgram, match: Match, network: Network, profile: Profile) -> Document | None:
+    """Return what whole chips draw whatever they do, over the chip's own time and over the sensor's."""
+    power = profile.static_power
+    if power is None:
+        return None
+    chips = len({core.slot // program.chip.limits.cores_per_chip for core in program.cores})
+    latency_ns = float(np.mean([one.total_ns for one in match.latencies]))
+    seconds = network.step_seconds
+    return {
+        "chip_mw": power.chip_mw,
+        "source": power.source,
+        "chips": chips,
+        "at_latency_pj": power.pj(chips, latency_ns),
+        "at_real_time_pj": None if seconds is None else power.pj(chips, network.steps * seconds * 1e9),
+    }
+
+
+def _left_out(counts: Counts, profile: Profile, samples: int, static: Document | None) -> list[Document]:
+    """Return what the energy leaves out, with the most that it can be where that is known."""
+    rows = []
+    for item in profile.not_included:
+        bound = sum(counts[name] * pj for name, pj in item.bound_pj.items()) / samples if item.bound_pj else None
+        rows.append({"what": item.what, "at_most_pj": bound, "bound_source": item.bound_source or None})
+    if static:
+        what = f"static power ({static['chip_mw']:g} mW a chip, {static['source']})"
+        bound = static["at_real_time_pj"]
+        source = None if bound is None else "for as long as the sensor records"
+        rows.append({"what": what, "at_most_pj": bound, "bound_source": source})
+    return rows
+
+
+def _constants(profile: Profile) -> Document:
+    """Return a profile with the source and the range of each of its constants."""
+
+    def ends(found: Range | None) -> list[float | None] | None:
+        return None if found is None else list(found)
+
+    return {
+        "source": profile.source,
+        "basis": profile.basis,
+        "voltage_v": profile.voltage_v,
+        "constants": [
+            {
+                "count": name,
+                "energy_pj": profile.energy_pj.get(name),
+                "energy_pj_range": ends(profile.energy_pj_range.get(name)),
+                "time_ns": profile.time_ns.get(name),
+                "time_ns_range": ends(profile.time_ns_range.get(name)),
+                "source": profile.source_of(name),
+            }
+            for name in dict.fromkeys((*profile.energy_pj, *profile.time_ns))
+        ],
+        "barrier_ns": {"one_tile": profile.barrier_ns.one_tile, "all_tiles": profile.barrier_ns.all_tiles},
+    }

@@ -1,0 +1,99 @@
+"""What report.json says of latency: its spread, and where it goes by branch, part, core, way, link and step."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hw_model.accounting.cost import PARTS
+from hw_model.accounting.mesh_routes import routes_of
+from hw_model.program.chip_program import ChipProgram
+from locsnn_compile.network.network import Network
+from locsnn_compile.report.figures.spread import Document, by_class, course, spread, tile, worst
+from locsnn_compile.verification.matching import Match
+
+_PATHS = 8
+"""Critical paths that are named, of those that took most time."""
+
+
+def latency_entry(program: ChipProgram, match: Match, network: Network) -> Document:
+    """Return latency under the default profile of the chip; every figure a mean per recording but for the spread."""
+    chip, samples = program.chip, match.samples
+    each = np.array([one.total_ns for one in match.latencies])
+    last = [one.critical_core for one in match.latencies]
+    mean_ns = float(each.mean())
+    recording_ns = None if network.step_seconds is None else network.steps * network.step_seconds * 1e9
+    by_part = {phase: {part: ns / samples for part, ns in used.parts_ns.items()} for phase, used in match.usage.items()}
+    after = [one.after_last_row_ns for one in match.latencies]
+    return {
+        "profile": chip.default_profile,
+        "per_sample_ns": mean_ns,
+        "per_sample_cycles": round(mean_ns * chip.clock_ghz),
+        "clock_ghz": chip.clock_ghz,
+        "range_ns": list(match.latency_range_ns),
+        "by_branch_ns": {
+            phase: float(np.mean([one.by_phase_ns[phase] for one in match.latencies]))
+            for phase in match.counts_by_phase
+        },
+        "by_part_ns": {part: sum(found[part] for found in by_part.values()) for part in PARTS},
+        "by_branch_part_ns": by_part,
+        "by_step_ns": {phase: course(used.step_ns / samples) for phase, used in match.usage.items()},
+        "by_core": _cores_ns(program, match),
+        "critical_paths": _critical_paths(program, match),
+        "links": _links(program, match),
+        "over_samples_ns": spread(each),
+        "worst_recording": worst(each, match, "ns"),
+        "by_class": by_class(each, match, "ns"),
+        "critical_core": max(sorted(set(last)), key=last.count),
+        "recording_ns": recording_ns,
+        "after_last_row_ns": {"mean": float(np.mean(after)), "max": max(after)},
+        "real_time": None if network.step_seconds is None else _real_time(match, network, mean_ns, float(each.max())),
+    }
+
+
+def _cores_ns(program: ChipProgram, match: Match) -> list[Document]:
+    """Return what each core works on, whether or not anything waits for it."""
+    rows = []
+    for phase, used in match.usage.items():
+        for i, core in enumerate(program.cores_of(phase)):
+            busy = {part: float(ns[i]) / match.samples for part, ns in used.busy_ns.items()}
+            last = sum(ns for (_, to), ns in used.paths_ns.items() if to == i) / match.samples
+            rows.append(
+                {"core": core.number, "phase": phase, **tile(program, core.slot), "busy_ns": busy, "last_ns": last}
+            )
+    return sorted(rows, key=lambda row: row["core"])
+
+
+def _critical_paths(program: ChipProgram, match: Match) -> list[Document]:
+    """Return which core was last, and whose packet it waited for, by the time of the steps so decided."""
+    rows: list[Document] = []
+    for phase, used in match.usage.items():
+        numbers = [core.number for core in program.cores_of(phase)]
+        for (sender, last), ns in used.paths_ns.items():
+            rows.append({"phase": phase, "sender": numbers[sender], "last": numbers[last], "ns": ns / match.samples})
+    return sorted(rows, key=lambda row: row["ns"], reverse=True)[:_PATHS]
+
+
+def _links(program: ChipProgram, match: Match) -> list[Document]:
+    """Return the packets on each link of the mesh that carried any."""
+    rows = []
+    for phase, used in match.usage.items():
+        links = routes_of(program, phase).links
+        for (start, end), packets, most in zip(links, used.link_packets.tolist(), used.link_most.tolist(), strict=True):
+            if packets:
+                load = {"packets": packets / match.samples, "most_in_a_step": most}
+                rows.append({"phase": phase, "from": list(start), "to": list(end), **load})
+    return rows
+
+
+def _real_time(match: Match, network: Network, mean_ns: float, most_ns: float) -> Document:
+    """Return how the chip keeps up with the sensor, whose steps last as long as the network says."""
+    assert network.step_seconds is not None
+    step_ns = network.step_seconds * 1e9
+    slowest = max(one.slowest_step_ns for one in match.latencies)
+    return {
+        "step_ns": step_ns,
+        "factor": network.steps * step_ns / mean_ns if mean_ns else None,
+        "slowest_factor": network.steps * step_ns / most_ns if most_ns else None,
+        "slowest_step_ns": slowest,
+        "slowest_step_factor": step_ns / slowest if slowest else None,
+    }

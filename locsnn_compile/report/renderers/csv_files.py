@@ -1,0 +1,89 @@
+"""``--emit csv``: the figures and pictures of a report as tables for a spreadsheet or a script."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable
+
+from locsnn_compile.report.content import Document
+from locsnn_compile.report.figures.flat import flatten
+from locsnn_compile.report.format import plain
+from locsnn_compile.verification.excerpt import Excerpt
+
+_UNITS = {
+    "pj": "pJ",
+    "nj": "nJ",
+    "ns": "ns",
+    "seconds": "s",
+    "mw": "mW",
+    "ghz": "GHz",
+    "bits": "bit",
+    "cycles": "cycles",
+    "steps": "steps",
+}
+"""What a key's last word says of its unit."""
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")
+"""A spreadsheet may take a text that begins with one of them for something to work out."""
+Cell = str | int | float | None
+
+
+def csv_files(document: Document, excerpt: Excerpt | None) -> dict[str, bytes]:
+    """Return ``csv/figures.csv`` and, where an excerpt was kept, ``csv/spikes.csv`` and ``csv/potential.csv``."""
+    figures = (
+        (section, name, _unit(f"{section}.{name}"), value)
+        for section, part in document.items()
+        for name, value in flatten(part).items()
+    )
+    files = {"csv/figures.csv": _table(("section", "name", "unit", "value"), figures)}
+    if excerpt is not None:
+        files["csv/spikes.csv"] = _table(("axis", "source", "step", "row", "reference", "chip"), _spikes(excerpt))
+        files["csv/potential.csv"] = _table(
+            ("population", "neuron", "step", "reference", "chip", "threshold", "reference_spike", "chip_spike"),
+            _potential(excerpt),
+        )
+    return files
+
+
+def _unit(key: str) -> str:
+    """Return the unit that the innermost word of a key names, of ``energy.breakdown_pj.spikes`` picojoules."""
+    words = [part.rsplit("_", 1)[-1] for part in reversed(key.split("."))]
+    return next((_UNITS[word] for word in words if word in _UNITS), "")
+
+
+def _spikes(excerpt: Excerpt) -> Iterable[tuple[Cell, ...]]:
+    """A row a spike; an input line has its number, or the first of those that share a row, and spikes on both sides."""
+    for axis, steps in excerpt.steps.items():
+        for item in excerpt.inputs:
+            if item.axis == axis:
+                for step, row in zip(*item.spikes.nonzero(), strict=True):
+                    yield axis, item.name, steps[int(step)], int(row) * item.lines_a_row, 1, 1
+        for population in excerpt.populations:
+            if population.axis == axis:
+                reference, chip = population.reference, population.chip
+                for step, row in zip(*(reference | chip).nonzero(), strict=True):
+                    here = int(reference[step, row]), int(chip[step, row])
+                    yield axis, population.name, steps[int(step)], int(population.neurons[row]), *here
+
+
+def _potential(excerpt: Excerpt) -> Iterable[tuple[Cell, ...]]:
+    shown = excerpt.potential
+    for i, (reference, chip) in enumerate(zip(shown.reference.tolist(), shown.chip.tolist(), strict=True)):
+        fired = int(shown.reference_spikes[i]), int(shown.chip_spikes[i])
+        yield shown.population, shown.neuron, shown.first_step + i, reference, chip, shown.threshold, *fired
+
+
+def _table(head: tuple[str, ...], rows: Iterable[tuple[Cell, ...]]) -> bytes:
+    made = io.StringIO()
+    writer = csv.writer(made, lineterminator="\n")
+    writer.writerow(head)
+    writer.writerows([_cell(value) for value in row] for row in rows)
+    return made.getvalue().encode()
+
+
+def _cell(value: Cell) -> Cell:
+    """Return a value as it is, but for a text: on one line, and never a formula."""
+    if not isinstance(value, str):
+        return value
+    line = plain(value)
+    return f"'{line}" if line.startswith(_FORMULA) else line

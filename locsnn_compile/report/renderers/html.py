@@ -1,0 +1,239 @@
+"""report.html: one page that needs nothing else - no script, no font, no request - and says the verdict first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from html import escape
+
+from locsnn_compile.report.compose import compose
+from locsnn_compile.report.content import (
+    MANY_ROWS,
+    Bar,
+    Block,
+    Bullets,
+    Document,
+    Fact,
+    Facts,
+    Mesh,
+    Notice,
+    Paragraph,
+    Plot,
+    Raster,
+    Report,
+    Section,
+    Span,
+    Stack,
+    Table,
+    Verdict,
+)
+from locsnn_compile.report.format import plain, shortened
+from locsnn_compile.report.pictures.bars import bar, stack
+from locsnn_compile.report.pictures.mesh import mesh
+from locsnn_compile.report.pictures.patterns import patterns
+from locsnn_compile.report.pictures.plot import curve_mark, plot
+from locsnn_compile.report.pictures.raster import raster, stroke_mark
+from locsnn_compile.report.pictures.span import mark, span
+from locsnn_compile.report.renderers.html_style import STYLE
+from locsnn_compile.verification.excerpt import Excerpt
+
+_SIGNS = {"yes": "✓", "nearly": "≈", "no": "✗", "unknown": "?", "modelled": "~"}
+_MANY_COLUMNS = 7
+"""A table with more of them is set smaller."""
+_FEW_COLUMNS = 4
+"""A table with no more of them fits a phone."""
+_LONGEST, _LONGEST_NAME, _LONGEST_NUMBER = 2000, 240, 28
+"""Characters of a text, of a name at the head of a row, and of a cell that is not folded."""
+_DRAWN = '<span class="hidden">drawn</span>'
+MAX_ROWS = 200
+"""A table with more of them is cut: a network may have any number of populations, and a program of cores."""
+
+
+def render_html(document: Document, excerpt: Excerpt | None = None) -> str:
+    """Return the page of a report; the same document and excerpt give the same bytes."""
+    footer = "Per recording means the mean over the recordings of the check, unless a range is given."
+    return render_page(compose(document, excerpt), "locsnn-compile report", footer)
+
+
+def render_page(report: Report, kind: str, footer: str) -> str:
+    """Return a page of this content; ``kind`` stands above its title, ``footer`` at its end."""
+    return f"""<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{text(report.title)} - {text(kind)}</title>
+<style>{STYLE}</style>
+</head>
+<body>
+<a class="skip" href="#main">Skip to the verdict</a>
+{patterns()}
+<div class="page">
+<header>
+<p class="eyebrow">{text(kind)}</p>
+<h1>{text(report.title)}</h1>
+<p class="subtitle">{text(report.subtitle)}</p>
+</header>
+<main id="main">
+{_verdicts(report)}
+{"".join(_notice(notice) for notice in report.notices)}
+{_contents(report)}
+{"".join(_section(section) for section in report.sections)}
+</main>
+<footer><p>{text(footer)}</p></footer>
+</div>
+</body>
+</html>
+"""
+
+
+def text(value: str) -> str:
+    """Return a string safe in text and in quoted attributes; one that is absurdly long, cut."""
+    return escape(shortened(plain(value), _LONGEST))
+
+
+def _verdicts(report: Report) -> str:
+    summary = "".join(f"<p>{text(verdict.sentence)}</p>" for verdict in report.verdicts)
+    cards = "".join(_verdict(verdict) for verdict in report.verdicts)
+    return (
+        f'<section aria-labelledby="verdict"><h2 class="hidden" id="verdict">Verdict</h2>'
+        f'<div class="summary">{summary}</div><div class="verdicts">{cards}</div></section>'
+    )
+
+
+def _verdict(verdict: Verdict) -> str:
+    return (
+        f'<div class="verdict"><h3>{text(verdict.question)}</h3>'
+        f'<p class="status {verdict.status}"><i aria-hidden="true">{_SIGNS[verdict.status]}</i>'
+        f"<span>{text(verdict.answer)}</span></p>"
+        f'<p class="figure">{text(verdict.figure)}</p><p class="figure-label">{text(verdict.figure_label)}</p>'
+        f"{_facts(verdict.facts)}</div>"
+    )
+
+
+def _notice(notice: Notice) -> str:
+    return f'<div class="notice" role="note"><strong>{text(notice.title)}</strong> {text(notice.text)}</div>'
+
+
+def _contents(report: Report) -> str:
+    links = "".join(f'<li><a href="#{section.key}">{text(section.title)}</a></li>' for section in report.sections)
+    return f'<nav aria-label="Sections"><ul>{links}</ul></nav>'
+
+
+def _section(section: Section) -> str:
+    blocks = "".join(_block(block) for block in section.blocks)
+    return (
+        f'<section class="section" aria-labelledby="{section.key}"><div><h2 id="{section.key}">{text(section.title)}'
+        f'</h2><p class="lead">{text(section.lead)}</p></div><div class="blocks">{blocks}</div></section>'
+    )
+
+
+def _block(block: Block) -> str:
+    match block:
+        case Paragraph():
+            return f"<p>{text(block.text)}</p>"
+        case Facts():
+            return f'<div class="facts">{_facts(block.facts)}</div>'
+        case Bullets():
+            return _bullets(block)
+        case Table():
+            return _table(block)
+        case Stack():
+            return _figure(block.label, stack(block))
+        case Span():
+            return _span(block)
+        case Plot():
+            return _plot(block)
+        case Raster():
+            return _raster(block)
+        case Mesh():
+            return _figure(block.title, mesh(block), f'<p class="said">{text(block.description)}</p>')
+
+
+def _figure(title: str, drawn: str, below: str = "") -> str:
+    return f"<figure><figcaption>{text(title)}</figcaption>{drawn}{below}</figure>"
+
+
+def _facts(facts: tuple[Fact, ...]) -> str:
+    rows = "".join(f"<div><dt>{text(fact.label)}</dt><dd>{text(fact.value)}</dd></div>" for fact in facts)
+    return f"<dl>{rows}</dl>"
+
+
+def _bullets(block: Bullets) -> str:
+    items = "".join(f"<li>{text(item)}</li>" for item in block.items)
+    return f'<div class="bullets"><h3>{text(block.title)}</h3><ul>{items}</ul></div>'
+
+
+def _span(block: Span) -> str:
+    facts = "".join(
+        f"<div><dt>{mark(fact.label)}{text(fact.label)}</dt><dd>{text(fact.value)}</dd></div>"
+        for fact in (block.least, block.median, block.mean, block.most)
+    )
+    return _figure(block.title, span(block), f'<dl class="stats">{facts}</dl>')
+
+
+def _plot(block: Plot) -> str:
+    return _figure(
+        block.title, plot(block), _legend((curve_mark(i), curve.label) for i, curve in enumerate(block.curves))
+    )
+
+
+def _raster(block: Raster) -> str:
+    return _figure(block.title, raster(block), _legend((stroke_mark(one.kind), one.label) for one in block.strokes))
+
+
+def _legend(entries: Iterable[tuple[str, str]]) -> str:
+    rows = "".join(f"<div><dt>{drawn}</dt><dd>{text(label)}</dd></div>" for drawn, label in entries)
+    return f'<dl class="curves">{rows}</dl>'
+
+
+def _table(table: Table) -> str:
+    """Return a table that scrolls inside its place where it is wider; by keyboard, too, where that may be."""
+    last = len(table.rows) - 1
+    shown = [*range(min(MAX_ROWS, last)), last] if table.rows else []
+    kinds = _column_kinds(table)
+    heads = "".join(_head(name, kind) for name, kind in zip(table.columns, kinds, strict=True))
+    body = "".join(_row(kinds, table.rows[i], table.total and i == last) for i in shown)
+    look = ["plain"] if all(table.columns) else ["barred"]
+    if len(table.columns) > _MANY_COLUMNS:
+        look.append("wide")
+    caption = text(table.caption)
+    reached = f' tabindex="0" role="region" aria-label="{caption}"' if len(table.columns) > _FEW_COLUMNS else ""
+    made = (
+        f'<div class="scroll"{reached}><table class="{" ".join(look)}"><caption><span>{caption}</span></caption>'
+        f"<thead><tr>{heads}</tr></thead><tbody>{body}</tbody></table></div>"
+    )
+    if len(table.rows) <= MANY_ROWS and not table.folded:
+        return made
+    cut = "" if len(shown) == len(table.rows) else f", {len(shown)} of them here and all in report.json"
+    return f"<details><summary>{caption} ({len(table.rows)} rows{cut})</summary>{made}</details>"
+
+
+def _column_kinds(table: Table) -> list[str]:
+    """Return the class of each column: drawn, of texts that are folded, or of numbers, which are not."""
+    kinds = []
+    for i, name in enumerate(table.columns):
+        cells = (row[i] for row in table.rows[:MAX_ROWS])
+        texts = any(isinstance(cell, str) and len(cell) > _LONGEST_NUMBER for cell in cells)
+        kinds.append(' class="words"' if texts and i else "" if name else ' class="drawn"')
+    return kinds
+
+
+def _head(name: str, kind: str) -> str:
+    return f'<th scope="col"{kind}>{text(name) or _DRAWN}</th>'
+
+
+def _row(kinds: list[str], row: tuple[str | Bar, ...], total: bool) -> str:
+    name, *cells = row
+    head = name.label if isinstance(name, Bar) else name
+    made = "".join(_cell(kind, cell) for kind, cell in zip(kinds[1:], cells, strict=True))
+    line = ' class="total"' if total else ""
+    return f'<tr{line}><th scope="row">{_breakable(head)}</th>{made}</tr>'
+
+
+def _cell(kind: str, cell: str | Bar) -> str:
+    return f"<td{kind}>{bar(cell) if isinstance(cell, Bar) else text(cell)}</td>"
+
+
+def _breakable(name: str) -> str:
+    """Return a name that a narrow column breaks after its underscores and slashes."""
+    return text(shortened(name, _LONGEST_NAME)).replace("_", "_<wbr>").replace("/", "/<wbr>")

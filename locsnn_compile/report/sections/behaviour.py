@@ -1,0 +1,172 @@
+"""Sections on what the program does: agreement with the float network, operations, other networks."""
+
+from __future__ import annotations
+
+import math
+
+from locsnn_compile.report.content import Bar, Block, Document, Paragraph, Section, Table
+from locsnn_compile.report.format import NONE, any_value, count, energy, plural, ratio, share, told_apart
+from locsnn_compile.report.sections.accuracy import cause
+from locsnn_compile.report.words import listed, words
+
+_SCORE = 1.959964
+"""Two-sided 95 % point of the normal distribution."""
+
+
+def agreement(document: Document) -> Section:
+    """Agreement by population, the first spike that differs, wraps and clips."""
+    match = document["match"]
+    blocks: list[Block] = [Paragraph(_first_divergence(document))]
+    why = cause(document)
+    if why:
+        blocks.append(Paragraph(why))
+    blocks += [Paragraph(_interval(document)), _populations(document)]
+    events = match["wraps_and_clips_by_population"]
+    if any(n for counts in events.values() for n in counts.values()):
+        blocks.append(_wraps_and_clips(document))
+    lead = (
+        "A spike is equal where the same neuron fires at the same step in both: twice the common spikes over the sum "
+        "of both sides, with no tolerance. Where a neuron has no reset, one early difference shifts later spikes."
+    )
+    return Section("agreement", "Agreement by population", lead, tuple(blocks))
+
+
+def operations(document: Document) -> Section:
+    """Counts of the chip, by branch, beside the published way of counting."""
+    found = document["operations"]
+    branches, total = found["by_branch"], found["per_sample"]
+    chip = Table(
+        "Counted on the chip, mean per recording",
+        ("operation", *(words(name) for name in branches), "all"),
+        tuple((words(key), *(count(branch[key]) for branch in branches.values()), count(total[key])) for key in total),
+    )
+    paper = found["published_method"]
+    rows = [(f"additions, {words(name)}", n) for name, n in paper["additions_by_branch"].items()]
+    rows += [(words("transpose_events"), paper["transpose_events"]), ("operations", paper["operations"])]
+    published = Table(
+        "Counted as published, mean per recording",
+        ("operation", "all"),
+        tuple((name, count(n)) for name, n in rows),
+        total=True,
+    )
+    return Section(
+        "operations",
+        "Operations",
+        "The chip's counts include what it adds to the network: joined compartments, their self-synapses, updates at "
+        "rest. The published method counts on paper: spikes of the float network times their fan-out, and the events "
+        "that are transposed for the location branch.",
+        (chip, published),
+    )
+
+
+def comparison(document: Document) -> Section:
+    """Operations of conventional networks on the same input."""
+    entries = document["ann_comparison"]
+    own = document["operations"]["published_method"]["operations"]
+    lead = (
+        "Operations by the published method: for the conventional networks a multiplication and an addition are one "
+        "each, at this network's input size. It does not compare accuracy."
+    )
+    if not entries:
+        text = "No comparison: the published networks are not defined for this network's input."
+        return Section("comparison", "Conventional networks", lead, (Paragraph(text),))
+    most = max([own, *(entry["operations"] for entry in entries.values())])
+    rows = [("this network", own, "1" if own else NONE)]
+    for name, entry in entries.items():
+        rows.append((words(name), entry["operations"], NONE if entry["ratio"] is None else ratio(entry["ratio"])))
+    table = Table(
+        "Operations per recording",
+        ("network", "", "operations", "times this network"),
+        tuple((name, Bar(n / most if most else 0.0, f"{count(n)} operations"), count(n), by) for name, n, by in rows),
+    )
+    return Section("comparison", "Conventional networks", lead, (table, *_ann_energy(document)))
+
+
+def _ann_energy(document: Document) -> tuple[Block, ...]:
+    """What the arithmetic of the conventional networks would take, beside all that this one takes in the model."""
+    entries, own = document["ann_comparison"], document["energy"]
+    first = next(iter(entries.values()))
+    arithmetics = list(first["energy_pj"])
+    rows = [("this network, as modelled", NONE, NONE, *(energy(own["per_sample_pj"]) for _ in arithmetics))]
+    for name, entry in entries.items():
+        cells = [f"{energy(entry['energy_pj'][key])} ({_times(entry['energy_ratio'][key])})" for key in arithmetics]
+        rows.append((words(name), count(entry["multiplications"]), count(entry["additions"]), *cells))
+    return (
+        Table(
+            f"Energy of the arithmetic alone, and how many times this network's (profile {own['profile']})",
+            ("network", "multiplications", "additions", *(words(key) for key in arithmetics)),
+            tuple(rows),
+        ),
+        Paragraph(
+            f"Source: {first['energy_source']}. Not included for the conventional networks: "
+            f"{listed(first['energy_not_included'])}. This network's energy is of another process, and has "
+            "its memories and its mesh in it: the ratio is of what is published, not of two chips."
+        ),
+    )
+
+
+def _times(value: float | None) -> str:
+    return NONE if value is None else f"{ratio(value)} times"
+
+
+def _populations(document: Document) -> Table:
+    match = document["match"]
+    rows = [
+        (
+            name,
+            Bar(found["spike_agreement"], f"{share(found['spike_agreement'])} of spikes equal"),
+            share(found["spike_agreement"]),
+            count(found["reference_spikes"]),
+            count(found["chip_spikes"]),
+            count(found["spike_mismatches"]),
+        )
+        for name, found in (*match["by_population"].items(), ("all", match))
+    ]
+    columns = ("population", "", "spikes equal", "float spikes", "chip spikes", "only on one side")
+    return Table(f"Spikes over {plural(match['samples'], 'recording')}", columns, tuple(rows), total=True)
+
+
+def _wraps_and_clips(document: Document) -> Table:
+    events = document["match"]["wraps_and_clips_by_population"]
+    kinds = sorted({kind for counts in events.values() for kind in counts})
+    return Table(
+        "Wraps and clips over all recordings, where there are any",
+        ("compartments", *(words(kind) for kind in kinds)),
+        tuple(
+            (name, *(count(counts.get(kind, 0)) for kind in kinds))
+            for name, counts in events.items()
+            if any(counts.values())
+        ),
+    )
+
+
+def _first_divergence(document: Document) -> str:
+    first = document["match"]["first_divergence"]
+    if first is None:
+        return "First difference: none, every spike is equal."
+    reference, chip, threshold = first["reference_potential"], first["chip_potential"], first["threshold"]
+    a, b, at = told_apart((reference, chip, threshold))
+    where = (
+        f"First difference: recording {any_value(first['recording'])}, population {first['population']}, "
+        f"neuron {any_value(first['neuron'])}, step {any_value(first['step'])} (all counted from 0)."
+    )
+    if reference >= threshold > chip:
+        why = f"The float potential {a} reaches the threshold {at} and fires; the chip's {b} does not."
+    elif chip >= threshold > reference:
+        why = f"The chip's potential {b} reaches the threshold {at} and fires; the float potential {a} does not."
+    else:
+        why = f"The potential is {a} in the float network and {b} on the chip; the threshold is {at}."
+    return f"{where} {why}"
+
+
+def _interval(document: Document) -> str:
+    """Return the Wilson interval of the prediction agreement: few recordings prove little."""
+    n, p = document["match"]["samples"], document["match"]["prediction_agreement"]
+    z2 = _SCORE * _SCORE
+    centre = (p + z2 / (2 * n)) / (1 + z2 / n)
+    half = _SCORE / (1 + z2 / n) * math.sqrt(p * (1 - p) / n + z2 / (4 * n * n))
+    low, high = max(0.0, centre - half), min(1.0, centre + half)
+    return (
+        f"Predictions are the same in {share(p)} of {plural(n, 'recording')}. For recordings of this kind in general "
+        f"that speaks for an agreement between {100 * low:.1f} and {100 * high:.1f} % (95 % confidence)."
+    )

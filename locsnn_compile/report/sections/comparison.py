@@ -1,0 +1,231 @@
+"""Two builds side by side, as content without form: three questions, key figures, and all that changed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from locsnn_compile.errors import InputError
+from locsnn_compile.report.content import Bar, Document, Fact, Notice, Report, Section, Status, Table, Verdict
+from locsnn_compile.report.figures.flat import Figures, flatten
+from locsnn_compile.report.format import NONE, any_value, count, energy, plural, points, share, shortened, time
+from locsnn_compile.report.words import words
+
+MAX_ROWS = 150
+"""Changed figures of a section that the page has; --json has all."""
+_LONGEST = 120
+"""Characters of a text; the rest is cut, here only."""
+
+
+@dataclass(frozen=True)
+class Build:
+    """A build by its name, its report, and the figures of its program."""
+
+    name: str
+    report: Document
+    program: Document
+
+    def number(self, key: str) -> float:
+        """Return a number of the report by its dotted key; without it the report is no use here."""
+        value: Any = self.report
+        for part in key.split("."):
+            value = value.get(part) if isinstance(value, dict) else None
+        if not _is_number(value):
+            raise InputError(
+                f"build {self.name!r}", f"report.json has no number {key!r}", fix="Compile it again with this version."
+            )
+        return float(value)
+
+    def text(self, *keys: str) -> str:
+        """Return a text of the report; a dash where it is none."""
+        value: Any = self.report
+        for key in keys:
+            value = value.get(key) if isinstance(value, dict) else None
+        return value if isinstance(value, str) else NONE
+
+
+_LARGEST = 1e200
+"""Numbers of a report are smaller; shares of these can be taken."""
+Change = tuple[Any, Any]
+
+
+def changes(before: Build, after: Build) -> dict[str, Change]:
+    """Return every figure of reports and programs that differs, both values; histograms are left to the reports."""
+    a, b = (_figures(build) for build in (before, after))
+    keys = [*a, *(key for key in b if key not in a)]
+    return {key: (a.get(key), b.get(key)) for key in keys if a.get(key) != b.get(key)}
+
+
+def comparison(before: Build, after: Build) -> Report:
+    """Return the comparison of two builds."""
+    changed = changes(before, after)
+    return Report(
+        title=f"{_short(before.name)} → {_short(after.name)}",
+        subtitle=f"{before.text('model', 'name')} on {before.text('target')}, then {after.text('model', 'name')} on "
+        f"{after.text('target')}: {plural(len(changed), 'figure')} changed",
+        verdicts=(_matches(before, after), _costs(before, after), _fits(before, after)),
+        notices=_notices(before, after),
+        sections=(_key_figures(before, after), *_all(changed)),
+    )
+
+
+def percent(before: Any, after: Any) -> str:
+    """Return by how much a number changed; nothing where either is none, or there is no share to speak of."""
+    if not (_is_number(before) and _is_number(after) and before):
+        return ""
+    return f"{100 * (after / before - 1):+.1f} %"
+
+
+def _is_number(value: Any) -> bool:
+    """Return whether a value can be calculated with; what a report holds may be of any kind and size."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < _LARGEST
+
+
+def _figures(build: Build) -> Figures:
+    found = flatten({**build.report, "program": build.program})
+    return {key: value for key, value in found.items() if not any(p.endswith("_histogram") for p in key.split("."))}
+
+
+def _matches(before: Build, after: Build) -> Verdict:
+    key = "match.prediction_agreement"
+    a, b = before.number(key), after.number(key)
+    fewer = after.number("match.spike_agreement") < before.number("match.spike_agreement")
+    status: Status = "no" if b < a else "nearly" if fewer else "yes"
+    answer = "As before" if a == b else "Better" if b > a else "Less"
+    return Verdict(
+        question="Does it match as well?",
+        status=status,
+        answer=f"{answer}, but fewer spikes are equal" if status == "nearly" else answer,
+        figure=share(b),
+        figure_label=f"same prediction; {share(a)} before",
+        sentence=f"The chip predicts the same class as the network in {share(b)} of the recordings, {share(a)} before.",
+        facts=(
+            Fact("accuracy on the chip", _accuracy(before, after)),
+            Fact("equal spikes", _both(before, after, "match.spike_agreement", share)),
+            Fact("spikes on one side only", _both(before, after, "match.spike_mismatches", count)),
+            Fact("wraps and clips", _both(before, after, "match.wraps", count, "match.clips")),
+        ),
+    )
+
+
+def _costs(before: Build, after: Build) -> Verdict:
+    key = "energy.per_sample_pj"
+    a, b = before.number(key), after.number(key)
+    comparable = before.text("energy", "profile") == after.text("energy", "profile")
+    status: Status = "unknown" if not comparable else "yes" if b <= a else "no"
+    answer = "Not comparable" if not comparable else "The same" if a == b else "Less" if b < a else "More"
+    by = percent(a, b)
+    return Verdict(
+        question="Does it cost less?",
+        status=status,
+        answer=f"{answer}, {by}" if by and comparable and a != b else answer,
+        figure=energy(b),
+        figure_label=f"a recording, profile {after.text('energy', 'profile')}; {energy(a)} before",
+        sentence=f"In the model, a recording takes {energy(b)}, {energy(a)} before.",
+        facts=(
+            Fact("latency", _both(before, after, "latency.per_sample_ns", time)),
+            Fact("synaptic operations", _both(before, after, "operations.per_sample.synaptic_ops", count)),
+            Fact("neuron updates", _both(before, after, "operations.per_sample.neuron_updates", count)),
+        ),
+    )
+
+
+def _fits(before: Build, after: Build) -> Verdict:
+    a, b = (build.number("resources.cores") for build in (before, after))
+    return Verdict(
+        question="Does it take less room?",
+        status="yes" if b <= a else "no",
+        answer="As much" if a == b else "Less" if b < a else "More",
+        figure=plural(b, "core"),
+        figure_label=f"{count(a)} before",
+        sentence=f"The program takes {plural(b, 'core')}, {count(a)} before.",
+        facts=(
+            Fact("compartments", _both(before, after, "resources.compartments", count)),
+            Fact("synapses", _both(before, after, "resources.synapses", count)),
+            Fact("synapse bits", _both(before, after, "resources.synapse_bits", count)),
+        ),
+    )
+
+
+def _notices(before: Build, after: Build) -> tuple[Notice, ...]:
+    """Return what makes the two less comparable."""
+    found = []
+    if before.text("model", "sha256") != after.text("model", "sha256"):
+        found.append(Notice("The models differ.", "What changed may come from the model, not from the compiler."))
+    if before.text("match", "events_source") != after.text("match", "events_source") or before.number(
+        "match.samples"
+    ) != after.number("match.samples"):
+        text = " and ".join(
+            f"{plural(build.number('match.samples'), 'recording')} of {build.text('match', 'events_source')}"
+            for build in (before, after)
+        )
+        found.append(Notice("They were checked on different recordings.", f"{text}: figures of a recording differ so."))
+    if before.text("energy", "profile") != after.text("energy", "profile"):
+        found.append(Notice("Their energy profiles differ.", "Energies and times of different profiles say nothing."))
+    return tuple(found)
+
+
+def _key_figures(before: Build, after: Build) -> Section:
+    rows = (
+        ("energy a recording", "energy.per_sample_pj", energy),
+        ("time a recording", "latency.per_sample_ns", time),
+        ("synaptic operations", "operations.per_sample.synaptic_ops", count),
+        ("neuron updates", "operations.per_sample.neuron_updates", count),
+        ("spikes on the chip", "operations.per_sample.spikes", count),
+        ("spikes on one side only", "match.spike_mismatches", count),
+        ("compartments", "resources.compartments", count),
+        ("synapses", "resources.synapses", count),
+    )
+    table = Table(
+        "Before, a full bar, and after, a hatched one",
+        ("figure", "", "before", "", "after", "change"),
+        tuple(_row(name, before.number(key), after.number(key), shown) for name, key, shown in rows),
+    )
+    lead = f"Before is {before.name}, after is {after.name}. Costs are modelled, means of a recording."
+    return Section("key-figures", "Key figures", lead, (table,))
+
+
+def _row(name: str, a: float, b: float, shown: Callable[[float], str]) -> tuple[str | Bar, ...]:
+    most = max(a, b) or 1.0
+    bars = Bar(a / most, f"before, {shown(a)}"), Bar(b / most, f"after, {shown(b)}", 1)
+    return name, bars[0], shown(a), bars[1], shown(b), "no change" if a == b else percent(a, b) or NONE
+
+
+def _all(changed: dict[str, Change]) -> list[Section]:
+    """Return a section for every part of the report in which anything changed."""
+    by_part: dict[str, list[tuple[str, Change]]] = {}
+    for key, change in changed.items():
+        part, _, name = key.partition(".")
+        by_part.setdefault(part, []).append((name or part, change))
+    sections = []
+    for i, (part, rows) in enumerate(by_part.items()):
+        cut = f", the first {MAX_ROWS}; --json has all" if len(rows) > MAX_ROWS else ""
+        table = Table(
+            f"{_short(words(part))}: {plural(len(rows), 'figure')} changed{cut}",
+            ("figure", "before", "after", "change"),
+            tuple((_short(name), _value(a), _value(b), percent(a, b) or NONE) for name, (a, b) in rows[:MAX_ROWS]),
+        )
+        sections.append(Section(f"part-{i}", _short(words(part)).capitalize(), "", (table,)))
+    return sections
+
+
+def _both(before: Build, after: Build, key: str, shown: Callable[[float], str], also: str | None = None) -> str:
+    """Return a figure, or the sum of two, after and before."""
+    a, b = (build.number(key) + (build.number(also) if also else 0) for build in (before, after))
+    return shown(b) if a == b else f"{shown(b)}; {shown(a)} before"
+
+
+def _accuracy(before: Build, after: Build) -> str:
+    if not all(isinstance(build.report.get("accuracy"), dict) for build in (before, after)):
+        return "not known"
+    a, b = (build.number("accuracy.chip") for build in (before, after))
+    return f"{share(b)}; {share(a)} before ({points(b - a)})"
+
+
+def _value(value: Any) -> str:
+    return _short(any_value(value))
+
+
+def _short(text: str) -> str:
+    return shortened(text, _LONGEST)

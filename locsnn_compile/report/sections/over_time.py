@@ -1,0 +1,141 @@
+"""Predictions while a recording plays, and where it could stop: as values of report.json, and as a section."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+import numpy as np
+
+from hw_model.program.chip_program import ChipProgram
+from locsnn_compile.report.content import (
+    Bar,
+    Block,
+    Curve,
+    Document,
+    Fact,
+    Facts,
+    Paragraph,
+    Plot,
+    Section,
+    Table,
+)
+from locsnn_compile.report.format import count, energy, share, short
+from locsnn_compile.report.sections.courses import courses
+from locsnn_compile.report.words import words
+from locsnn_compile.verification.over_time import LeftOut, OverTime, savings
+
+_POINTS = 50
+"""Steps of a recording whose figures are kept, evenly spread, the last among them."""
+_ORDER = ("together", "time", "location", "time_weighted")
+_COLUMNS = (0.2, 0.4, 0.6, 0.8, 1.0)
+"""Parts of a recording after which the table has a figure."""
+
+
+def over_time_entry(found: OverTime | LeftOut, program: ChipProgram, step_seconds: float | None) -> Document:
+    """Return ``over_time``; where nothing was followed, only why."""
+    if isinstance(found, LeftOut):
+        return {"left_out": found.reason}
+    steps = len(next(iter(found.right.values())))
+    kept = np.unique(np.ceil(np.arange(1, _POINTS + 1) * steps / _POINTS).astype(np.int64))
+    return {
+        "recordings": list(found.recordings),
+        "recordings_available": found.available,
+        "right_is": "the label" if found.labelled else "the prediction after the last step",
+        "psi": found.psi,
+        "step_seconds": step_seconds,
+        "steps": kept.tolist(),
+        "right": {name: found.right[name][kept - 1].tolist() for name in _ORDER if name in found.right},
+        "proven_stop": asdict(savings(program, found.proven)),
+    }
+
+
+def over_time(document: Document) -> Section:
+    """Show which predictions are right after how much of a recording, and what a proven stop saves."""
+    title = "Over time"
+    if "over_time" not in document:
+        return Section("over-time", title, "What steps of a recording cost.", courses(document))
+    entry = document["over_time"]
+    if "left_out" in entry:
+        lead = f"Predictions were not followed step by step: {entry['left_out']}."
+        return Section("over-time", title, lead, courses(document))
+    lead = (
+        "What the chip predicts after every step of a recording. The time branch has run so far; the location branch "
+        "runs on what was recorded so far, as if nothing followed."
+    )
+    blocks: list[Block] = [_plot(entry), _table(entry)]
+    if "time_weighted" in entry["right"]:
+        blocks.append(Paragraph(_weights(entry["psi"])))
+    blocks += [_stop(entry["proven_stop"]), Paragraph(_proof(entry["proven_stop"]))]
+    blocks += [Facts((Fact("recordings", _sample(entry)),)), *courses(document)]
+    return Section("over-time", title, lead, tuple(blocks))
+
+
+def _sample(entry: Document) -> str:
+    many, available = len(entry["recordings"]), entry["recordings_available"]
+    return f"all {count(many)}" if many == available else f"{count(many)} of {count(available)}, evenly spread"
+
+
+def _title(entry: Document) -> str:
+    if entry["right_is"] == "the label":
+        return "Accuracy after each step"
+    return "Recordings predicted as after the last step"
+
+
+def _plot(entry: Document) -> Plot:
+    last = entry["steps"][-1]
+    return Plot(
+        title=_title(entry),
+        x_label="seconds" if entry["step_seconds"] else "steps",
+        x_ticks=tuple((part, _moment(entry, part)) for part in (0.0, *_COLUMNS)),
+        y_ticks=tuple((part, f"{100 * part:.0f} %") for part in (0.25, 0.5, 0.75, 1.0)),
+        curves=tuple(
+            Curve(words(name), tuple((step / last, right) for step, right in zip(entry["steps"], values, strict=True)))
+            for name, values in entry["right"].items()
+        ),
+    )
+
+
+def _moment(entry: Document, part: float) -> str:
+    """Return the time, or step, after that part of a recording."""
+    steps = part * entry["steps"][-1]
+    return short(steps * entry["step_seconds"]) if entry["step_seconds"] else f"{steps:.0f}"
+
+
+def _table(entry: Document) -> Table:
+    steps = entry["steps"]
+    at = [min(range(len(steps)), key=lambda i: abs(steps[i] - part * steps[-1])) for part in _COLUMNS]
+    return Table(
+        _title(entry),
+        ("prediction by", *(f"step {count(steps[i])}" for i in at)),
+        tuple((words(name), *(share(values[i]) for i in at)) for name, values in entry["right"].items()),
+    )
+
+
+def _weights(psi: float) -> str:
+    return (
+        "Time-weighted: spikes of the time branch count 1 - w and those of the location branch w, where "
+        f"w = 1 / (1 + exp(-psi (t / T - 1))) after step t of T, with psi {psi:g}. Published values of psi are 15 for "
+        "Objects, 10 for Containers and 2 for Slip."
+    )
+
+
+def _stop(found: Document) -> Table:
+    rows = []
+    for name, shown in (("steps", count), ("synaptic_ops", count), ("energy_pj", energy)):
+        until, whole = found[name], found[f"all_{name}"]
+        saved = 1.0 - until / whole if whole else 0.0
+        label = f"energy, profile {found['profile']}" if name == "energy_pj" else words(name)
+        rows.append((label, Bar(saved, f"{share(saved)} saved"), shown(whole), shown(until), share(saved)))
+    return Table(
+        "Stopped as soon as the winner is proven, mean per recording",
+        ("cost", "", "whole recording", "until the stop", "saved"),
+        tuple(rows),
+    )
+
+
+def _proof(found: Document) -> str:
+    return (
+        "A recording stops where no spikes that are still possible, whatever the input, could change the class with "
+        f"the most: the predictions are those of the whole recording. Its {count(found['all_steps'])} steps are those "
+        "of all branches, one after the other."
+    )

@@ -1,0 +1,1 @@
+"""Does the chip do what the network does, and where not, why."""

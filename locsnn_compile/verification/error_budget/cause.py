@@ -1,0 +1,65 @@
+"""Why the first spike that differs does: what each stage adds to the potential that decided it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from hw_model.engine.trace import ByteArray
+from locsnn_compile.pipeline import Levels
+from locsnn_compile.reference.evaluate import evaluate
+from locsnn_compile.verification.error_budget.stages import STAGES, Stage, lines_of, phases_of, twin_with, working
+from locsnn_compile.verification.error_budget.twin import run_twin
+from locsnn_compile.verification.matching import Divergence
+
+
+@dataclass(frozen=True, eq=False)
+class Cause:
+    """The difference of the two potentials at the first spike that differs, taken apart.
+
+    Until then all spikes are equal, so each stage can be judged by itself: ``moved[stage]`` is how far it alone moves
+    the float potential, in the float network's units, and ``together`` how far all stages do. ``enough`` lists the
+    stages that alone make the neuron decide as the chip does. Stages that change no number are not listed.
+    """
+
+    moved: Mapping[Stage, float]
+    together: float
+    enough: tuple[Stage, ...]
+
+    @property
+    def rest(self) -> float:
+        """What the stages do only in each other's presence."""
+        return self.together - sum(self.moved.values())
+
+    @property
+    def largest(self) -> Stage:
+        """The stage that moves the potential furthest in the direction of the difference."""
+        return max(self.moved, key=lambda stage: self.moved[stage] if self.together >= 0 else -self.moved[stage])
+
+
+def find_cause(levels: Levels, recording: ByteArray, first: Divergence) -> Cause:
+    """Explain the first divergence in ``recording`` (steps, channels), of the network's own steps and channels."""
+    network, phases = levels.network, phases_of(levels)
+    axis = next(p.axis for p in network.populations if p.name == first.population)
+    phase = next(phase for phase in phases if phase.axis == axis)
+    until = slice(0, first.step + 1)
+    lines = {name: played[:, until] for name, played in lines_of(network, phase, recording[None]).items()}
+    reference = evaluate(network, recording[None], registers=phase.registers).spikes
+    equal = {name: spikes[:, until] for name, spikes in reference.items()}
+    scale = float(levels.quantized.population(first.population).scale[first.neuron])
+
+    def decide(*stages: Stage) -> tuple[float, bool]:
+        """Return the potential in float units, and whether the neuron spikes."""
+        trace = run_twin(twin_with(phase, stages), lines, forced=equal, potentials=(first.population,))
+        at = (0, first.step, first.neuron)
+        return float(trace.potential[first.population][at]) / scale, bool(trace.spikes[first.population][at])
+
+    stages = [stage for stage in STAGES if working(phases, stage)]
+    exact, _ = decide()
+    chip, fires = decide(*stages)
+    alone = {stage: decide(stage) for stage in stages}
+    return Cause(
+        moved={stage: potential - exact for stage, (potential, _) in alone.items()},
+        together=chip - exact,
+        enough=tuple(stage for stage, (_, decision) in alone.items() if decision == fires),
+    )

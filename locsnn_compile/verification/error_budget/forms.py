@@ -1,0 +1,232 @@
+"""What every neuron model is made of, as numbers side by side: the float neuron, and what the program has for it.
+
+The two are the same where lowering is exact but for rounding. Where it is not - ``delay-line`` ends its taps, ``reset``
+has another neuron altogether - the float neuron is laid out as ``dendrite`` would, and has the chip's numbers where the
+program has any that stand for it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from hw_model.mapping.graph import CompartmentGraph
+from locsnn_compile.network.chip_neurons import ChipSrm, RefractoryDendrite
+from locsnn_compile.network.matrices import Matrix
+from locsnn_compile.network.neurons import Cuba, FloatArray, SoftCuba, SrmAlpha
+from locsnn_compile.network.quantized import QuantizedPopulation
+from locsnn_compile.passes.lower_neurons import dendrite_name
+from locsnn_compile.passes.srm.kernels import kernel
+from locsnn_compile.pipeline import Levels
+from locsnn_compile.verification.error_budget.numbers import (
+    GroupNumbers,
+    Numbers,
+    SynapseNumbers,
+    beside_chip,
+    chip_group,
+    chip_weights,
+    exact_synapses,
+)
+from locsnn_compile.verification.error_budget.twin import TwinGroup, TwinSynapses
+
+SLACK = 1e-14
+"""Relative: an exact threshold is taken this much to its safe side, so that a tie stays one after scaling."""
+DENSE_ENTRIES = 1 << 22
+"""A matrix of no more entries is kept dense."""
+
+
+def forms_of(levels: Levels, q: QuantizedPopulation) -> tuple[Numbers, Numbers]:
+    """Return the numbers of the float neuron, and of the program's; the same object where they do not differ."""
+    neuron = q.population.neuron
+    if isinstance(neuron, SrmAlpha):
+        if isinstance(q.neuron, ChipSrm) and isinstance(q.neuron.refractory, RefractoryDendrite):
+            same = _dendrite(levels, q, neuron)
+            return same, same
+        program = _delay_line if q.strategy == "delay-line" else _reset
+        return program(levels, q, neuron)
+    if isinstance(neuron, SoftCuba):
+        same = _soft(levels, q, neuron)
+    else:
+        same = _native(levels, q, neuron) if isinstance(neuron, Cuba) else _on_grid(levels, q)
+    return same, same
+
+
+def _dendrite(levels: Levels, q: QuantizedPopulation, neuron: SrmAlpha) -> Numbers:
+    """As many pairs of dendrites as the chip has; of the float weights each has an equal share."""
+    assert isinstance(q.neuron, ChipSrm)
+    graph, name, count = levels.compartments, q.population.name, q.neuron.dendrites
+    soma = chip_group(graph.group(name))
+    pairs = []
+    for number in range(count):
+        dendrite, own = (
+            chip_group(graph.group(dendrite_name(name, kind, number))) for kind in ("dendrite", "refractory")
+        )
+        pairs.append(_srm(levels, q, neuron, dendrite, own, soma, share=1 / count))
+    groups = [group for pair in pairs for group in pair.groups[:-1]]
+    return Numbers((*groups, pairs[0].groups[-1]), tuple(s for pair in pairs for s in pair.synapses))
+
+
+def _delay_line(levels: Levels, q: QuantizedPopulation, neuron: SrmAlpha) -> tuple[Numbers, Numbers]:
+    """Taps onto the alpha dendrite; what the float neuron has of them is the error of their rounding."""
+    graph, name = levels.compartments, q.population.name
+    dendrite, soma = chip_group(graph.group(f"{name}/dendrite")), chip_group(graph.group(name))
+    whole = _srm(levels, q, neuron, dendrite, None, soma)
+    alpha, _, top = whole.groups
+    taps = _taps(graph, q, neuron, alpha)
+    errors = [
+        SynapseNumbers(
+            replace(tap.exact, weights=np.zeros(q.population.size)),
+            np.zeros(q.population.size),
+            tap.chip - tap.exact_fitted,
+            tap.chip - tap.exact_fitted,
+        )
+        for tap in taps
+    ]
+    inputs = tuple(s for s in whole.synapses if s.exact.target == alpha.exact.name)
+    return replace(whole, synapses=(*whole.synapses, *errors)), Numbers((alpha, top), (*inputs, *taps))
+
+
+def _taps(
+    graph: CompartmentGraph, q: QuantizedPopulation, neuron: SrmAlpha, alpha: GroupNumbers
+) -> list[SynapseNumbers]:
+    """Return the self-synapses whose answer is the refractory kernel, as far as the chip's taps go."""
+    name, n = q.population.name, q.population.size
+    held = {
+        delay: m.diagonal() for (source, delay), m in chip_weights(graph, alpha.chip.name).items() if source == name
+    }
+    k = np.arange(1, max(held, default=-1) + 2, dtype=np.float64)[:, None]
+    response = -neuron.scale_ref * neuron.theta * kernel(neuron.tau_ref, k) * q.scale
+    exact, fitted = (_charges(response, group.keep_u) for group in (alpha.exact, alpha.chip))
+    taps = []
+    for delay in range(len(k)):
+        chip = held.get(delay, np.zeros(n))
+        tap = TwinSynapses(name, alpha.exact.name, exact[delay], delay)
+        taps.append(SynapseNumbers(tap, fitted[delay], chip, exact[delay] + chip - fitted[delay]))
+    return taps
+
+
+def _charges(response: FloatArray, keep: FloatArray) -> FloatArray:
+    """Return the charges that a dendrite answers by a response (lags, n): it filtered by ``(1 - keep z^-1)^2``."""
+    before = np.concatenate((np.zeros((2, response.shape[1])), response))
+    charges: FloatArray = response - 2 * keep * before[1 : len(response) + 1] + keep**2 * before[: len(response)]
+    return charges
+
+
+def _reset(levels: Levels, q: QuantizedPopulation, neuron: SrmAlpha) -> tuple[Numbers, Numbers]:
+    """One compartment with the chip's reset in place of the refractory kernel."""
+    name, graph = q.population.name, levels.compartments
+    chip = chip_group(graph.group(name))
+    nothing, once = np.zeros(q.population.size), np.ones(q.population.size, dtype=np.int64)
+    dendrite = replace(chip, name=f"{name}/dendrite", joined_to=name)
+    soma = replace(chip, keep_u=nothing, keep_v=nothing, refractory=once)
+    whole = _srm(levels, q, neuron, dendrite, None, soma)
+    alpha, _, top = whole.groups
+    exact = replace(_real(chip), keep_u=alpha.exact.keep_u, keep_v=alpha.exact.keep_v, threshold=top.exact.threshold)
+    inputs = [
+        replace(s, exact=replace(s.exact, target=name)) for s in whole.synapses if s.exact.target == alpha.exact.name
+    ]
+    return whole, Numbers((GroupNumbers(exact, chip),), tuple(inputs))
+
+
+def _srm(
+    levels: Levels,
+    q: QuantizedPopulation,
+    neuron: SrmAlpha,
+    dendrite: TwinGroup,
+    refractory: TwinGroup | None,
+    soma: TwinGroup,
+    share: float = 1.0,
+) -> Numbers:
+    """Lay an SRM neuron out as two dendrites and a memoryless soma, given the chip's; exact what the chip has not.
+
+    The dendrites get a ``share`` of the weights.
+    """
+    graph, name, n = levels.compartments, q.population.name, q.population.size
+    threshold = neuron.theta * q.scale * (1 - SLACK)
+
+    def exactly(chip: TwinGroup, keep: float) -> TwinGroup:
+        return replace(_real(chip), keep_u=np.full(n, keep), keep_v=np.full(n, keep), threshold=threshold)
+
+    a, gain = kernel_recursion(neuron.tau_sr)
+    refractory_a, refractory_gain = kernel_recursion(neuron.tau_ref)
+    alpha = GroupNumbers(exactly(dendrite, a), dendrite)
+    pulled = f"{name}/refractory" if refractory is None else refractory.name
+    pull = TwinSynapses(name, pulled, -neuron.scale_ref * neuron.theta * refractory_gain * share * q.scale)
+    if refractory is None:
+        exact = exactly(replace(dendrite, name=pull.target), refractory_a)
+        own = GroupNumbers(exact, exact)
+        pulls: tuple[SynapseNumbers, ...] = (SynapseNumbers(pull, pull.weights, pull.weights, pull.weights),)
+    else:
+        own = GroupNumbers(exactly(refractory, refractory_a), refractory)
+        pulls = beside_chip(graph, [pull], own, refractory.name)
+    inputs = exact_synapses(levels.network, name, dendrite.name, gain * share * q.scale)
+    onto = dendrite.name if any(g.name == dendrite.name for g in graph.groups) else name
+    return Numbers(
+        (alpha, own, GroupNumbers(exactly(soma, 0.0), soma)), (*beside_chip(graph, inputs, alpha, onto), *pulls)
+    )
+
+
+def _native(levels: Levels, q: QuantizedPopulation, neuron: Cuba) -> Numbers:
+    """A leaky integrate-and-fire neuron in one compartment."""
+    name = q.population.name
+    chip = chip_group(levels.compartments.group(name))
+    exact = replace(
+        _real(chip),
+        keep_u=1.0 - neuron.decay_u,
+        keep_v=1.0 - neuron.decay_v,
+        threshold=neuron.threshold * q.scale * (1 + (SLACK if neuron.rule == ">" else -SLACK)),
+        bias=neuron.bias * q.scale,
+    )
+    group = GroupNumbers(exact, chip)
+    synapses = exact_synapses(levels.network, name, name, q.scale)
+    return Numbers((group,), beside_chip(levels.compartments, synapses, group, name))
+
+
+def _soft(levels: Levels, q: QuantizedPopulation, neuron: SoftCuba) -> Numbers:
+    """A dendrite that is never reset, from which own spikes take the drop, and a soma without memory."""
+    graph, name = levels.compartments, q.population.name
+    dendrite, soma = (chip_group(graph.group(part)) for part in (f"{name}/dendrite", name))
+    threshold = neuron.threshold * q.scale * (1 + SLACK)
+    keep_u, keep_v = 1.0 - neuron.decay_u, 1.0 - neuron.decay_v
+    membrane = GroupNumbers(replace(_real(dendrite), keep_u=keep_u, keep_v=keep_v, threshold=threshold), dendrite)
+    top = GroupNumbers(replace(_real(soma), threshold=threshold), soma)
+    drop = neuron.drop * q.scale
+    synapses = exact_synapses(levels.network, name, dendrite.name, q.scale)
+    for delay, taken in ((0, -drop), (1, drop * keep_u)):
+        # Recurrent weights of that delay are one synapse with it.
+        beside = next((s for s in synapses if (s.source, s.delay) == (name, delay)), None)
+        weights = taken if beside is None else beside.weights + np.diag(taken)
+        synapses = [s for s in synapses if s is not beside] + [TwinSynapses(name, dendrite.name, weights, delay)]
+    return Numbers((membrane, top), beside_chip(graph, synapses, membrane, dendrite.name))
+
+
+def _on_grid(levels: Levels, q: QuantizedPopulation) -> Numbers:
+    """A population whose reference is the chip's own arithmetic: both sides are the same."""
+    graph, name = levels.compartments, q.population.name
+    parts = [g for g in graph.groups if g.joined_to == name] + [graph.group(name)]
+    groups, synapses = [], []
+    for part in parts:
+        same = chip_group(part)
+        groups.append(GroupNumbers(same, same))
+        for (source, delay), held in chip_weights(graph, part.name).items():
+            weights = _plain(held)
+            synapses.append(SynapseNumbers(TwinSynapses(source, part.name, weights, delay), weights, weights, weights))
+    return Numbers(tuple(groups), tuple(synapses))
+
+
+def kernel_recursion(tau: float) -> tuple[float, float]:
+    """Return ``a`` and ``c`` of the kernel ``(k / tau) exp(1 - k / tau) = c * k * a^(k-1)``."""
+    a = math.exp(-1.0 / tau)
+    return a, math.e * a / tau
+
+
+def _real(group: TwinGroup) -> TwinGroup:
+    """Return a group whose registers hold any real number."""
+    return replace(group, truncates=False, limited=False)
+
+
+def _plain(weights: Matrix) -> Matrix:
+    """Return a sparse matrix dense, unless it is large."""
+    return weights.toarray() if math.prod(weights.shape) <= DENSE_ENTRIES else weights

@@ -1,0 +1,152 @@
+"""Groups and synapses twice over, side by side: in exact numbers and in the chip's.
+
+Exact numbers are in units of the registers too, but real: a float weight times the scale and the gain of its kernel,
+what a decay keeps as ``exp(-1 / tau)``, a threshold of theta times the scale.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy import sparse
+
+from hw_model.arithmetic.fixed_point import DECAY_ONE, effective_weight
+from hw_model.mapping.graph import CompartmentGraph, Compartments
+from locsnn_compile.network.matrices import Matrix, of_target, values_of, with_values
+from locsnn_compile.network.network import Network, Projection
+from locsnn_compile.network.neurons import FloatArray
+from locsnn_compile.passes.srm.kernels import best_gain
+from locsnn_compile.verification.error_budget.twin import TwinGroup, TwinSynapses
+
+
+@dataclass(frozen=True, eq=False)
+class GroupNumbers:
+    """A group of compartments, of which only the numbers differ."""
+
+    exact: TwinGroup
+    chip: TwinGroup
+
+    @property
+    def gain_ratio(self) -> FloatArray:
+        """The gain that makes up for the rounding of both decays, (n,); weights for the chip's decays carry it."""
+        exact, chip = self.exact, self.chip
+        return best_gain(exact.keep_u, exact.keep_v, chip.keep_u, chip.keep_v)
+
+    @property
+    def bias_ratio(self) -> FloatArray:
+        """Likewise of biases, (n,): what a bias settles at is kept."""
+        lost = 1.0 - self.exact.keep_v
+        return np.divide(1.0 - self.chip.keep_v, lost, out=np.ones(len(lost)), where=lost > 0)
+
+
+@dataclass(frozen=True, eq=False)
+class SynapseNumbers:
+    """Synapses of one delay between two groups, exact or rounded, each for exact decays and for the chip's.
+
+    ``exact.weights`` are for exact decays, ``exact_fitted`` make up for rounded ones; ``chip`` are the weights that the
+    chip has, and ``chip_fitted`` have the same rounding errors for exact decays.
+    """
+
+    exact: TwinSynapses
+    exact_fitted: Matrix
+    chip: Matrix
+    chip_fitted: Matrix
+
+    def weights(self, *, rounded: bool, chip_decays: bool) -> Matrix:
+        """Return one of the four."""
+        if rounded:
+            return self.chip if chip_decays else self.chip_fitted
+        return self.exact_fitted if chip_decays else self.exact.weights
+
+
+@dataclass(frozen=True, eq=False)
+class Numbers:
+    """Groups, children before their parents, and synapses."""
+
+    groups: tuple[GroupNumbers, ...]
+    synapses: tuple[SynapseNumbers, ...]
+
+
+def beside_chip(
+    graph: CompartmentGraph, exact: list[TwinSynapses], target: GroupNumbers, held_by: str
+) -> tuple[SynapseNumbers, ...]:
+    """Set the weights that the chip has onto a group beside exact ones onto ``target``; what rounded to 0 is 0."""
+    pairs, ratio = [], target.gain_ratio
+    held_by_chip = chip_weights(graph, held_by)
+    for s in exact:
+        weights = held_by_chip.get((s.source, s.delay))
+        if weights is None:
+            chip = s.weights * 0
+        elif sparse.issparse(s.weights):
+            chip = weights
+        else:
+            chip = weights.diagonal() if s.weights.ndim == 1 else weights.toarray()
+        pairs.append(SynapseNumbers(s, times(s.weights, ratio), chip, times(chip, 1.0 / ratio)))
+    return tuple(pairs)
+
+
+def exact_synapses(network: Network, population: str, target: str, gain: FloatArray) -> list[TwinSynapses]:
+    """Return the float weights onto a population, times a gain (n,), as synapses onto a group: one entry a delay."""
+    found: dict[tuple[str, int], Matrix] = {}
+    for projection in network.into(population):
+        assert isinstance(projection, Projection)  # the network's own check: float weights reach float neurons
+        for delay, weights in _by_delay(projection):
+            key, scaled = (projection.source, delay), times(weights, gain)
+            found[key] = found[key] + scaled if key in found else scaled
+    return [TwinSynapses(source, target, weights, delay) for (source, delay), weights in found.items()]
+
+
+def _by_delay(projection: Projection) -> list[tuple[int, Matrix]]:
+    weights, delay = projection.weights, np.asarray(projection.delay)
+    if delay.ndim == 0:
+        return [(int(delay), weights)]
+    values = values_of(weights)
+    return [(int(d), with_values(weights, np.where(delay == d, values, 0.0))) for d in np.unique(delay)]
+
+
+def chip_weights(graph: CompartmentGraph, target: str) -> dict[tuple[str, int], Matrix]:
+    """Return effective weights onto a group, CSR (n_target, n_source) by source and delay; all formats added up."""
+    size = {node.name: node.size for node in graph.nodes}
+    found: dict[tuple[str, int], Matrix] = {}
+    for s in graph.synapses:
+        if s.target == target:
+            weights = effective_weight(s.mantissa, s.exponent).astype(np.float64)
+            for delay in np.unique(s.delay):
+                here = s.delay == delay
+                ends = (s.target_index[here], s.source_index[here])
+                part = sparse.csr_array((weights[here], ends), shape=(size[target], size[s.source]))
+                key = (s.source, int(delay))
+                found[key] = found[key] + part if key in found else part
+    return found
+
+
+def times(weights: Matrix, factor: FloatArray) -> Matrix:
+    """Return weights (n_target, n_source), or (n,), times a factor a target, (n_target,)."""
+    if weights.ndim == 1:
+        return weights * factor
+    return with_values(weights, values_of(weights) * of_target(weights, factor))
+
+
+def chip_group(group: Compartments) -> TwinGroup:
+    """Return a group in the chip's numbers and arithmetic."""
+    return TwinGroup(
+        name=group.name,
+        size=group.size,
+        keep_u=_kept(group.decay_u),
+        keep_v=_kept(group.decay_v),
+        # For any real v this is v > 64 * threshold.
+        threshold=np.nextafter(64.0 * group.threshold, np.inf),
+        bias=(group.bias_mantissa << group.bias_exponent).astype(np.float64),
+        refractory=group.refractory,
+        vmin=group.vmin.astype(np.float64),
+        vmax=group.vmax.astype(np.float64),
+        truncates=True,
+        limited=True,
+        joined_to=group.joined_to,
+    )
+
+
+def _kept(decay: npt.NDArray[np.int64]) -> FloatArray:
+    return (DECAY_ONE - decay) / DECAY_ONE

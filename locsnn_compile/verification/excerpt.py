@@ -1,0 +1,206 @@
+"""A few steps of one recording, to be looked at: input, spikes of both sides, and the potential that differs first."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+import hw_model as hw
+from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.engine.trace import ByteArray
+from hw_model.mapping.graph import Axis
+from locsnn_compile.network.network import InputView, Network, Population
+from locsnn_compile.network.neurons import FloatArray
+from locsnn_compile.pipeline import Levels
+from locsnn_compile.reference.evaluate import ReferenceResult, evaluate
+from locsnn_compile.verification.matching import Divergence
+
+STEPS = 400
+"""Steps of an axis that are kept at the most."""
+MARKS = 5000
+"""Spikes of an input or a population that are kept at the most; where there are more, fewer steps are."""
+NEURONS = 40
+"""Neurons of a population that are kept at the most: those with the most differences."""
+LINES = 128
+"""Rows of an input that are kept at the most; more lines share rows."""
+POPULATIONS = 8
+"""Populations that are kept at the most: the first that differs, then in network order."""
+AROUND = 20
+"""Steps before and after the one in the middle for which potentials are kept."""
+
+
+@dataclass(frozen=True, eq=False)
+class InputSpikes:
+    """``spikes`` (steps, rows): whether any of a row's ``lines_a_row`` input lines spikes."""
+
+    name: str
+    axis: Axis
+    lines: int
+    lines_a_row: int
+    spikes: ByteArray
+
+
+@dataclass(frozen=True, eq=False)
+class PopulationSpikes:
+    """``reference`` and ``chip`` (steps, rows) of ``neurons`` (rows,), which are some of ``size``."""
+
+    name: str
+    axis: Axis
+    size: int
+    neurons: IntArray
+    reference: ByteArray
+    chip: ByteArray
+
+
+@dataclass(frozen=True, eq=False)
+class NeuronPotential:
+    """What one neuron's threshold saw, from ``first_step`` on, (steps,) each, in the reference's units."""
+
+    population: str
+    axis: Axis
+    neuron: int
+    first_step: int
+    reference: FloatArray
+    chip: FloatArray
+    threshold: float
+    reference_spikes: npt.NDArray[np.bool_]
+    chip_spikes: npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Excerpt:
+    """Of recording number ``recording``: the steps ``steps[axis]`` out of ``all_steps[axis]``.
+
+    ``first`` is where both sides first differ; None where they never do, and the first recording is shown.
+    ``populations_left_out`` is how many are not among ``populations``.
+    """
+
+    recording: int
+    first: Divergence | None
+    steps: Mapping[Axis, range]
+    all_steps: Mapping[Axis, int]
+    inputs: tuple[InputSpikes, ...]
+    populations: tuple[PopulationSpikes, ...]
+    populations_left_out: int
+    potential: NeuronPotential
+
+
+def take_excerpt(levels: Levels, recordings: ByteArray, first: Divergence | None) -> Excerpt:
+    """Play one recording again and keep what a picture needs of it.
+
+    ``recordings`` (samples, steps, channels), of the network's own steps and channels; ``first`` is where they first
+    diverge.
+    """
+    network, program = levels.network, levels.program
+    recording = 0 if first is None else first.recording
+    one = recordings[recording : recording + 1]
+    wanted = evaluate(network, one, potentials=True, registers=program.chip.registers)
+    found = hw.simulate(program, one, probe=("spikes",)).spikes
+    shown = _populations(network, first)
+    inputs = [_input(view, wanted.spikes[view.name][0]) for view in network.views if view.axis in network.axes]
+    rows = [_rows(p, wanted.spikes[p.name][0], found[p.name][0], first) for p in shown]
+    all_steps = {axis: network.steps_of(axis) for axis in network.axes}
+    steps = {axis: _window(axis, all_steps[axis], _centre(network, first, axis), inputs, rows) for axis in network.axes}
+    return Excerpt(
+        recording=recording,
+        first=first,
+        steps=steps,
+        all_steps=all_steps,
+        inputs=tuple(_cut_input(item, steps[item.axis]) for item in inputs),
+        populations=tuple(_cut_population(item, steps[item.axis]) for item in rows),
+        populations_left_out=len(network.populations) - len(shown),
+        potential=_potential(levels, one, wanted, found, first),
+    )
+
+
+def _populations(network: Network, first: Divergence | None) -> list[Population]:
+    """Return the populations to keep, in network order."""
+    ranked = sorted(network.populations, key=lambda p: first is not None and p.name != first.population)
+    kept = {p.name for p in ranked[:POPULATIONS]}
+    return [p for p in network.populations if p.name in kept]
+
+
+def _input(view: InputView, spikes: ByteArray) -> InputSpikes:
+    """Let neighbouring lines share a row where there are many."""
+    together = -(-view.lines // LINES)
+    padded = np.pad(spikes, ((0, 0), (0, -view.lines % together)))
+    rows = padded.reshape(len(spikes), -1, together).max(axis=2)
+    return InputSpikes(view.name, view.axis, view.lines, together, rows)
+
+
+def _rows(population: Population, reference: ByteArray, chip: ByteArray, first: Divergence | None) -> PopulationSpikes:
+    """Keep the neuron that differs first and those with the most differences, the first of equals, in their order."""
+    differences = (reference != chip).sum(axis=0)
+    if first is not None and first.population == population.name:
+        differences[first.neuron] = len(reference) + 1
+    neurons = np.sort(np.argsort(-differences, kind="stable")[:NEURONS])
+    return PopulationSpikes(
+        population.name, population.axis, population.size, neurons, reference[:, neurons], chip[:, neurons]
+    )
+
+
+def _centre(network: Network, first: Divergence | None, axis: Axis) -> int:
+    """Return the step of an axis that has to be shown."""
+    if first is None or next(p.axis for p in network.populations if p.name == first.population) != axis:
+        return 0
+    return first.step
+
+
+def _window(
+    axis: Axis, steps: int, centre: int, inputs: list[InputSpikes], populations: list[PopulationSpikes]
+) -> range:
+    """Return as many steps around the centre as keep every picture of the axis within its number of marks."""
+    spikes = [item.spikes for item in inputs if item.axis == axis]
+    spikes += [item.reference | item.chip for item in populations if item.axis == axis]
+    a_step = np.max([item.sum(axis=1, dtype=np.int64) for item in spikes], axis=0)
+    length = min(steps, STEPS)
+    while True:
+        start = min(max(0, centre - length // 2), steps - length)
+        if length <= 1 or a_step[start : start + length].sum() <= MARKS:
+            return range(start, start + length)
+        length //= 2
+
+
+def _cut_input(item: InputSpikes, steps: range) -> InputSpikes:
+    spikes = item.spikes[steps.start : steps.stop]
+    return InputSpikes(item.name, item.axis, item.lines, item.lines_a_row, spikes)
+
+
+def _cut_population(item: PopulationSpikes, steps: range) -> PopulationSpikes:
+    here = slice(steps.start, steps.stop)
+    return PopulationSpikes(item.name, item.axis, item.size, item.neurons, item.reference[here], item.chip[here])
+
+
+def _potential(
+    levels: Levels,
+    one: ByteArray,
+    wanted: ReferenceResult,
+    found: Mapping[str, ByteArray],
+    first: Divergence | None,
+) -> NeuronPotential:
+    """Keep the potential that differs first; where none does, one of the neuron of the readout that spikes most."""
+    if first is None:
+        name = levels.network.readout.populations[0]
+        neuron = int(wanted.spikes[name][0].sum(axis=0, dtype=np.int64).argmax())
+        centre = int(wanted.spikes[name][0, :, neuron].argmax())
+    else:
+        name, neuron, centre = first.population, first.neuron, first.step
+    quantized = levels.quantized.population(name)
+    steps = range(max(0, centre - AROUND), min(centre + AROUND + 1, levels.network.steps_of(quantized.population.axis)))
+    here = slice(steps.start, steps.stop)
+    probe = hw.Probe("potential", (name,), steps)
+    chip = hw.simulate(levels.program, one, probe=(probe,)).potential[name][0, :, neuron]
+    return NeuronPotential(
+        population=name,
+        axis=quantized.population.axis,
+        neuron=neuron,
+        first_step=steps.start,
+        reference=wanted.potential[name][0, here, neuron].astype(np.float64),
+        chip=chip / quantized.scale[neuron],
+        threshold=quantized.population.threshold_of(neuron),
+        reference_spikes=wanted.spikes[name][0, here, neuron].astype(bool),
+        chip_spikes=found[name][0, here, neuron].astype(bool),
+    )

@@ -1,0 +1,70 @@
+"""Gates: bounds that a build must keep, checked against its report, and written for a CI server as JUnit XML."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+from xml.etree import ElementTree
+
+from hw_model.io.xml_text import xml_file, xml_text
+
+Report = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Gate:
+    """An option's bound and what was measured; ``found`` is a line without its end."""
+
+    option: str
+    holds: bool
+    found: str
+
+
+@dataclass(frozen=True)
+class _Rule:
+    option: str
+    measure: Callable[[Report], float]
+    text: str
+    """What was measured; ``{}`` is the value."""
+    at_least: bool = False
+
+
+_RULES = (
+    _Rule(
+        "--min-agreement", lambda r: r["match"]["prediction_agreement"], "prediction agreement is {:.4f}", at_least=True
+    ),
+    _Rule("--max-spike-error", lambda r: 1 - r["match"]["spike_agreement"], "{:.4f} of the spikes differ"),
+    _Rule("--max-energy-nj", lambda r: r["energy"]["per_sample_pj"] / 1000, "a recording takes {:.1f} nJ"),
+    _Rule("--max-latency-us", lambda r: r["latency"]["per_sample_ns"] / 1000, "a recording takes {:.1f} µs"),
+    _Rule("--max-cores", lambda r: r["resources"]["cores"], "{} cores are used"),
+)
+GATES = tuple(rule.option for rule in _RULES)
+
+
+def check_gates(report: Report, bounds: Mapping[str, float]) -> tuple[Gate, ...]:
+    """Return a gate for each bound by option, in the order of :data:`GATES`."""
+    gates = []
+    for rule in _RULES:
+        if rule.option in bounds:
+            value, bound = rule.measure(report), bounds[rule.option]
+            holds = value >= bound if rule.at_least else value <= bound
+            side = ("not below" if holds else "below") if rule.at_least else ("not above" if holds else "above")
+            gates.append(Gate(rule.option, holds, f"{rule.text.format(value)}, {side} {bound:g}"))
+    return tuple(gates)
+
+
+def junit_file(gates: Sequence[Gate], build: str) -> bytes:
+    """Return JUnit XML: a test case a gate, of the class ``build``; without times, so equal builds give equal bytes."""
+    failures = str(sum(not gate.holds for gate in gates))
+    counts = {"tests": str(len(gates)), "failures": failures, "errors": "0", "skipped": "0", "time": "0"}
+    root = ElementTree.Element("testsuites", {"name": "locsnn-compile", **counts})
+    suite = ElementTree.SubElement(root, "testsuite", {"name": "gates", **counts})
+    for gate in gates:
+        about = {"classname": xml_text(build), "name": gate.option, "time": "0"}
+        case = ElementTree.SubElement(suite, "testcase", about)
+        if gate.holds:
+            ElementTree.SubElement(case, "system-out").text = gate.found
+        else:
+            ElementTree.SubElement(case, "failure", {"type": "gate", "message": gate.found}).text = gate.found
+    return xml_file(root)

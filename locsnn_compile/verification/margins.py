@@ -1,0 +1,179 @@
+"""How near potentials come to their threshold, beside the error of the chip's arithmetic, and how full registers get.
+
+The error is that of one neuron by itself: both sides are given the float network's spikes, so that no earlier
+difference is carried along. Where it is larger than the distance to the threshold, a spike may change.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+import hw_model as hw
+from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT, IntArray
+from hw_model.description.chip import Registers
+from hw_model.engine.trace import ByteArray
+from hw_model.mapping.graph import Compartments
+from locsnn_compile.network.network import Population
+from locsnn_compile.network.neurons import FloatArray
+from locsnn_compile.pipeline import Levels
+from locsnn_compile.reference.evaluate import evaluate
+from locsnn_compile.verification.error_budget.stages import STAGES, lines_of, phases_of, twin_with
+from locsnn_compile.verification.error_budget.twin import run_twin
+from locsnn_compile.verification.matching import CHUNK
+
+NEAREST = (0.0001, 0.001, 0.01, 0.1, 0.5)
+"""Shares of the neuron steps, the nearest to threshold first, for which the distance is stated."""
+LARGEST = (0.5, 0.95, 1.0)
+"""Shares of the neuron steps for which the error is stated: the median, what 95 % stay below, the largest."""
+EDGES = np.logspace(-6.0, 1.0, 29)
+"""Ends of the bins of both histograms, in thresholds, four a decade; what lies beyond counts in the last bin there."""
+
+
+@dataclass(frozen=True, eq=False)
+class PopulationMargins:
+    """Distances of potentials to the threshold at every neuron and step, in thresholds, without sign.
+
+    ``nearest[p]``: the distance below which a share p of them lies; ``error[p]`` likewise of the chip's own error.
+    ``within_error``: share of the neuron steps whose distance is no larger than the error there, so that a spike may
+    change; ``decided_otherwise``: share at which one does. Histograms (bins,) are counts; an error of exactly
+    0 is in none of them.
+    """
+
+    neuron_steps: int
+    nearest: Mapping[float, float]
+    error: Mapping[float, float]
+    within_error: float
+    decided_otherwise: float
+    distance_histogram: npt.NDArray[np.int64]
+    error_histogram: npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class RegisterUse:
+    """Largest magnitudes of a group of compartments on the chip, against what the registers hold."""
+
+    peak_u: int
+    limit_u: int
+    peak_v: int
+    limit_v: int
+    wraps: int
+    clips: int
+
+    @property
+    def share_u(self) -> float:
+        """Largest use of the current register, 0..1."""
+        return self.peak_u / self.limit_u
+
+    @property
+    def share_v(self) -> float:
+        """Largest use of the voltage register, 0..1."""
+        return self.peak_v / self.limit_v
+
+    @property
+    def headroom_bits(self) -> float | None:
+        """By how many doublings the fuller register could still grow; None where nothing ever came."""
+        fullest = max(self.share_u, self.share_v)
+        return math.log2(1.0 / fullest) if fullest else None
+
+
+@dataclass(frozen=True, eq=False)
+class Margins:
+    """Margins of every population, and register use of every group of compartments, over ``samples`` recordings."""
+
+    samples: int
+    populations: Mapping[str, PopulationMargins]
+    registers: Mapping[str, RegisterUse]
+
+
+def margins(levels: Levels, recordings: ByteArray) -> Margins:
+    """Measure margins over recordings (samples, steps, channels), of the network's own steps and channels."""
+    network, registers = levels.network, levels.program.chip.registers
+    watched = {p.name: _Watch(_thresholds(p)) for p in network.populations}
+    use = {group.name: _RegisterWatch(group, registers) for group in levels.compartments.groups}
+    for start in range(0, len(recordings), CHUNK):
+        chunk = recordings[start : start + CHUNK]
+        wanted = evaluate(network, chunk, potentials=True, registers=registers)
+        for phase in phases_of(levels):
+            names = tuple(p.name for p in network.populations if p.axis == phase.axis)
+            lines = lines_of(network, phase, chunk)
+            chip = run_twin(twin_with(phase, STAGES), lines, forced=wanted.spikes, potentials=names)
+            for name in names:
+                potential = chip.potential[name] / levels.quantized.population(name).scale
+                watched[name].add(wanted.potential[name], potential, wanted.spikes[name] != chip.spikes[name])
+        found = hw.simulate(levels.program, chunk, probe=("u", "potential"))
+        for name, watch in use.items():
+            watch.add(found.u[name], found.potential[name], found.events.get(name, {}))
+    return Margins(
+        samples=len(recordings),
+        populations={name: watch.result() for name, watch in watched.items()},
+        registers={name: watch.result() for name, watch in use.items()},
+    )
+
+
+def _thresholds(population: Population) -> FloatArray:
+    """Return the thresholds (n,), in the units of the potential; one of 0 counts as a weight of 1."""
+    thresholds = np.array([population.threshold_of(neuron) for neuron in range(population.size)])
+    return np.where(thresholds == 0, float(1 << WEIGHT_SHIFT), thresholds)
+
+
+class _Watch:
+    """Gathers the potentials of a population, chunk by chunk."""
+
+    def __init__(self, thresholds: FloatArray) -> None:
+        self._thresholds = thresholds
+        self._distances: list[FloatArray] = []
+        self._errors: list[FloatArray] = []
+        self._otherwise = 0
+
+    def add(self, wanted: npt.NDArray[Any], chip: FloatArray, otherwise: npt.NDArray[np.bool_]) -> None:
+        """Take both potentials (batch, steps, n), and where their decisions differ."""
+        self._distances.append((np.abs(wanted - self._thresholds) / self._thresholds).ravel())
+        self._errors.append((np.abs(chip - wanted) / self._thresholds).ravel())
+        self._otherwise += int(otherwise.sum())
+
+    def result(self) -> PopulationMargins:
+        distance, error = np.concatenate(self._distances), np.concatenate(self._errors)
+        return PopulationMargins(
+            neuron_steps=len(distance),
+            nearest=_quantiles(distance, NEAREST),
+            error=_quantiles(error, LARGEST),
+            within_error=float(((distance <= error) & (error > 0)).mean()),
+            decided_otherwise=self._otherwise / len(distance),
+            distance_histogram=_histogram(distance),
+            error_histogram=_histogram(error[error > 0]),
+        )
+
+
+class _RegisterWatch:
+    """Gathers the registers of a group of compartments, chunk by chunk."""
+
+    def __init__(self, group: Compartments, registers: Registers) -> None:
+        self._limit_u = 1 << registers.current_bits
+        self._limit_v = int(min(np.abs(group.vmin).min(), group.vmax.min()))
+        self._peak_u = self._peak_v = self._wraps = self._clips = 0
+
+    def add(self, u: IntArray, potential: IntArray, events: Mapping[str, int]) -> None:
+        """Take u, and v as the threshold saw it, (batch, steps, n), and the counts of wraps and clips."""
+        self._peak_u = max(self._peak_u, int(np.abs(u).max()))
+        self._peak_v = max(self._peak_v, int(np.abs(potential).max()))
+        self._wraps += events.get("charge_wraps", 0) + events.get("current_wraps", 0)
+        self._clips += events.get("voltage_clips", 0)
+
+    def result(self) -> RegisterUse:
+        return RegisterUse(self._peak_u, self._limit_u, self._peak_v, self._limit_v, self._wraps, self._clips)
+
+
+def _quantiles(values: FloatArray, shares: tuple[float, ...]) -> dict[float, float]:
+    found = np.quantile(values, shares)
+    return {share: float(value) for share, value in zip(shares, found, strict=True)}
+
+
+def _histogram(values: FloatArray) -> npt.NDArray[np.int64]:
+    counts, _ = np.histogram(np.clip(values, EDGES[0], EDGES[-1]), EDGES)
+    return counts.astype(np.int64)

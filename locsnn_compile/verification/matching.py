@@ -1,0 +1,295 @@
+"""Float reference against chip, spike by spike, over a set of recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+import hw_model as hw
+from hw_model.accounting.cost import Latency
+from hw_model.accounting.usage import PhaseUsage, added_usage, measure, total_ns
+from hw_model.description.counts import Counts, total
+from hw_model.description.profile import Range
+from hw_model.engine.trace import ByteArray
+from hw_model.simulation import SimulationResult
+from locsnn_compile.baselines.operations import network_additions
+from locsnn_compile.errors import InputError
+from locsnn_compile.network.network import Network
+from locsnn_compile.network.quantized import QuantizedNetwork
+from locsnn_compile.reference.evaluate import evaluate
+
+CHUNK = 16
+"""Recordings held at a time: memory does not grow with their number."""
+
+Progress = Callable[[int, int], None]
+"""Called with (recordings done, recordings in all)."""
+
+
+@dataclass(frozen=True)
+class PopulationMatch:
+    """Spikes of one population in the reference, on the chip, and at the same neuron and step in both."""
+
+    reference_spikes: int = 0
+    chip_spikes: int = 0
+    common_spikes: int = 0
+
+    @property
+    def mismatches(self) -> int:
+        """Spikes that only one side has."""
+        return self.reference_spikes + self.chip_spikes - 2 * self.common_spikes
+
+    @property
+    def agreement(self) -> float:
+        """``2 * common / (reference + chip)``; 1 where neither side spikes."""
+        both = self.reference_spikes + self.chip_spikes
+        return 2 * self.common_spikes / both if both else 1.0
+
+    @classmethod
+    def of(cls, reference: ByteArray, chip: ByteArray) -> PopulationMatch:
+        """Count the spikes (batch, steps, n) of both sides."""
+        return cls(int(reference.sum()), int(chip.sum()), int((reference & chip).sum()))
+
+    def __add__(self, other: PopulationMatch) -> PopulationMatch:
+        return PopulationMatch(
+            self.reference_spikes + other.reference_spikes,
+            self.chip_spikes + other.chip_spikes,
+            self.common_spikes + other.common_spikes,
+        )
+
+
+@dataclass(frozen=True)
+class Divergence:
+    """The first spike that differs: both potentials in the float network's units, before any reset."""
+
+    recording: int
+    population: str
+    neuron: int
+    step: int
+    reference_potential: float
+    chip_potential: float
+    threshold: float
+
+
+@dataclass(frozen=True, eq=False)
+class Match:
+    """How a program compares with the network it came from, over ``samples`` recordings.
+
+    ``reference_prediction`` and ``chip_prediction`` are classes (samples,), ``labels`` likewise or None. ``counts``
+    holds the chip's counts of every recording, ``latencies`` their times under the default profile, and
+    ``latency_range_ns`` the least and most of their mean where the profile has ranges; ``usage`` says by phase what
+    they did step by step, ``additions`` the reference's operations by axis over all recordings.
+    """
+
+    samples: int
+    events_source: str
+    reference_prediction: npt.NDArray[np.int64]
+    chip_prediction: npt.NDArray[np.int64]
+    labels: npt.NDArray[np.int64] | None
+    by_population: dict[str, PopulationMatch]
+    first_divergence: Divergence | None
+    counts: tuple[Counts, ...]
+    counts_by_phase: dict[str, Counts]
+    wraps_and_clips: dict[str, dict[str, int]]
+    latencies: tuple[Latency, ...]
+    latency_range_ns: Range
+    usage: dict[str, PhaseUsage]
+    additions: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def spikes(self) -> PopulationMatch:
+        """All populations together."""
+        return sum(self.by_population.values(), start=PopulationMatch())
+
+    @property
+    def prediction_agreement(self) -> float:
+        """Share of recordings for which both predict the same class."""
+        return float((self.reference_prediction == self.chip_prediction).mean())
+
+    @property
+    def accuracy(self) -> dict[str, float] | None:
+        """Share of recordings predicted right, by the reference and by the chip; None without labels."""
+        if self.labels is None:
+            return None
+        return {
+            "reference": float((self.reference_prediction == self.labels).mean()),
+            "chip": float((self.chip_prediction == self.labels).mean()),
+        }
+
+
+def compare(
+    quantized: QuantizedNetwork,
+    program: hw.ChipProgram,
+    recordings: ByteArray,
+    *,
+    labels: npt.NDArray[np.int64] | None = None,
+    source: str = "array",
+    progress: Progress | None = None,
+) -> Match:
+    """Play recordings (samples, steps, channels) to both sides and compare every spike."""
+    network = quantized.network
+    recordings = fit_recordings(network, recordings, source)
+    _check_labels(network, labels, len(recordings), source)
+    by_population = {p.name: PopulationMatch() for p in network.populations}
+    predictions: list[tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]] = []
+    counts: list[Counts] = []
+    by_phase: dict[str, Counts] = {phase.name: Counts() for phase in program.phases}
+    wraps_and_clips: dict[str, dict[str, int]] = {}
+    times = _Times(program)
+    additions: dict[str, int] = dict.fromkeys(network.axes, 0)
+    first: tuple[int, str, int, int] | None = None
+    for start in range(0, len(recordings), CHUNK):
+        chunk = recordings[start : start + CHUNK]
+        wanted = evaluate(network, chunk, registers=program.chip.registers)
+        found = hw.simulate(program, chunk, probe=("spikes", "activity"))
+        for name in by_population:
+            by_population[name] += PopulationMatch.of(wanted.spikes[name], found.spikes[name])
+        if first is None:
+            first = _first_difference(network, wanted.spikes, found.spikes, start)
+        predictions.append((wanted.prediction, found.prediction))
+        counts += found.per_recording
+        for phase, added in found.counts_by_phase.items():
+            by_phase[phase] += added
+        for name, events in found.events.items():
+            before = wraps_and_clips.setdefault(name, dict.fromkeys(events, 0))
+            wraps_and_clips[name] = {event: before[event] + n for event, n in events.items()}
+        times.add(found)
+        for axis, n in network_additions(network, wanted.spikes).items():
+            additions[axis] += n
+        if progress:
+            progress(start + len(chunk), len(recordings))
+    reference, chip = (np.concatenate(side) for side in zip(*predictions, strict=True))
+    assert total(counts) == total(by_phase.values())
+    return Match(
+        samples=len(recordings),
+        events_source=source,
+        reference_prediction=reference,
+        chip_prediction=chip,
+        labels=labels,
+        by_population=by_population,
+        first_divergence=None if first is None else _explain(quantized, program, recordings, *first),
+        counts=tuple(counts),
+        counts_by_phase=by_phase,
+        wraps_and_clips=wraps_and_clips,
+        latencies=tuple(times.latencies),
+        latency_range_ns=times.range_ns,
+        usage=times.usage,
+        additions=additions,
+    )
+
+
+class _Times:
+    """Latencies under the default profile of a chip, and what the recordings did, added up."""
+
+    def __init__(self, program: hw.ChipProgram) -> None:
+        self._program = program
+        self._profile = profile = program.chip.profile(program.chip.default_profile)
+        self._ends = [profile.with_times(end) for end in ("least", "most")]
+        self._sums = [0.0, 0.0]
+        self.latencies: list[Latency] = []
+        self.usage: dict[str, PhaseUsage] = {}
+
+    def add(self, played: SimulationResult) -> None:
+        """Add recordings that were played with their activity."""
+        latencies, usage = measure(self._program, played.activity, self._profile)
+        self.latencies += latencies
+        self.usage = added_usage((self.usage, usage))
+        for i, end in enumerate(self._ends):
+            if end is not None and end.time_ns != self._profile.time_ns:
+                self._sums[i] += total_ns(self._program, played.activity, end)
+            else:
+                self._sums[i] += sum(one.total_ns for one in latencies)
+
+    @property
+    def range_ns(self) -> Range:
+        """Least and most of the mean; None where an end is not known."""
+        least, most = (
+            None if end is None else ns / len(self.latencies) for end, ns in zip(self._ends, self._sums, strict=True)
+        )
+        return least, most
+
+
+def fit_recordings(network: Network, recordings: ByteArray, source: str) -> ByteArray:
+    """Check channels and steps; a shorter recording is followed by silence, a longer one is refused.
+
+    A network of any length takes recordings as they are.
+    """
+    where = f"events {source!r}"
+    if recordings.ndim != 3 or recordings.shape[2] != network.channels:
+        raise InputError(
+            where,
+            "the channel count differs from the model's",
+            measured=f"{recordings.shape[-1]} channels against {network.channels}",
+            fix=f"Give recordings of shape (samples, steps, {network.channels}).",
+        )
+    missing = 0 if network.any_length else network.steps - recordings.shape[1]
+    if missing < 0:
+        raise InputError(
+            where,
+            "the recordings are longer than the model's",
+            measured=f"{recordings.shape[1]} steps against {network.steps}",
+            fix=f"Cut them to {network.steps} steps.",
+        )
+    return np.pad(recordings, ((0, 0), (0, missing), (0, 0)))
+
+
+def _check_labels(network: Network, labels: npt.NDArray[np.int64] | None, samples: int, source: str) -> None:
+    if labels is None:
+        return
+    if labels.shape != (samples,):
+        raise InputError(
+            f"labels of {source!r}",
+            "not one label a recording",
+            measured=f"{labels.shape} against ({samples},)",
+            fix="Give one class number for every recording.",
+        )
+    if labels.min() < 0 or labels.max() >= network.classes:
+        raise InputError(
+            f"labels of {source!r}",
+            "a label is none of the model's classes",
+            measured=f"{labels.min()}..{labels.max()} against 0..{network.classes - 1}",
+            fix="Check that the events belong to this model.",
+        )
+
+
+def _first_difference(
+    network: Network, wanted: Mapping[str, ByteArray], found: Mapping[str, ByteArray], start: int
+) -> tuple[int, str, int, int] | None:
+    """Return (recording, population, neuron, step): first recording, first axis, earliest step, network order."""
+    rows = []
+    for rank, population in enumerate(network.populations):
+        differs = np.argwhere(wanted[population.name] != found[population.name])
+        if len(differs):
+            recording, step, neuron = (int(i) for i in differs[0])
+            rows.append((recording, network.axes.index(population.axis), step, rank, neuron))
+    if not rows:
+        return None
+    recording, _, step, rank, neuron = min(rows)
+    return start + recording, network.populations[rank].name, neuron, step
+
+
+def _explain(
+    quantized: QuantizedNetwork,
+    program: hw.ChipProgram,
+    recordings: ByteArray,
+    recording: int,
+    name: str,
+    neuron: int,
+    step: int,
+) -> Divergence:
+    one = recordings[recording : recording + 1]
+    reference = evaluate(quantized.network, one, potentials=True, registers=program.chip.registers)
+    wanted = reference.potential[name][0, step, neuron]
+    found = hw.simulate(program, one, probe=("potential",)).potential[name][0, step, neuron]
+    population = quantized.population(name)
+    return Divergence(
+        recording,
+        name,
+        neuron,
+        step,
+        float(wanted),
+        float(found / population.scale[neuron]),
+        population.population.threshold_of(neuron),
+    )

@@ -1,0 +1,173 @@
+"""How predictions settle while recordings play, and what stopping a recording early saves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+import hw_model as hw
+from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.description.counts import total
+from hw_model.engine.compiled import in_parts
+from hw_model.engine.trace import ByteArray
+from hw_model.streaming.early_stop import Stops
+from hw_model.streaming.session import check_psi, location_share
+from locsnn_compile.errors import InputError
+from locsnn_compile.network.network import Network
+from locsnn_compile.pipeline import Levels
+from locsnn_compile.verification.diagnosis import spread_sample
+from locsnn_compile.verification.matching import Progress
+
+FloatArray = npt.NDArray[np.float64]
+
+PSI = 10.0
+"""Of the time-weighted prediction, unless another is given. Published: 15 for Objects, 10 Containers, 2 Slip."""
+SAMPLE = 64
+"""Recordings that a report follows at the most."""
+WORK = 1 << 31
+"""Neuron updates that a report may take if every step ran the location branch again: a few seconds."""
+TOGETHER = "together"
+TIME_WEIGHTED = "time_weighted"
+
+
+@dataclass(frozen=True, eq=False)
+class OverTime:
+    """Predictions after every step of the recordings of these numbers, out of ``available``.
+
+    ``right[prediction]`` (steps,): the share of recordings for which a prediction is right after each step: that of
+    each axis alone, of both together, and time-weighted by ``psi`` (Kang et al. 2022). Without labels right is what is
+    predicted after the last step, ``labelled`` is False. ``proven`` is where each recording could stop.
+    """
+
+    recordings: tuple[int, ...]
+    available: int
+    labelled: bool
+    psi: float
+    right: Mapping[str, FloatArray]
+    proven: Stops
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """Predictions were not followed over time, for this reason."""
+
+    reason: str
+
+
+@dataclass(frozen=True)
+class Savings:
+    """Means of a recording until it stops, and of a whole one; energy by a named profile."""
+
+    steps: float
+    all_steps: float
+    synaptic_ops: float
+    all_synaptic_ops: float
+    energy_pj: float
+    all_energy_pj: float
+    profile: str
+
+
+def over_time(levels: Levels, recordings: ByteArray, labels: IntArray | None, psi: float = PSI) -> OverTime | LeftOut:
+    """Follow the predictions of a program over some recordings, evenly spread over those at hand.
+
+    ``recordings`` (samples, steps, channels), of the network's own steps and channels; ``labels`` (samples,). A psi
+    below 0 is an ``InputError``.
+    """
+    program = levels.program
+    check_psi(psi)
+    many = WORK // _work(levels.network)
+    if many == 0:
+        return LeftOut("the network is too large to be followed step by step within seconds")
+    try:
+        hw.Session(program)
+    except InputError as error:
+        return LeftOut(f"{error.where} {error.what}")
+    chosen = spread_sample(levels.network, len(recordings), min(SAMPLE, many))
+    played = recordings[list(chosen)]
+    scores = _scores(program, played, psi)
+    wanted = scores[TOGETHER][:, -1].argmax(axis=1) if labels is None else labels[list(chosen)]
+    return OverTime(
+        recordings=chosen,
+        available=len(recordings),
+        labelled=labels is not None,
+        psi=psi,
+        right={name: (found.argmax(axis=2) == wanted[:, None]).mean(axis=0) for name, found in scores.items()},
+        proven=hw.stop_when_proven(program, played),
+    )
+
+
+def savings(program: hw.ChipProgram, stops: Stops) -> Savings:
+    """Return what recordings take until their stops; energy by the chip's default profile."""
+    profile = program.chip.profile(program.chip.default_profile)
+    batch = len(stops.steps)
+
+    def energy_pj(counts: hw.Counts) -> float:
+        return sum(hw.energy_pj(counts, profile).values()) / batch
+
+    return Savings(
+        steps=float(stops.steps.mean()),
+        all_steps=float(stops.all_steps),
+        synaptic_ops=stops.counts.synaptic_ops / batch,
+        all_synaptic_ops=stops.all_counts.synaptic_ops / batch,
+        energy_pj=energy_pj(stops.counts),
+        all_energy_pj=energy_pj(stops.all_counts),
+        profile=program.chip.default_profile,
+    )
+
+
+def stop_all(
+    stop: Callable[[ByteArray], Stops], recordings: ByteArray, progress: Progress | None = None, chunk: int = SAMPLE
+) -> Stops:
+    """Stop recordings by chunks, so that memory does not grow with their number."""
+    parts = []
+    for start in range(0, len(recordings), chunk):
+        parts.append(stop(recordings[start : start + chunk]))
+        if progress:
+            progress(min(start + chunk, len(recordings)), len(recordings))
+    return Stops(
+        steps=np.concatenate([part.steps for part in parts]),
+        all_steps=parts[0].all_steps,
+        prediction=np.concatenate([part.prediction for part in parts]),
+        final=np.concatenate([part.final for part in parts]),
+        counts=total(part.counts for part in parts),
+        all_counts=total(part.all_counts for part in parts),
+    )
+
+
+def _work(network: Network) -> int:
+    """Return the neuron updates of a recording if its location phase ran whole after every step."""
+    again = {"time": 1, "location": network.steps}
+    return sum(p.size * network.steps_of(p.axis) * again[p.axis] for p in network.populations)
+
+
+def _scores(program: hw.ChipProgram, recordings: ByteArray, psi: float) -> dict[str, FloatArray]:
+    """Return the class scores after every step by prediction, (batch, steps, classes); of one axis alone only those."""
+    readout = program.readout
+    assert readout is not None
+    axis_of = {name: phase.axis for phase in program.phases for name in program.columns_of(phase.name)}
+    voters = list(zip(readout.populations, readout.weights, strict=True))
+
+    def part(start: int, stop: int) -> list[dict[str, FloatArray]]:
+        session, found = hw.Session(program), []
+        for recording in recordings[start:stop]:
+            session.reset()
+            spikes = session.push(recording).spikes
+            by_axis: dict[str, FloatArray] = {}
+            for name, weight in voters:
+                scores = weight * spikes[name].astype(np.float64)
+                by_axis[axis_of[name]] = by_axis[axis_of[name]] + scores if axis_of[name] in by_axis else scores
+            found.append(by_axis)
+        return found
+
+    each = [scores for scores_of_part in in_parts(part, len(recordings)) for scores in scores_of_part]
+    by_axis = {axis: np.stack([scores[axis] for scores in each]) for axis in each[0]}
+    together = sum(by_axis.values(), start=np.zeros_like(next(iter(by_axis.values()))))
+    if len(by_axis) == 1:
+        return {TOGETHER: together}
+    steps = recordings.shape[1]
+    w = location_share(psi, np.arange(1, steps + 1), steps)[:, None]
+    weighted = (1.0 - w) * by_axis["time"] + w * by_axis["location"]
+    return {**by_axis, TOGETHER: together, TIME_WEIGHTED: weighted}
