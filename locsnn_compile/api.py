@@ -149,7 +149,7 @@ def recordings_for(network: Network, events: Events | None, labels: npt.ArrayLik
             SYNTHETIC_SAMPLES, steps=network.steps, fingertips=network.fingertips, seed=SYNTHETIC_SEED
         )
         # Their labels are motions of the generator, not classes of this model.
-        return Recordings(touches.spikes, None, touches.step_seconds, touches.source)
+        return Recordings(touches.spikes, None, network.step_seconds, touches.source, touches.origin)
     if isinstance(events, Recordings):
         return events
     if isinstance(events, str | Path):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,11 @@ MAX_ELEMENTS = 200_000_000
 #: Largest class number accepted.
 MAX_LABEL = 100_000
 
+Origin = Literal["given", "carried", "trained on", "made up"]
+"""Where recordings come from: the user, a checkpoint that carries some of its own, one that carries some of those that
+it was trained on, or a generator of ours.
+"""
+
 
 @dataclass(frozen=True, eq=False)
 class Recordings:
@@ -21,13 +27,15 @@ class Recordings:
     or None.
 
     ``step_seconds`` is the width of a time bin, None where the file does not say it; ``source`` is the name
-    of the file, without directories. Both arrays are read-only. Raises ``InputError`` for anything else.
+    of the file, without directories; ``origin`` says whose they are. Both arrays are read-only. Raises ``InputError``
+    for anything else.
     """
 
     spikes: NDArray[np.uint8]
     labels: NDArray[np.int64] | None
     step_seconds: float | None
     source: str
+    origin: Origin = "given"
 
     def __post_init__(self) -> None:
         where = f"recordings {self.source!r}"
@@ -50,7 +58,7 @@ class Recordings:
         """Return the recordings of ``indices``, in that order."""
         rows = np.asarray(indices, dtype=np.int64)
         labels = None if self.labels is None else self.labels[rows]
-        return Recordings(self.spikes[rows], labels, self.step_seconds, self.source)
+        return replace(self, spikes=self.spikes[rows], labels=labels)
 
 
 def _clean_spikes(where: str, spikes: NDArray[np.generic]) -> NDArray[np.uint8]:

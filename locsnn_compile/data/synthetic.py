@@ -48,7 +48,7 @@ def synthetic_touches(
     for sample, label in enumerate(labels):
         rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, sample])))
         spikes[sample] = _touch(int(label), classes, steps, fingertips, rng)
-    return Recordings(spikes, labels, step_seconds, "synthetic touches")
+    return Recordings(spikes, labels, step_seconds, "synthetic touches", "made up")
 
 
 def _touch(label: int, classes: int, steps: int, fingertips: int, rng: np.random.Generator) -> NDArray[np.bool_]:

@@ -51,7 +51,7 @@ def _load(
         _refuse({"dt": dt, "reset": reset, "discretisation": discretisation}, where, "a slayerPytorch checkpoint")
         from locsnn_compile.frontends.slayer.to_network import load_slayer
 
-        return load_slayer(path, Path(config), kernels or "full")
+        return load_slayer(path, Path(config), kernels)
     if path.suffix == ".pt":
         _refuse(given, where, "a checkpoint")
         from locsnn_compile.frontends.checkpoint import load_checkpoint
@@ -67,7 +67,7 @@ def _load(
         _refuse({"config": config, "kernels": kernels}, where, "a NIR graph")
         from locsnn_compile.frontends.nir.to_network import load_nir
 
-        return load_nir(path, dt, reset, discretisation or "euler")
+        return load_nir(path, dt, reset, discretisation)
     if "layer" in held:
         _refuse(given, where, "a lava-dl network")
         from locsnn_compile.frontends.lava_dl.to_network import load_lava_dl

@@ -26,7 +26,8 @@ def synthetic_recordings(channels: int, steps: int, step_seconds: float | None) 
     fingertips = touch_fingertips(channels)
     if fingertips is not None and steps >= _FEWEST_STEPS:
         touches = synthetic_touches(SAMPLES, steps=steps, fingertips=fingertips, seed=0)
-        return Recordings(touches.spikes, None, step_seconds, touches.source)
+        return Recordings(touches.spikes, None, step_seconds, touches.source, touches.origin)
     samples = int(np.clip(_MOST // (channels * steps), 1, SAMPLES))
     spikes = np.random.default_rng(0).random((samples, steps, channels), dtype=np.float32) < RATE
-    return Recordings(spikes.astype(np.uint8), None, step_seconds, f"synthetic spikes, {RATE:.0%} a step")
+    source = f"synthetic spikes, {RATE:.0%} a step"
+    return Recordings(spikes.astype(np.uint8), None, step_seconds, source, "made up")

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.recordings import Origin, Recordings
 from locsnn_compile.data.torch_file import load_plain, read_bytes
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.models.checkpoint import (
@@ -53,7 +53,7 @@ _KEYS: dict[str, tuple[type, ...]] = {
 _INPUT_KEYS: dict[str, tuple[type, ...]] = {
     "fingertips": (int,),
     "steps": (int,),
-    "step_seconds": (float, int),
+    "step_seconds": (float, int, type(None)),
     "taxels": (int,),
     "polarities": (int,),
 }
@@ -139,11 +139,12 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
     if (description.structure.neurons == "srm") != (version != VERSION):
         raise InputError(where, f"version {version} does not hold such networks", fix=_WRITE_AGAIN)
     chip = parse_chip_entry(where, values["chip"], description.weight_shapes) if version == CHIP_VERSION else None
+    training = _training(where, values["training"])
     return Checkpoint(
         description=description,
         weights=_weights(where, values["weights"], description, chip),
-        recordings=_recordings(where, values["recordings"], description, source),
-        training=_training(where, values["training"]),
+        recordings=_recordings(where, values["recordings"], description, source, _origin(training)),
+        training=training,
         sha256=sha256,
         chip=chip,
     )
@@ -258,7 +259,7 @@ def _storage(tensor: torch.Tensor) -> str:
 
 
 def _recordings(
-    where: str, entry: dict[Any, Any] | None, description: NetworkDescription, source: str
+    where: str, entry: dict[Any, Any] | None, description: NetworkDescription, source: str, origin: Origin
 ) -> Recordings | None:
     import torch
 
@@ -283,9 +284,14 @@ def _recordings(
         )
     try:
         vector = None if labels is None else labels.numpy()
-        return Recordings(spikes.numpy(), vector, float(layout.step_seconds), source)
+        return Recordings(spikes.numpy(), vector, layout.step_seconds, source, origin)
     except InputError as error:
         raise InputError(f"{where}, recordings", error.what, measured=error.measured, fix=error.fix) from None
+
+
+def _origin(training: Mapping[str, Plain]) -> Origin:
+    """Return whose the recordings in a checkpoint are: those of a run without a test part are of the train part."""
+    return "trained on" if "test_recordings" in training and training["test_recordings"] is None else "carried"
 
 
 def _training(where: str, entry: dict[Any, Any]) -> dict[str, Plain]:

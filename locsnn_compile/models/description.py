@@ -28,19 +28,21 @@ class InputLayout:
     """The shape of one recording.
 
     ``channels = fingertips * taxels * polarities``, numbered taxel-major: channel = polarities * taxel
-    + polarity, taxels counted from 0 through all fingertips. ``steps`` time steps of ``step_seconds``.
+    + polarity, taxels counted from 0 through all fingertips. ``steps`` time steps of ``step_seconds``, None where
+    nothing says how long a step is.
     """
 
     fingertips: int
     steps: int
-    step_seconds: float
+    step_seconds: float | None
     taxels: int = 39
     polarities: int = 2
 
     def __post_init__(self) -> None:
         for name in ("fingertips", "taxels", "polarities", "steps"):
             _require_count(f"input {name!r}", getattr(self, name), MAX_STEPS)
-        _require_positive("input 'step_seconds'", self.step_seconds)
+        if self.step_seconds is not None:
+            _require_positive("input 'step_seconds'", self.step_seconds)
         _require_count("input channels", self.channels, MAX_CHANNELS)
 
     @property

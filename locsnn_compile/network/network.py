@@ -118,6 +118,7 @@ class Network:
     steps: int
     """Time steps of a recording; a shorter one is followed by silence."""
     step_seconds: float | None
+    """Seconds of a time step; None where neither its file nor the user says it."""
     fingertips: int | None
     """Fingertips of 39 taxels and two polarities, where the channels are those of a tactile sensor."""
     views: tuple[InputView, ...]
@@ -132,6 +133,8 @@ class Network:
     """What its file held, where it can be written again in that format."""
     any_length: bool = False
     """Whether a recording is played for as many steps as it has; ``steps`` is then only the usual number."""
+    assumptions: tuple[str, ...] = ()
+    """What had to be assumed to read its file, in sentences."""
 
     @property
     def axes(self) -> tuple[Axis, ...]:

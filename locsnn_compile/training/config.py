@@ -104,9 +104,9 @@ class TrainingConfig:
     - ``refit``: once the epoch is chosen, train afresh on the whole train part for as many epochs, on a
       schedule of that length.
     - ``device``: where matrix products run; the steps of spiking layers run on the processor.
-    - time constants in steps; ``step_seconds`` is the width of a time bin, where the data do not say it. ``theta`` to
-      ``scale_rho`` are those of spike response neurons, ``decay``, ``threshold`` and ``window`` those of
-      integrate-and-fire ones.
+    - time constants in steps; ``step_seconds`` is the width of a time bin where the data do not say it, None where it
+      is not known. ``theta`` to ``scale_rho`` are those of spike response neurons, ``decay``, ``threshold`` and
+      ``window`` those of integrate-and-fire ones.
     - ``delays``: of the synapses from the recording onto the time branch, in steps, separated by spaces: a neuron has a
       synapse of every delay from every channel.
     - ``hidden``: of a hidden layer; of networks with a graph of the first one, and the second has twice as many.
@@ -151,7 +151,7 @@ class TrainingConfig:
     refit: bool = True
     seed: int = 0
     device: str = "cpu"
-    step_seconds: float = 0.02
+    step_seconds: float | None = None
     theta: float = 10.0
     tau_sr: float = 10.0
     tau_ref: float = 1.0
@@ -194,7 +194,7 @@ def config_from_mapping(values: Mapping[str, Any], where: str = "training config
         if key not in known:
             raise InputError(where, f"key {key!r} is not known", fix=did_you_mean(str(key), known))
         is_int = isinstance(value, int) and not isinstance(value, bool)
-        clean[key] = float(value) if is_int and known[key] == "float" else value
+        clean[key] = float(value) if is_int and known[key].startswith("float") else value
     return TrainingConfig(**clean)
 
 
@@ -223,6 +223,9 @@ def read_config(path: Path | str) -> dict[str, Any]:
 
 def _check(name: str, kind: str, value: object) -> None:
     where = f"training option {name!r}"
+    kind, _, optional = kind.partition(" | ")
+    if optional and value is None:
+        return
     wanted: dict[str, tuple[type, ...]] = {
         "int": (int,),
         "float": (float, int),

@@ -8,6 +8,7 @@ import pickle
 import warnings
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +59,33 @@ def test_what_is_written_comes_back(tmp_path: Path) -> None:
     assert found.recordings.labels is not None
     assert found.recordings.labels.tolist() == [0, 1]
     assert (found.recordings.step_seconds, found.recordings.source) == (0.02, "small.pt")
+
+
+def test_a_step_that_nobody_said_comes_back_as_not_known(tmp_path: Path) -> None:
+    description = replace(DESCRIPTION, input=replace(DESCRIPTION.input, step_seconds=None))
+    weights = build_network(description).weights()
+    save_checkpoint(tmp_path / "w.pt", description, weights, recordings=recordings())
+    found = read_checkpoint(tmp_path / "w.pt")
+    assert found.recordings is not None
+    assert (found.description.input.step_seconds, found.recordings.step_seconds) == (None, None)
+
+
+@pytest.mark.parametrize(
+    ("training", "origin"),
+    [
+        pytest.param({"test_recordings": 144}, "carried", id="of the test part"),
+        pytest.param({"test_recordings": None}, "trained on", id="there was no test part"),
+        pytest.param({}, "carried", id="nobody says"),
+    ],
+)
+def test_recordings_say_whether_the_network_was_trained_on_them(
+    tmp_path: Path, training: dict[str, int | None], origin: str
+) -> None:
+    weights = build_network(DESCRIPTION).weights()
+    save_checkpoint(tmp_path / "w.pt", DESCRIPTION, weights, recordings=recordings(), training=training)
+    found = read_checkpoint(tmp_path / "w.pt").recordings
+    assert found is not None
+    assert (found.origin, found.subset([1]).origin) == (origin, origin)
 
 
 def test_arrays_are_read_only(tmp_path: Path) -> None:

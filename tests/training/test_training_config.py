@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.training.config import TrainingConfig, config_from_mapping, read_config
+from locsnn_compile.training.describe import describe
 
 CONFIGS = Path(__file__).parents[2] / "examples" / "configs"
 
@@ -18,7 +21,20 @@ def test_shipped_configurations_load(path: Path) -> None:
 
 
 def test_objects_configuration_is_the_default() -> None:
-    assert config_from_mapping(read_config(CONFIGS / "objects-hybrid.yaml")) == TrainingConfig()
+    assert config_from_mapping(read_config(CONFIGS / "objects-hybrid.yaml")) == TrainingConfig(step_seconds=0.02)
+
+
+@pytest.mark.parametrize(
+    ("said", "configured", "wanted"),
+    [
+        pytest.param(0.001, None, 0.001, id="the data say it"),
+        pytest.param(None, 0.001, 0.001, id="the configuration says it"),
+        pytest.param(None, None, None, id="nobody says it"),
+    ],
+)
+def test_a_step_is_as_long_as_somebody_says(said: float | None, configured: float | None, wanted: float | None) -> None:
+    recordings = Recordings(np.ones((1, 5, 78)), np.array([0]), said, "x.npy")
+    assert describe(recordings, TrainingConfig(step_seconds=configured), 2).input.step_seconds == wanted
 
 
 def test_whole_numbers_serve_as_numbers() -> None:

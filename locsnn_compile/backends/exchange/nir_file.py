@@ -4,11 +4,11 @@ A network that came from NIR goes out as the graph that it was, node by node and
 Linear, Delay, neuron and Output nodes, with the constants whose usual Euler step is the network's own: a share d lost
 in a step is ``tau = dt / d``, ``r = 1 / d``, and a bias b is ``v_leak = b / d``.
 
-Metadata, by keys with dots: ``dt``; for each population ``quantized.<name>.threshold``, ``decay_u``, ``decay_v``,
-``bias_mantissa``, ``bias_exponent``, ``refractory`` and ``scale``, a slash of the name as a dot; of neurons that a
-spike takes from, self-synapses ``refractory.delay``, ``refractory.mantissa`` and ``refractory.exponent``; for the k-th
-projection ``quantized.projection<k>`` with ``source``, ``target``, ``rows``, ``columns``, ``mantissa``, ``delay``,
-``exponent`` and ``weight_bits``.
+Metadata, by keys with dots: ``dt`` where it is known; for each population ``quantized.<name>.threshold``,
+``decay_u``, ``decay_v``, ``bias_mantissa``, ``bias_exponent``, ``refractory`` and ``scale``, a slash of the name as a
+dot; of neurons that a spike takes from, self-synapses ``refractory.delay``, ``refractory.mantissa`` and
+``refractory.exponent``; for the k-th projection ``quantized.projection<k>`` with ``source``, ``target``, ``rows``,
+``columns``, ``mantissa``, ``delay``, ``exponent`` and ``weight_bits``.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from locsnn_compile.errors import InputError
+from locsnn_compile.frontends.nir.assumed import DT_SECONDS
 from locsnn_compile.frontends.nir.graph import Array, Edge, NirGraph, NirNode
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection, ChipSrm
 from locsnn_compile.network.matrices import Matrix, connections, values_of
@@ -27,7 +28,6 @@ from locsnn_compile.network.network import Network, Population, Projection
 from locsnn_compile.network.neurons import Cuba
 from locsnn_compile.network.quantized import QuantizedNetwork
 
-DT_SECONDS = 1e-4
 _VERSION = "1.0"
 
 
@@ -35,7 +35,8 @@ def nir_bytes(quantized: QuantizedNetwork) -> bytes:
     """Return the file; ``InputError`` for neurons that NIR does not have."""
     network = quantized.network
     graph = network.origin if isinstance(network.origin, NirGraph) else nir_graph(network)
-    metadata = {**graph.metadata, "dt": np.array(network.step_seconds or DT_SECONDS), **_integers(quantized)}
+    step = {} if network.step_seconds is None else {"dt": np.array(network.step_seconds)}
+    metadata = {**graph.metadata, **step, **_integers(quantized)}
     return graph_bytes(NirGraph(graph.nodes, graph.edges, metadata))
 
 

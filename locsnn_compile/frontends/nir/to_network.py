@@ -17,6 +17,7 @@ from scipy import sparse
 from hw_model.mapping.graph import Readout
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.frontends.linear_maps import check_entries, convolution, pooling
+from locsnn_compile.frontends.nir.assumed import DT_SECONDS, nir_assumptions
 from locsnn_compile.frontends.nir.flat import NEURONS, READOUTS, FlatGraph, flatten_graph, image_shape, ints, pool_shape
 from locsnn_compile.frontends.nir.graph import NirGraph, NirNode, read_nir
 from locsnn_compile.frontends.nir.neurons import Discretisation, Reset, Stated, neurons_of
@@ -26,8 +27,6 @@ from locsnn_compile.network.matrices import matrix
 from locsnn_compile.network.network import InputView, Network, Population, Projection
 from locsnn_compile.network.neurons import Cuba, FloatArray
 
-DT_SECONDS = 1e-4
-"""The step by convention: NIR files do not hold one."""
 BIAS = "nir/bias"
 """The population of one neuron that spikes in every step and brings the biases; no node's name has a slash."""
 START = "nir/start"
@@ -38,7 +37,9 @@ STEPS = 100
 """Steps of synthetic recordings: NIR files do not hold a length either."""
 
 
-def load_nir(path: Path, dt: float | None = None, reset: str | None = None, discretisation: str = "euler") -> Network:
+def load_nir(
+    path: Path, dt: float | None = None, reset: str | None = None, discretisation: str | None = None
+) -> Network:
     """Read a NIR file and state its network, in steps of ``dt`` seconds; ``InputError`` for what cannot be used."""
     where = f"model {path.name!r}"
     graph, data = read_nir(path, where)
@@ -60,13 +61,14 @@ def network_of_nir(
     sha256: str,
     dt: float | None = None,
     reset: str | None = None,
-    discretisation: str = "euler",
+    discretisation: str | None = None,
     where: str,
 ) -> Network:
     """State the network of a graph; options as in :func:`locsnn_compile.frontends.load`."""
-    how: Discretisation = _one_of(discretisation, Discretisation, "discretisation")
+    how: Discretisation = _one_of(discretisation or "euler", Discretisation, "discretisation")
     after: Reset = _one_of(reset or "zero", Reset, "reset")
-    seconds = _step_seconds(dt, graph)
+    known = _step_seconds(dt, graph)
+    seconds = known or DT_SECONDS
     flat = flatten_graph(graph, where)
     _refuse_integrators(flat, where)
     view = _input(flat, where)
@@ -92,16 +94,17 @@ def network_of_nir(
         name=name,
         channels=channels,
         steps=STEPS,
-        step_seconds=seconds,
+        step_seconds=known,
         fingertips=None,
         views=(view,),
         populations=tuple(populations),
         projections=tuple(projections),
         readout=Readout(outputs, (1.0,) * len(outputs), _potentials_from(flat, outputs, depth, where)),
         sha256=sha256,
-        recordings=synthetic_recordings(channels, STEPS, seconds),
+        recordings=synthetic_recordings(channels, STEPS, known),
         any_length=True,
         origin=graph,
+        assumptions=nir_assumptions(flat, known, reset, discretisation),
     )
 
 
@@ -132,15 +135,14 @@ def _one_of(name: str, kind: Any, what: str) -> Any:
     return name
 
 
-def _step_seconds(dt: float | None, graph: NirGraph) -> float:
-    """Return the step: the one given, that which a file of ours holds, or the conventional one."""
+def _step_seconds(dt: float | None, graph: NirGraph) -> float | None:
+    """Return the step: the one given, that which a file of ours holds, or None where neither says it."""
     held = graph.metadata.get("dt")
     if dt is None and held is not None and not isinstance(held, str) and held.size == 1:
         dt = float(held.reshape(-1)[0])
-    seconds = DT_SECONDS if dt is None else float(dt)
-    if not (np.isfinite(seconds) and 0 < seconds <= 1e6):
-        raise InputError("dt", "a step must last more than 0 s", measured=f"{seconds:g}", fix="Give seconds a step.")
-    return seconds
+    if dt is not None and not (np.isfinite(dt) and 0 < dt <= 1e6):
+        raise InputError("dt", "a step must last more than 0 s", measured=f"{dt:g}", fix="Give seconds a step.")
+    return dt
 
 
 def _refuse_integrators(flat: FlatGraph, where: str) -> None:

@@ -50,14 +50,14 @@ class LayerEntry:
 class SlayerConfig:
     """What the description says: the neuron, the step, steps of a recording, and a location order.
 
-    ``ts`` is in milliseconds; SRM time constants are in steps already. ``order`` is a name or taxel numbers. ``layers``
-    are those of the description's own ``layer`` list, the input first; () where it has none.
+    ``ts`` is in milliseconds; SRM time constants are in steps already. ``order`` is a name or taxel numbers, None where
+    it has none. ``layers`` are those of the description's own ``layer`` list, the input first; () where it has none.
     """
 
     neuron: SrmAlpha | LoihiNeuron
     ts: float
     steps: int | None
-    order: str
+    order: str | None
     layers: tuple[LayerEntry, ...] = ()
 
 
@@ -152,7 +152,7 @@ def _entry(entry: Mapping[Any, Any], where: str, *, first: bool) -> LayerEntry:
     return LayerEntry(kind, numbers, **{"padding": numbers[1] // 2, **given})
 
 
-def _order(values: Mapping[Any, Any], where: str) -> str:
+def _order(values: Mapping[Any, Any], where: str) -> str | None:
     """Return the location order: ``location_order`` or ``locationOrder``, a name or a list of taxels."""
     for key in ("location_order", "locationOrder"):
         if key in values:
@@ -162,7 +162,7 @@ def _order(values: Mapping[Any, Any], where: str) -> str:
             if isinstance(order, str):
                 return order[:4000]
             raise InputError(f"{where}, {key}", "it is no order", fix="Give arch, whorl, loop or a list of taxels.")
-    return DEFAULT_ORDER
+    return None
 
 
 def _section(values: Mapping[Any, Any], name: str, where: str) -> Mapping[Any, Any]:

@@ -12,7 +12,7 @@ half to even, as slayerPytorch quantises them in every forward pass; each of the
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -25,7 +25,7 @@ from hw_model.mapping.graph import Axis, Readout
 from locsnn_compile.data.sensor import channel_walk, parse_location_order
 from locsnn_compile.data.torch_file import load_plain, read_bytes
 from locsnn_compile.errors import InputError, did_you_mean
-from locsnn_compile.frontends.slayer.config import LoihiNeuron, SlayerConfig, read_config
+from locsnn_compile.frontends.slayer.config import DEFAULT_ORDER, LoihiNeuron, SlayerConfig, read_config
 from locsnn_compile.frontends.slayer.kernels import check_kernels, cut
 from locsnn_compile.frontends.slayer.layers import dense_layer, listed_layers
 from locsnn_compile.frontends.synthetic_input import synthetic_recordings, touch_fingertips
@@ -33,7 +33,7 @@ from locsnn_compile.models.checkpoint import FORMAT
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection
 from locsnn_compile.network.matrices import Matrix, matrix, values_of, with_values
 from locsnn_compile.network.network import InputView, Network, Population, Projection
-from locsnn_compile.network.neurons import FloatArray
+from locsnn_compile.network.neurons import FloatArray, SrmAlpha
 
 STEPS = 100
 """Steps of synthetic recordings where the description names no tSample."""
@@ -55,12 +55,16 @@ _FIX = "Save net.state_dict() with torch.save."
 
 @dataclass(eq=False)
 class _Layer:
-    """A layer of weights (n, n_source), its channels, and the delays (n,) of the spikes that it gives, in steps."""
+    """A layer of weights (n, n_source), its channels, and the delays (n,) of the spikes that it gives, in steps.
+
+    ``assumed``: what was, of these delays, in sentences.
+    """
 
     name: str
     weights: Matrix
     channels: int
     delays: Any = field(default=None)
+    assumed: tuple[str, ...] = ()
 
     @property
     def size(self) -> int:
@@ -72,27 +76,31 @@ class _Layer:
         return "location" if self.name.split(".")[-1].lower().startswith("location") else "time"
 
 
-def load_slayer(path: Path, config: Path, kernels: str = "full") -> Network:
+def load_slayer(path: Path, config: Path, kernels: str | None = None) -> Network:
     """Read a checkpoint and its description; ``InputError`` for what cannot be used."""
-    if kernels not in KERNELS:
-        raise InputError(f"kernels {kernels!r}", "are not known", fix=did_you_mean(kernels, KERNELS))
+    if kernels not in (None, *KERNELS):
+        raise InputError(f"kernels {kernels!r}", "are not known", fix=did_you_mean(str(kernels), KERNELS))
     where = f"model {path.name!r}"
     data = read_bytes(path, where)
     held = load_plain(data, where, fix=_FIX)
     if isinstance(held, dict) and held.get("format") == FORMAT:
         raise InputError(where, "config was given, but a checkpoint says this itself", fix="Leave config out.")
     description = read_config(config)
+    tails: tuple[str, ...] = ()
     if kernels == "cut":
         description = replace(description, neuron=cut(description.neuron))
+    elif kernels is None and isinstance(description.neuron, SrmAlpha):
+        tails = ("The reference has the tails of its kernels, which slayerPytorch cuts in training (--kernels full).",)
     tensors = _tensors(held, where)
     check_kernels(tensors, description, where)
-    return network_of_slayer(
+    network = network_of_slayer(
         _layers(tensors, description, where),
         description,
         name=path.stem,
         sha256=hashlib.sha256(data).hexdigest(),
         where=where,
     )
+    return replace(network, assumptions=tails + network.assumptions)
 
 
 def network_of_slayer(
@@ -108,7 +116,7 @@ def network_of_slayer(
     views, populations, projections, outputs = [], [], [], []
     for axis, chain in chains.items():
         if axis == "location":
-            walk, channels = _walk(config.order, channels, where)
+            walk, channels = _walk(config.order or DEFAULT_ORDER, channels, where)
             views.append(InputView(VIEW_NAMES[axis], axis, steps, walk))
         else:
             views.append(InputView(VIEW_NAMES[axis], axis, chain[0].weights.shape[1]))
@@ -142,7 +150,20 @@ def network_of_slayer(
         sha256=sha256,
         recordings=synthetic_recordings(channels, steps, seconds),
         any_length="location" not in chains,
+        assumptions=tuple(_assumed(layers, chains, config, channels)),
     )
+
+
+def _assumed(
+    layers: tuple[_Layer, ...], chains: Mapping[Axis, list[_Layer]], config: SlayerConfig, channels: int
+) -> Iterator[str]:
+    """Yield what neither the checkpoint nor its description says, and was taken as usual."""
+    if "location" in chains and config.order is None:
+        yield f"The description has no location_order: taxels are visited in the order {DEFAULT_ORDER}."
+    if "time" not in chains:
+        yield f"No layer along time says how many channels there are: {channels}, those of two fingertips."
+    for layer in layers:
+        yield from layer.assumed
 
 
 def _walk(order: str, channels: int | None, where: str) -> tuple[Any, int]:
@@ -244,12 +265,17 @@ def _attach(layers: list[_Layer], key: str, delay: Any, config: SlayerConfig, wh
 
     A convolution has one a channel.
     """
-    steps = np.clip(np.floor(delay / config.ts), 0, DELAY_MAX).astype(np.int64)
+    whole = np.floor(delay / config.ts)
+    steps = np.clip(whole, 0, DELAY_MAX).astype(np.int64)
     block = key.rpartition(".")[0].rpartition(".")[0]
     beside = [layer for layer in layers if block and layer.name.rpartition(".")[0] == block]
     for layer in beside or layers:
         if layer.delays is None and steps.size in (1, layer.size, layer.channels):
             layer.delays = np.repeat(steps, layer.size // steps.size)
+            if not beside:
+                layer.assumed += (f"Delays {key!r} are those of layer {layer.name!r}, the first of as many spikes.",)
+            if (whole > DELAY_MAX).any():
+                layer.assumed += (f"Delays {key!r} above {DELAY_MAX} steps were cut to {DELAY_MAX}.",)
             return
     raise InputError(where, "no layer gives as many spikes", measured=f"{steps.size} delays", fix="Give one a neuron.")
 

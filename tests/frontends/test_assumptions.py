@@ -1,0 +1,109 @@
+"""What a file leaves open is said by the network that was read from it, and only that."""
+
+import nir
+import numpy as np
+import pytest
+import torch
+from nir_graphs import chain, graphs, lif, linear
+from slayer_files import LOIHI, write
+
+import locsnn_compile as lc
+from hw_model import chip
+from locsnn_compile.backends.exchange import exchange_file
+from locsnn_compile.passes.quantize import quantize
+
+GRAPHS = graphs()
+RNG = np.random.default_rng(0)
+STEP = (
+    "The NIR graph does not say how long a step is: its constants were read in steps of 0.0001 s, the convention "
+    "(--dt)."
+)
+RESET = "The NIR graph does not say how a spike resets: its potential goes to v_reset at once (--reset zero)."
+EULER = "The NIR graph does not say how its equations become steps: by Euler's method (--discretisation euler)."
+
+
+def saved(graph, tmp_path):
+    nir.write(tmp_path / "graph.nir", graph)
+    return tmp_path / "graph.nir"
+
+
+THRESHOLDS = chain((3,), ("w", linear(RNG, 2, 3)), ("out", nir.Threshold(np.ones(2))))
+INTEGRATORS = chain((3,), ("w", linear(RNG, 2, 3)), ("out", nir.IF(np.ones(2), np.ones(2), v_reset=np.zeros(2))))
+LEAKY = chain((3,), ("w", linear(RNG, 2, 3)), ("out", lif(RNG, 2)))
+
+
+@pytest.mark.parametrize(
+    ("graph", "options", "wanted"),
+    [
+        pytest.param(LEAKY, {}, (STEP, RESET, EULER), id="all"),
+        pytest.param(LEAKY, {"dt": 1e-3}, (RESET, EULER), id="the step is given"),
+        pytest.param(LEAKY, {"reset": "zero"}, (STEP, EULER), id="the reset is given, though it is the usual one"),
+        pytest.param(LEAKY, {"discretisation": "hold"}, (STEP, RESET), id="the discretisation is given"),
+        pytest.param(LEAKY, {"dt": 1e-3, "reset": "zero", "discretisation": "euler"}, (), id="none"),
+        pytest.param(INTEGRATORS, {}, (STEP, RESET), id="nothing to discretise"),
+        pytest.param(THRESHOLDS, {}, (), id="nothing of it matters"),
+    ],
+)
+def test_what_a_nir_graph_leaves_open(graph, options, wanted, tmp_path):
+    assert lc.load(saved(graph, tmp_path), **options).assumptions == wanted
+
+
+def test_a_step_of_nir_is_known_only_where_it_is_said(tmp_path):
+    found, given = (lc.load(saved(LEAKY, tmp_path), dt=dt) for dt in (None, 2e-4))
+    assert (found.step_seconds, given.step_seconds) == (None, 2e-4)
+    assert (found.recordings.step_seconds, found.recordings.origin) == (None, "made up")
+
+
+@pytest.mark.parametrize("dt", [None, 2e-4])
+def test_a_step_that_is_not_known_is_not_written_as_if_it_were(dt, tmp_path):
+    network = lc.load(saved(LEAKY, tmp_path), dt=dt)
+    (tmp_path / "again.nir").write_bytes(exchange_file("nir", quantize(network, chip("loihi-sim"))))
+    again = lc.load(tmp_path / "again.nir")
+    assert again.step_seconds == dt
+    np.testing.assert_array_equal(again.populations[0].neuron.decay_v, network.populations[0].neuron.decay_v)
+
+
+def weights(outs, ins):
+    return RNG.normal(1, 2, (outs, ins))
+
+
+TAILS = "The reference has the tails of its kernels, which slayerPytorch cuts in training (--kernels full)."
+
+
+@pytest.mark.parametrize(
+    ("named", "options", "more", "wanted"),
+    [
+        pytest.param({"fc1": weights(3, 6)}, {}, {}, (TAILS,), id="tails"),
+        pytest.param({"fc1": weights(3, 6)}, {"kernels": "full"}, {}, (), id="tails asked for"),
+        pytest.param({"fc1": weights(3, 6)}, {}, {"neuron": LOIHI}, (), id="no tails"),
+        pytest.param(
+            {"location1": weights(3, 40)},
+            {},
+            {"neuron": LOIHI},
+            (
+                "The description has no location_order: taxels are visited in the order loop.",
+                "No layer along time says how many channels there are: 156, those of two fingertips.",
+            ),
+            id="location alone",
+        ),
+        pytest.param(
+            {"location1": weights(3, 40), "fc1": weights(3, 156)},
+            {},
+            {"neuron": LOIHI, "location_order": "arch"},
+            (),
+            id="order and channels said",
+        ),
+        pytest.param(
+            {"fc1": weights(4, 6), "fc2": weights(3, 4)},
+            {},
+            {"neuron": LOIHI, "extra": {"delay.delay": torch.tensor([0.0, 1.2, 2.9, 70.0])}},
+            (
+                "Delays 'delay.delay' are those of layer 'fc1', the first of as many spikes.",
+                "Delays 'delay.delay' above 62 steps were cut to 62.",
+            ),
+            id="delays",
+        ),
+    ],
+)
+def test_what_a_slayer_checkpoint_leaves_open(named, options, more, wanted, tmp_path):
+    assert lc.load(*write(tmp_path, named, **more), **options).assumptions == wanted
