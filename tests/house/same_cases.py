@@ -1,0 +1,88 @@
+"""What the byte comparison runs: by case, the commands, each as typed; a case has a folder of its own."""
+
+from __future__ import annotations
+
+IN = "../../inputs"
+TOUCHES = f"{IN}/recordings/touches.npz"
+LEVELS = "network quantized compartments placed routed program csv"
+BENCH = "vectors vcd trace sanafe graphml dot"
+MODELS = ("containers-hybrid", "containers-hybrid-loihi", "objects-hybrid", "objects-hybrid-loihi")
+SRM_MODELS = ("containers-hybrid", "objects-hybrid")
+RECORDINGS = ("touches", "touches-long", "motions")
+STRATEGIES = {"dendrite": 6, "delay-line": 8, "reset": 4, "paired-dendrite": 8}
+"""By strategy the bits of a weight that it is tried with."""
+NIR_FILES = ("two-layers", "biases", "conv2d", "avg-pool", "delay", "recurrent", "nested", "if")
+NET_FILES = ("a-decay-each", "bias", "delay-of-a-neuron", "recurrent", "conv", "input-layer-with-neurons")
+CODES = "exit_codes"
+"""The file of a case that is written last."""
+
+
+def shipped(model: str, recording: str, more: str = "", out: str = "out") -> str:
+    """Compile a shipped model on a shipped recording."""
+    return f"compile {IN}/models/{model}.pt --events {IN}/recordings/{recording}.npz -o {out} {more}"
+
+
+def _cases() -> dict[str, list[str]]:
+    small = "objects-hybrid-loihi"
+    cases = {}
+    for recording in RECORDINGS:
+        for model in MODELS:
+            emit = f"--emit {LEVELS} {BENCH if recording == 'touches' else ''}"
+            cases[f"{model} {recording}"] = [shipped(model, recording, emit)]
+    for model in SRM_MODELS:
+        for strategy, bits in STRATEGIES.items():
+            options = f"--strategy {strategy} --weight-bits {bits} --split-weights 0.25 --emit {LEVELS}"
+            cases[f"{model} {strategy}"] = [shipped(model, "touches", options)]
+    for name in NIR_FILES:
+        emit = f"--emit {LEVELS} nir {BENCH if name == 'two-layers' else ''}"
+        cases[f"nir {name}"] = [f"compile {IN}/{name}.nir --dt 1e-3 --events {IN}/{name}-nir.npy -o out {emit}"]
+    for name in NET_FILES:
+        cases[f"net {name}"] = [f"compile {IN}/{name}.net --events {IN}/{name}-net.npy -o out --emit {LEVELS} net"]
+    for name in ("srm", "loihi"):
+        folder = f"{IN}/slayer-{name}"
+        files = f"{folder}/model.pt --config {folder}/net.yaml --events {folder}/spikes.npy"
+        cases[f"slayer {name}"] = [
+            f"compile {files} -o out --emit {LEVELS}",
+            f"compile {files} -o cut --kernels cut",
+        ]
+    cases["gates and another chip"] = [
+        shipped(small, "touches", "--min-agreement 1 --max-energy-nj 1 --junit gates.xml --json"),
+        shipped(small, "touches", "--target tiny-sim", out="tiny"),
+        shipped(small, "touches", "--strategy dendrit", out="misspelt"),
+    ]
+    cases["what other tools cannot hold"] = [
+        shipped(small, "touches", "--emit net"),
+        shipped("objects-hybrid", "touches", "--emit nir"),
+    ]
+    cases["run and diff"] = [
+        shipped(small, "touches"),
+        shipped("containers-hybrid-loihi", "motions", "--weight-bits 6", out="other"),
+        "locsnn diff out other --html diff.html",
+        "locsnn diff out other --json",
+        f"locsnn run out --events {TOUCHES}",
+        f"locsnn run out --events {TOUCHES} --stop proven --json",
+        f"locsnn run out --events {TOUCHES} --stop margin --calibrate {IN}/recordings/motions.npz",
+    ]
+    cases["events and targets"] = [
+        f"locsnn events {TOUCHES} -o raster.svg",
+        f"locsnn events {IN}/recordings/motions.npz --json --recording 3",
+        f"locsnn events {TOUCHES} --to touches.zip --members bs1",
+        "locsnn targets",
+        "locsnn targets --show loihi-sim",
+    ]
+    explore = f"locsnn explore --events {TOUCHES} --recordings 6 --split-weights 0 1 --engines"
+    cases["explore"] = [
+        f"{explore} {IN}/models/{small}.pt -o out --weight-bits 3 6 --max-spike-error 0.05",
+        f"{explore} {IN}/models/objects-hybrid.pt -o srm --weight-bits 6 --strategy dendrite reset "
+        f"--report-on {IN}/recordings/motions.npz",
+    ]
+    cases["stress"] = ["locsnn stress --quick -o stress.md", "locsnn stress --quick --json"]
+    cases["help"] = [
+        "compile --help",
+        *(f"locsnn {name} --help" for name in ("train", "run", "events", "explore", "diff", "stress", "targets")),
+    ]
+    return cases
+
+
+CASES = _cases()
+QUICK = ("objects-hybrid-loihi touches", "objects-hybrid dendrite", "nir two-layers", "net conv", "slayer srm", "help")
