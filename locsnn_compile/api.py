@@ -17,6 +17,7 @@ from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.network.check import check_network
 from locsnn_compile.network.network import Network
+from locsnn_compile.network.recordings import fit_recordings
 from locsnn_compile.passes.quantize import check_weight_bits
 from locsnn_compile.passes.srm.quantize import STRATEGIES as SRM_STRATEGIES
 from locsnn_compile.pipeline import Levels
@@ -26,7 +27,7 @@ from locsnn_compile.report.sections.choice import choice_document
 from locsnn_compile.verification.diagnosis import SAMPLE, Diagnosis
 from locsnn_compile.verification.diagnosis import diagnose as find_diagnosis
 from locsnn_compile.verification.excerpt import Excerpt, take_excerpt
-from locsnn_compile.verification.matching import Match, Progress, compare, fit_recordings
+from locsnn_compile.verification.matching import Match, Progress, compare
 from locsnn_compile.verification.over_time import PSI, LeftOut, OverTime, over_time
 
 Events = str | Path | Recordings | npt.ArrayLike

@@ -3,5 +3,11 @@
 :func:`locsnn_compile.backends.files.bench_files` gives the files; a kind a module.
 """
 
+LEVEL_KINDS = ("network", "quantized", "compartments", "placed", "routed", "program")
+"""Levels of the compiler, as text."""
 BENCH_KINDS = ("vectors", "vcd", "trace", "sanafe", "graphml", "dot")
-"""What ``--emit`` takes beside the levels of the compiler."""
+"""Programs and a recording played to them, for test benches, viewers and other simulators."""
+EXCHANGE_KINDS = ("nir", "net")
+"""The model itself, as a file of another tool."""
+EMIT_KINDS = (*LEVEL_KINDS, *BENCH_KINDS, *EXCHANGE_KINDS, "csv")
+"""All that ``--emit`` takes."""

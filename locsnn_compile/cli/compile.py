@@ -10,8 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from locsnn_compile.backends import BENCH_KINDS
-from locsnn_compile.backends.exchange import EXCHANGE_KINDS
+from locsnn_compile.backends import BENCH_KINDS, EMIT_KINDS, EXCHANGE_KINDS, LEVEL_KINDS
 from locsnn_compile.cli.completion import answer_shell
 from locsnn_compile.cli.shell import EXIT_GATE, Parser, guarded, progress_bar
 from locsnn_compile.errors import InputError, did_you_mean
@@ -42,8 +41,6 @@ _SPLIT = (
 )
 _PROFILE = "costs of the report: a profile of the chip, or a YAML file like one (default: the chip's first)"
 _PSI = "how late the time-weighted prediction of the report turns to the location branch (default 10)"
-LEVEL_KINDS = ("network", "quantized", "compartments", "placed", "routed", "program")
-EMIT_KINDS = (*LEVEL_KINDS, *BENCH_KINDS, *EXCHANGE_KINDS, "csv")
 
 
 def parser() -> Parser:
@@ -163,7 +160,7 @@ def build_files(compiled: CompiledModel, emit: Sequence[str]) -> dict[str, bytes
     """Return the program, the reports and the levels asked for as bytes, by name; equal input gives equal bytes."""
     from hw_model.program.file import program_files
     from locsnn_compile.backends.exchange import exchange_file
-    from locsnn_compile.network.text import LEVEL_TEXTS
+    from locsnn_compile.backends.levels import LEVEL_TEXTS
     from locsnn_compile.report.renderers.csv_files import csv_files
     from locsnn_compile.report.renderers.html import render_html
     from locsnn_compile.report.renderers.markdown import render_markdown

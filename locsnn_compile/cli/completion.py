@@ -6,6 +6,7 @@ import argparse
 import os
 from collections.abc import Callable, Iterable, Iterator
 
+from locsnn_compile.backends import EMIT_KINDS
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.explore.grid import AXES
 
@@ -76,8 +77,6 @@ def _chips(prefix: str) -> Iterable[str]:
 
 
 def _emit_kinds(prefix: str) -> Iterable[str]:
-    from locsnn_compile.cli.compile import EMIT_KINDS
-
     return EMIT_KINDS
 
 

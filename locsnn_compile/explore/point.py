@@ -19,7 +19,7 @@ from locsnn_compile.errors import InputError, LocsnnError, TargetError
 from locsnn_compile.explore.code import code_version
 from locsnn_compile.explore.grid import Setting
 from locsnn_compile.explore.study import Study, unpacked
-from locsnn_compile.verification.matching import fit_recordings
+from locsnn_compile.network.recordings import fit_recordings
 
 ENGINE_CALLS: dict[Engine, tuple[int, int]] = {"fast": (16, 10), "reference": (1, 2)}
 """How an engine is timed: on so many recordings at a time, the first ones, and in so many calls, the fastest of which

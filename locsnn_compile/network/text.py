@@ -1,21 +1,19 @@
-"""Every level as stable text, by the name that ``--emit`` takes."""
+"""The two levels of the network side as stable text, for people to read and for golden tests to compare."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.mapping.graph import Axis
-from hw_model.program.text import array_text, compartments_text, placed_text, program_text, routed_text
+from hw_model.program.text import array_text
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection, RefractoryDendrite, RefractoryTaps
 from locsnn_compile.network.matrices import values_of
 from locsnn_compile.network.network import Network, Neuron, Projection
 from locsnn_compile.network.neurons import Cuba, FloatArray, SoftCuba, SrmAlpha
 from locsnn_compile.network.quantized import KernelFit, QuantizedNetwork
-from locsnn_compile.pipeline import Levels
 
 
 def network_text(network: Network) -> str:
@@ -115,14 +113,3 @@ def _projection_text(p: Projection | ChipProjection) -> str:
 def _number_text(values: FloatArray | IntArray) -> str:
     low, high = values.min(), values.max()
     return f"{low:g}" if low == high else array_text(values)
-
-
-LEVEL_TEXTS: dict[str, Callable[[Levels], str]] = {
-    "network": lambda levels: network_text(levels.network),
-    "quantized": lambda levels: quantized_text(levels.quantized),
-    "compartments": lambda levels: compartments_text(levels.compartments),
-    "placed": lambda levels: placed_text(levels.placed),
-    "routed": lambda levels: routed_text(levels.routed),
-    "program": lambda levels: program_text(levels.program),
-}
-"""What ``--emit KIND`` writes to ``KIND.txt``."""

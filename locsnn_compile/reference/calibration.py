@@ -12,8 +12,8 @@ from hw_model.description.chip import Registers
 from hw_model.engine.trace import ByteArray
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.network.network import Network
+from locsnn_compile.network.recordings import fit_recordings
 from locsnn_compile.reference.evaluate import evaluate
-from locsnn_compile.verification.matching import fit_recordings
 
 SAMPLES = 256
 """Of more recordings, so many are taken, evenly spaced: beyond, agreement on others hardly rises."""

@@ -14,6 +14,7 @@ from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection
 from locsnn_compile.network.matrices import Matrix, values_of
 from locsnn_compile.network.network import Projection
 from locsnn_compile.network.neurons import Cuba
+from locsnn_compile.network.recordings import fit_recordings
 from locsnn_compile.pipeline import Levels, lower
 from locsnn_compile.reference.calibration import calibrate
 from locsnn_compile.stress.bounds import SOURCES, error_bound
@@ -22,7 +23,7 @@ from locsnn_compile.stress.engines import odd_one_out
 from locsnn_compile.stress.row import Lost, Measured
 from locsnn_compile.stress.sides import Sides
 from locsnn_compile.verification.error_budget.stages import STAGES
-from locsnn_compile.verification.matching import PopulationMatch, fit_recordings
+from locsnn_compile.verification.matching import PopulationMatch
 
 FLOAT_ROUNDING = 1e-9
 """Share of a potential, or of a threshold, that float64's own rounding may come to: far less than a register's unit."""

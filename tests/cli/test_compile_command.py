@@ -14,7 +14,8 @@ import torch
 import yaml
 
 import hw_model as hw
-from locsnn_compile.cli.compile import BENCH_KINDS, LEVEL_KINDS, main
+from locsnn_compile.backends import BENCH_KINDS, LEVEL_KINDS
+from locsnn_compile.cli.compile import main
 
 ROOT = Path(__file__).parents[2]
 MODEL = ROOT / "examples/models/objects-hybrid.pt"

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from locsnn_compile.cli.compile import EMIT_KINDS
+from locsnn_compile.backends import EMIT_KINDS
 from locsnn_compile.cli.completion import PROGRAMS, SHELLS
 from locsnn_compile.cli.main import main
 

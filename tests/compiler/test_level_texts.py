@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 import hw_model as hw
-from locsnn_compile.cli.compile import LEVEL_KINDS
-from locsnn_compile.network.text import LEVEL_TEXTS
+from locsnn_compile.backends import LEVEL_KINDS
+from locsnn_compile.backends.levels import LEVEL_TEXTS
 from locsnn_compile.passes.srm.quantize import STRATEGIES
 from locsnn_compile.pipeline import lower
 

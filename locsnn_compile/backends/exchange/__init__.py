@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from locsnn_compile.network.quantized import QuantizedNetwork
 
-EXCHANGE_KINDS = ("nir", "net")
-
 
 def exchange_file(kind: str, quantized: QuantizedNetwork) -> bytes:
     """Return a model as a file of another tool: ``nir``, or ``net`` of lava-dl.
