@@ -10,18 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.engine.trace import ByteArray
+from locsnn_compile.baselines.ann_shapes import CONVOLUTIONS, convolved
 from locsnn_compile.errors import InputError, did_you_mean
-from locsnn_compile.models.ann_shapes import CONVOLUTIONS, convolved
 from locsnn_compile.network.network import Network
-
-if TYPE_CHECKING:
-    import torch
 
 GRU_HIDDEN = 32
 CHANNELS_PER_FINGERTIP = 78
@@ -65,16 +61,6 @@ def ann_counts(name: str, *, fingertips: int, steps: int, classes: int) -> AnnCo
         macs = steps * 3 * (inputs * hidden + hidden * hidden) + hidden * classes
         return AnnCounts(macs, macs + 3 * steps * hidden, macs + 10 * steps * hidden)
     raise InputError(f"network {name!r}", "its operations are not known", fix=did_you_mean(name, ANN_NAMES))
-
-
-def module_operations(network: torch.nn.Module, example: torch.Tensor) -> AnnCounts:
-    """Count the operations of any artificial network in torch for ``example``, one recording (1, ...).
-
-    See :func:`locsnn_compile.models.operation_counter.count_operations`.
-    """
-    from locsnn_compile.models.operation_counter import count_operations
-
-    return count_operations(network, example)
 
 
 def _cnn_3d_macs(fingertips: int, steps: int, classes: int) -> int:

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from locsnn_compile.data.recordings import MAX_ELEMENTS
+from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS
 from locsnn_compile.errors import InputError
-from locsnn_compile.models.description import MAX_STEPS
 
 STEP_SECONDS = 0.02
 MICROSECONDS = 1_000_000

@@ -9,11 +9,10 @@ import numpy as np
 from locsnn_compile.data.archives import PARTS, archive_parts, read_archive
 from locsnn_compile.data.arrays import label_in_name, read_arrays
 from locsnn_compile.data.event_stream import MAX_EVENTS, MAX_STEP_SECONDS, MIN_STEP_SECONDS, Binning, bin_streams
-from locsnn_compile.data.recordings import MAX_ELEMENTS, Recordings
+from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS, Recordings
 from locsnn_compile.data.streams import EVENT_SUFFIXES, parse_events
 from locsnn_compile.data.torch_file import read_bytes
 from locsnn_compile.errors import InputError, did_you_mean
-from locsnn_compile.models.description import MAX_STEPS
 
 _SUFFIXES = (".zip", ".npy", ".npz", ".pt", *EVENT_SUFFIXES)
 #: Ranges of the whole numbers that describe how events become bins.

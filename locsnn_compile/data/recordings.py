@@ -12,6 +12,8 @@ from locsnn_compile.errors import InputError
 
 #: Largest set of recordings accepted, in array elements: four times the largest published tactile set.
 MAX_ELEMENTS = 200_000_000
+#: Most time steps of a recording: a few times what any published tactile recording needs.
+MAX_STEPS = 20_000
 #: Largest class number accepted.
 MAX_LABEL = 100_000
 

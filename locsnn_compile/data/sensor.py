@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locsnn_compile.errors import InputError, did_you_mean
-from locsnn_compile.models.description import check_location_taxels
 
 #: Taxels of one fingertip, numbered from 1 in every file and order.
 TAXELS = 39
@@ -85,3 +84,30 @@ def channel_walk(
     walk = (one + np.arange(fingertips)[:, np.newaxis] * (taxels * polarities)).reshape(-1)
     walk.setflags(write=False)
     return walk
+
+
+def check_location_taxels(taxels: Sequence[int], count: int) -> None:
+    """Refuse an order that is no permutation of the taxels 1..``count`` of a fingertip.
+
+    Raises ``InputError`` that names the first number out of range, repeated or missing.
+    """
+    fix = f"Give every taxel from 1 to {count} exactly once."
+    seen: set[int] = set()
+    for position, taxel in enumerate(taxels, start=1):
+        if isinstance(taxel, bool) or not isinstance(taxel, int) or not 1 <= taxel <= count:
+            raise InputError(
+                "location order",
+                f"entry {position} is not a taxel of the fingertip",
+                measured=f"got {taxel!r} against 1..{count}",
+                fix=fix,
+            )
+        if taxel in seen:
+            raise InputError("location order", f"taxel {taxel} is repeated at entry {position}", fix=fix)
+        seen.add(taxel)
+    if missing := [taxel for taxel in range(1, count + 1) if taxel not in seen]:
+        raise InputError(
+            "location order",
+            f"taxel {missing[0]} is missing",
+            measured=f"{len(seen)} of {count} taxels given",
+            fix=fix,
+        )

@@ -12,8 +12,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from locsnn_compile.baselines.ann_shapes import CONVOLUTIONS, FRAME
 from locsnn_compile.data.frame import frame_cells
-from locsnn_compile.models.ann_shapes import CONVOLUTIONS, FRAME
 from locsnn_compile.models.description import NetworkDescription
 from locsnn_compile.models.touch_model import TouchModel
 

@@ -6,17 +6,17 @@ Nothing here imports torch, so that the compiler can read descriptions without i
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
+from locsnn_compile.baselines.ann_shapes import ann_shapes
+from locsnn_compile.data.recordings import MAX_STEPS
+from locsnn_compile.data.sensor import check_location_taxels
 from locsnn_compile.errors import InputError, did_you_mean
-from locsnn_compile.models.ann_shapes import ann_shapes
 from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
 from locsnn_compile.models.graph_parameters import GraphParameters
 from locsnn_compile.models.windows import BIAS, MAX_WINDOW_NEURONS, WEIGHT, WindowParameters, output_parts
 
 #: Largest sizes accepted anywhere: a few times what any published tactile recording needs.
-MAX_STEPS = 20_000
 MAX_CHANNELS = 4_096
 MAX_UNITS = 4_096
 #: Longest delay of a synapse, in steps: what the chip holds.
@@ -304,33 +304,6 @@ _NEURONS: dict[str, type[NeuronParameters] | type[LifParameters] | type[WindowPa
     "windows": WindowParameters,
     "none": None,
 }
-
-
-def check_location_taxels(taxels: Sequence[int], count: int) -> None:
-    """Refuse an order that is no permutation of the taxels 1..``count`` of a fingertip.
-
-    Raises ``InputError`` that names the first number out of range, repeated or missing.
-    """
-    fix = f"Give every taxel from 1 to {count} exactly once."
-    seen: set[int] = set()
-    for position, taxel in enumerate(taxels, start=1):
-        if isinstance(taxel, bool) or not isinstance(taxel, int) or not 1 <= taxel <= count:
-            raise InputError(
-                "location order",
-                f"entry {position} is not a taxel of the fingertip",
-                measured=f"got {taxel!r} against 1..{count}",
-                fix=fix,
-            )
-        if taxel in seen:
-            raise InputError("location order", f"taxel {taxel} is repeated at entry {position}", fix=fix)
-        seen.add(taxel)
-    if missing := [taxel for taxel in range(1, count + 1) if taxel not in seen]:
-        raise InputError(
-            "location order",
-            f"taxel {missing[0]} is missing",
-            measured=f"{len(seen)} of {count} taxels given",
-            fix=fix,
-        )
 
 
 def _is_number(value: object) -> bool:

@@ -8,10 +8,11 @@ import pytest
 import torch
 from torch import nn
 
-from locsnn_compile.baselines.operations import ann_counts, module_operations
+from locsnn_compile.baselines.operations import ann_counts
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.networks import build_network
+from locsnn_compile.models.operation_counter import count_operations
 
 
 def network(name: str, fingertips: int, steps: int, classes: int) -> nn.Module:
@@ -32,7 +33,7 @@ def network(name: str, fingertips: int, steps: int, classes: int) -> nn.Module:
     ids=["cnn objects", "cnn containers", "cnn slip", "gru objects", "gru containers", "gru slip"],
 )
 def test_published_operations(name: str, steps: int, classes: int, operations: int) -> None:
-    counts = module_operations(network(name, 2, steps, classes), torch.zeros(1, steps, 156))
+    counts = count_operations(network(name, 2, steps, classes), torch.zeros(1, steps, 156))
     assert counts.operations == operations
     assert counts == ann_counts(name, fingertips=2, steps=steps, classes=classes)
 
@@ -40,7 +41,7 @@ def test_published_operations(name: str, steps: int, classes: int, operations: i
 @pytest.mark.parametrize("name", ["cnn-3d", "gru-mlp"])
 @pytest.mark.parametrize(("fingertips", "steps", "classes"), [(1, 250, 36), (1, 23, 2), (3, 60, 5)])
 def test_counting_modules_is_the_formula(name: str, fingertips: int, steps: int, classes: int) -> None:
-    counts = module_operations(network(name, fingertips, steps, classes), torch.zeros(1, steps, 78 * fingertips))
+    counts = count_operations(network(name, fingertips, steps, classes), torch.zeros(1, steps, 78 * fingertips))
     assert counts == ann_counts(name, fingertips=fingertips, steps=steps, classes=classes)
 
 
@@ -56,13 +57,13 @@ def test_counting_modules_is_the_formula(name: str, fingertips: int, steps: int,
     ],
 )
 def test_products_with_weights(module: nn.Module, shape: tuple[int, ...], macs: int) -> None:
-    counts = module_operations(module, torch.zeros(shape))
+    counts = count_operations(module, torch.zeros(shape))
     assert (counts.macs, counts.multiplications, counts.additions) == (macs, macs, macs)
 
 
 def test_a_layer_called_twice_counts_twice() -> None:
     layer = nn.Linear(4, 4)
-    assert module_operations(nn.Sequential(layer, nn.ReLU(), layer), torch.zeros(1, 4)).macs == 32
+    assert count_operations(nn.Sequential(layer, nn.ReLU(), layer), torch.zeros(1, 4)).macs == 32
 
 
 @pytest.mark.parametrize(
@@ -76,7 +77,7 @@ def test_recurrent_cells(module: type[nn.RNNBase], gates: int, products: int, su
     one = module(inputs, hidden, batch_first=True, bias=bias)
     # All products with weights of one step are the elements of its matrices.
     products_with_weights = steps * sum(prod(p.shape) for p in one.parameters() if p.ndim == 2)
-    counts = module_operations(one, torch.zeros(1, steps, inputs))
+    counts = count_operations(one, torch.zeros(1, steps, inputs))
     assert counts.macs == products_with_weights
     assert counts.multiplications == products_with_weights + steps * products * hidden
     biases = 2 if bias else 0
@@ -86,12 +87,12 @@ def test_recurrent_cells(module: type[nn.RNNBase], gates: int, products: int, su
 def test_layers_and_directions_of_a_recurrent_network() -> None:
     both = nn.GRU(5, 3, num_layers=2, bidirectional=True, batch_first=True)
     products_with_weights = 7 * sum(prod(p.shape) for p in both.parameters() if p.ndim == 2)
-    assert module_operations(both, torch.zeros(1, 7, 5)).macs == products_with_weights
+    assert count_operations(both, torch.zeros(1, 7, 5)).macs == products_with_weights
 
 
 def test_the_network_stays_as_it_was() -> None:
     module = nn.Sequential(nn.Linear(5, 3), nn.Dropout())
-    module_operations(module, torch.zeros(1, 5))
+    count_operations(module, torch.zeros(1, 5))
     assert module.training
     assert not module[0]._forward_hooks
 
@@ -122,7 +123,7 @@ KINDS = (
 )
 def test_kinds_that_are_not_known(module: nn.Module, where: str, kind: str) -> None:
     with pytest.raises(InputError) as caught:
-        module_operations(module, torch.zeros(1, 3))
+        count_operations(module, torch.zeros(1, 3))
     assert str(caught.value) == (
         f"module {where}: operations of a {kind} are not known. Use modules of these kinds: {KINDS}."
     )
@@ -131,5 +132,5 @@ def test_kinds_that_are_not_known(module: nn.Module, where: str, kind: str) -> N
 def test_spiking_networks_are_not_counted_so() -> None:
     spiking = network("tactile-snn-lif", 1, 30, 2)
     with pytest.raises(InputError) as caught:
-        module_operations(spiking, torch.zeros(1, 30, 78))
+        count_operations(spiking, torch.zeros(1, 30, 78))
     assert str(caught.value).startswith("module 'time_hidden': operations of a TLIF are not known.")
