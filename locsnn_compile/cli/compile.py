@@ -106,7 +106,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def run(args: Namespace) -> int:
     """Compile as ``args`` ask. Raises ``InputError`` and ``TargetError``."""
     _check_options(args)
-    from locsnn_compile.backends.build_folder import check_folder, default_folder, write_build
+    from hw_model.io.build_folder import check_folder, default_folder, write_build
 
     folder = Path(args.output) if args.output else default_folder(args.model)
     check_folder(folder)

@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
     """Explore as ``args`` ask; return the exit code. Raises ``InputError`` and ``TargetError``."""
     wanted: dict[str, list[Value]] = {axis.name: getattr(args, axis.name) for axis in AXES}
     _check_options(args, wanted)
-    from locsnn_compile.backends.build_folder import check_folder, default_folder, write_build
+    from hw_model.io.build_folder import check_folder, default_folder, write_build
 
     folder = Path(args.output) if args.output else default_folder(args.model, "-explore")
     check_folder(folder)

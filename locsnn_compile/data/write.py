@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hw_model.io.build_folder import check_folder, write_build
 from hw_model.io.files import pack_arrays, replace_file
-from locsnn_compile.backends.build_folder import check_folder, write_build
 from locsnn_compile.data.arrays import label_in_name
 from locsnn_compile.data.event_stream import STEP_SECONDS, recording_events
 from locsnn_compile.data.recordings import Recordings

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 import locsnn_compile as lc
+from hw_model.io.build_folder import default_folder, write_build
 from locsnn_compile.backends import LEVEL_KINDS
-from locsnn_compile.backends.build_folder import default_folder, write_build
 from locsnn_compile.cli.compile import build_files, main
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "compiler"))

@@ -6,8 +6,8 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
+from hw_model.errors import InputError
 from hw_model.io.folders import replace_entries
-from locsnn_compile.errors import InputError
 
 LONGEST = 200
 """Bytes of a folder's name; file systems allow 255, and a stage beside it has a longer one."""
