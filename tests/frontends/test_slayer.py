@@ -13,14 +13,14 @@ from locsnn_compile.data.sensor import LOCATION_ORDERS, channel_walk
 from locsnn_compile.frontends.slayer.kernels import alpha_taps, truncated_spikes
 from locsnn_compile.network.matrices import values_of
 from locsnn_compile.network.text import network_text
+from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.verification.error_budget.budget import error_budget
 
-RNG = np.random.default_rng(4)
-
 
 def weights(outs, ins, mean=1.0):
-    return RNG.normal(mean, 2.0, (outs, ins)).astype(np.float32).astype(np.float64)
+    rng = np.random.default_rng((4, outs, ins))  # alike in whichever order the tests run
+    return rng.normal(mean, 2.0, (outs, ins)).astype(np.float32).astype(np.float64)
 
 
 def spikes(lines, steps=60, rate=0.15):
@@ -62,11 +62,13 @@ def test_kernels_may_be_cut_in_the_reference_and_the_chip_keeps_them(tmp_path):
     found = evaluate(network, given[None]).spikes
     np.testing.assert_array_equal(found["fc1"][0], hidden)
     np.testing.assert_array_equal(found["fc2"][0], srm_layer(second, hidden, full=False))
-    both = [lc.compile(one, events=given[None], strategy="dendrite", diagnosis=False) for one in (network, full)]
-    played = [hw.simulate(c.program, given).spikes["fc2"] for c in both]
+    # Not for calibration recordings: what rounding makes of those depends on the kernels of the reference.
+    lowered = [lower(one, hw.chip("loihi-sim"), 8).program for one in (network, full)]
+    played = [hw.simulate(program, given).spikes["fc2"] for program in lowered]
     np.testing.assert_array_equal(*played)
-    assert both[0].match.by_population["fc1"].reference_spikes == hidden.sum()
-    assert error_budget(both[0].levels, given[None]).unexplained == 0
+    compiled = lc.compile(network, events=given[None], strategy="dendrite", diagnosis=False)
+    assert compiled.match.by_population["fc1"].reference_spikes == hidden.sum()
+    assert error_budget(compiled.levels, given[None]).unexplained == 0
     assert "kernels cut after 77 and 11" in network_text(network)
 
 
@@ -93,7 +95,8 @@ def test_the_authors_hybrid_walks_its_location_order(order, tmp_path):
 
 
 def test_loihi_layers_are_integers_and_spike_as_these_mean(tmp_path):
-    first, second = RNG.normal(0, 60, (9, 12)), RNG.normal(10, 60, (4, 9))
+    rng = np.random.default_rng(4)
+    first, second = rng.normal(0, 60, (9, 12)), rng.normal(10, 60, (4, 9))
     network = lc.load(*write(tmp_path, {"fc1": first, "fc2": second}, LOIHI))
     layers = [
         {"type": "dense", "shape": [len(w)], "weight": 2 * np.round(np.float32(w).astype(float) / 2), "neuron": LOIHI}
