@@ -91,7 +91,7 @@ def _prove_core(core: Core, registers: Registers) -> CoreRange:
         undecided = safe_period == 0
         if not undecided.any():
             break
-        safe_period[undecided & wrap_q & _safe_at(core, charge, period, half)] = period
+        safe_period[undecided & _safe_at(core, charge, wrap_q, period, half)] = period
     return CoreRange(core.number, charge, u, v, cannot_wrap, cannot_clip, safe_period)
 
 
@@ -141,7 +141,7 @@ def _voltage(core: Core, drive: Bounds, *, filtered: bool) -> Bounds:
     return Bounds(low, high)
 
 
-def _safe_at(core: Core, charge: Bounds, period: int, half: int) -> BoolArray:
+def _safe_at(core: Core, charge: Bounds, wrap_q: BoolArray, period: int, half: int) -> BoolArray:
     """Mark compartments that neither wrap nor clip while every source spikes at most once in ``period`` steps."""
     bias = core.bias.astype(np.float64)
     u_gain, v_gain, bias_gain = (np.empty(core.compartments) for _ in range(3))
@@ -158,7 +158,7 @@ def _safe_at(core: Core, charge: Bounds, period: int, half: int) -> BoolArray:
         )
     driven = Bounds(u.low + np.minimum(bias, 0), u.high + np.maximum(bias, 0))
     v = _voltage(core, own, filtered=True)
-    safe: BoolArray = driven.within(-half, half - 1) & v.within(core.vmin, core.vmax)
+    safe: BoolArray = wrap_q & driven.within(-half, half - 1) & v.within(core.vmin, core.vmax)
     # A child that may wrap could pass anything on.
     for i in range(core.compartments):
         if core.parent[i] >= 0 and not safe[i]:

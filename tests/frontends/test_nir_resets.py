@@ -130,6 +130,22 @@ def test_a_tau_without_end_integrates(kind, tmp_path):
     np.testing.assert_array_equal(found[0, 1:], wanted[:-1])
 
 
+@pytest.mark.parametrize("shorter_by", [0.0, 1e-7, 1e-5, 0.05])
+def test_a_tau_of_a_step_is_one_only_up_to_rounding(shorter_by, tmp_path):
+    tau, one = DT / (1 + shorter_by), np.ones(12)
+    node = nir.LIF(tau=tau * one, r=one, v_leak=0 * one, v_threshold=one, v_reset=0 * one)
+    graph = chain((10,), ("fc", linear(RNG, 12, 10)), ("lif", node))
+    if shorter_by < 1e-6:
+        assert (load(graph, tmp_path).populations[0].neuron.decay_v == 1).all()
+        return
+    with pytest.raises(lc.InputError) as caught:
+        load(graph, tmp_path)
+    assert str(caught.value) == (
+        f"model 'graph.nir', node 'lif': tau is shorter than a step ({tau:g} s against 0.001 s). "
+        "Give a smaller --dt, or --discretisation exact or hold."
+    )
+
+
 REFUSED = [
     ("zero", {"v_reset": 1.5}, "the threshold is not above the reset (by -0.5)"),
     ("subtract", {"v_leak": 1.5}, "the threshold is not above v_leak, where it starts (by -0.5)"),

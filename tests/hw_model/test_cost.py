@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cost_programs import chain, crossroads, hybrid
+from hybrids import assembled
 
 import hw_model as hw
 from hw_model.accounting.cost import critical_path, energy_pj, latency, step_times
@@ -74,6 +75,36 @@ def test_a_step_waits_for_the_farthest_packet():
         "synapses": [3.5, 3.5, 0],
         "barrier": [324.2, 324.2, 324.2],
     }
+
+
+@pytest.mark.parametrize(("others", "barrier_ns"), [(1, 113.0), (3, 113.0), (4, 113.0 + (465.0 - 113.0) / 31)])
+def test_the_barrier_is_of_tiles(others, barrier_ns):
+    """One compartment a core: two or four cores are one tile, five are two of 32."""
+    small = replace(CHIP, limits=replace(CHIP.limits, compartments_per_core=1))
+    builder = hw.ProgramBuilder(small)
+    builder.connect(
+        builder.add_input("x", 1), builder.add_compartments("y", 1 + others, threshold=1), [[20]] * (1 + others)
+    )
+    program = builder.build()
+    result = hw.simulate(program, [[1], [0]], probe=("activity",))
+    times = step_times(program, "time", result.activity["time"][0], CHIP.profile("davies2018"))
+    assert (len(program.cores), times.barrier_ns) == (1 + others, barrier_ns)
+
+
+@pytest.mark.parametrize(("synapses", "core"), [((1, 3), 1), ((3, 1), 0)], ids=["the second", "the first"])
+def test_the_critical_core_is_the_one_that_is_last_for_longest(synapses, core):
+    """Two cores, which one event reaches by so many synapses each."""
+    small = replace(CHIP, limits=replace(CHIP.limits, compartments_per_core=1))
+    builder = hw.ProgramBuilder(small)
+    x = builder.add_input("x", 1)
+    for name, many in zip("ab", synapses, strict=True):
+        y = builder.add_compartments(name, 1, decay_u=4096, decay_v=4096, threshold=131071)
+        for _ in range(many):
+            builder.connect(x, y, [[20]])
+    program = assembled(small, None, builder.graph())
+    result = hw.simulate(program, np.ones((9, 1), dtype=np.uint8), probe=("activity",))
+    activity = {phase: found[0] for phase, found in result.activity.items()}
+    assert latency(program, activity, CHIP.profile("davies2018")).critical_core == core
 
 
 def test_hops_are_counted_from_tile_to_tile():

@@ -194,6 +194,36 @@ def test_stops_by_hand(options, stop):
     assert (found.steps.tolist(), found.all_steps, found.prediction.tolist()) == ([stop], 8, [0])
 
 
+def test_what_may_wrap_may_spike():
+    """Class 1 has no positive weight at all, but two of its negative ones together wrap to a charge above 0."""
+    builder, _ = one_layer([[60, 0, 0], [0, -254, -254]], decay_u=4096, decay_v=4096, exponent=7, threshold=[30, 500])
+    program = builder.build()
+    recording = np.zeros((8, 3), dtype=np.uint8)
+    recording[0, 0] = 1
+    found = hw.stop_when_proven(program, recording[None])
+    # One spike against six, ... and against one, in the last step: a tie, which goes to class 0.
+    assert (found.steps.tolist(), found.prediction.tolist()) == ([7], [0])
+    recording[5:, 1:] = 1
+    assert hw.simulate(program, recording).prediction == 1
+
+
+def test_refractory_steps_take_a_voltage_up_to_0():
+    """A strong inhibition is forgotten while the neuron is refractory: its charge alone would say that it never spikes."""
+    builder, _ = one_layer(
+        [[40, 0, 0], [0, 40, -158]], decay_u=[4096, 1024], decay_v=[4096, 0], threshold=10, refractory=[6, 4]
+    )
+    program = builder.build()
+    recording = np.zeros((6, 3), dtype=np.uint8)
+    recording[0, :2] = 1
+    recording[1, 2] = 1
+    found = hw.stop_when_proven(program, recording[None])
+    # u of class 1 is 2560, -8192, -6144 ... from step 1 on: a charge in steps 4 and 5 each, and 1024 is above 640.
+    assert (found.steps.tolist(), found.prediction.tolist()) == ([5], [0])
+    recording[3:, 1] = 1
+    played = hw.simulate(program, recording)
+    assert (played.spikes["y"].sum(axis=0).tolist(), played.prediction) == ([1, 2], 1)
+
+
 @pytest.mark.parametrize(("winner", "stop"), [(0, 5), (1, 6)], ids=["the first", "the second"])
 def test_a_tie_goes_to_the_first_class(winner, stop):
     """Four spikes against three to come are enough for both; against four, for the first class alone."""

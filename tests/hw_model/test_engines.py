@@ -201,6 +201,37 @@ def test_silence_is_skipped_and_counted():
     assert 151 + (399 - moving[-1]) - 8 <= fast.counts.skipped_steps <= 151 + (399 - moving[-1])
 
 
+def test_a_refractory_sum_counts_on_while_its_dendrites_rest():
+    """A soma that only adds up: it is at rest when it may spike again, not when its dendrites are."""
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 1)
+    soma = builder.add_compartments("soma", 1, decay_u=4096, decay_v=4096, threshold=90, refractory=5)
+    dendrite = builder.add_compartments("dendrite", 1, decay_u=4096, decay_v=4096, threshold=0, joined_to=soma)
+    builder.connect(x, dendrite, [[100]])
+    spikes = np.zeros((40, 1), dtype=np.uint8)
+    spikes[[0, 3, 10, 15, 19, 25]] = 1
+    for engine in ENGINES:
+        found = hw.simulate(builder.build(), spikes, engine=engine).spikes["soma"]
+        assert np.flatnonzero(found).tolist() == [1, 11, 16, 26], engine
+
+
+def test_a_charge_beyond_32_bits_is_counted_as_a_wrap():
+    """It is 2^32 less 2048 in units of 64: in 32 bits it would look like -2048, which does not wrap."""
+    sources = 16513
+    limits = replace(CHIP.limits, input_axons_per_core=20_000, synapse_words_per_core=10**9)
+    builder = hw.ProgramBuilder(replace(CHIP, limits=limits))
+    x = builder.add_input("x", sources)
+    y = builder.add_compartments("y", 1, decay_u=4096, decay_v=4096, threshold=10)
+    for _ in range(8):
+        builder.connect(x, y, np.full((1, sources), 254), exponent=7)
+    program = builder.build()
+    spikes = np.zeros((3, sources), dtype=np.uint8)
+    spikes[0] = 1
+    fast, slow = (hw.simulate(program, spikes, engine=engine, probe=("u",)) for engine in ENGINES)
+    assert slow.u["y"].ravel().tolist() == fast.u["y"].ravel().tolist() == [0, -2048 * 64, 0]
+    assert slow.counts.charge_wraps == fast.counts.charge_wraps == 1
+
+
 def test_a_bias_is_never_skipped():
     builder = hw.ProgramBuilder(CHIP)
     builder.add_input("x", 1)

@@ -12,11 +12,11 @@ from hw_model.range_proof import PERIODS, prove_range
 CHIP = hw.chip("loihi-sim")
 
 
-def one(weights, **parameters):
+def one(weights, exponent=0, **parameters):
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", len(weights))
     n = builder.add_compartments("n", 1, **{"threshold": 131071, "decay_u": 4096, "decay_v": 4096, **parameters})
-    builder.connect(x, n, [weights])
+    builder.connect(x, n, [weights], exponent=exponent)
     return builder.build()
 
 
@@ -93,6 +93,48 @@ def test_a_rate_is_found_where_every_step_is_too_much():
     shorter = PERIODS[PERIODS.index(period) - 1]
     spikes = (np.arange(4000)[:, None] % max(shorter // 2, 1) == 0).astype(np.uint8)
     assert hw.simulate(program, spikes).counts.clips > 0
+
+
+@pytest.mark.parametrize("sign", [1, -1], ids=["up", "down"])
+def test_a_bias_takes_part_in_the_wrap(sign):
+    """Here u never wraps, and u + bias does."""
+    program = one([sign * 252], decay_u=1060, bias=sign * 4095 * 128, exponent=7)
+    proven = prove_range(program)[0]
+    assert (np.abs([proven.u.low[0], proven.u.high[0]]) < 2**23).all()
+    assert not proven.cannot_wrap[0]
+    assert hw.simulate(program, np.ones((100, 1), dtype=np.uint8)).counts.current_wraps > 0
+    assert prove_range(one([sign * 252], decay_u=1060, exponent=7))[0].cannot_wrap[0]
+
+
+def test_what_a_child_may_do_its_parent_may_suffer():
+    """Two children without positive weights, which wrap above 0 nevertheless, and are cut off at vmax."""
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 2)
+    common = {"decay_u": 4096, "decay_v": 4096, "vmin": 0, "vmax": 2**15 - 1}
+    soma = builder.add_compartments("soma", 1, threshold=131071, **common)
+    for name in ("a", "b"):
+        child = builder.add_compartments(name, 1, threshold=0, joined_to=soma, **common)
+        builder.connect(x, child, [[-254, -254]], exponent=7)
+    program = builder.build()
+    assert prove_range(program)[0].safe_period.tolist() == [0, 0, 0]
+    counts = hw.simulate(program, [[1, 1], [0, 0]]).events["soma"]
+    assert counts["voltage_clips"] == 1
+
+
+def test_a_charge_that_wraps_is_passed_on():
+    """Of no child can u or v leave its register, but the charge of one wraps, to what makes their parent clip."""
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 2)
+    forgets = {"decay_u": 4096, "decay_v": 4096}
+    soma = builder.add_compartments("soma", 1, threshold=131071, **forgets)
+    for k, weights in enumerate([[-254, -4], *4 * [[254, 0]]]):
+        child = builder.add_compartments(f"child{k}", 1, threshold=0, joined_to=soma, **forgets)
+        builder.connect(x, child, [weights], exponent=7)
+    program = builder.build()
+    proven = prove_range(program)[0]
+    assert proven.cannot_wrap.tolist() == [False, True, True, True, True, True]
+    assert proven.safe_period.tolist() == [0, 1, 1, 1, 1, 0]
+    assert hw.simulate(program, [[1, 1], [0, 0]]).events["soma"]["voltage_clips"] == 1
 
 
 def test_nothing_kept_for_ever_is_safe():

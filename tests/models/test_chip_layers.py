@@ -115,10 +115,26 @@ def test_layers_are_the_chip(strategy: Strategy, seed: int) -> None:
     layer = layer_of(numbers, strategy, rng.uniform(-largest, largest, size=(n, inputs)))
     x = (rng.random((2, steps, inputs)) < rng.choice([0.05, 0.5, 1.0])).astype(np.uint8)
 
+    check_against_the_chip(layer, x)
+
+
+def test_a_charge_of_own_spikes_that_wraps() -> None:
+    """No synapse is as heavy, but two of a neuron to itself together are."""
+    numbers = replace(NUMBERS, threshold=100, own=(OwnSynapse(-156, 7), OwnSynapse(-156, 7)))
+    layer = layer_of(numbers, "dendrite", np.array([[0.5], [1.0], [3.0]]))
+    check_against_the_chip(layer, (np.arange(60) % 7 == 0).astype(np.uint8)[None, :, None])
+    assert layer.events[0] > 3
+
+
+def check_against_the_chip(layer: ChipLayer, x: np.ndarray) -> None:
+    """Spikes, potentials and events are those of the program that is written by hand."""
     found = layer(torch.from_numpy(x).float()).detach().numpy()
     potential = layer.steps((x @ layer.mantissas().T).astype(np.float64))[1]
     wanted = hw.simulate(
-        program_of(numbers, strategy, layer.mantissas()), x, engine="reference", probe=("spikes", "potential")
+        program_of(layer.numbers, layer.strategy, layer.mantissas()),
+        x,
+        engine="reference",
+        probe=("spikes", "potential"),
     )
     assert np.array_equal(found, wanted.spikes["out"])
     assert np.array_equal(potential, wanted.potential["out"])

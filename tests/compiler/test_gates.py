@@ -1,0 +1,34 @@
+"""Gates at their bounds: what is equal to a bound keeps it."""
+
+from __future__ import annotations
+
+import pytest
+
+from locsnn_compile.verification.gates import GATES, check_gates
+
+REPORT = {
+    "match": {"prediction_agreement": 0.75, "spike_agreement": 0.875, "samples": 4},
+    "energy": {"per_sample_pj": 2500.0},
+    "latency": {"per_sample_ns": 1500.0},
+    "resources": {"cores": 3},
+}
+ROWS = [
+    # gate, bound that is just kept, one that is not, what is said of each
+    ("--min-agreement", 0.75, 0.7501, "prediction agreement is 0.7500, not below 0.75", "prediction agreement is 0.7500, below 0.7501"),
+    ("--max-spike-error", 0.125, 0.1249, "0.1250 of the spikes differ, not above 0.125", "0.1250 of the spikes differ, above 0.1249"),
+    ("--max-energy-nj", 2.5, 2.4999, "a recording takes 2.5 nJ, not above 2.5", "a recording takes 2.5 nJ, above 2.4999"),
+    ("--max-latency-us", 1.5, 1.4999, "a recording takes 1.5 µs, not above 1.5", "a recording takes 1.5 µs, above 1.4999"),
+    ("--max-cores", 3, 2, "3 cores are used, not above 3", "3 cores are used, above 2"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("gate", "kept", "broken", "said", "blamed"), ROWS, ids=[row[0] for row in ROWS])
+def test_a_bound_is_kept_by_what_is_equal_to_it(gate, kept, broken, said, blamed):
+    (one,), (other,) = (check_gates(REPORT, {gate: bound}) for bound in (kept, broken))
+    assert (one.option, one.holds, one.found) == (gate, True, said)
+    assert (other.option, other.holds, other.found) == (gate, False, blamed)
+
+
+def test_every_gate_has_its_row_and_they_come_in_order():
+    bounds = {gate: kept for gate, kept, *_ in reversed(ROWS)}
+    assert tuple(gate.option for gate in check_gates(REPORT, bounds)) == GATES == tuple(row[0] for row in ROWS)

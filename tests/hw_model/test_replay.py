@@ -1,0 +1,124 @@
+"""Replays by hand: location phases that run again from the middle, with registers at their ends, against the plain engine."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hybrids import CHIP, assembled, in_phase
+
+import hw_model as hw
+from hw_model.mapping.graph import Readout
+from hw_model.streaming.time_phase import Live
+
+FORGETS = {"decay_u": 4096, "decay_v": 4096}
+STEPS = 12
+
+
+def neuron(weights, **parameters):
+    """One compartment of so many input lines."""
+
+    def build(builder, x):
+        y = builder.add_compartments("y", 1, **{"threshold": 100, **FORGETS, **parameters})
+        builder.connect(x, y, [weights], exponent=7)
+
+    return build
+
+
+def dendrites(count, weights, soma, **parameters):
+    """A soma that only adds up so many dendrites."""
+
+    def build(builder, x):
+        y = builder.add_compartments("y", 1, **FORGETS, **soma)
+        for k in range(count):
+            child = builder.add_compartments(f"d{k}", 1, threshold=0, joined_to=y, **{**FORGETS, **parameters})
+            builder.connect(x, child, [weights], exponent=7)
+
+    return build
+
+
+LARGE = {"decay_u": 0, "bias": 4095 * 128}
+"""A current that is kept, so that five charges of 254 * 2^13 take it, and a bias, beyond 2^23."""
+PHASES = {
+    "pulled to vmin": neuron([100, -200], decay_v=0, vmin=0, threshold=300),
+    "a dendrite, pushed to vmax": dendrites(
+        1, [200, -100], {"threshold": 30_000, "vmax": 2**21 - 1}, decay_v=0, vmax=2**21 - 1
+    ),
+    "u + bias wraps": neuron([252, -252], **LARGE, threshold=20_000),
+    "refractory": neuron([200, 100], refractory=4),
+    "a soma refractory": dendrites(1, [200, 100], {"threshold": 100, "refractory": 5}),
+    "a soma of two, refractory": dendrites(2, [200, 100], {"threshold": 100, "refractory": 5}),
+    "a pair": dendrites(2, [200, -100], {"threshold": 10_000}, decay_u=1024, decay_v=512),
+    "a pair, pulled to vmin": dendrites(2, [100, -200], {"threshold": 300, "vmin": 0}, decay_v=0, vmin=0),
+    "a pair, its sum cut off": dendrites(
+        2, [250, -60], {"threshold": 30_000, "vmax": 2**21 - 1}, decay_v=2048, vmax=2**21 - 1
+    ),
+    "a pair that wraps": dendrites(2, [252, -252], {"threshold": 20_000}, **LARGE),
+    "a pair with a bias": dendrites(2, [250, -250], {"threshold": 10_000}, bias=-64_000, decay_v=512),
+}
+
+
+def location_program(build) -> hw.ChipProgram:
+    """One phase of ``STEPS`` channels, visited in order; a recording of two rows is two lines of it."""
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 2)
+    build(builder, x)
+    graph = in_phase(builder.graph(), "location", STEPS, np.arange(STEPS))
+    return assembled(CHIP, Readout(("y",), (1.0,)), graph)
+
+
+@pytest.mark.parametrize("name", PHASES)
+def test_every_row_in_turn_is_the_plain_engine(name):
+    """Twenty recordings: the second row changes what the first has made, from any step on."""
+    program = location_program(PHASES[name])
+    recordings = (np.random.default_rng(3).random((20, 2, STEPS)) < 0.5).astype(np.uint8)
+    recordings[10:, 1, :6] = 0
+    wanted = hw.simulate(program, recordings, engine="reference").spikes["y"]
+    first = hw.simulate(program, recordings * [[1], [0]], engine="reference").spikes["y"]
+    session = hw.Session(program)
+    for recording, whole, begun in zip(recordings, wanted, first, strict=True):
+        session.reset()
+        assert session.push(recording[:1]).spikes["y"][0] == begun.sum()
+        assert np.array_equal(session.spikes("y"), begun)
+        assert session.push(recording[1:]).spikes["y"][0] == whole.sum()
+        assert np.array_equal(session.spikes("y"), whole)
+    assert 20 < wanted.sum() < wanted.size
+    assert not np.array_equal(wanted, first)
+
+
+def test_the_phases_reach_the_ends_of_their_registers():
+    """So that the comparison above is one of wraps and clips."""
+    recordings = (np.random.default_rng(3).random((20, 2, STEPS)) < 0.5).astype(np.uint8)
+    counts = {name: hw.simulate(location_program(build), recordings).counts for name, build in PHASES.items()}
+    assert {name for name, found in counts.items() if found.current_wraps} == {"u + bias wraps", "a pair that wraps"}
+    clipped = {name for name, found in counts.items() if found.voltage_clips}
+    assert clipped >= {
+        "pulled to vmin",
+        "a dendrite, pushed to vmax",
+        "a pair, pulled to vmin",
+        "a pair, its sum cut off",
+    }
+
+
+def test_no_row_is_played_after_the_last_step(monkeypatch):
+    """Whatever the number of rows pushed before: the loop is never asked for fewer than none, nor for more than are left."""
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 1)
+    builder.connect(x, y := builder.add_compartments("y", 1, threshold=10, **FORGETS), [[20]])
+    builder.read_out(y)
+    program = builder.build()
+    program = replace(program, phases=(replace(program.phases[0], steps=5),))
+    played = []
+    begin = Live.__init__
+
+    def recorded(live, *arguments):
+        begin(live, *arguments)
+        push = live._push
+        live._push = lambda rows, lasting, *rest: (played.append((len(rows), lasting)), push(rows, lasting, *rest))
+
+    monkeypatch.setattr(Live, "__init__", recorded)
+    session = hw.Session(program)
+    found = [session.push(np.ones((rows, 1), dtype=np.uint8)).spikes["y"][-1, 0] for rows in (3, 4, 1, 2)]
+    assert played == [(3, 3), (4, 2), (1, 0), (2, 0)]
+    assert found == [2, 4, 4, 4]
