@@ -19,6 +19,16 @@ _BOUNDS = (
     ("registers", "refractory_max", 1, 65_535),
     ("registers", "delay_max", 0, 1_022),
     ("limits", "cores_per_chip", 1, 65_536),
+    ("limits", "compartments_per_core", 1, 1 << 20),
+    ("limits", "input_axons_per_core", 1, 1 << 20),
+    ("limits", "output_axons_per_core", 1, 1 << 20),
+    ("limits", "synapse_words_per_core", 1, 1 << 24),
+    ("limits", "synapse_formats_per_core", 1, 65_536),
+    ("limits", "compartment_profiles_per_core", 1, 65_536),
+    ("limits", "threshold_profiles_per_core", 1, 65_536),
+    ("synapse_memory", "word_bits", 1, 4_096),
+    ("synapse_memory", "run_length", 1, 65_536),
+    ("synapse_memory", "run_header_bits", 0, 1_024),
 )
 """Section, key, least and most. The compiled engine wraps q and u at one width alone; slots for delays are memory."""
 MAX_CORES = 1 << 20

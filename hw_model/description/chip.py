@@ -7,6 +7,9 @@ from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 
+import numpy as np
+
+from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.description.check import check_chip
 from hw_model.description.profile import Profile
 from hw_model.description.read import parse, read_description
@@ -80,13 +83,13 @@ class SynapseMemory:
     run_length: int
     run_header_bits: int
 
-    def words(self, synapses: int, bits_per_synapse: int) -> int:
-        """Return the words of a list: each started run costs its header and synapses, rounded up to a word."""
-        full, rest = divmod(synapses, self.run_length)
-        return full * self._run(self.run_length, bits_per_synapse) + (self._run(rest, bits_per_synapse) if rest else 0)
-
-    def _run(self, synapses: int, bits_per_synapse: int) -> int:
-        return -(-(self.run_header_bits + synapses * bits_per_synapse) // self.word_bits)
+    def words(self, synapses: IntArray, bits: IntArray | int) -> IntArray:
+        """Return the words of lists of so many synapses of so many bits: each started run is rounded up to a word."""
+        full, rest = synapses // self.run_length, synapses % self.run_length
+        header, word = self.run_header_bits, self.word_bits
+        of_full, of_rest = (-(-(header + run * np.asarray(bits)) // word) for run in (self.run_length, rest))
+        words: IntArray = full * of_full + (rest > 0) * of_rest
+        return words
 
 
 @dataclass(frozen=True)

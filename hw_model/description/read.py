@@ -18,6 +18,8 @@ T = TypeVar("T")
 MAX_FILE_BYTES = 1 << 20
 TIMED = (*BY_CORE, "neuron_updates_inactive", "packets_received")
 """Counts that a profile may give a time."""
+LARGEST = 2**40
+"""No number of a description is as large; most have narrower bounds."""
 _MAY_BE_ZERO = ("bias_exponent_max", "delay_max", "run_header_bits")
 _COUNTED = {"energy_pj": COUNT_NAMES, "bound_pj": COUNT_NAMES, "time_ns": TIMED}
 """What the costs of a mapping are of, by its key."""
@@ -148,9 +150,17 @@ class _Reader:
 
     def number(self, value: object, key: str, *, whole: bool) -> int | float:
         kinds = int if whole else (int, float)
-        if isinstance(value, bool) or not isinstance(value, kinds) or not 0 <= value < 2**40:
+        if isinstance(value, bool) or not isinstance(value, kinds) or not value >= 0:
             kind = "whole number" if whole else "number"
             raise self.error(key, f"{value!r} is not a {kind} from 0 up", "Correct it.")
+        if value >= LARGEST:
+            shown = value if isinstance(value, float) else min(value, 10**300)
+            raise InputError(
+                f"{self.where}: {key}",
+                "the number is too large",
+                measured=f"{shown:.6g} against less than 2^40",
+                fix="Correct it.",
+            )
         if whole and key not in _MAY_BE_ZERO and value == 0:
             raise self.error(key, "0 leaves nothing to place on", "Give at least 1.")
         return value if whole else float(value)

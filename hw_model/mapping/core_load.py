@@ -40,8 +40,8 @@ class CoreLoad:
         self._thresholds: set[tuple[int, ...]] = set()
         self._voltage_limits: set[tuple[int, ...]] = set()
         self._formats: set[SynapseFormat] = set()
-        self._lengths: dict[str, IntArray] = {}
-        self._words = 0
+        self._lengths: dict[SynapseFormat | str, IntArray] = {}
+        self.words = 0
         self.compartments = 0
 
     def sources_on_core(self) -> IntArray:
@@ -73,12 +73,12 @@ class CoreLoad:
         if count:
             by_name = {what: int(use[count - 1]) for what, use, _ in uses}
             self.compartments = by_name["compartments"]
-            self._words = by_name["synapse memory words"]
+            self.words = by_name["synapse memory words"]
             self._formats |= _formats(projections)
             for projection in projections:
                 source = projection.source[projection.rows(start, start + count)]
                 self._on_core[source] = True
-                self._lengths[projection.name] = self._length(projection) + np.bincount(
+                self._lengths[projection.lists] = self._length(projection.lists) + np.bincount(
                     source, minlength=len(self._on_core)
                 )
             for known, values in self._distinct(groups, start, start + count):
@@ -122,25 +122,25 @@ class CoreLoad:
             (self._voltage_limits, rows("vmin", "vmax")),
         ]
 
-    def _length(self, projection: FanIn) -> IntArray:
-        """Return how long each source's list of a projection is on this core."""
-        return self._lengths.get(projection.name, np.zeros(len(self._on_core), dtype=np.int64))
+    def _length(self, lists: SynapseFormat | str) -> IntArray:
+        """Return how long each source's list is on this core."""
+        return self._lengths.get(lists, np.zeros(len(self._on_core), dtype=np.int64))
 
     def _synapse_uses(self, projections: Sequence[FanIn], start: int, stop: int) -> tuple[IntArray, IntArray]:
         """Return input axons and synapse memory words after each neuron of the window."""
         size = stop - start
         new_axons, new_words = np.zeros(size, dtype=np.int64), np.zeros(size, dtype=np.int64)
         found_sources, found_neurons = [], []
-        for projection in projections:
-            rows = projection.rows(start, stop)
-            source, neuron = projection.source[rows], projection.target[rows] - start
-            order = np.argsort(source, kind="stable")
+        for together in _by_lists(projections):
+            rows = [(p.source[r], p.target[r] - start) for p in together for r in (p.rows(start, stop),)]
+            source, neuron = (np.concatenate(column) for column in zip(*rows, strict=True))
+            order = np.lexsort((neuron, source))
             ranked = source[order]
             begins = np.flatnonzero(np.r_[True, ranked[1:] != ranked[:-1]]) if len(ranked) else np.empty(0, np.int64)
             lengths = np.diff(np.append(begins, len(ranked)))
-            rank = np.arange(len(ranked)) - np.repeat(begins, lengths) + self._length(projection)[ranked]
-            longest = int(rank.max(initial=0)) + 1
-            added = _word_increments(longest, projection.format.bits_per_synapse, self._chip)
+            rank = np.arange(len(ranked)) - np.repeat(begins, lengths) + self._length(together[0].lists)[ranked]
+            longest = np.arange(int(rank.max(initial=0)) + 2)
+            added = np.diff(self._chip.synapse_memory.words(longest, together[0].format.bits_per_synapse))
             new_words += np.bincount(neuron[order], added[rank], minlength=size).astype(np.int64)
             found_sources.append(ranked[begins])
             found_neurons.append(neuron[order][begins])
@@ -152,7 +152,7 @@ class CoreLoad:
             source, neuron = source[order], neuron[order]
             earliest = np.r_[True, source[1:] != source[:-1]] if len(source) else np.empty(0, np.bool_)
             new_axons += np.bincount(neuron[earliest], minlength=size)
-        return int(self._on_core.sum()) + np.cumsum(new_axons), self._words + np.cumsum(new_words)
+        return int(self._on_core.sum()) + np.cumsum(new_axons), self.words + np.cumsum(new_words)
 
 
 def first_broken(groups: Sequence[Compartments], projections: Sequence[FanIn], neuron: int, chip: Chip) -> Limit:
@@ -185,11 +185,12 @@ def _formats(projections: Sequence[FanIn]) -> set[SynapseFormat]:
     return {projection.format for projection in projections}
 
 
-def _word_increments(longest: int, bits_per_synapse: int, chip: Chip) -> IntArray:
-    """Return how many words the next synapse adds to a list, by the list's length so far."""
-    period = chip.synapse_memory.run_length
-    one_run = [chip.synapse_memory.words(n, bits_per_synapse) for n in range(period + 1)]
-    return np.resize(np.diff(one_run), longest)
+def _by_lists(projections: Sequence[FanIn]) -> list[list[FanIn]]:
+    """Return the projections whose synapses are in the same lists together."""
+    found: dict[SynapseFormat | str, list[FanIn]] = {}
+    for projection in projections:
+        found.setdefault(projection.lists, []).append(projection)
+    return list(found.values())
 
 
 def _new_distinct(known: set[tuple[int, ...]], values: IntArray, members: int, neurons: int) -> IntArray:

@@ -66,19 +66,14 @@ class FanIn:
     mantissa: IntArray
     delay: IntArray
 
+    @property
+    def lists(self) -> SynapseFormat | str:
+        """What its synapse lists go by on a core: those of one format are one list, dense ones are each their own."""
+        return self.format if self.format.index_bits else self.name
+
     def rows(self, start: int, stop: int) -> slice:
         """Return the rows of all synapses onto targets ``start..stop``."""
         return slice(int(self.start[start]), int(self.start[stop]))
-
-    def lengths(self, start: int, stop: int) -> IntArray:
-        """Return how many synapses each source has onto targets ``start..stop``, for sources that have any."""
-        return np.unique(self.source[self.rows(start, stop)], return_counts=True)[1]
-
-    def words_of(self, lengths: IntArray, chip: Chip, bits: int | None = None) -> int:
-        """Return the memory words of lists of these lengths; ``bits`` a synapse, by default the format's."""
-        kinds, times = np.unique(lengths, return_counts=True)
-        each = self.format.bits_per_synapse if bits is None else bits
-        return sum(chip.synapse_memory.words(int(n), each) * int(k) for n, k in zip(kinds, times, strict=True))
 
 
 def first_source(graph: CompartmentGraph) -> dict[str, int]:

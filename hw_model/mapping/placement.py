@@ -42,7 +42,8 @@ class PlacedGraph:
     """A graph with the core of every compartment; core i sits at ``slots[i]`` of the board.
 
     Slot ``k`` is core ``k % cores_per_chip`` of chip ``k // cores_per_chip``. ``axons[i]`` are the sources that reach
-    core i, numbered as :func:`hw_model.mapping.fan_in.first_source` does, ascending.
+    core i, numbered as :func:`hw_model.mapping.fan_in.first_source` does, ascending; its synapse lists take
+    ``words[i]``.
     """
 
     graph: CompartmentGraph
@@ -50,6 +51,7 @@ class PlacedGraph:
     slices: tuple[Slice, ...]
     slots: tuple[int, ...]
     axons: tuple[IntArray, ...]
+    words: tuple[int, ...]
 
     @property
     def cores(self) -> int:
@@ -171,7 +173,12 @@ def _fill(
         if load.compartments:
             loads.append(load)
     return PlacedGraph(
-        graph, chip, tuple(slices), tuple(range(len(loads))), tuple(load.sources_on_core() for load in loads)
+        graph,
+        chip,
+        tuple(slices),
+        tuple(range(len(loads))),
+        tuple(load.sources_on_core() for load in loads),
+        tuple(load.words for load in loads),
     )
 
 

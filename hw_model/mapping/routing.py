@@ -16,6 +16,7 @@ from hw_model.description.chip import Chip
 from hw_model.errors import TargetError
 from hw_model.mapping.fan_in import FanIn, SynapseFormat, fan_in, first_source
 from hw_model.mapping.placement import PlacedGraph, Slice
+from hw_model.mapping.synapse_lists import synapse_lists
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +119,7 @@ def check_routed(routed: RoutedGraph) -> None:
     limits = chip.limits
     for core in routed.cores:
         axons = core.axons
+        assert axons.synapse_words == routed.placed.words[core.number], "placement counted other memory words"
         rows = (
             (
                 "output axons",
@@ -191,16 +193,19 @@ def _lists(slices: list[Slice], projections: tuple[FanIn, ...], chip: Chip) -> _
     formats = sorted({projection.format for projection, _ in here})
     empty = np.empty(0, dtype=np.int64)
     columns: list[tuple[IntArray, ...]] = [(empty,) * 6]
-    words = 0
     for rank, (projection, piece) in enumerate(here):
         rows = projection.rows(piece.start, piece.stop)
         target = projection.target[rows] - piece.start + piece.offset
         form = np.full(len(target), formats.index(projection.format))
         source, mantissa, delay = projection.source[rows], projection.mantissa[rows], projection.delay[rows]
         columns.append((source, np.full(len(target), rank), target, mantissa, delay, form))
-        words += projection.words_of(projection.lengths(piece.start, piece.stop), chip)
     source, ranks, target, mantissa, delay, form = (np.concatenate(column) for column in zip(*columns, strict=True))
     order = np.lexsort((target, ranks, source))
     sources, starts = np.unique(source[order], return_index=True)
     list_start = np.append(starts, len(source))
-    return _Lists(sources, list_start, target[order], mantissa[order], delay[order], form[order], tuple(formats), words)
+    target, form = target[order], form[order]
+    ends = np.array([piece.offset + piece.size for piece in slices])
+    lists = synapse_lists(list_start, target, form, formats, ends, chip.synapse_memory)
+    return _Lists(
+        sources, list_start, target, mantissa[order], delay[order], form, tuple(formats), int(lists.words.sum())
+    )

@@ -14,9 +14,13 @@ import yaml
 from programs import CHIP, everything, played_streams
 
 import hw_model as hw
+import locsnn_compile as lc
 from locsnn_compile.backends.played import play_recording
+from locsnn_compile.backends.vectors.synapse_image import synapse_image
 from locsnn_compile.backends.vectors.vectors import vectors_files
 from locsnn_compile.errors import InputError
+
+EXAMPLES = Path(__file__).parents[2] / "examples" / "models"
 
 
 def written(played, folder):
@@ -53,11 +57,40 @@ def shared_formats():
     return program
 
 
+def taps():
+    """Return a program of neurons with several synapses of one format to themselves, of as many delays."""
+    b = hw.ProgramBuilder(CHIP)
+    x = b.add_input("x", 3)
+    h = b.add_compartments("h", 20, decay_u=1024, decay_v=128, threshold=300)
+    b.connect(x, h, np.full((20, 3), 254), exponent=2)
+    for delay in (16, 17, 19, 23, 31, 16):
+        b.connect(h, h, -10 * np.eye(20, dtype=np.int64), delay=delay)
+    return b.build()
+
+
+def lists_of_several_projections():
+    """Return a program whose axons have one sparse format in several projections, onto one population and onto two."""
+    b = hw.ProgramBuilder(CHIP)
+    x = b.add_input("x", 3)
+    h = b.add_compartments("h", 30, decay_u=1024, decay_v=128, threshold=300)
+    o = b.add_compartments("o", 9, threshold=300)
+    below = np.arange(30)[:, None] < [15, 10, 29]
+    b.connect(x, h, np.where(below, 20, 0), exponent=2)
+    b.connect(x, o, np.arange(27).reshape(9, 3) * 2, exponent=2)
+    b.connect(x, h, np.where(below, 0, 42), exponent=2)
+    b.connect(x, h, np.full((30, 3), 2))
+    b.connect(x, o, np.full((9, 3), 2))
+    b.connect(x, h, np.full((30, 3), 4))
+    return b.build()
+
+
 PROGRAMS = {
     "everything, several cores": everything,
     "everything, one core": lambda: everything(seed=1, chip=CHIP),
     "dense": dense,
     "shared formats": shared_formats,
+    "taps": taps,
+    "lists of several projections": lists_of_several_projections,
 }
 
 
@@ -118,6 +151,44 @@ def test_memory_takes_the_words_that_placement_counted(case):
     played, vectors = case
     for core, entry in zip(played.program.cores, vectors.manifest["cores"], strict=True):
         assert len(vectors.words(entry["files"]["synapses"])) == core.axons.synapse_words
+
+
+@pytest.mark.parametrize(("strategy", "words"), [("dendrite", [1313, 3114]), ("delay-line", [1783, 3540])])
+def test_a_networks_report_and_image_agree(strategy, words):
+    """Own spikes come back by many synapses onto one compartment: a list of them is one list, in placement too."""
+    compiled = lc.compile(lc.load(EXAMPLES / "objects-hybrid.pt"), strategy=strategy, diagnosis=False)
+    cores, chip = compiled.program.cores, compiled.program.chip
+    assert [len(synapse_image(core, chip).words) for core in cores] == words
+    assert compiled.report["resources"]["synapse_bits"] == 64 * sum(words)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_full_core_holds_its_image(seed):
+    """Formats drawn again and again from the same sources, dense and sparse, onto populations that share cores."""
+    r = np.random.default_rng(seed)
+    limit = int(r.integers(120, 250))
+    memory = replace(CHIP.synapse_memory, run_length=int(r.integers(1, 65)))
+    chip = replace(CHIP, limits=replace(CHIP.limits, synapse_words_per_core=limit), synapse_memory=memory)
+    b = hw.ProgramBuilder(chip)
+    x = b.add_input("x", 3)
+    groups = [b.add_compartments(name, 40, threshold=20) for name in ("h", "o")]
+    for source, target in [(x, groups[0]), (x, groups[1]), (groups[0], groups[0])]:
+        for _ in range(3):
+            kept = r.random((target.size, source.size)) < r.choice([0.05, 0.3, 1.0 if source is x else 0.05])
+            b.connect(source, target, 2 * kept, delay=kept * r.integers(0, 2, kept.shape) * r.integers(0, 63))
+    cores = b.build().cores
+    used = [len(synapse_image(core, chip).words) for core in cores]
+    assert used == [core.axons.synapse_words for core in cores]
+    assert max(used) <= limit
+
+
+def test_a_program_that_counted_other_words():
+    (core,) = taps().cores
+    with pytest.raises(InputError) as caught:
+        synapse_image(replace(core, axons=replace(core.axons, synapse_words=1)), CHIP)
+    assert str(caught.value) == (
+        "core 0: its synapse lists take other words than the program says (69 against 1). Compile the program again."
+    )
 
 
 def test_wraps_and_clips_are_in_what_was_compared():

@@ -1,11 +1,16 @@
 """Chip files: the one that ships, and every way to get one's own wrong."""
 
 import math
+import tracemalloc
 
+import numpy as np
 import pytest
 import yaml
 
 import hw_model as hw
+from hw_model.description.chip import parse_chip
+from locsnn_compile.backends.played import play_recording
+from locsnn_compile.backends.vectors.vectors import vectors_files
 
 DOCUMENT = yaml.safe_load(hw.chip("loihi-sim").document)
 
@@ -77,6 +82,16 @@ def test_a_chip_file_of_ones_own(tmp_path):
         (changed(["registers", "delay_max"], 10**9), "my.yaml: delay_max: the model has no such chip (1000000000 against 0 to 1022). Correct it."),
         (changed(["chips"], 10**6), "my.yaml: chips: the board is too large (128000000 cores against 1048576). Correct it."),
         (
+            changed(["synapse_memory", "run_length"], 10**11),
+            "my.yaml: run_length: the model has no such chip (100000000000 against 1 to 65536). Correct it.",
+        ),
+        (
+            changed(["synapse_memory", "word_bits"], 10**15),
+            "my.yaml: word_bits: the number is too large (1e+15 against less than 2^40). Correct it.",
+        ),
+        (changed(["chips"], 10**400), "my.yaml: chips: the number is too large (1e+300 against less than 2^40). Correct it."),
+        (changed(["clock_ghz"], math.inf), "my.yaml: clock_ghz: the number is too large (inf against less than 2^40). Correct it."),
+        (
             changed(["mesh", "rows"], 5),
             "my.yaml: mesh: its tiles and the cores of a chip disagree (8 x 5 tiles of 4 against cores_per_chip 128). "
             "Make them equal.",
@@ -92,7 +107,8 @@ def test_a_chip_file_of_ones_own(tmp_path):
     ids=[
         *("missing", "unknown", "text", "zero", "negative", "uncounted", "no profile", "near a section", "near a width"),
         *("near a time", "missing below", "list for section", "no name", "number for name", "fraction", "truth", "nan"),
-        *("no clock", "too wide", "absurdly wide", "too late", "too many", "tiles", "twice", "empty", "cyclic", "deep"),
+        *("no clock", "too wide", "absurdly wide", "too late", "too many", "long runs"),
+        *("wide words", "boards", "endless clock", "tiles", "twice", "empty", "cyclic", "deep"),
         *("broken", "list", "code"),
     ],
 )  # fmt: skip
@@ -102,6 +118,48 @@ def test_chip_files_that_are_refused(tmp_path, text, message):
     with pytest.raises(hw.InputError) as caught:
         hw.chip(path)
     assert str(caught.value) == message
+
+
+WHOLE_NUMBERS = [
+    pytest.param(section, key, value, id=key)
+    for section in ("registers", "limits", "synapse_memory")
+    for key, value in DOCUMENT[section].items()
+]
+
+
+def largest_allowed(section, key):
+    """Return the largest number that a chip file may have there, by what the refusal of too large a one says."""
+    with pytest.raises(hw.InputError) as caught:
+        parse_chip(changed([section, key], 2**39), "my.yaml")
+    assert str(caught.value).startswith(f"my.yaml: {key}: the model has no such chip ({2**39} against ")
+    return int(str(caught.value).removesuffix("). Correct it.").split()[-1])
+
+
+@pytest.mark.parametrize(("section", "key", "value"), WHOLE_NUMBERS)
+def test_memory_does_not_grow_with_a_number_of_the_chip_file(section, key, value):
+    """Everything is done once on the largest chip that a file may describe in one number."""
+    most = largest_allowed(section, key)
+    document = yaml.safe_load(changed([section, key], most))
+    if key != "run_header_bits":
+        document["synapse_memory"]["run_header_bits"] += 40
+    if key == "cores_per_chip":
+        document["mesh"] = {"columns": most, "rows": 1, "cores_per_tile": 1}
+    tracemalloc.start()
+    chip = parse_chip(yaml.safe_dump(document), "my.yaml")
+    b = hw.ProgramBuilder(chip)
+    x, h = b.add_input("x", 3), b.add_compartments("h", 5, decay_u=4096, decay_v=100, threshold=1)
+    b.connect(x, h, np.full((5, 3), 30))
+    b.connect(h, h, np.eye(5, dtype=int) * 20, delay=min(3, chip.registers.delay_max))
+    program = b.build()
+    spikes = np.ones((20, 3), dtype=np.uint8)
+    fast, slow = (hw.simulate(program, spikes, engine=name, skip=False) for name in ("fast", "reference"))
+    vectors_files(play_recording(program, spikes))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert fast.counts == slow.counts
+    assert fast.counts.spikes > 0
+    assert peak < 64e6
+    assert most >= value
 
 
 @pytest.mark.parametrize(

@@ -44,17 +44,14 @@ def test_every_synapse_once_within_every_limit(chip, seed):
 
 
 def words(core, chip):
-    """Count an axon's runs of at most 64 synapses of one projection, 10 header bits each, rounded up to 64 bits."""
+    """Count an axon's runs of at most 64 synapses of one format, 10 header bits each, rounded up to 64 bits."""
     total = 0
     axons = core.axons
     for j in range(axons.input_axons):
         row = slice(axons.list_start[j], axons.list_start[j + 1])
-        targets, forms = axons.target[row], axons.format_index[row]
-        # A new projection starts where the target falls or the format changes.
-        starts = np.flatnonzero(np.r_[True, (np.diff(targets) <= 0) | (np.diff(forms) != 0)])
-        for start, stop in zip(starts, [*starts[1:], len(targets)], strict=True):
-            bits = axons.formats[forms[start]].bits_per_synapse
-            total += sum(-(-(10 + min(64, stop - at) * bits) // 64) for at in range(start, stop, 64))
+        for form, count in zip(*np.unique(axons.format_index[row], return_counts=True), strict=True):
+            bits = axons.formats[form].bits_per_synapse
+            total += sum(-(-(10 + min(64, count - at) * bits) // 64) for at in range(0, count, 64))
     return total
 
 

@@ -18,6 +18,7 @@ from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.arithmetic.weights import SIGN_MODES, weight_grid
 from hw_model.description.chip import Chip
 from hw_model.mapping.fan_in import SynapseFormat
+from hw_model.mapping.synapse_lists import SynapseLists, synapse_lists
 from hw_model.program.chip_program import Core
 from locsnn_compile.backends.vectors.memory_words import BitArray, Field, Layout, bits_for, bits_of
 from locsnn_compile.errors import InputError
@@ -82,22 +83,27 @@ def synapse_layouts(chip: Chip) -> SynapseLayouts:
 
 
 def synapse_image(core: Core, chip: Chip) -> SynapseImage:
-    """Pack the axons and synapses of a core."""
-    layouts, axons, memory = synapse_layouts(chip), core.axons, chip.synapse_memory
-    starts = _list_starts(core)
-    lengths = np.diff(np.append(starts, len(axons.target)))
-    forms = axons.format_index[starts]
-    widths = np.array([form.bits_per_synapse for form in axons.formats], dtype=np.int64)[forms]
-    words = np.array([memory.words(int(n), int(w)) for n, w in zip(lengths, widths, strict=True)], dtype=np.int64)
-    first_word = np.cumsum(words) - words
-    dense = np.array([form.index_bits == 0 for form in axons.formats], dtype=np.bool_)[forms]
-    first_list = np.searchsorted(starts, axons.list_start)
+    """Pack the axons and synapses of a core into the words that placement counted; others are an ``InputError``."""
+    layouts, axons = synapse_layouts(chip), core.axons
+    ends = np.array([piece.offset + piece.size for piece in core.slices])
+    lists = synapse_lists(axons.list_start, axons.target, axons.format_index, axons.formats, ends, chip.synapse_memory)
+    words = int(lists.words.sum())
+    if words != axons.synapse_words:
+        raise InputError(
+            f"core {core.number}",
+            "its synapse lists take other words than the program says",
+            measured=f"{words} against {axons.synapse_words}",
+            fix="Compile the program again.",
+        )
+    first_word = np.cumsum(lists.words) - lists.words
+    first_list = np.searchsorted(lists.axon, np.arange(axons.input_axons + 1))
+    first_target = axons.target[lists.order[lists.start]]
     return SynapseImage(
         axons=layouts.axon.pack({"first_list": first_list[:-1], "lists": np.diff(first_list)}),
         lists=layouts.list.pack(
-            {"first_word": first_word, "words": words, "base": np.where(dense, axons.target[starts], 0)}
+            {"first_word": first_word, "words": lists.words, "base": np.where(lists.dense, first_target, 0)}
         ),
-        words=_words(core, chip, layouts, starts, lengths, widths, first_word, int(words.sum())),
+        words=_words(core, chip, layouts, lists, first_word),
         formats=layouts.format.pack(
             {
                 "weight_bits": _of_formats(core, "weight_bits"),
@@ -119,61 +125,40 @@ def stored_weights(form: SynapseFormat, mantissa: IntArray, where: str) -> IntAr
     return np.abs(stored) if form.sign_mode == "inhibitory" else stored
 
 
-def _list_starts(core: Core) -> IntArray:
-    """Return where lists begin: at an axon, another format or population, and where targets do not simply go on."""
-    axons = core.axons
-    count = len(axons.target)
-    if count == 0:
-        return np.empty(0, dtype=np.int64)
-    axon = np.repeat(np.arange(axons.input_axons), np.diff(axons.list_start))
-    piece = np.repeat(np.arange(len(core.slices)), [piece.size for piece in core.slices])[axons.target]
-    dense = np.array([form.index_bits == 0 for form in axons.formats])[axons.format_index]
-    step = np.diff(axons.target)
-    begins = (np.diff(axon) != 0) | (np.diff(axons.format_index) != 0) | (np.diff(piece) != 0)
-    begins |= (step <= 0) | (dense[1:] & (step != 1))
-    return np.flatnonzero(np.append(True, begins))
-
-
-def _words(
-    core: Core,
-    chip: Chip,
-    layouts: SynapseLayouts,
-    starts: IntArray,
-    lengths: IntArray,
-    widths: IntArray,
-    first_word: IntArray,
-    words: int,
-) -> BitArray:
+def _words(core: Core, chip: Chip, layouts: SynapseLayouts, lists: SynapseLists, first_word: IntArray) -> BitArray:
     """Return the memory, (words, bits of a word)."""
-    axons, memory = core.axons, chip.synapse_memory
-    bits = np.zeros(words * memory.word_bits, dtype=np.uint8)
-    full_run = np.array([memory.words(memory.run_length, int(w)) for w in widths], dtype=np.int64)
+    axons, memory, rows = core.axons, chip.synapse_memory, lists.order
+    bits = np.zeros(int(lists.words.sum()) * memory.word_bits, dtype=np.uint8)
+    full_run = memory.words(np.full(len(lists.width), memory.run_length), lists.width)
 
     # Where each synapse lies: its list, its place in it, and from these its run.
-    of_list = np.repeat(np.arange(len(starts)), lengths)
-    place = np.arange(len(axons.target)) - starts[of_list]
+    of_list = np.repeat(np.arange(len(lists.start)), lists.length)
+    place = np.arange(len(rows)) - lists.start[of_list]
     run, in_run = place // memory.run_length, place % memory.run_length
     run_at = (first_word[of_list] + run * full_run[of_list]) * memory.word_bits
-    synapse_at = run_at + memory.run_header_bits + in_run * widths[of_list]
+    synapse_at = run_at + memory.run_header_bits + in_run * lists.width[of_list]
+    format_index, target, mantissa, delay = (
+        column[rows] for column in (axons.format_index, axons.target, axons.mantissa, axons.delay)
+    )
 
     heads = np.flatnonzero(in_run == 0)
-    left = lengths[of_list[heads]] - place[heads]
-    header = {"format": axons.format_index[heads], "synapses_less_1": np.minimum(left, memory.run_length) - 1}
+    left = lists.length[of_list[heads]] - place[heads]
+    header = {"format": format_index[heads], "synapses_less_1": np.minimum(left, memory.run_length) - 1}
     if layouts.run_header.fields[-1].name == "spare":
         header["spare"] = np.zeros(len(heads), dtype=np.int64)
     _put(bits, run_at[heads], layouts.run_header.pack(header))
 
     for number, form in enumerate(axons.formats):
-        mine = axons.format_index == number
-        weights = stored_weights(form, axons.mantissa[mine], f"core {core.number}")
+        mine = format_index == number
+        weights = stored_weights(form, mantissa[mine], f"core {core.number}")
         fields = {
             Field("weight", form.weight_bits, signed=form.sign_mode == "mixed"): weights,
-            Field("delay", form.delay_bits): axons.delay[mine],
-            Field("index", form.index_bits): axons.target[mine] if form.index_bits else np.zeros_like(weights),
+            Field("delay", form.delay_bits): delay[mine],
+            Field("index", form.index_bits): target[mine] if form.index_bits else np.zeros_like(weights),
         }
         packed = np.concatenate([bits_of(values, field) for field, values in fields.items()], axis=1)
         _put(bits, synapse_at[mine], packed)
-    return bits.reshape(words, memory.word_bits)
+    return bits.reshape(-1, memory.word_bits)
 
 
 def _put(bits: BitArray, at: IntArray, rows: BitArray) -> None:

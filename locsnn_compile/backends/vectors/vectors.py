@@ -212,14 +212,20 @@ def _arithmetic(chip: Chip) -> dict[str, object]:
 
 
 def _check_size(played: Played) -> None:
-    """Refuse what would fill a disk; u and v outweigh everything else."""
-    chip = played.program.chip
+    """Refuse what would fill a disk: u and v outweigh everything else, unless the words of the memory are very wide."""
+    chip, cores = played.program.chip, played.program.cores
+    values = sum(2 * core.compartments * played.steps(core.phase) for core in cores)
     line = -(-_layouts(chip)["register"].width // 4) + 1
-    values = sum(2 * core.compartments * played.steps(core.phase) for core in played.program.cores)
-    if values * line > MAX_BYTES:
-        raise InputError(
-            "--emit vectors",
-            "u and v of every compartment and step would be too much",
-            measured=f"{values * line} bytes against {MAX_BYTES}",
-            fix="Emit a shorter recording.",
-        )
+    # Memory is packed with a byte a bit.
+    bits = sum(core.axons.synapse_words for core in cores) * chip.synapse_memory.word_bits
+    for what, size, fix in (
+        ("u and v of every compartment and step", values * line, "Emit a shorter recording."),
+        ("the words of the synapse memory", bits, "Leave out --emit vectors."),
+    ):
+        if size > MAX_BYTES:
+            raise InputError(
+                "--emit vectors",
+                f"{what} would be too much",
+                measured=f"{size} bytes against {MAX_BYTES}",
+                fix=fix,
+            )
