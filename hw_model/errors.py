@@ -44,8 +44,8 @@ class TargetError(LocsnnError):
     """A sound model that this chip cannot hold as asked."""
 
 
-def did_you_mean(given: str, known: Iterable[str]) -> str:
+def did_you_mean(given: object, known: Iterable[str]) -> str:
     """Return ``Did you mean 'x'?`` for a near miss, else the list of what exists."""
     names = sorted(known)
-    close = get_close_matches(given, names, n=1)
+    close = get_close_matches(str(given), names, n=1)
     return f"Did you mean {close[0]!r}?" if close else f"Choose one of: {', '.join(names)}."

@@ -26,6 +26,7 @@ import numpy.typing as npt
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, IntArray
 from hw_model.description.chip import Registers
+from hw_model.io.given import checked
 from hw_model.program.chip_program import ChipProgram, Core
 
 FloatArray = npt.NDArray[np.float64]
@@ -68,6 +69,7 @@ class CoreRange:
     safe_period: IntArray
 
 
+@checked
 def prove_range(program: ChipProgram) -> tuple[CoreRange, ...]:
     """Bound the registers of every compartment, core by core, from weights, decays, biases and joins alone."""
     return tuple(_prove_core(core, program.chip.registers) for core in program.cores)

@@ -18,6 +18,7 @@ from hw_model.engine.playing import Player, Spikes, play, read_streams
 from hw_model.engine.probes import KINDS, Kind, PhaseProbes, Probe, hull, read_probes
 from hw_model.engine.trace import EVENTS, ByteArray, PhaseInput, PhaseTrace, Register, Window
 from hw_model.errors import InputError, did_you_mean
+from hw_model.io.given import checked
 from hw_model.mapping.graph import largest
 from hw_model.program.chip_program import ChipProgram
 
@@ -73,6 +74,7 @@ class SimulationResult:
         return np.asarray(np.argmax(self.scores, axis=-1), dtype=np.int64)
 
 
+@checked
 def simulate(
     program: ChipProgram,
     spikes: Spikes,

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 import hw_model as hw
+from hw_model.io.given import checked
 from locsnn_compile.choose_strategy import Choice, ErrorBudget, Setting, choose_strategy, lower_as
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import Recordings
@@ -61,6 +62,7 @@ class CompiledModel:
         return self.levels.network
 
 
+@checked
 def compile(
     network: Network,
     target: str | Path = "loihi-sim",
@@ -117,6 +119,7 @@ def compile(
     return CompiledModel(levels, match, report, choice, _excerpt(levels, recordings, match) if diagnosis else None)
 
 
+@checked
 def verify(
     compiled: CompiledModel, events: Events, labels: npt.ArrayLike | None = None, progress: Progress | None = None
 ) -> Match:
@@ -124,6 +127,7 @@ def verify(
     return _compare(compiled.levels, recordings_for(compiled.network, events, labels), progress)
 
 
+@checked
 def diagnose(
     compiled: CompiledModel,
     events: Events,

@@ -21,6 +21,7 @@ from hw_model.accounting.activity import StepActivity
 from hw_model.accounting.mesh_routes import Routes, routes_of
 from hw_model.description.counts import Counts
 from hw_model.description.profile import Profile
+from hw_model.io.given import checked
 from hw_model.program.chip_program import ChipProgram
 
 FloatArray = npt.NDArray[np.float64]
@@ -32,6 +33,7 @@ PARTS = ("updates", "sending", "mesh", "buffer", "deliveries", "synapses", "barr
 """What a step's time goes to on its critical path; ``buffer``: reading events from the transpose buffer."""
 
 
+@checked
 def energy_pj(counts: Counts, profile: Profile) -> dict[str, float]:
     """Return picojoules by operation: each count times its cost. What a profile does not price is not in it."""
     return {name: counts[name] * cost for name, cost in profile.energy_pj.items()}
@@ -113,6 +115,7 @@ class CriticalPath:
         return sum(self.parts_ns.values(), start=np.zeros(self.last.shape))
 
 
+@checked
 def latency(program: ChipProgram, activity: Mapping[str, StepActivity], profile: Profile) -> Latency:
     """Return the time of one recording from its activity by phase."""
     paths = {phase: critical_path(step_times(program, phase, steps, profile)) for phase, steps in activity.items()}

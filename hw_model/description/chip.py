@@ -14,6 +14,7 @@ from hw_model.description.check import check_chip
 from hw_model.description.profile import Profile
 from hw_model.description.read import parse, read_description
 from hw_model.errors import InputError, did_you_mean
+from hw_model.io.given import checked
 
 _YAML = (".yaml", ".yml")
 
@@ -151,6 +152,7 @@ class Chip:
         return self.profiles[name]
 
 
+@checked
 def chip(name_or_path: str | Path) -> Chip:
     """Return a chip by the name of a description that ships, or by the path of a YAML file."""
     text = str(name_or_path)
@@ -179,6 +181,7 @@ def parse_chip(text: str, where: str) -> Chip:
     return chip
 
 
+@checked
 def priced_by(chip: Chip, name_or_path: str | Path) -> Chip:
     """Return the chip with another profile as its first: one of its own by name, or that of a YAML file.
 

@@ -48,11 +48,7 @@ def read_description(path: Path, what: str, example: str) -> str:
 def parse(cls: type[T], text: str, where: str, key: str, **given: object) -> T:
     """Read a dataclass from YAML text; every missing, unknown or mistyped key is an ``InputError``."""
     try:
-        document = load_yaml(text, where, loader=_OneOfEach)
-    except _TwiceError as error:
-        raise InputError(
-            where, f"the key {error.key!r} is given twice, again at line {error.line}", fix="Keep one."
-        ) from error
+        document = load_yaml(text, where)
     except (yaml.YAMLError, ValueError) as error:
         line = getattr(getattr(error, "problem_mark", None), "line", None)
         raise InputError(
@@ -61,27 +57,6 @@ def parse(cls: type[T], text: str, where: str, key: str, **given: object) -> T:
             fix="Compare it with a chip that ships.",
         ) from error
     return _Reader(where).build(cls, document, key, **given)
-
-
-class _TwiceError(Exception):
-    """A mapping of the YAML text has a key twice; ``line`` is that of the second."""
-
-    def __init__(self, key: str, line: int) -> None:
-        super().__init__(key)
-        self.key, self.line = key, line
-
-
-class _OneOfEach(yaml.SafeLoader):
-    """A safe loader that takes no key twice: the second would silently replace the first."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        seen = set()
-        for key, _ in node.value:
-            if isinstance(key, yaml.ScalarNode):
-                if key.value in seen:
-                    raise _TwiceError(key.value, key.start_mark.line + 1)
-                seen.add(key.value)
-        return super().construct_mapping(node, deep)
 
 
 def _reason(error: OSError | UnicodeDecodeError) -> str:

@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from hw_model.errors import InputError
-from hw_model.io.folders import replace_entries
+from hw_model.io.folders import check_entries, replace_entries
+from hw_model.io.given import check_path
 
 LONGEST = 200
 """Bytes of a folder's name; file systems allow 255, and a stage beside it has a longer one."""
+
+
+OURS = (
+    r"vectors/(README\.md|manifest\.yaml|core\d+/\w+\.hex)"
+    r"|sanafe/(README\.md|(arch|expected|time|location)\.yaml)"
+    r"|csv/(figures|spikes|potential)\.csv"
+)
+"""Names in the folders of a build that a later build may replace."""
 
 
 def default_folder(model: str, suffix: str = "") -> Path:
@@ -20,29 +29,38 @@ def default_folder(model: str, suffix: str = "") -> Path:
     return Path("build") / f"{name if name.strip('.') else 'model'}{suffix}"
 
 
-def check_folder(folder: Path) -> None:
-    """Refuse a folder that cannot be written, before any work is done."""
+def check_folder(folder: Path, names: Iterable[str] = ()) -> None:
+    """Refuse a folder that cannot be written, before any work is done, and one that holds other things of ``names``.
+
+    Names that end in / are folders.
+    """
+    check_path(folder, f"output {folder.name[:60]!r}")
     existing = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
     if not existing.is_dir():
         raise InputError(f"output {folder.name!r}", f"{existing.name!r} is a file", fix="Choose a folder with -o.")
     if not os.access(existing, os.W_OK | os.X_OK, effective_ids=os.access in os.supports_effective_ids):
         raise _unwritable(folder, "permission denied")
+    try:
+        check_entries(folder, names, OURS)
+    except OSError as error:
+        raise _unwritable(folder, error.strerror or "unknown") from None
 
 
 def write_build(folder: Path, files: Mapping[str, bytes]) -> None:
     """Write the files into the folder, all or none; the rest of what it holds stays.
 
-    A name may lie in a folder, ``vectors/manifest.yaml``; such a folder replaces the one before as a whole.
+    A name may lie in a folder, ``vectors/manifest.yaml``; such a folder replaces the one before as a whole, if that
+    holds nothing but names of :data:`OURS`.
     """
     try:
-        replace_entries(folder, files)
+        replace_entries(folder, files, OURS)
     except OSError as error:
         raise _unwritable(folder, error.strerror or "unknown") from error
 
 
 def _unwritable(folder: Path, reason: str) -> InputError:
     return InputError(
-        f"output {folder.name!r}",
-        f"cannot be written: {reason.lower()}",
+        f"output {folder.name or str(folder)!r}",
+        f"cannot be written: {reason[:1].lower()}{reason[1:]}",
         fix="Choose a folder you may write to with -o.",
     )

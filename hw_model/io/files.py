@@ -13,11 +13,17 @@ import numpy as np
 import numpy.typing as npt
 
 from hw_model.errors import InputError
+from hw_model.io.given import check_path
 from hw_model.io.partial import locked, partial_path, remove, remove_leftovers, sync
 
 
 def replace_file(path: Path, content: bytes, where: str) -> None:
-    """Write a file under a temporary name beside it, then put it in place; ``where`` names it if that fails."""
+    """Write a file under a temporary name beside it, then put it in place; ``where`` names it if that fails.
+
+    A link stays, and what it leads to is written. What is no plain file is an ``InputError``, like :func:`check_file`.
+    """
+    path = Path(os.path.realpath(path))
+    check_file(path, where)
     remove_leftovers(path)
     partial = partial_path(path)
     try:
@@ -35,6 +41,16 @@ def replace_file(path: Path, content: bytes, where: str) -> None:
         ) from None
     finally:
         remove(partial)
+
+
+def check_file(path: Path, where: str) -> None:
+    """Refuse a file that could not be written, or would take the place of what is no plain file: a folder, a device."""
+    check_path(path, where)
+    if os.path.lexists(path) and not path.is_file():
+        kind = "a folder" if path.is_dir() else "not a plain file"
+        raise InputError(where, f"it is {kind}", fix="Give the name of a file.")
+    if not path.parent.is_dir():
+        raise InputError(where, "its folder does not exist", fix="Make the folder first.")
 
 
 def pack_arrays(arrays: Mapping[str, npt.NDArray[Any]], *, compressed: bool) -> bytes:

@@ -13,9 +13,10 @@ import ctypes
 import errno
 import functools
 import os
+import re
 import shutil
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 from hw_model.io.partial import locked, partial_path, remove, remove_leftovers, sync
@@ -26,14 +27,16 @@ _AWAY = ".{}.locsnn-replaced"
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2
 
 
-def replace_entries(folder: Path, files: Mapping[str, bytes]) -> None:
+def replace_entries(folder: Path, files: Mapping[str, bytes], ours: str = ".*") -> None:
     """Write files into a folder, all or none; what else it holds stays. Raises ``OSError``, with the folder as it was.
 
-    A name may lie in a folder, ``vectors/manifest.yaml``; such a folder replaces the one before as a whole.
+    A name may lie in a folder, ``vectors/manifest.yaml``; such a folder replaces the one before as a whole, if all that
+    it holds has names that the pattern ``ours`` fits. A file takes the place of files alone, and a folder of folders.
     """
     folder = Path(os.path.realpath(folder))
     folder.parent.mkdir(parents=True, exist_ok=True)
     recover_folder(folder)
+    check_entries(folder, {name.split("/")[0] + "/" * ("/" in name) for name in files}, ours)
     for target in (folder, folder / JOURNAL):
         remove_leftovers(target)
     if folder.exists() and _must_stay(folder):
@@ -42,9 +45,26 @@ def replace_entries(folder: Path, files: Mapping[str, bytes]) -> None:
         _write_and(folder, files, lambda stage, target: _put_in_place(stage, target, files))
 
 
+def check_entries(folder: Path, names: Iterable[str], ours: str = ".*") -> None:
+    """Raise ``OSError`` where writing entries would remove what was not written here; those ending in / are folders."""
+    if os.path.realpath(folder) == os.path.realpath(folder / ".."):
+        raise OSError(errno.EBUSY, "it is the root of the file system")
+    for name in sorted(names):
+        entry = folder / name
+        if entry.is_dir() != name.endswith("/") and os.path.lexists(entry):
+            kind = "folder" if entry.is_dir() else "file"
+            raise OSError(errno.EEXIST, f"it holds a {kind} {name.rstrip('/')!r}, which would be removed")
+        for file in sorted(entry.rglob("*")) if name.endswith("/") and entry.is_dir() else ():
+            inside = file.relative_to(folder).as_posix()
+            if not (re.fullmatch(ours, inside) or (file.is_dir() and not file.is_symlink())):
+                raise OSError(errno.EEXIST, f"it holds {inside!r}, which was not written here and would be removed")
+
+
 def recover_folder(folder: Path) -> None:
     """Finish what a killed process began: bring back a folder that was renamed away, go through a journal."""
     folder = Path(os.path.realpath(folder))
+    if folder == folder.parent:
+        return
     away = folder.with_name(_AWAY.format(folder.name))
     if os.path.isdir(away):  # False too where the name is too long
         if folder.exists():

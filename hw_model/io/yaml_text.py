@@ -1,11 +1,13 @@
 """YAML of strangers: what would be deep, endless or exponential is refused before it is built.
 
 The safe loader runs nothing. But a file of a few lines may stand for billions of values (aliases of aliases) or for a
-list that holds itself, deep nesting ends the interpreter, and a loader in Python takes seconds for a large file.
+list that holds itself, deep nesting ends the interpreter, and a loader in Python takes seconds for a large file. And
+where a mapping has a key twice, every loader silently keeps the second value.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from typing import Any
 
 import yaml
@@ -23,17 +25,23 @@ FAST_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 def load_yaml(text: str | bytes, where: str, *, loader: Any = yaml.SafeLoader, most_nodes: int = MAX_NODES) -> object:
     """Return what YAML text holds, plain values only.
 
-    Raises ``InputError`` for aliases, deep nesting and too many values, and what the loader raises for text that is not
-    YAML: ``yaml.YAMLError`` or ``ValueError``.
+    Raises ``InputError`` for keys given twice, aliases, deep nesting and too many values, and what the loader raises
+    for text that is not YAML: ``yaml.YAMLError`` or ``ValueError``.
     """
-    depth = nodes = 0
+    nodes = 0
+    open_: list[_Container] = []
     for event in yaml.parse(text, Loader=FAST_LOADER):
         if isinstance(event, yaml.AliasEvent):
-            line = "" if event.start_mark is None else f"line {event.start_mark.line + 1}"
-            raise InputError(where, "aliases are not read", measured=line, fix="Write the value out.")
-        nodes += isinstance(event, yaml.NodeEvent)
-        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-        if depth > MAX_DEPTH:
+            raise InputError(where, "aliases are not read", measured=f"line {_line(event)}", fix="Write the value out.")
+        if isinstance(event, yaml.NodeEvent):
+            nodes += 1
+            if open_:
+                _count_in(open_[-1], event, where)
+        if isinstance(event, yaml.CollectionStartEvent):
+            open_.append(_Container(isinstance(event, yaml.MappingStartEvent)))
+        elif isinstance(event, yaml.CollectionEndEvent):
+            open_.pop()
+        if len(open_) > MAX_DEPTH:
             raise InputError(
                 where, "it is nested too deeply", measured=f"more than {MAX_DEPTH} levels", fix="Correct its brackets."
             )
@@ -46,3 +54,28 @@ def load_yaml(text: str | bytes, where: str, *, loader: Any = yaml.SafeLoader, m
     # The loader trusts explicit tags: `!!int ''` and `!!bool x` meet it unprepared.
     except (LookupError, AttributeError, TypeError, ArithmeticError, RecursionError) as error:
         raise yaml.YAMLError("a value is not what its tag says") from error
+
+
+@dataclass
+class _Container:
+    """A list or mapping that is being read; of a mapping every second node is a key."""
+
+    is_mapping: bool
+    nodes: int = 0
+    keys: set[str] = field(default_factory=set)
+
+
+def _count_in(container: _Container, event: Any, where: str) -> None:
+    """Count a node into the container that it lies in; a key that the mapping has already is an ``InputError``."""
+    container.nodes += 1
+    if not container.is_mapping or container.nodes % 2 == 0 or not isinstance(event, yaml.ScalarEvent):
+        return
+    if event.value in container.keys:
+        raise InputError(
+            where, f"the key {event.value!r} is given twice, again at line {_line(event)}", fix="Keep one."
+        )
+    container.keys.add(event.value)
+
+
+def _line(event: Any) -> int:
+    return int(event.start_mark.line) + 1

@@ -13,6 +13,7 @@ from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.arithmetic.weights import SignMode
 from hw_model.description.chip import Chip
 from hw_model.errors import InputError, TargetError
+from hw_model.io.given import checked
 from hw_model.mapping.arrangement import arrange_cores
 from hw_model.mapping.graph import (
     CompartmentGraph,
@@ -53,6 +54,7 @@ class ProgramBuilder:
     [0, 1]
     """
 
+    @checked
     def __init__(self, chip: Chip, name: str = "program") -> None:
         self._chip, self._name = chip, name
         self._inputs: list[Input] = []

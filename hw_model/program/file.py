@@ -21,6 +21,7 @@ from hw_model.description.chip import parse_chip
 from hw_model.errors import InputError, LocsnnError
 from hw_model.io.files import pack_arrays
 from hw_model.io.folders import finish_writing, replace_entries
+from hw_model.io.given import checked
 from hw_model.io.yaml_text import FAST_LOADER, load_yaml
 from hw_model.io.zip_directory import check_directory
 from hw_model.mapping.fan_in import SynapseFormat
@@ -52,6 +53,7 @@ def program_files(program: ChipProgram) -> dict[str, bytes]:
     return {"program.npz": arrays, "program.yaml": text.encode()}
 
 
+@checked
 def save_program(program: ChipProgram, folder: str | Path) -> None:
     """Write both files, or none; what else the folder holds stays."""
     target = Path(folder)
@@ -63,6 +65,7 @@ def save_program(program: ChipProgram, folder: str | Path) -> None:
         ) from error
 
 
+@checked
 def load_program(folder: str | Path) -> ChipProgram:
     """Read a program; anything missing, damaged, swapped or newer is an ``InputError``."""
     finish_writing(Path(folder))

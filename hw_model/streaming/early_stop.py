@@ -23,6 +23,7 @@ from hw_model.engine.playing import Spikes, read_streams
 from hw_model.engine.probes import Kind, Probe
 from hw_model.engine.trace import ByteArray
 from hw_model.errors import InputError
+from hw_model.io.given import checked
 from hw_model.mapping.graph import Phase, Readout
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.range_proof import prove_range
@@ -49,6 +50,7 @@ class Stops:
     all_counts: Counts
 
 
+@checked
 def stop_when_proven(program: ChipProgram, spikes: Spikes) -> Stops:
     """Stop every recording as soon as no remaining spike can change its winner, whatever the inputs may still do.
 
@@ -68,6 +70,7 @@ def stop_when_proven(program: ChipProgram, spikes: Spikes) -> Stops:
     return Stops(steps, all_steps, result.prediction, result.prediction, counts, all_counts)
 
 
+@checked
 def stop_at_margin(program: ChipProgram, spikes: Spikes, margin: float, psi: float | None = None) -> Stops:
     """Stop reading a recording as soon as its best class leads by ``margin``; transposed phases then run once.
 
@@ -93,6 +96,7 @@ def stop_at_margin(program: ChipProgram, spikes: Spikes, margin: float, psi: flo
     return Stops(steps, rows, scores[each, steps - 1].argmax(axis=1), final, counts, all_counts)
 
 
+@checked
 def calibrate_margin(program: ChipProgram, spikes: Spikes, agreement: float, psi: float | None = None) -> float:
     """Return the smallest lead at which, on these recordings, at least ``agreement`` of the stops predict as the end.
 
@@ -114,6 +118,7 @@ def calibrate_margin(program: ChipProgram, spikes: Spikes, agreement: float, psi
     return float(margins[enough[0]]) if len(enough) else float("inf")
 
 
+@checked
 def timestep_scores(program: ChipProgram, spikes: Spikes, psi: float | None = None) -> FloatArray:
     """Return the class scores after every step of every recording, (batch, steps, classes), recordings in threads.
 

@@ -19,6 +19,7 @@ from hw_model.engine.layout import fast_layout
 from hw_model.engine.playing import Spikes, read_streams
 from hw_model.engine.trace import ByteArray
 from hw_model.errors import InputError
+from hw_model.io.given import checked
 from hw_model.mapping.graph import Phase
 from hw_model.program.chip_program import ChipProgram
 from hw_model.streaming.location_phase import Replay
@@ -64,6 +65,7 @@ class Session:
     readout, are an ``InputError``.
     """
 
+    @checked
     def __init__(self, program: ChipProgram, psi: float | None = None) -> None:
         if program.readout is None:
             raise InputError(

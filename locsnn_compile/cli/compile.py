@@ -41,6 +41,16 @@ _SPLIT = (
 )
 _PROFILE = "costs of the report: a profile of the chip, or a YAML file like one (default: the chip's first)"
 _PSI = "how late the time-weighted prediction of the report turns to the location branch (default 10)"
+BUILD_NAMES = ("program.yaml", "program.npz", "report.json", "report.md", "report.html")
+EMITTED_NAMES = {
+    "vectors": "vectors/",
+    "vcd": "waves.vcd",
+    "trace": "trace.json",
+    "sanafe": "sanafe/",
+    "graphml": "program.graphml",
+    "dot": "program.dot",
+    "csv": "csv/",
+}
 
 
 def parser() -> Parser:
@@ -106,10 +116,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 def run(args: Namespace) -> int:
     """Compile as ``args`` ask. Raises ``InputError`` and ``TargetError``."""
     _check_options(args)
-    from hw_model.io.build_folder import check_folder, default_folder, write_build
+    from hw_model.io.build_folder import default_folder, write_build
 
     folder = Path(args.output) if args.output else default_folder(args.model)
-    check_folder(folder)
+    _check_places(args, folder)
 
     from hw_model.io.files import replace_file
     from locsnn_compile.api import compile, recordings_for
@@ -204,8 +214,25 @@ def _check_options(args: Namespace) -> None:
     if args.junit:
         if not _bounds(args):
             raise InputError("--junit", "no gate is asked for", fix=f"Add one of {', '.join(GATES)}.")
-        if not Path(args.junit).parent.is_dir():
-            raise InputError(f"--junit {args.junit!r}", "its folder does not exist", fix="Make the folder first.")
+
+
+def _check_places(args: Namespace, folder: Path) -> None:
+    """Refuse outputs that are inputs, or would remove what is not theirs."""
+    from hw_model.io.build_folder import check_folder
+    from locsnn_compile.cli.places import check_places
+
+    names = written_names(args.emit)
+    check_folder(folder, names)
+    options = ("config", "events", "calibration", "target", "profile")
+    reads = {"MODEL": args.model, **{f"--{name}": getattr(args, name) for name in options}}
+    junit = [(f"--junit {args.junit!r}", Path(args.junit))] if args.junit else []
+    check_places(reads, junit, [(f"-o {str(folder)!r}", folder / name) for name in names])
+
+
+def written_names(emit: Sequence[str]) -> tuple[str, ...]:
+    """Return the entries of a build's folder; names of folders end in /."""
+    levels = {kind: f"{kind}.txt" for kind in LEVEL_KINDS} | {kind: f"network.{kind}" for kind in EXCHANGE_KINDS}
+    return (*BUILD_NAMES, *((levels | EMITTED_NAMES)[kind] for kind in emit))
 
 
 def _check_recording(number: int, recordings: Recordings) -> None:

@@ -39,6 +39,13 @@ def run(args: argparse.Namespace) -> int:
     """Print every figure that differs, with its change in percent where both are numbers; write the page."""
     from locsnn_compile.report.sections.comparison import changes, percent
 
+    if args.html:
+        from locsnn_compile.cli.compile import BUILD_NAMES
+        from locsnn_compile.cli.places import check_places
+
+        builds = (("BUILD_A", args.before), ("BUILD_B", args.after))
+        reads = {f"{option}, {name}": Path(folder) / name for option, folder in builds for name in BUILD_NAMES}
+        check_places(reads, [(f"--html {args.html!r}", Path(args.html))])
     before, after = (_build(Path(folder)) for folder in (args.before, args.after))
     changed = changes(before, after)
     if args.html:

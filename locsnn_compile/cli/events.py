@@ -55,9 +55,14 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def run(args: argparse.Namespace) -> int:
     """Print the figures, and write what was asked for."""
     _check_options(args)
+    from locsnn_compile.cli.places import check_places
     from locsnn_compile.data.read import read_recordings
     from locsnn_compile.data.statistics import event_statistics
 
+    given = (("-o", args.output), ("--to", args.to))
+    writes = [(f"{option} {str(path)!r}", path) for option, path in given if path is not None]
+    # A folder is written only where it is new or empty.
+    check_places({"FILE": args.file}, [place for place in writes if place[1].suffix])
     recordings = read_recordings(
         args.file,
         split=args.part,

@@ -33,6 +33,8 @@ the knee of the front.
 PARTS = ("train", "test")
 ENGINES = ("fast", "reference")
 MAX_WORKERS = 256
+READ = ("config", "events", "report_on", "calibration", "target")
+WRITTEN = ("explore.csv", "explore.json", "explore.svg", "timings.csv", "timings.svg")
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -81,7 +83,8 @@ def run(args: argparse.Namespace) -> int:
     from hw_model.io.build_folder import check_folder, default_folder, write_build
 
     folder = Path(args.output) if args.output else default_folder(args.model, "-explore")
-    check_folder(folder)
+    check_folder(folder, WRITTEN)
+    _check_places(args, folder, WRITTEN)
     executor = _executor(args)
     try:
         found = _explore(args, wanted, folder, executor)
@@ -119,6 +122,8 @@ def _explore(
     model = ModelFile(args.model, args.config, args.dt, args.reset, args.discretisation)
     network, chip = model.load(), hw.chip(args.target)
     events = choose_events(network, args.events, args.part, args.recordings)
+    if events.file is None:
+        _check_places(args, folder, ["events.npz"])
     reported_on = report_events(network, args.report_on) if args.report_on else None
     # Never those that the model carries, by default: they may be of its test part.
     calibration = calibration_recordings(network, args.calibration) if args.calibration else events.recordings
@@ -133,6 +138,14 @@ def _explore(
         return found
     with progress_bar("reporting", show=not args.quiet) as progress:
         return found.report_on(reported_on, store, executor, progress)
+
+
+def _check_places(args: argparse.Namespace, folder: Path, names: Sequence[str]) -> None:
+    """Refuse to write what is read; ``names`` in the folder of the output."""
+    from locsnn_compile.cli.places import check_places
+
+    reads = {"MODEL": args.model, **{f"--{name.replace('_', '-')}": getattr(args, name) for name in READ}}
+    check_places(reads, [], [(f"-o {str(folder)!r}", folder / name) for name in names])
 
 
 def _executor(args: argparse.Namespace) -> Executor:

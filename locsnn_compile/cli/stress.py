@@ -42,12 +42,14 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def run(args: argparse.Namespace) -> int:
     """Run the rows; print a table of verdicts, or JSON, and write the page if one is wanted."""
     import hw_model as hw
+    from locsnn_compile.cli.places import check_places
     from locsnn_compile.stress.document import stress_document
     from locsnn_compile.stress.page import check_page, write_page
     from locsnn_compile.stress.run import run_stress
 
     chip = hw.chip(args.target)
     if args.output is not None:
+        check_places({"--target": args.target}, [(f"-o {str(args.output)!r}", args.output)])
         check_page(args.output)
     with progress_bar("stress", show=True) as progress:
         rows = run_stress(chip, quick=args.quick, progress=progress)

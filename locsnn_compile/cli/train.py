@@ -85,6 +85,7 @@ def run(args: argparse.Namespace) -> int:
         )
     if output.suffix != ".pt" or output.is_dir() or not output.parent.is_dir():
         raise InputError(f"output {output.name!r}", "it is no .pt file in a folder that exists", fix="Correct -o.")
+    _check_places(args, output)
     start = _start(args)
     config = _config(args, start)
     recordings, test = _read(args.data)
@@ -92,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
     from locsnn_compile.training.export import export_checkpoint
     from locsnn_compile.training.train import train
 
-    state_path = output.with_name(f"{output.name}.state")
+    state_path = _state_path(output)
     if not args.resume:
         state_path.unlink(missing_ok=True)
     with _progress(show=not args.quiet and sys.stderr.isatty()) as progress:
@@ -108,13 +109,45 @@ def run(args: argparse.Namespace) -> int:
                 progress=progress,
             )
         except KeyboardInterrupt:
-            print("Stopped. Go on with the same command and --resume.", file=sys.stderr)
+            kept = state_path.exists()
+            way_on = "Go on with the same command and --resume." if kept else "No epoch was kept yet: start again."
+            print(f"Stopped. {way_on}", file=sys.stderr)
             return 130
     accuracy = export_checkpoint(output, result, config, recordings, test, carried=args.recordings, start=start)
     state_path.unlink(missing_ok=True)
     if not args.quiet:
         print(_summary(output, result, accuracy, test))
     return 0
+
+
+def _state_path(output: Path) -> Path:
+    return output.with_name(f"{output.name}.state")
+
+
+def _check_places(args: argparse.Namespace, output: Path) -> None:
+    """Refuse outputs that are inputs, files beside the output that no run wrote, and nothing to resume."""
+    from locsnn_compile.cli.places import check_places
+
+    option = f"-o {args.output!r}"
+    beside = {
+        output.with_suffix(".csv"): b"phase,epoch,learning_rate,",
+        output.with_suffix(".svg"): b"Training of ",
+        _state_path(output): b"locsnn-training-state",
+    }
+    reads = {"--data": args.data, "--config": args.config, "--from": args.start, "--target": args.target}
+    check_places(reads, [(option, path) for path in (output, *beside)])
+    for path, mark in beside.items():
+        if path.exists() and mark not in path.read_bytes():
+            raise InputError(
+                option, f"{path.name!r} beside it would be replaced, and no training wrote it", fix="Write elsewhere."
+            )
+    if args.resume and not _state_path(output).exists():
+        raise InputError(
+            "--resume",
+            "there is nothing to go on from",
+            measured=f"no {_state_path(output).name!r}",
+            fix="Train without --resume.",
+        )
 
 
 def _start(args: argparse.Namespace) -> Checkpoint | None:

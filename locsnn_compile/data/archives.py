@@ -37,6 +37,11 @@ def archive_parts(path: Path) -> tuple[str, ...]:
     return tuple(part for part in PARTS if part in found)
 
 
+def recording_files(folder: Path) -> list[Path]:
+    """Return the files of a folder that are read as its recordings."""
+    return [f for f in folder.rglob("*") if (_is_recording(f.name) or f.suffix == ".startend") and f.is_file()]
+
+
 def read_archive(path: Path, *, split: str | None, binning: Binning) -> Recordings:
     """Return one part of a ``.zip`` archive or of a folder of recordings, with labels where every name has one.
 

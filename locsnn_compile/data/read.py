@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hw_model.io.given import checked
 from locsnn_compile.data.archives import PARTS, archive_parts, read_archive
 from locsnn_compile.data.arrays import label_in_name, read_arrays
 from locsnn_compile.data.event_stream import MAX_EVENTS, MAX_STEP_SECONDS, MIN_STEP_SECONDS, Binning, bin_streams
@@ -25,6 +26,7 @@ _RANGES = {
 }
 
 
+@checked
 def read_recordings(
     path: Path | str,
     *,

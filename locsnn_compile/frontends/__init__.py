@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from hw_model.io.given import checked
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.check import check_network
 from locsnn_compile.network.network import Network
@@ -12,6 +13,7 @@ from locsnn_compile.network.network import Network
 _FORMATS = "Give a checkpoint (.pt) that `locsnn train` wrote, a NIR graph (.nir), or a lava-dl network (.net)."
 
 
+@checked
 def load(
     model: str | Path,
     config: str | Path | None = None,

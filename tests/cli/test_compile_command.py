@@ -3,6 +3,7 @@
 import json
 import os
 import pickle
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -14,8 +15,9 @@ import torch
 import yaml
 
 import hw_model as hw
+from hw_model.io.build_folder import OURS
 from locsnn_compile.backends import BENCH_KINDS, LEVEL_KINDS
-from locsnn_compile.cli.compile import main
+from locsnn_compile.cli.compile import main, written_names
 
 ROOT = Path(__file__).parents[2]
 MODEL = ROOT / "examples/models/objects-hybrid.pt"
@@ -78,9 +80,10 @@ def test_quiet_prints_nothing(few, tmp_path, capsys):
 
 def test_two_runs_write_the_same_bytes(few, tmp_path):
     """In fresh interpreters with different hash seeds: nothing may depend on the order of a set."""
+    kinds = [*LEVEL_KINDS, *BENCH_KINDS, "csv"]
     for name, seed in (("one", "1"), ("two", "2")):
         command = [sys.executable, "-m", "locsnn_compile.cli.compile", str(MODEL), "--events", str(few), "--quiet"]
-        command += ["-o", str(tmp_path / name), "--emit", *LEVEL_KINDS, *BENCH_KINDS, "csv"]
+        command += ["-o", str(tmp_path / name), "--emit", *kinds]
         done = subprocess.run(
             command, env={**os.environ, "PYTHONHASHSEED": seed}, capture_output=True, text=True, check=False
         )
@@ -89,6 +92,9 @@ def test_two_runs_write_the_same_bytes(few, tmp_path):
     levels = {f"{kind}.txt" for kind in LEVEL_KINDS}
     assert {path.name for path in one.iterdir()} == FILES | levels | EMITTED
     written = {path.relative_to(one) for path in one.rglob("*")}
+    assert {path.name for path in one.iterdir()} == {name.strip("/") for name in written_names(kinds)}
+    nested = [name.as_posix() for name in written if len(name.parts) > 1 and (one / name).is_file()]
+    assert [name for name in nested if not re.fullmatch(OURS, name)] == []
     assert written == {path.relative_to(two) for path in two.rglob("*")}
     for name in written:
         assert (one / name).is_dir() or (one / name).read_bytes() == (two / name).read_bytes(), name
@@ -155,10 +161,11 @@ def test_gates_as_junit_xml(few, tmp_path, capsys):
 
 
 def test_a_build_with_fewer_vectors_leaves_none_of_the_old(few, tmp_path):
-    (tmp_path / "vectors").mkdir()
-    (tmp_path / "vectors" / "stale.hex").write_text("")
+    stale = tmp_path / "vectors/core99/spikes.hex"
+    stale.parent.mkdir(parents=True)
+    stale.write_text("")
     assert run(MODEL, "--events", few, "-o", tmp_path, "--quiet", "--emit", "vectors", "--recording", "2") == 0
-    assert not (tmp_path / "vectors" / "stale.hex").exists()
+    assert not stale.exists()
     manifest = yaml.safe_load((tmp_path / "vectors" / "manifest.yaml").read_text())
     assert manifest["recording"] == "recording 2 of few.npy"
     assert [path.name for path in tmp_path.iterdir() if path.name.startswith(".")] == []

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from locsnn_compile.errors import TargetError
+from locsnn_compile.network.chip_neurons import ChipProjection
 from locsnn_compile.network.network import Population, Projection
 from locsnn_compile.network.neurons import Cuba, SoftCuba, SrmAlpha
-from locsnn_compile.network.chip_neurons import ChipProjection
 from locsnn_compile.passes.check_heard import check_heard
 
 STEPS = 4

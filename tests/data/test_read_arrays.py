@@ -111,10 +111,7 @@ def test_written_recordings_come_back_and_are_the_same_bytes(tmp_path: Path, rec
 def test_writing_into_no_folder(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         write_recordings(tmp_path / "none" / "x.npz", Recordings(STEPS, None, None, "x"))
-    assert str(caught.value) == (
-        "file 'x.npz': it cannot be written (No such file or directory). "
-        "Give a file in a folder that exists and can be written."
-    )
+    assert str(caught.value) == ("file 'x.npz': its folder does not exist. Make the folder first.")
 
 
 class Hostile:

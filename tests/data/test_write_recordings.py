@@ -145,7 +145,7 @@ REFUSED: list[tuple[str, str, Recordings, dict[str, Any], str]] = [
     ("times after 23 bits", "a.zip", sparse(4 * 39, steps=500), {"members": "bs1"}, "file 'a.zip': an event's microsecond does not fit its bits (9910000 against 8388607). Write .npz."),
     ("bins below a microsecond", "a.zip", sparse(78, seconds=1e-6), {"members": "bs1"}, "file 'a.zip': its bins are too narrow for times in microseconds (1e-06 s against 2e-06). Write .npz."),
     ("a folder that is not empty", ".", TOUCHES, {}, "folder '{folder}': it is not empty, and recordings would mix. Name a new folder, or a .zip."),
-    ("into no folder", "none/a.npz", TOUCHES, {}, "file 'a.npz': it cannot be written (No such file or directory). Give a file in a folder that exists and can be written."),
+    ("into no folder", "none/a.npz", TOUCHES, {}, "file 'a.npz': its folder does not exist. Make the folder first."),
 ]  # fmt: skip
 
 

@@ -30,6 +30,11 @@ DEEP, MANY = "[" * 200_000, "[" + "1," * 200_000 + "]"
 OF_YAML = {
     "aliases of aliases": (LAUGHS, "aliases are not read (line 2). Write the value out."),
     "a list that holds itself": ("hidden: &a [*a]\n", "aliases are not read (line 1). Write the value out."),
+    "a key twice": ("hidden: 4\nepochs: 2\nhidden: 8\n", "the key 'hidden' is given twice, again at line 3. Keep one."),
+    "a key twice, further in": (
+        "a: [{b: 1, c: 2,\n  b: 3}]\n",
+        "the key 'b' is given twice, again at line 2. Keep one.",
+    ),
     "deep": (DEEP, "it is nested too deeply (more than 50 levels). Correct its brackets."),
     "many": (MANY, "it holds too much (more than 100000 values). Give a smaller file."),
 }
@@ -57,6 +62,7 @@ TEXTS = [
     ("a decay out of range", "decay_u: 4096", "decay_u: 5000", "core 0: its decays do not make a program. Compile it again."),
     ("a decay that is a fraction", "decay_u: 4096", "decay_u: 0.5", "core 0: its decays do not make a program. Compile it again."),
     ("a slice elsewhere", "start: 0", "start: 1", "core 0: its slices do not make a program. Compile it again."),
+    ("a key twice", "format: locsnn-program\n", "format: x\nformat: locsnn-program\n", "program.yaml: the key 'format' is given twice, again at line 2. Keep one."),
     ("a phase of no name", "  phase: time\n  compartments", "  phase: never\n  compartments", "core 0: its phases do not make a program. Compile it again."),
     ("an axis that is none", "axis: time", "axis: space", "phases: its axes do not make a program. Compile it again."),
     ("steps without end", "steps: null", "steps: 99999999999", "phases: its steps do not make a program. Compile it again."),

@@ -59,11 +59,22 @@ def test_what_else_a_folder_holds_stays(mode, tmp_path):
     assert (os.readlink(out / "link"), oct(out.stat().st_mode & 0o777)) == ("nowhere", "0o750")
 
 
-def test_a_folder_takes_the_place_of_a_file_and_the_other_way_round(mode, tmp_path):
+@pytest.mark.parametrize(
+    ("files", "line"),
+    [
+        ({"a/d": b"2"}, "it holds a file 'a', which would be removed"),
+        ({"b": b"2"}, "it holds a folder 'b', which would be removed"),
+        ({"b/d": b"2"}, "it holds 'b/c', which was not written here and would be removed"),
+    ],
+    ids=["a folder for a file", "a file for a folder", "what is not ours"],
+)
+def test_a_file_takes_the_place_of_files_alone_and_a_folder_of_folders(mode, files, line, tmp_path):
     out = tmp_path / "out"
     folders.replace_entries(out, {"a": b"1", "b/c": b"1"})
-    folders.replace_entries(out, {"a/d": b"2", "b": b"2"})
-    assert names(out) == ["a", "a/d", "b"]
+    with pytest.raises(OSError, match=f"] {line}$"):
+        folders.replace_entries(out, files, ours="b/d")
+    assert names(tmp_path) == ["out", "out/a", "out/b", "out/b/c"]
+    assert (out / "a").read_bytes() == b"1"
 
 
 def test_a_folder_that_is_linked_to_stays_linked_to(tmp_path):

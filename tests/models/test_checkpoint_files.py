@@ -397,7 +397,4 @@ def test_saving_refuses_weights_that_do_not_fit(tmp_path: Path) -> None:
 def test_saving_into_no_folder(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         save_checkpoint(tmp_path / "none" / "x.pt", DESCRIPTION, build_network(DESCRIPTION).weights())
-    assert str(caught.value) == (
-        "checkpoint 'x.pt': it cannot be written (No such file or directory). "
-        "Give a file in a folder that exists and can be written."
-    )
+    assert str(caught.value) == ("checkpoint 'x.pt': its folder does not exist. Make the folder first.")

@@ -187,7 +187,4 @@ def test_what_cannot_be_trained(recordings: Recordings, values: dict[str, str], 
 def test_a_log_that_cannot_be_written(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         train(touches(), CONFIG, log_path=tmp_path / "none" / "log.csv")
-    assert str(caught.value) == (
-        "training log 'log.csv': it cannot be written (No such file or directory). "
-        "Give a file in a folder that exists and can be written."
-    )
+    assert str(caught.value) == ("training log 'log.csv': its folder does not exist. Make the folder first.")

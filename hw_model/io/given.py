@@ -1,0 +1,103 @@
+"""What a caller gives to a public function: of the kind that its annotation says, and a path that can be looked up."""
+
+from __future__ import annotations
+
+import errno
+import functools
+import inspect
+import os
+from collections.abc import Callable, Iterator, Sequence
+from numbers import Integral, Real
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar, get_args, get_origin, get_type_hints
+
+from hw_model.errors import InputError
+
+P = ParamSpec("P")
+T = TypeVar("T")
+_ACCEPTED: dict[Any, type] = {int: Integral, float: Real}
+_WAYS_OUT = {
+    "Network": "Read it with lc.load(path), or lc.load(path, config=...).",
+    "CompiledModel": "Make one with lc.compile(network).",
+    "ChipProgram": "Take .program of lc.compile(network), or read one with hw.load_program(folder).",
+    "Chip": "Take hw.chip('loihi-sim'), or hw.chip(path) of a chip file.",
+    "Profile": "Take chip.profile(name).",
+    "Counts": "Take .counts of hw.simulate(program, spikes).",
+    "Sequence": "Put it in a list.",
+}
+"""Where values of our own types come from; of others the type says enough."""
+_SHOWN = 60
+
+
+def checked(function: Callable[P, T]) -> Callable[P, T]:
+    """Refuse arguments that are not of the annotated types in one line, before the function begins.
+
+    Arrays, and what sequences and mappings hold, are left to the function.
+    """
+    signature, called = inspect.signature(function), function.__qualname__.removesuffix(".__init__")
+    # A name of annotations may be known only when all modules are.
+    kinds = functools.cache(lambda: {name: _kinds(hint) for name, hint in get_type_hints(function).items()})
+
+    @functools.wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> T:
+        for name, value in _bound(signature, args, kwargs):
+            _check(called, name, value, kinds().get(name, (object,)))
+        return function(*args, **kwargs)
+
+    return call
+
+
+def check_path(path: str | Path, where: str) -> None:
+    """Refuse a path that the system cannot even look up: a name in it is too long, or holds a NUL character."""
+    try:
+        os.lstat(path)
+    except ValueError:
+        raise InputError(where, "it holds a NUL character", fix="Give the path of a file.") from None
+    except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            longest = max(len(os.fsencode(part)) for part in Path(path).parts)
+            raise InputError(where, "the name is too long", measured=f"{longest} bytes", fix="Shorten it.") from None
+
+
+def _bound(signature: inspect.Signature, args: Any, kwargs: Any) -> Iterator[tuple[str, Any]]:
+    """Yield arguments by name; calls that Python itself refuses, with its own error."""
+    try:
+        yield from signature.bind(*args, **kwargs).arguments.items()
+    except TypeError:
+        return
+
+
+def _kinds(hint: Any) -> tuple[Any, ...]:
+    """Return the types that a hint takes, ``object`` among them where no ``isinstance`` tells."""
+    options = get_args(hint) if type(hint).__name__ in ("UnionType", "_UnionGenericAlias") else (hint,)
+    known = [get_origin(option) or option for option in options]
+    plain = [isinstance(kind, type) and kind is not bool and not kind.__module__.startswith("numpy.") for kind in known]
+    return tuple(kind if told else object for kind, told in zip(known, plain, strict=True))
+
+
+def _check(function: str, name: str, value: Any, kinds: tuple[Any, ...]) -> None:
+    if not any(_is_a(value, kind) for kind in kinds):
+        names = [kind.__name__ for kind in kinds if kind is not type(None)]
+        raise InputError(
+            f"{function}, {name}",
+            f"it must be {_article(names[0])} {' or '.join(names)}",
+            measured=f"got {type(value).__name__} {_short(repr(value))}",
+            fix=next((_WAYS_OUT[kind] for kind in names if kind in _WAYS_OUT), "Correct it."),
+        )
+    if Path in kinds and isinstance(value, str | Path):
+        check_path(value, f"{name.rsplit('_', 1)[-1]} {_short(str(value))!r}")
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
+
+
+def _is_a(value: Any, kind: Any) -> bool:
+    """Whether a value is of a type; a flag is no number, and a text no sequence."""
+    if (isinstance(value, bool) and kind in _ACCEPTED) or (isinstance(value, str) and kind is Sequence):
+        return False
+    return isinstance(value, _ACCEPTED.get(kind, kind))
+
+
+def _article(noun: str) -> str:
+    return "an" if noun[0].lower() in "aeiou" else "a"

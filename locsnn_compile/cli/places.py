@@ -1,0 +1,67 @@
+"""What a command reads and where it writes: no output takes the place of an input, or of another output."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+from hw_model.errors import InputError
+from hw_model.io.files import check_file
+from hw_model.io.given import check_path
+
+Place = tuple[str, Path]
+"""An option, as the message shows it, and a path that it writes: a file, or a folder that is replaced as a whole."""
+
+
+def check_places(reads: Mapping[str, str | Path | None], files: Sequence[Place], entries: Sequence[Place] = ()) -> None:
+    """Refuse outputs that would replace what the command reads, and files that cannot be written where they are wanted.
+
+    ``reads``: options and the files and folders that they name; of a folder, the recordings in it. ``entries``: what is
+    written into a folder of ``-o``, whose own check that folder has. Paths are equal where they lead to the same file,
+    over links or by other names.
+    """
+    inputs = [(option, Path(given)) for option, given in reads.items() if given is not None]
+    for option, path in inputs:
+        check_path(path, f"{option} {path.name[:60]!r}")
+    known = {_identity(file): option for option, path in inputs for file in _read_of(path)}
+    known.pop(None, None)
+    taken: dict[str, str] = {}
+    for option, path in entries:
+        taken[os.path.realpath(path)] = f"{option} writes {path.name!r} there"
+    for option, path in (*files, *entries):
+        check_path(path, option)
+        target = os.path.realpath(path)
+        inside = [reader for reader, read in inputs if _lies_in(os.path.realpath(read), target)]
+        reader = known.get(_identity(path)) or next(iter(inside), None)
+        if reader is not None:
+            raise InputError(option, f"{path.name!r} is what {reader} reads", fix="Write somewhere else.")
+    for option, path in files:
+        target = os.path.realpath(path)
+        other = next((said for place, said in taken.items() if _lies_in(target, place)), None)
+        if other is not None:
+            raise InputError(option, other, fix="Write somewhere else.")
+        check_file(Path(target), option)
+        taken[target] = f"{option} is written there"
+
+
+def _read_of(path: Path) -> Iterable[Path]:
+    """Return the files that are read where a path is given: itself, or the recordings of a folder."""
+    if path.is_dir():
+        from locsnn_compile.data.archives import recording_files
+
+        return recording_files(path)
+    return (path, path.with_name(f"{path.stem}_labels.npy"), path.with_suffix(".startend")) if path.name else ()
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    """Return what tells a file from all others, whatever it is called; None where there is none."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino
+
+
+def _lies_in(path: str, folder: str) -> bool:
+    return path == folder or path.startswith(folder.rstrip(os.sep) + os.sep)
