@@ -132,7 +132,7 @@ def _spread(steps: Spread) -> str:
 
 
 def _raster(recordings: Recordings, index: int) -> Sequence[str]:
-    from locsnn_compile.data.raster import text_raster
+    from locsnn_compile.report.pictures.recording import text_raster
 
     label = "" if recordings.labels is None else f", label {recordings.labels[index]}"
     return [f"recording {index}{label}:", *(f"|{line}|" for line in text_raster(recordings.spikes[index]))]
@@ -143,7 +143,7 @@ def _write(args: argparse.Namespace, recordings: Recordings) -> list[str]:
     lines = []
     if args.output is not None:
         from hw_model.io.files import replace_file
-        from locsnn_compile.data.raster import raster_svg
+        from locsnn_compile.report.pictures.recording import raster_svg
 
         title = f"{recordings.source}, recording {args.recording}"
         picture = raster_svg(recordings.spikes[args.recording], title, recordings.step_seconds)

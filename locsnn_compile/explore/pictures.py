@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 from locsnn_compile.explore.exploration import Exploration
 from locsnn_compile.explore.grid import AXES, Setting, Value
-from locsnn_compile.explore.plot import Mark, Panel, draw
 from locsnn_compile.explore.point import Figures, Point
 from locsnn_compile.report.format import energy, share, time
+from locsnn_compile.report.pictures.scatter import Mark, Panel, draw
 
 X_LABEL = "spikes that differ from the float network's"
 

@@ -11,7 +11,7 @@ import pytest
 
 from locsnn_compile.cli.main import main
 from locsnn_compile.data import Recordings, read_recordings, write_recordings
-from locsnn_compile.data.raster import text_raster
+from locsnn_compile.report.pictures.recording import text_raster
 
 ROOT = Path(__file__).parents[2]
 

@@ -6,13 +6,17 @@ import math
 from collections.abc import Sequence
 
 
+def nice_step(least: float) -> float:
+    """Return the least of 1, 2 or 5 times a power of ten that is no less, but for rounding."""
+    power = 10.0 ** math.floor(math.log10(least))
+    return next(step * power for step in (1, 2, 5, 10) if step * power >= least * 0.999)
+
+
 def round_numbers(low: float, high: float, about: int) -> list[float]:
     """Return multiples of 1, 2 or 5 times a power of ten between the ends, about so many; none for an empty range."""
     if not high > low:
         return []
-    rough = (high - low) / about
-    power = 10.0 ** math.floor(math.log10(rough))
-    step = next(step for step in (power, 2 * power, 5 * power, 10 * power) if step >= rough * 0.999)
+    step = nice_step((high - low) / about)
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
     return [i * step for i in range(first, last + 1)]
 

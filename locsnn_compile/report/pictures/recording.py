@@ -2,26 +2,20 @@
 
 from __future__ import annotations
 
-from xml.etree.ElementTree import Element, SubElement
+from xml.etree.ElementTree import SubElement
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hw_model.io.xml_text import xml_file, xml_text
+from hw_model.io.xml_text import xml_file
+from locsnn_compile.report.pictures.chart import sheet, words
 
 SHADES = " ░▒▓█"
 #: Largest text, in characters, and largest picture, in rows and columns of marks; what is larger is drawn coarser.
 TEXT_COLUMNS, TEXT_ROWS = 64, 20
 PICTURE_COLUMNS, PICTURE_ROWS = 1000, 500
 
-_STYLE = """
-:root{--paper:#fff;--ink:#15191e;--soft:#57606b;--mark:#1d5a86}
-@media (prefers-color-scheme:dark){:root{--paper:#121518;--ink:#e8ebee;--soft:#a1abb6;--mark:#7db8e3}}
-@media print{:root{--paper:#fff;--ink:#000;--soft:#444;--mark:#000}}
-text{font:12px system-ui,-apple-system,"Segoe UI",Arial,sans-serif;fill:var(--soft)}
-.title{font-size:14px;font-weight:600;fill:var(--ink)}
-.paper{fill:var(--paper)}.frame{fill:none;stroke:var(--soft)}.events{fill:var(--mark)}
-"""
+_STYLE = ".outline{fill:none;stroke:var(--soft)}.events{fill:var(--accent)}"
 _LEFT, _TOP, _RIGHT, _BOTTOM = 56, 40, 20, 40
 _PLOT_WIDTH, _PLOT_HEIGHT = 720, 320
 
@@ -44,14 +38,7 @@ def raster_svg(spikes: NDArray[np.uint8], title: str, step_seconds: float | None
     marks = _coarse(spikes, PICTURE_COLUMNS, PICTURE_ROWS) > 0
     rows, columns = marks.shape
     width, height = _LEFT + _PLOT_WIDTH + _RIGHT, _TOP + _PLOT_HEIGHT + _BOTTOM
-    svg = Element(
-        "svg",
-        {"xmlns": "http://www.w3.org/2000/svg", "viewBox": f"0 0 {width} {height}", "width": str(width), "role": "img"},
-    )
-    SubElement(svg, "title").text = xml_text(title)
-    SubElement(svg, "style").text = _STYLE
-    SubElement(svg, "rect", {"class": "paper", "width": str(width), "height": str(height)})
-    _words(svg, _LEFT, 24, title, "title", "start")
+    svg = sheet(width, height, title, _STYLE)
     dx, dy = _PLOT_WIDTH / columns, _PLOT_HEIGHT / rows
     path = "".join(
         f"M{_LEFT + column * dx:.2f} {_TOP + row * dy:.2f}h{dx:.2f}v{dy:.2f}h{-dx:.2f}z"
@@ -59,19 +46,14 @@ def raster_svg(spikes: NDArray[np.uint8], title: str, step_seconds: float | None
     )
     SubElement(svg, "path", {"class": "events", "d": path})
     frame = {"x": str(_LEFT), "y": str(_TOP), "width": str(_PLOT_WIDTH), "height": str(_PLOT_HEIGHT)}
-    SubElement(svg, "rect", {"class": "frame", **frame})
+    SubElement(svg, "rect", {"class": "outline", **frame})
     end = f"step {steps}" if step_seconds is None else f"{steps * step_seconds:g} s"
-    _words(svg, _LEFT, _TOP + _PLOT_HEIGHT + 20, "0", "axis", "start")
-    _words(svg, _LEFT + _PLOT_WIDTH, _TOP + _PLOT_HEIGHT + 20, end, "axis", "end")
-    _words(svg, _LEFT - 8, _TOP + 12, "0", "axis", "end")
-    _words(svg, _LEFT - 8, _TOP + _PLOT_HEIGHT, str(channels - 1), "axis", "end")
-    _words(svg, _LEFT + _PLOT_WIDTH / 2, _TOP + _PLOT_HEIGHT + 20, "time; channels downwards", "axis", "middle")
+    words(svg, _LEFT, _TOP + _PLOT_HEIGHT + 20, "0", "soft", "start")
+    words(svg, _LEFT + _PLOT_WIDTH, _TOP + _PLOT_HEIGHT + 20, end, "soft", "end")
+    words(svg, _LEFT - 8, _TOP + 12, "0", "soft", "end")
+    words(svg, _LEFT - 8, _TOP + _PLOT_HEIGHT, str(channels - 1), "soft", "end")
+    words(svg, _LEFT + _PLOT_WIDTH / 2, _TOP + _PLOT_HEIGHT + 20, "time; channels downwards", "soft", "middle")
     return xml_file(svg)
-
-
-def _words(svg: Element, x: float, y: float, words: str, kind: str, anchor: str) -> None:
-    place = {"x": f"{x:g}", "y": f"{y:g}", "class": kind, "text-anchor": anchor}
-    SubElement(svg, "text", place).text = xml_text(words)
 
 
 def _coarse(spikes: NDArray[np.uint8], columns: int, rows: int) -> NDArray[np.float64]:

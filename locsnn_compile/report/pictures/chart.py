@@ -1,0 +1,123 @@
+"""Charts as SVG files: panels side by side, light, dark and printed, readable without colour."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from xml.etree.ElementTree import Element, SubElement
+
+from hw_model.io.xml_text import xml_text
+from locsnn_compile.report.pictures.ticks import nice_step
+
+_STYLE = """
+:root{--paper:#fff;--ink:#15191e;--soft:#57606b;--rule:#dfe3e7;--accent:#1d5a86}
+@media (prefers-color-scheme:dark){:root{--paper:#121518;--ink:#e8ebee;--soft:#a1abb6;--rule:#2d343b;--accent:#7db8e3}}
+@media print{:root{--paper:#fff;--ink:#000;--soft:#444;--rule:#c4c9ce;--accent:#000}}
+text{font:11px system-ui,-apple-system,"Segoe UI",Arial,sans-serif;fill:var(--ink)}
+.title{font-size:14px;font-weight:600}.soft{fill:var(--soft)}
+.paper{fill:var(--paper)}.grid{stroke:var(--rule)}.frame{stroke:var(--soft)}
+"""
+WIDTH, HEIGHT, RIGHT = 340, 240, 18
+"""Pixels of a panel, and right of the last one."""
+_GAP, _TOP = 72, 70
+"""Pixels left of a panel, where its labels are, and above all panels."""
+BOTTOM = _TOP + HEIGHT
+"""Pixels from the upper edge of the picture to the lower edge of its panels."""
+_TICKS = 6
+"""Ticks of a linear axis at the most; one more at 0."""
+
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Values between two ends, in proportion or by their logarithms; ``text`` writes the figures of the ``ticks``."""
+
+    low: float
+    high: float
+    ticks: tuple[float, ...]
+    text: Callable[[float], str]
+    log: bool = False
+
+    def place(self, value: float) -> float:
+        """Return where a value lies, 0..1."""
+        return ((math.log10(value) if self.log else value) - self.low) / (self.high - self.low)
+
+
+def linear_axis(values: Sequence[float], text: Callable[[float], str]) -> Axis:
+    """Return an axis from 0 to half a tick beyond the largest value."""
+    largest = max(values, default=0.0)
+    step = nice_step(largest / _TICKS) if largest > 0 else 1.0
+    high = largest + 0.5 * step if largest > 0 else step
+    return Axis(0.0, high, tuple(i * step for i in range(math.floor(high / step + 1e-9) + 1)), text)
+
+
+def log_axis(values: Sequence[float], text: Callable[[float], str]) -> Axis:
+    """Return an axis of all values, which are above 0: a tick a decade, or of fewer decades one at 1, 2 and 5."""
+    scaled = [math.log10(value) for value in values] or [0.0, 1.0]
+    low, high = min(scaled), max(scaled)
+    beyond = 0.04 * (high - low) or 0.5
+    first, last = math.ceil(low - 1e-9), math.floor(high + 1e-9)
+    if last - first < 2:
+        tried = (m * 10.0**decade for decade in range(first - 1, last + 1) for m in (1, 2, 5))
+        ticks = tuple(value for value in tried if low - 1e-9 <= math.log10(value) <= high + 1e-9)
+    else:
+        ticks = tuple(10.0**decade for decade in range(first, last + 1, max(1, math.ceil((last - first + 1) / 8))))
+    return Axis(low - beyond, high + beyond, ticks, text, log=True)
+
+
+def sheet(width: int, height: int, title: str, style: str) -> Element:
+    """Return an empty picture with its title, in two places; ``style``: rules to add."""
+    root = Element("svg", {"xmlns": "http://www.w3.org/2000/svg", "viewBox": f"0 0 {width} {height}", "role": "img"})
+    SubElement(root, "title").text = xml_text(title)
+    SubElement(root, "style").text = _STYLE + style
+    SubElement(root, "rect", {"class": "paper", "width": str(width), "height": str(height)})
+    words(root, 16, 22, title, "title")
+    return root
+
+
+def chart(title: str, subtitle: str, style: str, panels: int, below: int) -> tuple[Element, list[Element]]:
+    """Return an empty chart and the groups of its panels, under which there are ``below`` pixels."""
+    root = sheet(panels * (WIDTH + _GAP) + RIGHT, BOTTOM + below, title, style)
+    words(root, 16, 39, subtitle, "soft")
+    places = (f"translate({i * (WIDTH + _GAP) + _GAP} {_TOP})" for i in range(panels))
+    return root, [SubElement(root, "g", {"transform": place}) for place in places]
+
+
+def axes(group: Element, title: str, x_label: str, x: Axis, y: Axis, drawn: Sequence[Point]) -> list[Point]:
+    """Draw the axes of a panel, and return the pixels of the points to be drawn there."""
+    words(group, 0, -10, title, "soft")
+    for value in y.ticks:
+        at = HEIGHT * (1 - y.place(value))
+        points(group, "polyline", "grid", [(0, at), (WIDTH, at)])
+        words(group, -7, at + 4, y.text(value), "soft", "end")
+    for value in x.ticks:
+        at = WIDTH * x.place(value)
+        points(group, "polyline", "frame", [(at, HEIGHT), (at, HEIGHT + 4)])
+        words(group, at, HEIGHT + 17, x.text(value), "soft", "middle")
+    points(group, "polyline", "frame", [(0, HEIGHT), (WIDTH, HEIGHT)])
+    words(group, WIDTH / 2, HEIGHT + 34, x_label, "soft", "middle")
+    return [(WIDTH * x.place(at_x), HEIGHT * (1 - y.place(at_y))) for at_x, at_y in drawn]
+
+
+def words(parent: Element, x: float, y: float, text: str, style: str, anchor: str = "start") -> None:
+    """Write a line of text."""
+    at = {"class": style, "x": _number(x), "y": _number(y), "text-anchor": anchor}
+    SubElement(parent, "text", at).text = xml_text(text)
+
+
+def circle(parent: Element, style: str, x: float, y: float, radius: float) -> Element:
+    """Draw a circle."""
+    return SubElement(parent, "circle", {"class": style, "cx": _number(x), "cy": _number(y), "r": str(radius)})
+
+
+def points(parent: Element, kind: str, style: str, corners: Sequence[Point]) -> Element:
+    """Draw a ``polyline`` or ``polygon``."""
+    path = " ".join(f"{_number(x)},{_number(y)}" for x, y in corners)
+    return SubElement(parent, kind, {"class": style, "points": path})
+
+
+def _number(value: float) -> str:
+    return f"{value:.1f}"
