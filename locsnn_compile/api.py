@@ -115,7 +115,9 @@ def compile(
     match = _compare(levels, recordings, progress)
     found = _diagnose(levels, recordings, match) if diagnosis else None
     followed = _follow(levels, recordings, psi) if diagnosis else None
-    report = report_document(levels, match, found, followed) | {"strategy_choice": choice_document(choice)}
+    report = report_document(levels, match, found, followed, recordings.binned) | {
+        "strategy_choice": choice_document(choice)
+    }
     return CompiledModel(levels, match, report, choice, _excerpt(levels, recordings, match) if diagnosis else None)
 
 
@@ -158,7 +160,7 @@ def recordings_for(network: Network, events: Events | None, labels: npt.ArrayLik
     if isinstance(events, Recordings):
         return events
     if isinstance(events, str | Path):
-        return read_recordings(events, step_seconds=network.step_seconds, channels=network.channels)
+        return read_recordings(events, model=network.expected)
     array = np.asarray(events)
     return Recordings(
         spikes=array,
@@ -226,7 +228,7 @@ def _calibration(network: Network, recordings: Recordings, calibration: Events |
     """Return the recordings that choices are made on: never those of the check, where there are others."""
     if isinstance(calibration, str | Path):
         part = "train" if "train" in recording_parts(calibration) else None
-        return read_recordings(calibration, split=part, step_seconds=network.step_seconds, channels=network.channels)
+        return read_recordings(calibration, split=part, model=network.expected)
     if calibration is not None or network.recordings is not None or network.fingertips is not None:
         return recordings_for(network, calibration)
     return recordings

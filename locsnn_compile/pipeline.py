@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import hw_model as hw
 from hw_model.mapping.arrangement import arrange_cores
@@ -45,5 +45,5 @@ def lower(
     compartments = lower_neurons(quantized, chip)
     placed = arrange_cores(place_cores(compartments, chip))
     routed = route_axons(placed)
-    program = assemble(routed)
+    program = replace(assemble(routed), step_seconds=network.step_seconds, event_threshold=network.event_threshold)
     return Levels(network, quantized, compartments, placed, routed, program)

@@ -94,6 +94,10 @@ class ChipProgram:
     readout: Readout | None
     synapses_pruned: int
     provenance: dict[str, str]
+    step_seconds: float | None = None
+    """Seconds of a time step; None where nothing says it."""
+    event_threshold: int | None = None
+    """Events that a bin of a recording must exceed to be 1; None where nothing says it."""
 
     def cores_of(self, phase: str) -> tuple[Core, ...]:
         """Return the cores that run in a phase."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import math
 import stat
 import zipfile
 from dataclasses import asdict, fields
@@ -37,6 +38,8 @@ MAX_FILE_BYTES = 2 << 30
 MAX_ARRAY_BYTES = 3 << 29
 """Of all arrays together, unpacked."""
 _CHUNK_BYTES = 1 << 20
+_RECORDINGS: dict[str, type[int] | type[float]] = {"step_seconds": float, "event_threshold": int}
+"""What is known of how recordings become steps; left out where nothing is."""
 MAX_YAML_NODES = 2_000_000
 """Values, keys and containers of ``program.yaml``: about a hundred for each core."""
 CORE_ARRAYS = ("profile", "threshold", "bias_mantissa", "bias_exponent", "parent")
@@ -117,6 +120,7 @@ def _document(program: ChipProgram) -> dict[str, Any]:
         "target": program.chip.name,
         "provenance": dict(program.provenance),
         "synapses_pruned": program.synapses_pruned,
+        **{name: getattr(program, name) for name in _RECORDINGS if getattr(program, name) is not None},
         "phases": [asdict(phase) for phase in program.phases],
         "inputs": [
             {
@@ -248,7 +252,18 @@ def _program(document: dict[str, Any], arrays: dict[str, IntArray]) -> ChipProgr
         else Readout(tuple(readout), tuple(map(float, readout.values())), _first(document)),
         synapses_pruned=int(document["synapses_pruned"]),
         provenance={str(key): str(value) for key, value in document["provenance"].items()},
+        **{name: _known(document, name, kind) for name, kind in _RECORDINGS.items()},
     )
+
+
+def _known(document: dict[str, Any], name: str, kind: type[int] | type[float]) -> Any:
+    """Return an entry that may be missing: seconds above 0, or a whole number from 0 on."""
+    value = document.get(name)
+    if value is None:
+        return None
+    if type(value) not in (kind, int) or not 0 <= value < math.inf or (kind is float and value == 0):
+        raise ValueError(name)
+    return value
 
 
 def _first(document: dict[str, Any]) -> int | None:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from locsnn_compile.backends import BENCH_KINDS, EMIT_KINDS, EXCHANGE_KINDS, LEVEL_KINDS
 from locsnn_compile.cli.completion import answer_shell
 from locsnn_compile.cli.shell import EXIT_GATE, Parser, guarded, progress_bar
+from locsnn_compile.cli.step_options import add_step_options, asked_steps, with_steps
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.verification.gates import GATES, Gate, check_gates, junit_file
 
@@ -80,6 +81,7 @@ def parser() -> Parser:
     )
     add("--discretisation", metavar="NAME", help="NIR: euler, the usual one, hold, or exact (default euler)")
     add("--kernels", metavar="NAME", help="slayerPytorch: full (default), or cut in the reference, as in its training")
+    add_step_options(made)
     add("--psi", type=number, default=10.0, metavar="X", help=_PSI)
     add("--emit", action="extend", nargs="+", default=[], metavar="KIND", help=f"also write: {', '.join(EMIT_KINDS)}")
     add("--recording", type=int, default=0, metavar="K", help="the recording to emit, counted from 0 (default 0)")
@@ -124,6 +126,7 @@ def run(args: Namespace) -> int:
     from hw_model.io.files import replace_file
     from locsnn_compile.api import compile, recordings_for
     from locsnn_compile.choose_strategy import ErrorBudget
+    from locsnn_compile.data.read import read_recordings
     from locsnn_compile.frontends import load
     from locsnn_compile.report.sections.choice import unmet_budget
 
@@ -135,7 +138,11 @@ def run(args: Namespace) -> int:
         discretisation=args.discretisation,
         kernels=args.kernels,
     )
-    recordings = recordings_for(network, args.events)
+    network = with_steps(network, args)
+    if args.events is None:
+        recordings = recordings_for(network, None)
+    else:
+        recordings = read_recordings(args.events, model=network.expected, **asked_steps(args))
     _check_recording(args.recording, recordings)
     with progress_bar("checking against the float reference", show=not args.quiet) as progress:
         compiled = compile(

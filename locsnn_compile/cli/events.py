@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from locsnn_compile.cli.step_options import add_step_options, asked_steps
 from locsnn_compile.errors import InputError
 
 if TYPE_CHECKING:
@@ -37,10 +38,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add = parser.add_argument
     add("file", metavar="FILE", help="recordings: .zip, folder, .npy, .npz, .pt, .tact, .bs1, .bs2")
     add("--part", metavar="NAME", help="train or test of a divided archive or folder (default test)")
-    add("--step-seconds", type=float, metavar="X", help="width of a bin, where the file does not say it (default 0.02)")
-    add("--threshold", type=int, metavar="N", help="events that a bin must exceed (default 0; .tact 1)")
+    add_step_options(parser)
     add("--channels", type=int, metavar="N", help="channels, where the highest ones are silent")
-    add("--steps", type=int, metavar="N", help="steps of a recording; later events are cut off")
     add("--polarities", type=int, metavar="N", help="2, or 1 to put both together (default: as the events have it)")
     add("--columns", type=int, metavar="N", help="columns of the grid of x and y (default: the highest x and 1)")
     add("--recording", type=int, default=0, metavar="K", help="the recording of the raster, from 0 (default 0)")
@@ -66,12 +65,10 @@ def run(args: argparse.Namespace) -> int:
     recordings = read_recordings(
         args.file,
         split=args.part,
-        step_seconds=args.step_seconds,
-        threshold=args.threshold,
         channels=args.channels,
-        steps=args.steps,
         polarities=args.polarities,
         columns=args.columns,
+        **asked_steps(args),
     )
     if not 0 <= args.recording < len(recordings):
         raise InputError(
@@ -99,6 +96,8 @@ def statistics_lines(found: EventStatistics) -> list[str]:
         f"events            {found.events.mean:.1f} a recording ({found.events.least} to {found.events.most}), "
         f"{100 * found.share:.2f} % of bins",
     ]
+    if found.binned is not None:
+        lines.append(f"binning           {found.binned.words}")
     if found.rate_hz is not None:
         lines.append(
             f"rate              {found.rate_hz:.3g} Hz a channel, {found.rate_hz * found.channels:.4g} Hz in all"

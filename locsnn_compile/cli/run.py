@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.cli.shell import progress_bar
+from locsnn_compile.cli.step_options import add_step_options, read_for_program
 from locsnn_compile.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
@@ -44,11 +45,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add("--engine", default="fast", metavar="NAME", help="fast or reference (default fast); equal integers")
     add("--stream", action="store_true", help="play step by step; show each change of the prediction, and the pace")
     add("--psi", type=float, metavar="X", help="with --stream or --stop margin: weigh the branches by time, such as 10")
-    add("--step-seconds", type=float, metavar="X", help="length of a step, where neither recordings nor build say it")
     add("--stop", metavar="HOW", help="stop early: proven, or margin")
     add("--calibrate", metavar="FILE", help="recordings to find the margin on")
     add("--min-agreement", type=float, metavar="X", help="of stops with the end, on those recordings (default 0.99)")
     add("--margin", type=float, metavar="X", help="the margin, where it is known")
+    add_step_options(parser)
     add("--json", action="store_true", help="print the result as JSON")
     parser.set_defaults(run=run)
 
@@ -59,15 +60,18 @@ def run(args: argparse.Namespace) -> int:
     import hw_model as hw
     from locsnn_compile.cli.run_stop import find_stops, known_margin, stop_lines
     from locsnn_compile.cli.run_stream import stream_all, stream_lines
-    from locsnn_compile.data.read import read_recordings
 
     program = hw.load_program(args.program)
     if args.profile:
         program = replace(program, chip=hw.priced_by(program.chip, args.profile))
-    recordings = read_recordings(args.events, channels=max(program.streams.values(), default=None))
+    recordings = read_for_program(args, args.events, program)
+    if args.step_seconds is not None and not args.stream and recordings.threshold is None:
+        raise InputError("--step-seconds", "nothing that is asked for is timed", fix="Add --stream.")
     rows, counts = _play(program, recordings, args.engine)
     totals = hw.energy_pj(counts, program.chip.profile(program.chip.default_profile))
     result: dict[str, Any] = {"program": program.name, "recordings": rows, "counts": dict(counts), "energy_pj": totals}
+    if recordings.binned is not None:
+        result["binning"] = recordings.binned.document()
     margin = known_margin(args, program) if args.stop == "margin" else None
     if args.stream:
         result["stream"] = stream_all(args, program, recordings, rows, margin)
@@ -81,6 +85,8 @@ def run(args: argparse.Namespace) -> int:
         return 0
     for line in _summary(program, rows, counts, totals):
         print(line)
+    if recordings.binned is not None:
+        print(f"binning: {recordings.binned.words}")
     if args.stream:
         print("\n".join(stream_lines(result["stream"])))
     if args.stop:
@@ -144,8 +150,6 @@ def _check_options(args: argparse.Namespace) -> None:
         raise InputError("--min-agreement", "no margin is calibrated", fix="Add --calibrate FILE.")
     if args.psi is not None and not (args.stream or by_margin):
         raise InputError("--psi", "nothing that is asked for is weighed", fix="Add --stream or --stop margin.")
-    if args.step_seconds is not None and not args.stream:
-        raise InputError("--step-seconds", "nothing that is asked for is timed", fix="Add --stream.")
     _check_number("--psi", args.psi, "it is no rate", lambda x: x >= 0, "Give 0 or more, such as 10.")
     _check_number("--margin", args.margin, "it is no lead", lambda x: x > 0, "Give more than 0.")
     _check_number("--step-seconds", args.step_seconds, "it is no time", lambda x: x > 0, "Give more than 0.")

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.cli.shell import progress_bar
+from locsnn_compile.cli.step_options import read_for_program
 from locsnn_compile.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ def known_margin(args: argparse.Namespace, program: hw.ChipProgram) -> Row:
     import hw_model as hw
 
     asked = MIN_AGREEMENT if args.min_agreement is None else args.min_agreement
-    recordings, part = _calibration(args)
+    recordings, part = _calibration(args, program)
     with progress_bar("calibrating", show=True):
         margin = hw.calibrate_margin(program, recordings.spikes, asked, args.psi)
         stops = hw.stop_at_margin(program, recordings.spikes, margin, args.psi)
@@ -105,9 +106,9 @@ def stop_lines(found: Row) -> list[str]:
 _SAVED = ("steps", "synaptic_ops", "energy_pj")
 
 
-def _calibration(args: argparse.Namespace) -> tuple[Recordings, str | None]:
+def _calibration(args: argparse.Namespace, program: hw.ChipProgram) -> tuple[Recordings, str | None]:
     """Return the recordings to calibrate on, never those that are played, and their part of the archive."""
-    from locsnn_compile.data.read import read_recordings, recording_parts
+    from locsnn_compile.data.read import recording_parts
 
     parts = recording_parts(args.calibrate)
     part = "train" if "train" in parts else None
@@ -117,4 +118,4 @@ def _calibration(args: argparse.Namespace) -> tuple[Recordings, str | None]:
             "these recordings are the ones that are played, and a margin fits those that it was found on",
             fix="Give others.",
         )
-    return read_recordings(args.calibrate, split=part), part
+    return read_for_program(args, args.calibrate, program, part), part

@@ -125,10 +125,9 @@ def _settled(row: Row, found: Streamed, *, stopped: bool) -> str:
 
 
 def _step_seconds(args: argparse.Namespace, program: hw.ChipProgram, recordings: Recordings) -> float | None:
-    """Return how long a step is: as asked for, as the recordings say, or as the build's report does."""
-    said: float | None = args.step_seconds or recordings.step_seconds
-    if said is not None:
-        return said
+    """Return how long a step is: as the recordings or options say, or as the build's report does."""
+    if recordings.step_seconds is not None:
+        return recordings.step_seconds
     try:
         recording_ns = read_report(Path(args.program))["latency"]["recording_ns"]
     except (InputError, KeyError, TypeError):

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from locsnn_compile.cli.step_options import add_step_options
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.architectures import ARCHITECTURES
 
@@ -49,6 +50,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add("--order", metavar="ORDER", help="loop (default), arch, whorl, or taxel numbers separated by commas")
     add("--delays", metavar="STEPS", help="delays of synapses onto the time branch, such as '0 20 40' (default 0)")
     add("--config", metavar="FILE.yaml", help="training options, laid under those given here")
+    add_step_options(parser, threshold="event_threshold")
     add("--epochs", type=int, metavar="N", help="epochs of the schedule (default 250)")
     add("--seed", type=int, metavar="N", help="seed of weights, split, order and dropout (default 0)")
     add("--device", metavar="NAME", help="cpu (default), or cuda for matrix products on a GPU")
@@ -88,7 +90,7 @@ def run(args: argparse.Namespace) -> int:
     _check_places(args, output)
     start = _start(args)
     config = _config(args, start)
-    recordings, test = _read(args.data)
+    recordings, test = _read(args.data, config, start)
 
     from locsnn_compile.training.export import export_checkpoint
     from locsnn_compile.training.train import train
@@ -166,6 +168,7 @@ def _config(args: argparse.Namespace, start: Checkpoint | None) -> TrainingConfi
     options = (
         *("model", "order", "delays", "graph", "epochs", "seed", "hidden", "loss", "location_weight", "learning_rate"),
         *("event_dropout", "validation_fraction", "refit", "target", "strategy", "weight_bits", "device"),
+        *("step_seconds", "steps", "event_threshold"),
     )
     values |= {name: getattr(args, name) for name in options if getattr(args, name) is not None}
     if start is None:
@@ -175,13 +178,30 @@ def _config(args: argparse.Namespace, start: Checkpoint | None) -> TrainingConfi
     return fine_tuning_config(config_from_mapping(usual | values), start.description)
 
 
-def _read(data: str) -> tuple[Recordings, Recordings | None]:
+def _read(data: str, config: TrainingConfig, start: Checkpoint | None) -> tuple[Recordings, Recordings | None]:
+    """Return the train part and the test part, of one length: that of the longest recording, or as asked for."""
+    from locsnn_compile.data.expected import OPEN, Expected
     from locsnn_compile.data.read import read_recordings, recording_parts
 
-    parts = recording_parts(data)
-    if "train" not in parts:
-        return read_recordings(data), None
-    return read_recordings(data, split="train"), read_recordings(data, split="test") if "test" in parts else None
+    model = OPEN
+    if start is not None:
+        own = start.description.input
+        model = Expected("the network to start from", own.step_seconds, own.event_threshold, own.steps, own.channels)
+    parts = [part for part in ("train", "test") if part in recording_parts(data)]
+    read = [
+        read_recordings(
+            data,
+            split=part,
+            step_seconds=config.step_seconds,
+            threshold=config.event_threshold,
+            steps=config.steps,
+            model=model,
+        )
+        for part in (parts if "train" in parts else [None])
+    ]
+    steps = max(part.spikes.shape[1] for part in read)
+    recordings, *test = (part.with_steps(steps) for part in read)
+    return recordings, test[0] if test else None
 
 
 def _classes(recordings: Recordings, test: Recordings | None) -> int | None:

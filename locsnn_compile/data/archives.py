@@ -19,7 +19,7 @@ from locsnn_compile.data.arrays import label_in_name
 from locsnn_compile.data.event_stream import Binning, EventStream, bin_streams
 from locsnn_compile.data.members import Members, open_members
 from locsnn_compile.data.npy import load_npy, to_step_major
-from locsnn_compile.data.recordings import MAX_ELEMENTS, Recordings
+from locsnn_compile.data.recordings import MAX_ELEMENTS, Binned, Recordings
 from locsnn_compile.data.streams import EVENT_SUFFIXES, parse_events
 from locsnn_compile.data.structured import parse_structured
 from locsnn_compile.errors import InputError, did_you_mean
@@ -45,16 +45,17 @@ def recording_files(folder: Path) -> list[Path]:
 def read_archive(path: Path, *, split: str | None, binning: Binning) -> Recordings:
     """Return one part of a ``.zip`` archive or of a folder of recordings, with labels where every name has one.
 
+    All are as long as the longest: the others are followed by silence.
     ``split`` is a part; None takes ``test`` of a divided archive and everything of one that is not. Raises
     ``InputError`` for a damaged archive or member, members of different shapes, and nothing to read.
     """
     with open_members(path) as members:
         names = _chosen(members, split)
         members.check_sizes(names)
-        spikes, seconds = _read(members, names, binning)
+        spikes, seconds, binned = _read(members, names, binning)
     labels = [label_in_name(PurePosixPath(name).name) for name in names]
     known = np.array([label for label in labels if label is not None], dtype=np.int64)
-    return Recordings(spikes, known if len(known) == len(names) else None, seconds, path.name)
+    return Recordings(spikes, known if len(known) == len(names) else None, seconds, path.name, binned=binned)
 
 
 def _chosen(members: Members, split: str | None) -> list[str]:
@@ -84,11 +85,13 @@ def _order(name: str) -> tuple[list[int], str]:
     return [int(number) for number in _NUMBER.findall(PurePosixPath(name).stem)], name
 
 
-def _read(members: Members, names: list[str], binning: Binning) -> tuple[NDArray[np.uint8], float | None]:
-    """Return the spikes, and the width of a bin where it is known."""
+def _read(
+    members: Members, names: list[str], binning: Binning
+) -> tuple[NDArray[np.uint8], float | None, Binned | None]:
+    """Return the spikes, the width of a bin where it is known, and what binning left out."""
     streams: list[EventStream] = []
-    spikes: NDArray[np.uint8] | None = None
-    for index, name in enumerate(names):
+    arrays: list[NDArray[np.uint8]] = []
+    for name in names:
         place, suffix = members.place(name), PurePosixPath(name).suffix
         if suffix in EVENT_SUFFIXES:
             streams.append(_events(members, name, place))
@@ -97,9 +100,9 @@ def _read(members: Members, names: list[str], binning: Binning) -> tuple[NDArray
         if array.dtype.names is not None:
             streams.append(parse_structured(array, place))
         else:
-            spikes = _put(spikes, index, len(names), to_step_major(array, place), members.where, place)
-    if spikes is None:
-        _check_lengths(members, names, streams, binning)
+            arrays.append(_one(to_step_major(array, place, binning.channels), place))
+            _check_fits(arrays, len(names), members.where, place)
+    if not arrays:
         return bin_streams(streams, [members.place(name) for name in names], members.where, binning)
     if streams:
         raise InputError(
@@ -108,7 +111,10 @@ def _read(members: Members, names: list[str], binning: Binning) -> tuple[NDArray
             measured="binned arrays and structured ones",
             fix="Give those of one.",
         )
-    return spikes, binning.step_seconds
+    spikes = np.zeros((len(arrays), max(map(len, arrays)), arrays[0].shape[1]), dtype=np.uint8)
+    for row, one in zip(spikes, arrays, strict=True):
+        row[: len(one)] = one
+    return spikes, binning.step_seconds, None
 
 
 def _events(members: Members, name: str, place: str) -> EventStream:
@@ -120,46 +126,29 @@ def _events(members: Members, name: str, place: str) -> EventStream:
     return parse_events(members.read(name), PurePosixPath(name).suffix, place, startend, members.place(beside))
 
 
-def _check_lengths(members: Members, names: list[str], streams: list[EventStream], binning: Binning) -> None:
-    """Refuse recordings that begin with their first event and end with their last, unless all are as long."""
-    if binning.steps is not None or any(one.ticks_per_second > 1 or one.span_seconds is not None for one in streams):
-        return
-    lengths = [bin_streams([one], [""], "", binning)[0].shape[1] for one in streams]
-    for name, length in zip(names, lengths, strict=True):
-        if length != lengths[0]:
-            raise InputError(
-                members.place(name),
-                "it is not as long as the other recordings",
-                measured=f"{length} against {lengths[0]} steps",
-                fix="Give .startend files beside them.",
-            )
-
-
-def _put(
-    spikes: NDArray[np.uint8] | None, index: int, samples: int, array: NDArray[Any], where: str, place: str
-) -> NDArray[np.uint8]:
-    """Return ``spikes`` with one more recording of ``samples``."""
-    if len(array) != 1:
-        raise InputError(place, "it is not one recording", measured=f"{len(array)} inside", fix="Give one a file.")
-    one = _checked(array, place)
-    if spikes is None:
-        if one.size * samples > MAX_ELEMENTS:
-            raise InputError(
-                where,
-                "its recordings are too large together",
-                measured=f"{one.size * samples} values against {MAX_ELEMENTS}",
-                fix="Give fewer recordings.",
-            )
-        spikes = np.empty((samples, *one.shape), dtype=np.uint8)
-    if one.shape != spikes.shape[1:]:
+def _check_fits(arrays: list[NDArray[np.uint8]], samples: int, where: str, place: str) -> None:
+    """Refuse the last recording where its channels are others, and ``samples`` of the longest that take too much."""
+    steps, channels = max(map(len, arrays)), arrays[0].shape[1]
+    if arrays[-1].shape[1] != channels:
         raise InputError(
             place,
             "its shape is not that of the other recordings",
-            measured=f"got {_size(one)} against {_size(spikes[0])} steps x channels",
-            fix="Give recordings of one sensor and duration.",
+            measured=f"got {_size(arrays[-1])} against {_size(arrays[0])} steps x channels",
+            fix="Give recordings of one sensor.",
         )
-    spikes[index] = one
-    return spikes
+    if samples * steps * channels > MAX_ELEMENTS:
+        raise InputError(
+            where,
+            "its recordings are too large together",
+            measured=f"{samples * steps * channels} values against {MAX_ELEMENTS}",
+            fix="Give fewer recordings.",
+        )
+
+
+def _one(array: NDArray[Any], place: str) -> NDArray[np.uint8]:
+    if len(array) != 1:
+        raise InputError(place, "it is not one recording", measured=f"{len(array)} inside", fix="Give one a file.")
+    return _checked(array, place)
 
 
 def _checked(array: NDArray[Any], place: str) -> NDArray[np.uint8]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from hw_model.io.zip_directory import check_directory
 from locsnn_compile.data.event_stream import Binning, bin_streams
+from locsnn_compile.data.expected import same
 from locsnn_compile.data.npy import load_npy, to_step_major
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Recordings
 from locsnn_compile.data.structured import parse_structured
@@ -29,14 +30,14 @@ _LABEL = re.compile(r"_label_(\d{1,6})(?=\.|_|$)")
 _BESIDE = ("labels", "step_seconds")
 
 
-def read_arrays(path: Path, *, binning: Binning) -> Recordings:
+def read_arrays(path: Path, binning: Binning, asked_seconds: float | None) -> Recordings:
     """Return the recordings of a ``.npy``, ``.npz`` or ``.pt`` file; a structured array is one recording of events.
 
     Shapes as in :func:`locsnn_compile.data.npy.to_step_major`. In ``.npz`` and ``.pt`` the recordings are the
     entry ``spikes``, or the only one beside ``labels`` and ``step_seconds``; a ``.pt`` may also be the array
     itself. Labels of a ``.npy`` come from ``<stem>_labels.npy`` beside it, or of one recording from
-    ``_label_<k>`` in its name. An explicit ``step_seconds`` wins over the file's. Raises ``InputError`` for
-    anything else.
+    ``_label_<k>`` in its name. The width of a bin is the file's, and ``binning``'s where it does not say it, or where
+    it holds single events. Raises ``InputError`` for anything else, and where bins are not ``asked_seconds`` wide.
     """
     where = f"file {path.name!r}"
     data = read_bytes(path, where)
@@ -47,19 +48,27 @@ def read_arrays(path: Path, *, binning: Binning) -> Recordings:
         entries = _npz_entries(data, where)
     else:
         entries = _torch_entries(data, where)
-    seconds = binning.step_seconds
-    if seconds is None and "step_seconds" in entries:
-        seconds = _number(entries["step_seconds"], where)
+    own: float | None = _number(entries["step_seconds"], where) if "step_seconds" in entries else None
     found = _find_spikes(entries, where)
+    binned = None
     if found.dtype.names is not None:
-        stream = parse_structured(found, where)
-        spikes, seconds = bin_streams([stream], [where], where, replace(binning, step_seconds=seconds))
+        stream, wanted = parse_structured(found, where), binning.step_seconds
+        binning = replace(binning, step_seconds=own if wanted is None else wanted)
+        spikes, own, binned = bin_streams([stream], [where], where, binning)
     else:
-        spikes = to_step_major(found, where)
+        if own is not None and asked_seconds is not None and not same(own, asked_seconds):
+            raise InputError(
+                "step_seconds",
+                f"{where} holds bins of another width",
+                measured=f"got {asked_seconds:g} against {own:g}",
+                fix="Leave it out.",
+            )
+        spikes = to_step_major(found, where, binning.channels)
     labels = entries.get("labels")
     if labels is None:
         labels = _labels_beside(path, len(spikes))
-    return Recordings(spikes, labels, seconds, path.name)
+    seconds = binning.step_seconds if own is None else own
+    return Recordings(spikes, labels, seconds, path.name, binned=binned)
 
 
 def _number(stored: NDArray[Any], where: str) -> float:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS
+from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS, Binned
 from locsnn_compile.errors import InputError
 
 STEP_SECONDS = 0.02
@@ -25,8 +25,10 @@ MAX_EVENTS = 20_000_000
 class Binning:
     """What files of events leave open; None is as the format has it, else as the events need it.
 
-    - ``step_seconds``: width of a bin, 0.02 s by default; ``threshold``: a bin is 1 where it has more events
-    - ``channels``, ``steps``: of every recording; later events are cut off, events of other channels refused
+    - ``step_seconds``: width of a bin, 0.02 s by default
+    - ``threshold``: a bin is 1 where it has more events, 0 by default
+    - ``channels``, ``steps``: of every recording; later events are cut off, events of other channels refused;
+      ``most_steps``: a recording that needs more is cut there
     - ``polarities``: 2, or 1 to put both together; ``columns``: width of a grid of x and y
     """
 
@@ -36,6 +38,7 @@ class Binning:
     steps: int | None = None
     polarities: int | None = None
     columns: int | None = None
+    most_steps: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +46,7 @@ class EventStream:
     """The events of one recording, (events,) each: ``times`` in ticks, ``x``, ``y``, and ``polarity`` 0 or 1.
 
     ``start`` is the tick at which bin 0 begins; ``span_seconds`` how long the recording is, None where it ends with
-    its last event. ``threshold``, ``channels`` and ``polarities`` are the format's own, None where it has none.
+    its last event. ``channels`` and ``polarities`` are the format's own, None where it has none.
     """
 
     times: NDArray[Any]
@@ -53,18 +56,17 @@ class EventStream:
     ticks_per_second: int = MICROSECONDS
     start: float = 0.0
     span_seconds: float | None = None
-    threshold: int = 0
     channels: int | None = None
     polarities: int | None = None
 
 
 def bin_streams(
     streams: Sequence[EventStream], places: Sequence[str], where: str, binning: Binning
-) -> tuple[NDArray[np.uint8], float]:
-    """Return spikes (samples, steps, channels) and the width of a bin in seconds; ``places`` names the recordings.
+) -> tuple[NDArray[np.uint8], float, Binned]:
+    """Return spikes (samples, steps, channels), the width of a bin in seconds, and what binning left out.
 
-    All recordings get as many channels and steps as the one that needs most. Raises ``InputError`` for sets without
-    any event whose size is not given, and for sizes above the limits.
+    ``places`` names the recordings. All get as many channels and steps as the one that needs most. Raises
+    ``InputError`` for sets without any event whose size is not given, and for sizes above the limits.
     """
     width = STEP_SECONDS if binning.step_seconds is None else binning.step_seconds
     _check_sums(where, width, streams)
@@ -73,7 +75,8 @@ def bin_streams(
     polarities = binning.polarities or (2 if both else 1)
     bins = [_bins(one, width) for one in streams]
     lengths = [
-        binning.steps or _length(one, own, width, place) for one, own, place in zip(streams, bins, places, strict=True)
+        binning.steps or _length(one, own, width, place, binning.most_steps)
+        for one, own, place in zip(streams, bins, places, strict=True)
     ]
     channel = [_channels(one, columns, polarities, place) for one, place in zip(streams, places, strict=True)]
     needed = max((int(own.max()) + 1 for own in channel if len(own)), default=0)
@@ -82,11 +85,15 @@ def bin_streams(
     steps = max(lengths, default=0)
     _check_sizes(where, len(streams), steps, channels, needed)
     spikes = np.zeros((len(streams), steps * channels), dtype=np.uint8)
-    for row, one, own, lines in zip(spikes, streams, bins, channel, strict=True):
+    threshold, outside, below = binning.threshold or 0, 0, 0
+    for row, own, lines in zip(spikes, bins, channel, strict=True):
         inside = (own >= 0) & (own < steps)
         places_hit, counts = np.unique(own[inside].astype(np.int64) * channels + lines[inside], return_counts=True)
-        row[places_hit[counts > (one.threshold if binning.threshold is None else binning.threshold)]] = 1
-    return spikes.reshape(len(streams), steps, channels), width
+        row[places_hit[counts > threshold]] = 1
+        outside += len(own) - int(inside.sum())
+        below += int(counts[counts <= threshold].sum())
+    binned = Binned(threshold, sum(map(len, bins)), outside, below)
+    return spikes.reshape(len(streams), steps, channels), width, binned
 
 
 def _check_sums(where: str, width: float, streams: Sequence[EventStream]) -> None:
@@ -115,13 +122,17 @@ def _bins(one: EventStream, width_seconds: float) -> NDArray[np.float64]:
     return found
 
 
-def _length(one: EventStream, bins: NDArray[np.float64], width_seconds: float, place: str) -> int:
+def _length(
+    one: EventStream, bins: NDArray[np.float64], width_seconds: float, place: str, most: int | None = None
+) -> int:
     """Return the steps of a recording, 0 of one that has no events to tell them."""
     if one.span_seconds is not None:
         # The nearest whole number of bins, whatever floats make of the quotient.
         last = one.span_seconds / width_seconds - 0.5
     else:
         last = float(bins.max()) if len(bins) else -1.0
+    if most is not None and not last < most:
+        return most
     if not last < MAX_STEPS:
         beside = "a .startend file beside it, or " if one.ticks_per_second == 1 else ""
         # In bins first: absurd times overflow to infinity there already.

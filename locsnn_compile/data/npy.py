@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from locsnn_compile.data.axes import check_axes
 from locsnn_compile.data.recordings import MAX_ELEMENTS
 from locsnn_compile.errors import InputError
 
@@ -47,12 +48,13 @@ def load_npy(data: bytes, where: str) -> NDArray[Any]:
     return array
 
 
-def to_step_major(array: NDArray[Any], where: str) -> NDArray[Any]:
+def to_step_major(array: NDArray[Any], where: str, channels: int | None = None) -> NDArray[Any]:
     """Return (samples, steps, channels) of an array in one of the orders that files have.
 
     (samples, taxels, polarities, steps), (samples, channels, steps), and of one recording (channels, steps)
     and (taxels, polarities, steps). Three axes are one recording where the middle one has the two polarities
-    and the first the taxels of whole fingertips (39 each). Channel = polarities * taxel + polarity.
+    and the first the taxels of whole fingertips (39 each). Channel = polarities * taxel + polarity. Raises
+    ``InputError`` for other orders where sizes tell them: see :func:`locsnn_compile.data.axes.check_axes`.
     """
     if array.size > MAX_ELEMENTS:
         # A tensor may claim any size over a few stored values; reshaping would make it true.
@@ -62,6 +64,7 @@ def to_step_major(array: NDArray[Any], where: str) -> NDArray[Any]:
             measured=f"{array.size} values against {MAX_ELEMENTS}",
             fix="Give fewer recordings.",
         )
+    check_axes(array, where, channels)
     one = array.ndim == 3 and array.shape[1] == 2 and array.shape[0] > 0 and array.shape[0] % 39 == 0
     if array.ndim == 2 or one:
         array = array[np.newaxis]

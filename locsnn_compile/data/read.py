@@ -10,6 +10,7 @@ from hw_model.io.given import checked
 from locsnn_compile.data.archives import PARTS, archive_parts, read_archive
 from locsnn_compile.data.arrays import label_in_name, read_arrays
 from locsnn_compile.data.event_stream import MAX_EVENTS, MAX_STEP_SECONDS, MIN_STEP_SECONDS, Binning, bin_streams
+from locsnn_compile.data.expected import OPEN, Expected
 from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS, Recordings
 from locsnn_compile.data.streams import EVENT_SUFFIXES, parse_events
 from locsnn_compile.data.torch_file import read_bytes
@@ -37,18 +38,38 @@ def read_recordings(
     steps: int | None = None,
     polarities: int | None = None,
     columns: int | None = None,
+    model: Expected = OPEN,
 ) -> Recordings:
     """Return the recordings at ``path``, of whatever supported format.
 
     A ``.zip`` or folder of ``.npy``, ``.tact``, ``.bs1`` or ``.bs2``, one recording each, or one file of these, or
     ``.npz`` or ``.pt``. ``split`` is ``train`` or ``test`` of an archive or folder that is so divided (None:
-    ``test``); a single file has no parts. ``step_seconds`` is the width of a bin where the file does not say it. Events
-    are binned as :class:`locsnn_compile.data.event_stream.Binning` says, by it and the other options, which binned
-    arrays have no use for. Every unusable input is one ``InputError``.
+    ``test``); a single file has no parts. Events are binned as :class:`locsnn_compile.data.event_stream.Binning` says,
+    by the options and by what ``model`` expects. Arrays are bins already: ``step_seconds`` is their width where the
+    file does not say it. ``steps`` of a recording: a shorter one is followed by silence, of a longer one the end is
+    cut; without, all of an archive or folder are as long as the longest. Every unusable input, and an option that
+    contradicts the model or the file, is one ``InputError``.
     """
     path = Path(path)
-    binning = Binning(step_seconds, threshold, channels, steps, polarities, columns)
-    _check_options(split, binning)
+    _check_options(split, Binning(step_seconds, threshold, channels, steps, polarities, columns))
+    agreed = model.agreed(step_seconds=step_seconds, threshold=threshold, steps=steps)
+    binning = Binning(
+        step_seconds=agreed["step_seconds"],
+        threshold=agreed["threshold"],
+        channels=model.channels if channels is None else channels,
+        steps=steps,
+        polarities=polarities,
+        columns=columns,
+        most_steps=model.steps,
+    )
+    found = _read(path, split, binning, step_seconds)
+    if threshold is not None and found.threshold is None:
+        raise InputError("threshold", f"{found.source!r} holds bins and no single events to count", fix="Leave it out.")
+    model.check_steps(found)
+    return found if steps is None else found.with_steps(steps)
+
+
+def _read(path: Path, split: str | None, binning: Binning, asked: float | None) -> Recordings:
     if path.is_dir() or path.suffix == ".zip":
         return read_archive(path, split=split, binning=binning)
     _check_file(path)
@@ -59,7 +80,7 @@ def read_recordings(
             measured="a single file is not divided",
             fix="Leave the part out.",
         )
-    return _read_events(path, binning) if path.suffix in EVENT_SUFFIXES else read_arrays(path, binning=binning)
+    return _read_events(path, binning) if path.suffix in EVENT_SUFFIXES else read_arrays(path, binning, asked)
 
 
 def _check_options(split: str | None, binning: Binning) -> None:
@@ -88,9 +109,10 @@ def _read_events(path: Path, binning: Binning) -> Recordings:
     beside_where = f"file {beside.name!r}"
     startend = read_bytes(beside, beside_where) if path.suffix == ".tact" and beside.exists() else None
     stream = parse_events(read_bytes(path, where), path.suffix, where, startend, beside_where)
-    spikes, seconds = bin_streams([stream], [where], where, binning)
+    spikes, seconds, binned = bin_streams([stream], [where], where, binning)
     label = label_in_name(path.name)
-    return Recordings(spikes, None if label is None else np.array([label], dtype=np.int64), seconds, path.name)
+    labels = None if label is None else np.array([label], dtype=np.int64)
+    return Recordings(spikes, labels, seconds, path.name, binned=binned)
 
 
 def recording_parts(path: Path | str) -> tuple[str, ...]:

@@ -23,14 +23,43 @@ it was trained on, or a generator of ours.
 """
 
 
+@dataclass(frozen=True)
+class Binned:
+    """What became of the ``events`` of files when they were put into bins.
+
+    ``outside`` lay before the first step or after the last, ``below`` in bins that have no more than ``threshold`` of
+    them, which are 0. ``threshold`` is None where the files hold bins, of which ``outside`` ones were cut off.
+    """
+
+    threshold: int | None
+    events: int
+    outside: int
+    below: int
+
+    @property
+    def dropped(self) -> int:
+        """Events that are in no bin."""
+        return self.outside + self.below
+
+    @property
+    def words(self) -> str:
+        """How many events are lost, and why."""
+        bins = "" if self.threshold is None else f", {self.below} in bins of at most {self.threshold}"
+        return f"{self.dropped} of {self.events} events dropped: {self.outside} outside the steps{bins}"
+
+    def document(self) -> dict[str, int | None]:
+        """Return the figures as plain values, for JSON."""
+        return {**vars(self), "dropped": self.dropped}
+
+
 @dataclass(frozen=True, eq=False)
 class Recordings:
     """``spikes`` (samples, steps, channels) uint8, 0 or 1; ``labels`` (samples,) int64, class numbers from 0,
     or None.
 
     ``step_seconds`` is the width of a time bin, None where the file does not say it; ``source`` is the name
-    of the file, without directories; ``origin`` says whose they are. Both arrays are read-only. Raises ``InputError``
-    for anything else.
+    of the file, without directories; ``origin`` says whose they are; ``binned`` is what reading left out, None where it
+    took everything as it is. Both arrays are read-only. Raises ``InputError`` for anything else.
     """
 
     spikes: NDArray[np.uint8]
@@ -38,6 +67,7 @@ class Recordings:
     step_seconds: float | None
     source: str
     origin: Origin = "given"
+    binned: Binned | None = None
 
     def __post_init__(self) -> None:
         where = f"recordings {self.source!r}"
@@ -55,6 +85,25 @@ class Recordings:
 
     def __len__(self) -> int:
         return len(self.spikes)
+
+    @property
+    def threshold(self) -> int | None:
+        """Events that a bin had to exceed to be 1, None where the files hold bins."""
+        return None if self.binned is None else self.binned.threshold
+
+    def with_steps(self, steps: int) -> Recordings:
+        """Return recordings of so many steps: shorter ones are followed by silence, of longer ones the end is cut."""
+        samples, now, channels = self.spikes.shape
+        if steps == now:
+            return self
+        lost = int(self.spikes[:, steps:].sum())
+        spikes = np.zeros((samples, steps, channels), dtype=np.uint8)
+        spikes[:, : min(steps, now)] = self.spikes[:, :steps]
+        binned = self.binned
+        if lost:
+            before = binned or Binned(None, int(self.spikes.sum()), 0, 0)
+            binned = replace(before, outside=before.outside + lost)
+        return replace(self, spikes=spikes, binned=binned)
 
     def subset(self, indices: NDArray[np.int64] | list[int]) -> Recordings:
         """Return the recordings of ``indices``, in that order."""

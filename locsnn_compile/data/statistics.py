@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.recordings import Binned, Recordings
 from locsnn_compile.data.sensor import POLARITIES, TAXELS
 
 #: Busiest channels that are named.
@@ -42,6 +42,7 @@ class EventStatistics:
     - ``share``: of bins with an event; ``silent_steps``: share of steps without any
     - ``rate_hz``: events of a channel in a second, None where the width of a bin is not known
     - ``rising``: share of events with polarity 0, None where the channels are no fingertips'
+    - ``binned``: what reading left out, None where it took everything as it is
     """
 
     source: str
@@ -61,6 +62,7 @@ class EventStatistics:
     rising: float | None
     busiest: tuple[Channel, ...]
     dead: tuple[int, ...]
+    binned: Binned | None
 
     def document(self) -> dict[str, Any]:
         """Return the figures as plain values, for JSON."""
@@ -83,6 +85,7 @@ class EventStatistics:
             "polarity": None if self.rising is None else {"rising": self.rising, "falling": 1 - self.rising},
             "busiest_channels": [vars(channel) for channel in self.busiest],
             "dead_channels": list(self.dead),
+            **({} if self.binned is None else {"binning": self.binned.document()}),
         }
 
 
@@ -119,6 +122,7 @@ def event_statistics(recordings: Recordings) -> EventStatistics:
             if by_channel[channel]
         ),
         dead=tuple(np.flatnonzero(by_channel == 0).tolist()),
+        binned=recordings.binned,
     )
 
 

@@ -22,8 +22,6 @@ MISSING_CELLS = (17, 49)
 PHASES = ("start", "reaching", "reached", "grasping", "lifting", "holding")
 #: Length of grasp, lift and hold together, from the time of ``grasping``.
 GRASP_SECONDS = 6.5
-#: A bin is 1 where a cell has more events of a polarity in it.
-THRESHOLD = 1
 
 _TAXEL_OF_CELL = {
     cell: taxel for taxel, cell in enumerate(cell for cell in range(1, CELLS + 1) if cell not in MISSING_CELLS)
@@ -50,24 +48,21 @@ def parse_tact(data: bytes, where: str, startend: bytes | None, startend_where: 
         ticks_per_second=1,
         start=start,
         span_seconds=span_seconds,
-        threshold=THRESHOLD,
         channels=CHANNELS,
         polarities=2,
     )
 
 
 def tact_text(spikes: NDArray[np.uint8], step_seconds: float) -> bytes:
-    """Return the ``.tact`` lines of one recording, (steps, 156): as many events a bin as it takes, from 0 s on."""
+    """Return the ``.tact`` lines of one recording, (steps, 156): an event a bin, from 0 s on."""
     steps, channels = np.nonzero(spikes)
     cell_of = list(_TAXEL_OF_CELL)
     lines: list[str] = []
     for step, channel in zip(steps.tolist(), channels.tolist(), strict=True):
-        for event in range(THRESHOLD + 1):
-            # Well inside the bin, so that rounding moves no event into another one; but where nothing else says when
-            # the recording begins, its first event does.
-            part = (event + 1) / (THRESHOLD + 2) if lines or step else 0.0
-            seconds = (step + part) * step_seconds
-            lines.append(f"{1 - channel % 2} {cell_of[channel // 2]} {seconds:.9f}\n")
+        # In the middle of the bin, so that rounding moves no event into another one; but where nothing else says when
+        # the recording begins, its first event does.
+        seconds = (step + (0.5 if lines or step else 0.0)) * step_seconds
+        lines.append(f"{1 - channel % 2} {cell_of[channel // 2]} {seconds:.9f}\n")
     return "".join(lines).encode()
 
 

@@ -63,7 +63,7 @@ def choose_events(network: Network, events: str | None, part: str | None, bound:
             fix="Give other recordings, or say so with --part test.",
         )
     taken = part or (CHOOSING if parts else None)
-    recordings = read_recordings(events, split=taken, step_seconds=network.step_seconds, channels=network.channels)
+    recordings = read_recordings(events, split=taken, model=network.expected)
     # What is divided means one part as events and another as calibration recordings.
     file = None if parts else events
     return _bounded(Chosen(recordings, len(recordings), taken, file), bound)
@@ -72,7 +72,7 @@ def choose_events(network: Network, events: str | None, part: str | None, bound:
 def calibration_recordings(network: Network, calibration: str) -> Recordings:
     """Return what ``--calibration`` of ``locsnn-compile`` reads: of what is divided the train part."""
     part = CHOOSING if CHOOSING in recording_parts(calibration) else None
-    return read_recordings(calibration, split=part, step_seconds=network.step_seconds, channels=network.channels)
+    return read_recordings(calibration, split=part, model=network.expected)
 
 
 def report_events(network: Network, events: str) -> Chosen:

@@ -61,6 +61,7 @@ def network_of(checkpoint: Checkpoint) -> Network:
         steps=description.input.steps,
         step_seconds=description.input.step_seconds,
         fingertips=description.input.fingertips,
+        event_threshold=description.input.event_threshold,
         views=tuple(views),
         populations=tuple(populations),
         projections=tuple(projections),

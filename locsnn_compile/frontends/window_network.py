@@ -54,6 +54,7 @@ def window_network(checkpoint: Checkpoint) -> Network:
         steps=layout.steps,
         step_seconds=layout.step_seconds,
         fingertips=layout.fingertips,
+        event_threshold=layout.event_threshold,
         views=(view,),
         populations=tuple(populations),
         projections=tuple(projections),

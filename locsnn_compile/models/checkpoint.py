@@ -17,7 +17,8 @@ constants of integrate-and-fire neurons, or of windows, or nothing, its weights 
     "graph": None or {"name", "taxel_edges": [[a, b], ...], "hops", "features", "step_features"}
 
 is its graph convolutions. Any version may hold ``"delays": [steps, ...]`` of the synapses from the recording onto
-``time_hidden``, whose weights for each delay then lie side by side. Written here, read by
+``time_hidden``, whose weights for each delay then lie side by side, and in ``input`` the ``event_threshold`` that bins
+of single events had to exceed. Written here, read by
 :mod:`locsnn_compile.models.checkpoint_reader`, which never runs code of the file.
 """
 
@@ -37,7 +38,7 @@ from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.chip_entry import chip_entry
 from locsnn_compile.models.chip_numbers import ChipNumbers, ChipPopulation
-from locsnn_compile.models.description import NetworkDescription
+from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.graph_parameters import GraphParameters
 
 FORMAT = "locsnn-checkpoint"
@@ -115,7 +116,7 @@ def save_checkpoint(
         "name": description.name,
         "architecture": description.architecture,
         "neuron": {} if description.neuron is None else asdict(description.neuron),
-        "input": asdict(description.input),
+        "input": _input_entry(description.input),
         "location_order": _order_entry(description),
         "hidden": description.hidden,
         "classes": description.classes,
@@ -158,6 +159,12 @@ def check_on_grid(where: str, mantissas: NDArray[Any], numbers: ChipPopulation) 
             measured=f"got {mantissas[row, column]}, {len(bad)} such mantissas",
             fix="Train the network again.",
         )
+
+
+def _input_entry(layout: InputLayout) -> dict[str, Any]:
+    """Return the entry; without a threshold it is as it was before there was one."""
+    entry = asdict(layout)
+    return entry if layout.event_threshold is not None else {k: v for k, v in entry.items() if k != "event_threshold"}
 
 
 def _order_entry(description: NetworkDescription) -> dict[str, Any] | None:

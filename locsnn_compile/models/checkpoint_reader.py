@@ -117,7 +117,8 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
             measured=f"version {version} against {VERSION}",
             fix=_WRITE_AGAIN,
         )
-    _check_keys(where, "input.", values["input"], _INPUT_KEYS)
+    threshold: dict[str, tuple[type, ...]] = {"event_threshold": (int,)} if "event_threshold" in values["input"] else {}
+    _check_keys(where, "input.", values["input"], _INPUT_KEYS | threshold)
     name = _name(where, "name", values["name"])
     order_name, taxels = _location_order(where, values["location_order"])
     try:

@@ -19,6 +19,7 @@ from locsnn_compile.models.windows import BIAS, MAX_WINDOW_NEURONS, WEIGHT, Wind
 #: Largest sizes accepted anywhere: a few times what any published tactile recording needs.
 MAX_CHANNELS = 4_096
 MAX_UNITS = 4_096
+MAX_THRESHOLD = 20_000_000
 #: Longest delay of a synapse, in steps: what the chip holds.
 MAX_DELAY = 62
 
@@ -37,6 +38,8 @@ class InputLayout:
     step_seconds: float | None
     taxels: int = 39
     polarities: int = 2
+    event_threshold: int | None = None
+    """Events that a bin had to exceed to be 1; None where recordings came as bins."""
 
     def __post_init__(self) -> None:
         for name in ("fingertips", "taxels", "polarities", "steps"):
@@ -44,6 +47,8 @@ class InputLayout:
         if self.step_seconds is not None:
             _require_positive("input 'step_seconds'", self.step_seconds)
         _require_count("input channels", self.channels, MAX_CHANNELS)
+        if self.event_threshold is not None:
+            _require_count("input 'event_threshold'", self.event_threshold, MAX_THRESHOLD, least=0)
 
     @property
     def channels(self) -> int:
@@ -320,11 +325,11 @@ def _require_positive(where: str, value: float) -> None:
         )
 
 
-def _require_count(where: str, value: int, limit: int) -> None:
-    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= limit:
+def _require_count(where: str, value: int, limit: int, least: int = 1) -> None:
+    if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= limit:
         raise InputError(
             where,
             "it must be a whole number in range",
-            measured=f"got {value!r} against 1..{limit}",
+            measured=f"got {value!r} against {least}..{limit}",
             fix="Correct the description.",
         )

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.mapping.graph import Axis, Readout
+from locsnn_compile.data.expected import Expected
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection, ChipSrm
 from locsnn_compile.network.matrices import Matrix, fan_out
@@ -135,11 +136,19 @@ class Network:
     """Whether a recording is played for as many steps as it has; ``steps`` is then only the usual number."""
     assumptions: tuple[str, ...] = ()
     """What had to be assumed to read its file, in sentences."""
+    event_threshold: int | None = None
+    """Events that a bin must exceed to be 1; None where nothing says it."""
 
     @property
     def axes(self) -> tuple[Axis, ...]:
         """The step axes in use, time first."""
         return tuple(axis for axis in ("time", "location") if any(p.axis == axis for p in self.populations))
+
+    @property
+    def expected(self) -> Expected:
+        """What it expects of recordings."""
+        steps = None if self.any_length else self.steps
+        return Expected(f"model {self.name!r}", self.step_seconds, self.event_threshold, steps, self.channels)
 
     def steps_of(self, axis: Axis) -> int:
         """Steps of an axis: time steps, or those of the walk over the channels."""

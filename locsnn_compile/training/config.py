@@ -49,6 +49,8 @@ _RANGES: dict[str, tuple[float, float]] = {
     "seed": (0, 2**32 - 1),
     "smoothing_epochs": (1, 1_000),
     "step_seconds": (1e-6, 1e3),
+    "steps": (1, 20_000),
+    "event_threshold": (0, 20_000_000),
     "learning_rate": (1e-9, 1e3),
     "weight_decay": (0.0, 1e3),
     "location_weight": (0.0, 1e3),
@@ -104,9 +106,11 @@ class TrainingConfig:
     - ``refit``: once the epoch is chosen, train afresh on the whole train part for as many epochs, on a
       schedule of that length.
     - ``device``: where matrix products run; the steps of spiking layers run on the processor.
-    - time constants in steps; ``step_seconds`` is the width of a time bin where the data do not say it, None where it
-      is not known. ``theta`` to ``scale_rho`` are those of spike response neurons, ``decay``, ``threshold`` and
-      ``window`` those of integrate-and-fire ones.
+    - ``step_seconds``: width of a time bin, where the data do not say it; None: single events have 0.02 s, of bins it
+      is not known. ``event_threshold``: a bin is 1 where it has more single events (None: 0). ``steps`` of a recording:
+      silence follows a shorter one, a longer one is cut (None: the longest one's).
+    - time constants in steps; ``theta`` to ``scale_rho`` are those of spike response neurons, ``decay``, ``threshold``
+      and ``window`` those of integrate-and-fire ones.
     - ``delays``: of the synapses from the recording onto the time branch, in steps, separated by spaces: a neuron has a
       synapse of every delay from every channel.
     - ``hidden``: of a hidden layer; of networks with a graph of the first one, and the second has twice as many.
@@ -152,6 +156,8 @@ class TrainingConfig:
     seed: int = 0
     device: str = "cpu"
     step_seconds: float | None = None
+    steps: int | None = None
+    event_threshold: int | None = None
     theta: float = 10.0
     tau_sr: float = 10.0
     tau_ref: float = 1.0

@@ -37,6 +37,7 @@ def describe(recordings: Recordings, config: TrainingConfig, classes: int, name:
             fingertips=channels // per_fingertip,
             steps=recordings.spikes.shape[1],
             step_seconds=recordings.step_seconds or config.step_seconds,
+            event_threshold=recordings.threshold,
         ),
         classes=classes,
         hidden=config.hidden,

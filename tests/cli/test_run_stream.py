@@ -128,10 +128,16 @@ def test_lines_change_only_with_the_prediction(build, program, capsys):
 
 
 def test_the_length_of_a_step_is_told_or_left_out(build, capsys, tmp_path):
-    assert as_json(build, capsys, "--stream", "--step-seconds", 0.5)["stream"]["step_seconds"] == 0.5
-    for name in ("program.yaml", "program.npz"):
-        (tmp_path / name).write_bytes((build / "out" / name).read_bytes())
-    assert main(["run", str(tmp_path), "--events", str(build / "silent.npy"), "--stream"]) == 0
+    assert run(build, "--stream", "--step-seconds", 0.5) == 2
+    refused = "step_seconds: program 'objects-hybrid' has another (got 0.5 against 0.02). Leave it out.\n"
+    assert capsys.readouterr() == ("", refused)
+    text = (build / "out/program.yaml").read_text().replace("step_seconds: 0.02\n", "")
+    (tmp_path / "program.yaml").write_text(text)
+    (tmp_path / "program.npz").write_bytes((build / "out/program.npz").read_bytes())
+    silent = ["run", str(tmp_path), "--events", str(build / "silent.npy"), "--stream"]
+    assert main([*silent, "--step-seconds", "0.5", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["stream"]["step_seconds"] == 0.5
+    assert main(silent) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "recording 0: class 0  no lead"
     assert lines[-2] == "already the last prediction: " + ", ".join(
@@ -274,7 +280,7 @@ def test_the_train_part_calibrates_and_the_test_part_is_played(build, program, c
         ("--stop margin --calibrate more.npy --min-agreement 1.5", "--min-agreement: it is no share (got 1.5). Give 0 to 1."),
         ("--stop proven --psi 3", "--psi: nothing that is asked for is weighed. Add --stream or --stop margin."),
         ("--stream --psi -3", "--psi: it is no rate (got -3). Give 0 or more, such as 10."),
-        ("--step-seconds 3", "--step-seconds: nothing that is asked for is timed. Add --stream."),
+        ("--step-seconds 0.02", "--step-seconds: nothing that is asked for is timed. Add --stream."),
         ("--stream --step-seconds inf", "--step-seconds: it is no time (got inf). Give more than 0."),
         ("--stop margin --calibrate few.npy", "--calibrate 'few.npy': these recordings are the ones that are played, and a margin fits those that it was found on. Give others."),
         ("--stop margin --calibrate gone.npy", "file 'gone.npy': it does not exist. Check the path."),

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from locsnn_compile.data.read import read_recordings, recording_parts
+from locsnn_compile.data.recordings import Binned
 from locsnn_compile.errors import InputError
 
 REAL = Path(__file__).parents[2].parent / "shared/data/neutouch"
@@ -117,9 +118,9 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
     ),
     (
         "mixed shapes",
-        members(_0=npy(ONE[0]), _1=npy(ONE[1][..., :7])),
+        members(_0=npy(ONE[0]), _1=npy(np.concatenate([ONE[1], ONE[1]]))),
         "archive 'a.zip', 'sample_1_label_0.npy': its shape is not that of the other recordings "
-        "(got 7 x 78 against 12 x 78 steps x channels). Give recordings of one sensor and duration.",
+        "(got 12 x 156 against 12 x 78 steps x channels). Give recordings of one sensor.",
     ),
     (
         "a count inside",
@@ -172,6 +173,22 @@ def test_what_is_no_archive(tmp_path: Path, make: Callable[[Path], object], mess
     with pytest.raises(InputError) as caught:
         read_recordings(path)
     assert str(caught.value) == message.replace("{first}", f"sample 0, channel {channel}, step {step}")
+
+
+@pytest.mark.parametrize("steps", [None, 9, 20])
+def test_recordings_of_different_lengths(tmp_path: Path, steps: int | None) -> None:
+    path = archive(tmp_path / "a.zip", {f"sample_{i}.npy": npy(ONE[i][..., : 12 - 5 * i]) for i in (0, 1, 2)})
+    found = read_recordings(path, steps=steps)
+    assert found.spikes.shape == (3, steps or 12, 78)
+    for i, spikes in enumerate(found.spikes):
+        wanted = np.zeros((steps or 12, 78))
+        own = ONE[i][..., : min(12 - 5 * i, len(wanted))].reshape(78, -1).T
+        wanted[: len(own)] = own
+        assert np.array_equal(spikes, wanted)
+    late = int(ONE[0][..., 9:].sum())
+    assert found.binned == (
+        Binned(None, int(sum(ONE[i][..., : 12 - 5 * i].sum() for i in range(3))), late, 0) if steps == 9 else None
+    )
 
 
 @pytest.mark.parametrize(

@@ -82,10 +82,15 @@ def test_label_in_the_name(tmp_path: Path) -> None:
     assert found.labels.tolist() == [17]
 
 
-def test_given_bin_width_wins_over_the_file(tmp_path: Path) -> None:
+def test_a_bin_width_that_is_not_the_files_is_refused(tmp_path: Path) -> None:
     path = labels_in_npz(tmp_path)
     assert read_recordings(path).step_seconds == 0.02
-    assert read_recordings(path, step_seconds=0.5).step_seconds == 0.5
+    assert read_recordings(path, step_seconds=0.1 / 5).step_seconds == 0.02
+    with pytest.raises(InputError) as caught:
+        read_recordings(path, step_seconds=0.5)
+    assert str(caught.value) == (
+        f"step_seconds: file {path.name!r} holds bins of another width (got 0.5 against 0.02). Leave it out."
+    )
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from locsnn_compile.data.read import read_recordings
+from locsnn_compile.data.recordings import Binned
 from locsnn_compile.errors import InputError
 
 
@@ -41,7 +42,8 @@ def test_bins_and_threshold(tmp_path: Path) -> None:
     # Of cell 1: one event in bin 0, two in bin 1, three in bin 3; the order of the lines does not matter.
     times = [10.07, 10.0, 10.025, 10.03, 10.071, 10.072]
     path = write(tmp_path / "grasp_label_4.tact", [(1, 1, t) for t in times])
-    assert read_recordings(path).spikes[0, :, 0].tolist() == [0, 1, 0, 1]
+    assert read_recordings(path).spikes[0, :, 0].tolist() == [1, 1, 0, 1]
+    assert read_recordings(path, threshold=1).spikes[0, :, 0].tolist() == [0, 1, 0, 1]
     assert read_recordings(path, threshold=2).spikes[0, :, 0].tolist() == [0, 0, 0, 1]
     assert read_recordings(path, threshold=0, step_seconds=0.04).spikes[0, :, 0].tolist() == [1, 1]
     labels = read_recordings(path).labels
@@ -172,7 +174,15 @@ def test_a_folder_of_different_lengths(tmp_path: Path) -> None:
     folder.mkdir()
     write(folder / "a.tact", [(1, 1, 0.0), (1, 1, 0.1)])
     write(folder / "b.tact", [(1, 1, 0.0)])
-    assert message_of(folder) == (
-        "folder 'grasps', 'b.tact': it is not as long as the other recordings (1 against 6 steps). "
-        "Give .startend files beside them."
-    )
+    assert read_recordings(folder).spikes[:, :, 0].tolist() == [[1, 0, 0, 0, 0, 1], [1, 0, 0, 0, 0, 0]]
+    assert read_recordings(folder, steps=3).spikes[:, :, 0].tolist() == [[1, 0, 0], [1, 0, 0]]
+
+
+def test_what_binning_drops_is_counted(tmp_path: Path) -> None:
+    # Two in the first bin, one in the second, one in the third, which a recording of two steps does not have.
+    path = write(tmp_path / "a.tact", [(1, 1, 0.0), (1, 1, 0.001), (1, 1, 0.02), (1, 2, 0.045)])
+    assert read_recordings(path).binned == Binned(threshold=0, events=4, outside=0, below=0)
+    assert read_recordings(path, threshold=1).binned == Binned(threshold=1, events=4, outside=0, below=2)
+    assert read_recordings(path, threshold=1, steps=2).binned == Binned(threshold=1, events=4, outside=1, below=1)
+    (tmp_path / "a.startend").write_text("grasping 0.01")
+    assert read_recordings(path).binned == Binned(threshold=0, events=4, outside=2, below=0)

@@ -12,6 +12,7 @@ from hw_model.description.counts import Counts, total
 from hw_model.program.chip_program import ChipProgram, Core
 from locsnn_compile.baselines.ann_energy import ANN_ENERGY_SOURCE, ANN_NOT_INCLUDED, ann_energy_pj
 from locsnn_compile.baselines.operations import ANN_NAMES, ann_counts
+from locsnn_compile.data.recordings import Binned
 from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.neurons import Cuba
@@ -31,12 +32,16 @@ Document = dict[str, Any]
 
 
 def report_document(
-    levels: Levels, match: Match, diagnosis: Diagnosis | None = None, followed: OverTime | LeftOut | None = None
+    levels: Levels,
+    match: Match,
+    diagnosis: Diagnosis | None = None,
+    followed: OverTime | LeftOut | None = None,
+    binned: Binned | None = None,
 ) -> Document:
     """Return the report; every ``per_sample`` figure is a mean over the recordings of the check.
 
     Without a diagnosis it has neither ``error_budget`` nor ``margins``, and the first divergence no cause; where
-    predictions were not ``followed`` over time, no ``over_time``.
+    predictions were not ``followed`` over time, no ``over_time``. ``binned`` is what reading the recordings left out.
     """
     network, program = levels.network, levels.program
     counts = total(match.counts)
@@ -64,6 +69,7 @@ def report_document(
         "skipped": {
             "steps": counts.skipped_steps,
             "events_dropped": counts.events_dropped,
+            **({} if binned is None else {"binning": binned.document() | {"words": binned.words}}),
             "synapses_pruned": program.synapses_pruned,
             "biases_lost": _biases_lost(levels),
             "compartments_pruned": sum(g.size for g in levels.compartments.groups)

@@ -57,6 +57,7 @@ def left_out(document: Document) -> Section:
     facts = (
         Fact("steps skipped", f"{count(found['steps'])}, of all recordings; nothing could change in them"),
         Fact("events dropped", f"{count(found['events_dropped'])}, of all recordings; after the last step"),
+        *([Fact("binning", found["binning"]["words"])] if "binning" in found else []),
         Fact("synapses pruned", f"{count(found['synapses_pruned'])}, whose weight rounds to 0"),
         Fact("compartments pruned", count(found["compartments_pruned"])),
         *(

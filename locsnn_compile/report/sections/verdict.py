@@ -117,6 +117,9 @@ def notices(document: Document) -> tuple[Notice, ...]:
     if dropped:
         text = f"{plural(dropped, 'event')} lay after the last simulated step and never reached the chip."
         found.append(Notice("Events were dropped.", text))
+    binning = document["skipped"].get("binning")
+    if binning and binning["dropped"]:
+        found.append(Notice("Binning left events out.", f"{binning['words']}."))
     return tuple(found)
 
 

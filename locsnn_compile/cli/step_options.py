@@ -1,0 +1,71 @@
+"""Options that say how recordings become steps, where neither they nor the model does."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from locsnn_compile.errors import InputError
+
+if TYPE_CHECKING:
+    import hw_model as hw
+    from locsnn_compile.data.expected import Expected
+    from locsnn_compile.data.recordings import Recordings
+    from locsnn_compile.network.network import Network
+
+
+def add_step_options(parser: argparse.ArgumentParser, threshold: str = "threshold") -> None:
+    """Add ``--step-seconds``, ``--steps`` and ``--threshold``, which is kept under the name ``threshold``."""
+    add = parser.add_argument
+    add("--step-seconds", type=float, metavar="X", help="seconds of a step, where nothing says it (events: 0.02)")
+    add(
+        "--steps", type=int, metavar="N", help="steps of a recording: silence follows shorter ones, longer ones are cut"
+    )
+    add("--threshold", dest=threshold, type=int, metavar="N", help="events that a bin must exceed to be 1 (default 0)")
+
+
+def asked_steps(args: argparse.Namespace) -> dict[str, Any]:
+    """Return the options as ``read_recordings`` takes them."""
+    return {"step_seconds": args.step_seconds, "steps": args.steps, "threshold": args.threshold}
+
+
+def read_for_program(
+    args: argparse.Namespace, path: str, program: hw.ChipProgram, split: str | None = None
+) -> Recordings:
+    """Return recordings in the steps of a program, or as asked for where it does not say them."""
+    from locsnn_compile.data.read import read_recordings
+
+    return read_recordings(path, split=split, model=expected_by(program), **asked_steps(args))
+
+
+def expected_by(program: hw.ChipProgram) -> Expected:
+    """Return what a program expects of recordings."""
+    from locsnn_compile.data.expected import Expected
+
+    fixed = [phase.steps for phase in program.phases if phase.axis == "time" and phase.steps is not None]
+    for item in program.inputs:
+        if item.positions is not None:
+            fixed.append(item.size - (0 if item.first_lines is None else int(item.first_lines.max())))
+    return Expected(
+        f"program {program.name!r}",
+        program.step_seconds,
+        program.event_threshold,
+        min(fixed, default=None),
+        max(program.streams.values(), default=None),
+    )
+
+
+def with_steps(network: Network, args: argparse.Namespace) -> Network:
+    """Return a network whose steps are as asked for; ``InputError`` where its file says otherwise."""
+    from dataclasses import replace
+
+    from locsnn_compile.frontends.nir.graph import NirGraph
+
+    if args.step_seconds is not None and args.dt is None and isinstance(network.origin, NirGraph):
+        raise InputError("--step-seconds", "the neurons of a NIR graph go by its step", fix="Give it as --dt.")
+    found = network.expected.agreed(**asked_steps(args))
+    network = replace(network, step_seconds=found["step_seconds"], event_threshold=found["threshold"])
+    if args.steps is None or not network.any_length:
+        return network
+    carried = network.recordings and network.recordings.with_steps(args.steps)
+    return replace(network, steps=args.steps, any_length=False, recordings=carried)
