@@ -10,14 +10,14 @@ if TYPE_CHECKING:
     from hw_model.description.chip import Chip
 
 _BOUNDS = (
-    ("registers", "charge_bits", 21, 21),
-    ("registers", "current_bits", 23, 23),
-    ("registers", "voltage_bits", 9, 23),
-    ("registers", "threshold_mantissa_bits", 1, 24),
+    ("registers", "charge_bits", 9, 40),
+    ("registers", "current_bits", 9, 40),
+    ("registers", "voltage_bits", 9, 40),
+    ("registers", "threshold_mantissa_bits", 1, 34),
     ("registers", "bias_mantissa_bits", 1, 24),
     ("registers", "bias_exponent_max", 0, 24),
     ("registers", "refractory_max", 1, 65_535),
-    ("registers", "delay_max", 0, 1_022),
+    ("registers", "delay_max", 0, 65_534),
     ("limits", "cores_per_chip", 1, 65_536),
     ("limits", "compartments_per_core", 1, 1 << 20),
     ("limits", "input_axons_per_core", 1, 1 << 20),
@@ -30,7 +30,8 @@ _BOUNDS = (
     ("synapse_memory", "run_length", 1, 65_536),
     ("synapse_memory", "run_header_bits", 0, 1_024),
 )
-"""Section, key, least and most. The compiled engine wraps q and u at one width alone; slots for delays are memory."""
+"""Section, key, least and most. In 64 bits products with decays, 2^40 * 2^12, and sums of joined voltages, 2^40 * 2^20,
+are exact; slots for delays are memory."""
 MAX_CORES = 1 << 20
 
 

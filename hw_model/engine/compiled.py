@@ -25,12 +25,13 @@ llvmlite.binding.set_option("hw_model", "-runtime-memory-check-threshold=200")
 
 
 FILES_OF_LOOPS = (
+    "arithmetic/fixed_point",
     "engine/chunks",
     "engine/compiled",
     "engine/events",
     "engine/fast",
+    "engine/lane_arithmetic",
     "engine/layout",
-    "engine/registers32",
     "engine/tiles",
     "streaming/location_phase",
     "streaming/time_phase",

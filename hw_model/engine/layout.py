@@ -22,6 +22,7 @@ from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT, IntArray
 from hw_model.program.chip_program import ChipProgram
 
 Int32Array = npt.NDArray[np.int32]
+Lanes = npt.NDArray[np.int32] | npt.NDArray[np.int64]
 
 LANES = 16
 """Compartments of a chunk: 32-bit numbers of one or two vector registers."""
@@ -30,9 +31,6 @@ KEEP_U, KEEP_V, THRESHOLD, BIAS, REFRACTORY, VMIN, VMAX = range(7)
 U, V, POTENTIAL, BLOCKED, JOINED = range(7, 12)
 CHARGE_WRAPS, CURRENT_WRAPS, VOLTAGE_CLIPS = range(12, FIELDS)
 """Registers of a compartment: seven parameters, the state with what its children add, and a count of each event."""
-NEVER = (1 << 31) - 1
-"""The threshold of what cannot spike."""
-
 CACHE_LINE = 64
 """Bytes."""
 
@@ -50,12 +48,24 @@ def aligned(shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
     return room[start : start + size].view(dtype).reshape(shape)
 
 
+class Widths(NamedTuple):
+    """Where registers wrap: q, in units of 64, and u lie within ``-half..half - 1``."""
+
+    half_charge: int
+    half_current: int
+
+
+USUAL_WIDTHS = Widths(1 << (21 - WEIGHT_SHIFT), 1 << 23)
+"""Those of the chips that ship: loops in 32 bits know no others."""
+
+
 class Chunks(NamedTuple):
     """Chunk k holds columns ``first_column[k]`` on, ``width[k]`` of them; its slots are ``LANES * k`` on.
 
     ``node`` and ``piece`` (of the phase, :mod:`hw_model.accounting.pieces`) say where it is; ``parent``: the chunk that
     its voltages are added to, or -1; ``sums``: it keeps nothing and no synapse reaches it, so that it only adds up its
-    children. ``registers`` (chunks, FIELDS, LANES) are its parameters, with a state of 0. Bundle i is
+    children. ``registers`` (chunks, FIELDS, LANES) are its parameters, with a state of 0, in 32 bits, or in 64 where a
+    sum might need them. Bundle i is
     ``member[bundle[i]:bundle[i + 1]]``, and ``begins`` marks the first member of each. Block k is bundles
     ``of_block[k]`` to the next; it feeds itself where ``feeds_itself[k]``, and the nodes in it that can spike are
     ``spiking_node[of_node[k]:of_node[k + 1]]``.
@@ -67,7 +77,7 @@ class Chunks(NamedTuple):
     first_column: IntArray
     width: IntArray
     sums: npt.NDArray[np.uint8]
-    registers: Int32Array
+    registers: Lanes
     member: IntArray
     begins: npt.NDArray[np.bool_]
     bundle: IntArray
@@ -75,6 +85,7 @@ class Chunks(NamedTuple):
     feeds_itself: npt.NDArray[np.uint8]
     spiking_node: IntArray
     of_node: IntArray
+    widths: Widths
 
 
 class Links(NamedTuple):
@@ -121,7 +132,7 @@ class Nodes(NamedTuple):
 class FastLayout:
     """A phase, of which the first ``inputs`` nodes are inputs; the named tuples are what the compiled loops take.
 
-    ``slot`` (columns,) tells the slot of every column. ``wide`` tells that the charge of a step may not fit 32 bits.
+    ``slot`` (columns,) tells the slot of every column.
     """
 
     inputs: int
@@ -131,7 +142,6 @@ class FastLayout:
     links: Links
     slot: IntArray
     longest_delay: int
-    wide: bool
 
     @property
     def columns(self) -> int:
@@ -148,8 +158,6 @@ def fast_layout(program: ChipProgram, phase: str) -> FastLayout:
     pieces = _pieces(program, phase, nodes)
     slot, chunk_first = _slots(pieces, nodes)
     links = _links(nodes, synapses, blocks, slot, chunk_first)
-    charge = np.zeros(max(nodes.columns, 1))
-    np.add.at(charge, synapses.column, np.abs(synapses.weight))
     return FastLayout(
         inputs=nodes.inputs,
         pieces=sum(map(len, pieces.values())),
@@ -158,7 +166,6 @@ def fast_layout(program: ChipProgram, phase: str) -> FastLayout:
         links=links,
         slot=slot,
         longest_delay=int(synapses.delay.max(initial=0)),
-        wide=bool(charge.max() >= 2**31),
     )
 
 
@@ -243,7 +250,10 @@ def _blocks(program: ChipProgram, phase: str, nodes: _Numbering, synapses: _Syna
     order = nx.lexicographical_topological_sort(whole, key=lambda block: min(whole.nodes[block]["members"]))
 
     def depth(node: int) -> int:
-        return 1 + depth(parents[node]) if node in parents else 0
+        above = 0
+        while node in parents:
+            node, above = parents[node], above + 1
+        return above
 
     return [sorted(whole.nodes[block]["members"], key=lambda node: (-depth(node), node)) for block in order]
 
@@ -313,9 +323,14 @@ def _chunks(
 ) -> Chunks:
     slot, chunk_first = _slots(pieces, nodes)
     count = int(chunk_first[-1])
-    registers = np.zeros((count, FIELDS, LANES), dtype=np.int32)
-    registers[:, THRESHOLD] = NEVER
-    for field, values in _parameters(program, phase).items():
+    limits = program.chip.registers
+    widths = Widths(1 << (limits.charge_bits - WEIGHT_SHIFT), 1 << limits.current_bits)
+    fits = widths == USUAL_WIDTHS and _largest_sum(program, phase, synapses) <= np.iinfo(np.int32).max
+    never = np.iinfo(np.int32 if fits else np.int64).max  # the threshold of what cannot spike
+    shape = (count, FIELDS, LANES)
+    registers: Lanes = np.zeros(shape, dtype=np.int32) if fits else np.zeros(shape, dtype=np.int64)
+    registers[:, THRESHOLD] = never
+    for field, values in _parameters(program, phase, never).items():
         registers[slot // LANES, field, slot % LANES] = values
     reached = np.zeros(count, dtype=np.bool_)
     reached[slot[synapses.column] // LANES] = True
@@ -337,7 +352,11 @@ def _chunks(
         children.setdefault(int(parent[chunk]), []).append(chunk)
 
     def bundle(root: int) -> list[int]:
-        return [c for child in children.get(root, []) for c in bundle(child)] + [root]
+        found, begun = [], [root]
+        while begun:
+            found.append(begun.pop())
+            begun += children.get(found[-1], [])
+        return found[::-1]
 
     bundles = [
         [bundle(c) for n in block for c in range(chunk_first[n], chunk_first[n + 1]) if parent[c] < 0]
@@ -364,7 +383,23 @@ def _chunks(
         ),
         spiking_node=np.array([n for block in spiking for n in block], dtype=np.int64),
         of_node=np.cumsum([0, *map(len, spiking)]),
+        widths=widths,
     )
+
+
+def _largest_sum(program: ChipProgram, phase: str, synapses: _Synapses) -> int:
+    """Return a bound on every number that an update of this phase works with, whatever the input."""
+    registers = program.chip.registers
+    charge, current = 1 << registers.charge_bits, 1 << registers.current_bits
+    arrived = np.bincount(synapses.column, np.abs(synapses.weight)).max(initial=0)
+    found = [int(arrived), charge + current]
+    for core in program.cores_of(phase):
+        # A child adds its v, within the core's limits, to what the parent keeps of its own and to its drive.
+        most_children = int(np.bincount(core.parent[core.parent >= 0]).max(initial=0))
+        found.append((most_children + 1) * max(-core.vmin, core.vmax) + current)
+        found.append(current + int(np.abs(core.bias).max()))
+        found.append(int(core.threshold_voltage.max()))
+    return max(found)
 
 
 def _links(
@@ -458,15 +493,15 @@ def _matrix(
     return matrix.astype(np.int16)
 
 
-def _parameters(program: ChipProgram, phase: str) -> dict[int, IntArray]:
-    """Return the parameters of every column by field."""
+def _parameters(program: ChipProgram, phase: str, never: int) -> dict[int, IntArray]:
+    """Return the parameters of every column by field; ``never`` is the threshold of what cannot spike."""
     n = sum(core.compartments for core in program.cores_of(phase))
     found = {field: np.zeros(n, dtype=np.int64) for field in range(KEEP_U, VMAX + 1)}
     for core in program.cores_of(phase):
         here = program.columns_of_core(core)
         found[KEEP_U][here] = DECAY_ONE - core.setting("decay_u")
         found[KEEP_V][here] = DECAY_ONE - core.setting("decay_v")
-        found[THRESHOLD][here] = np.where(core.setting("joined") == 0, core.threshold_voltage, NEVER)
+        found[THRESHOLD][here] = np.where(core.setting("joined") == 0, core.threshold_voltage, never)
         found[BIAS][here] = core.bias
         found[REFRACTORY][here] = core.setting("refractory")
         found[VMIN][here], found[VMAX][here] = core.vmin, core.vmax

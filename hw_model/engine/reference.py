@@ -78,7 +78,8 @@ class _CoreState:
         self.refractory, self.spiking = core.setting("refractory"), core.setting("joined") == 0
         self.bias, self.threshold = core.bias, core.threshold_voltage
         self.weight = core.effective_weights
-        self.slots = np.zeros((self.limits.slots, n), dtype=np.int64)
+        # A slot for every delay in use, the step being read and the next.
+        self.slots = np.zeros((int(core.axons.delay.max(initial=0)) + 2, n), dtype=np.int64)
         self.u, self.v, self.potential = (np.zeros(n, dtype=np.int64) for _ in range(3))
         self.blocked = np.zeros(n, dtype=np.int64)
         self.fired = np.zeros(n, dtype=np.bool_)
@@ -89,7 +90,7 @@ class _CoreState:
     def update(self, step: int) -> None:
         """Accumulate, decay, join and fire, for every compartment of the core."""
         bits = self.limits
-        slot = self.slots[step % bits.slots]
+        slot = self.slots[step % len(self.slots)]
         arrived = slot.copy()
         slot[:] = 0
         busy = (arrived != 0) | (self.u != 0) | (self.v != 0) | (self.bias != 0)
@@ -131,7 +132,7 @@ class _CoreState:
         """Add the weights of an axon's synapses to the slots of the steps in which they are due."""
         axons = self.core.axons
         row = slice(int(axons.list_start[axon]), int(axons.list_start[axon + 1]))
-        due = (step + 1 + axons.delay[row]) % self.limits.slots
+        due = (step + 1 + axons.delay[row]) % len(self.slots)
         np.add.at(self.slots, (due, axons.target[row]), self.weight[row])
 
     def _counted(self, event: str, before: IntArray, after: IntArray) -> IntArray:

@@ -1,8 +1,8 @@
 """The compiled loops of the fast engine over a tile of steps: a link, a block; a chunk is
 :mod:`hw_model.engine.chunks`.
 
-Charges are kept in units of 64, the least that a weight can be: wrapping q to 21 bits plus sign is then taking the low
-16 bits. A chunk that is all zero, and on which nothing arrives, is skipped: nothing could change in it.
+Charges are kept in units of 64, the least that a weight can be. A chunk that is all zero, and on which nothing arrives,
+is skipped: nothing could change in it.
 """
 
 from __future__ import annotations
@@ -75,9 +75,9 @@ def first_state(layout: FastLayout, tile: int = TILE) -> State:
     registers = layout.chunks.registers.reshape(-1)
     at_rest = (layout.chunks.registers[:, BIAS] == 0).min(axis=1)
     chunks, rows = len(at_rest), tile + layout.longest_delay + 1
-    charge = aligned((rows, chunks * LANES), np.int64 if layout.wide else np.int32)
+    charge = aligned((rows, chunks * LANES), registers.dtype)
     touched = np.zeros((rows, chunks), dtype=np.uint8)
-    current = aligned(registers.shape, np.int32)
+    current = aligned(registers.shape, registers.dtype)
     current[:] = registers
     return State(current, charge, touched, at_rest.copy(), registers, at_rest)
 
@@ -293,7 +293,7 @@ def _update_alone(k, rows, chunks, state, work, skip, active):  # type: ignore[n
     for r in range(np.uint64(rows)):
         if rests and not state.touched[r, k]:
             continue
-        mask, busy, restless = update(state.registers, k * _CHUNK, state.charge, r, k * _LANES)
+        mask, busy, restless = update(state.registers, k * _CHUNK, state.charge, r, k * _LANES, chunks.widths)
         rests = skip and restless == 0
         work.masks[r, k] = mask
         work.updated[r] = 1
@@ -319,7 +319,7 @@ def _update_members(start, stop, r, step, chunks, state, work, skip, active, rec
         if chunks.sums[k]:
             mask, busy, restless = add_up(registers, at)
         else:
-            mask, busy, restless = update(registers, at, state.charge, np.uint64(r), k * _LANES)
+            mask, busy, restless = update(registers, at, state.charge, np.uint64(r), k * _LANES, chunks.widths)
         at_rest[k] = restless == 0
         work.masks[r, k] = mask
         fired |= mask

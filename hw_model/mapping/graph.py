@@ -298,8 +298,9 @@ def voltage_minima(chip: Chip) -> list[int]:
 
 
 def voltage_maxima(chip: Chip) -> list[int]:
-    """Return the upper voltage limits a core can be set to: ``2^(9 + 2k) - 1``."""
-    return [(1 << b) - 1 for b in range(9, chip.registers.voltage_bits + 1, 2)]
+    """Return the upper voltage limits a core can be set to: ``2^(9 + 2k) - 1``, and the register's own end."""
+    forms = [(1 << b) - 1 for b in range(9, chip.registers.voltage_bits, 2)]
+    return [*forms, chip.registers.voltage_max]
 
 
 def _check_voltage_limits(group: Compartments, chip: Chip) -> None:

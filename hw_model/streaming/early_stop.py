@@ -302,14 +302,18 @@ class _Voter:
 
 def _members(program: ChipProgram, name: str) -> list[str]:
     """Return the groups joined to a group, children first, and the group itself last."""
-    found: list[str] = []
+    children: dict[str, dict[str, None]] = {}
     for core in program.cores:
         group_of = {piece.offset: piece.group for piece in core.slices}
         for piece in core.slices:
             parent = int(core.parent[piece.offset])
-            if parent >= 0 and group_of.get(parent) == name and piece.group not in found:
-                found += [member for member in _members(program, piece.group) if member not in found]
-    return [*found, name]
+            if parent >= 0:
+                children.setdefault(group_of[parent], {})[piece.group] = None
+    found, begun = [], [name]
+    while begun:
+        found.append(begun.pop())
+        begun += children.get(found[-1], {})
+    return found[::-1]
 
 
 def _parts(program: ChipProgram, phase: str, name: str) -> list[tuple[Core, slice]]:

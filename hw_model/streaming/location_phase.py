@@ -87,8 +87,8 @@ class Replay:
             block_of[chunks.node[chunks.member[low:high]]] = block
         self._layout, self._steps = layout, steps
         self._history = History(
-            charge=np.zeros((steps, len(chunks.node) * LANES), dtype=np.int64 if layout.wide else np.int32),
-            after=np.zeros((steps, len(chunks.node), KEPT), dtype=np.int32),
+            charge=np.zeros((steps, len(chunks.node) * LANES), dtype=chunks.registers.dtype),
+            after=np.zeros((steps, len(chunks.node), KEPT), dtype=chunks.registers.dtype),
             masks=np.zeros((steps, len(chunks.node)), dtype=np.int32),
             reached=np.zeros((steps, len(chunks.node)), dtype=np.uint8),
             spikes=np.zeros(layout.columns, dtype=np.int64),
@@ -169,7 +169,7 @@ def _order(layout: FastLayout) -> Order:
         sums=sums,
         forgets=forgets,
         never_rests=(chunks.registers[member][:, BIAS] != 0).max(axis=1),
-        is_pair=is_pair & (not layout.wide),
+        is_pair=is_pair,
     )
 
 
@@ -244,11 +244,11 @@ def _run_again(  # type: ignore[no-untyped-def]
         while member < high:
             index = np.uint64(member)
             if order.is_pair[index]:
-                mask = _run_pair(step, index, order, registers, at_rest, history)
+                mask = _run_pair(step, index, chunks.widths, order, registers, at_rest, history)
                 member += 3
             else:
                 stirred &= not order.begins[index]
-                mask, stirred = _run_member(step, index, stirred, order, registers, at_rest, history)
+                mask, stirred = _run_member(step, index, stirred, chunks.widths, order, registers, at_rest, history)
                 member += 1
             k = np.uint64(order.member[np.uint64(member - 1)])
             if mask != history.masks[step, k]:
@@ -258,13 +258,13 @@ def _run_again(  # type: ignore[no-untyped-def]
 
 
 @absorbed
-def _run_pair(step, index, order, registers, at_rest, history):  # type: ignore[no-untyped-def]
+def _run_pair(step, index, widths, order, registers, at_rest, history):  # type: ignore[no-untyped-def]
     """Update two dendrites and their sum in one step; return the spikes as bits."""
     one, other = np.uint64(order.member[index]), np.uint64(order.member[index + np.uint64(1)])
     at = index * _CHUNK
     mask = np.int32(0)
     if not at_rest[index] or history.reached[step, one] or history.reached[step, other]:
-        mask, remains = advance_pair(registers, at, history.charge, step, one * _LANES, other * _LANES)
+        mask, remains = advance_pair(registers, at, history.charge, step, one * _LANES, other * _LANES, widths)
         at_rest[index] = remains == 0 and not order.never_rests[index] and not order.never_rests[index + np.uint64(1)]
     for i in range(np.uint64(U_AND_V)):
         history.after[step, index, i] = registers[at + _STATE + i]
@@ -274,7 +274,7 @@ def _run_pair(step, index, order, registers, at_rest, history):  # type: ignore[
 
 
 @absorbed
-def _run_member(step, index, stirred, order, registers, at_rest, history):  # type: ignore[no-untyped-def]
+def _run_member(step, index, stirred, widths, order, registers, at_rest, history):  # type: ignore[no-untyped-def]
     """Update one chunk in one step; return the spikes as bits, and whether its bundle is stirred now."""
     k, at = np.uint64(order.member[index]), index * _CHUNK
     mask = np.int32(0)
@@ -282,7 +282,7 @@ def _run_member(step, index, stirred, order, registers, at_rest, history):  # ty
         if order.sums[index]:
             mask, _, remains = add_up(registers, at)
         else:
-            mask, remains = advance(registers, at, history.charge, step, k * _LANES)
+            mask, remains = advance(registers, at, history.charge, step, k * _LANES, widths)
         at_rest[index] = remains == 0 and not order.never_rests[index]
         stirred = True
         if order.parent[index] >= 0:

@@ -7,13 +7,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from typing import Any
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE
 from hw_model.arithmetic.weights import WEIGHT_BITS, WEIGHT_EXPONENTS
 from locsnn_compile.errors import InputError
-from locsnn_compile.models.chip_numbers import REGISTERS, STRATEGIES, ChipNumbers, ChipPopulation, OwnSynapse
+from locsnn_compile.models.chip_numbers import (
+    STRATEGIES,
+    TRAINED_BITS,
+    ChipNumbers,
+    ChipPopulation,
+    OwnSynapse,
+    RegisterWidths,
+)
 
 _WRITE_AGAIN = "Write it again with 'locsnn train'."
 #: field -> lowest and highest value of a whole number.
@@ -40,7 +47,7 @@ def chip_entry(chip: ChipNumbers) -> dict[str, Any]:
     return {
         "target": chip.target,
         "strategy": chip.strategy,
-        "registers": dict(REGISTERS),
+        "registers": asdict(chip.registers),
         "populations": {
             name: asdict(numbers) | {"own": [[s.mantissa, s.exponent, s.delay] for s in numbers.own]}
             for name, numbers in chip.populations.items()
@@ -57,13 +64,7 @@ def parse_chip_entry(where: str, entry: object, populations: Collection[str]) ->
         raise InputError(
             where, "entry 'chip.strategy' is not known", measured=_seen(whole["strategy"]), fix=_WRITE_AGAIN
         )
-    if whole["registers"] != REGISTERS:
-        raise InputError(
-            where,
-            "it was trained for registers of other widths",
-            measured=f"{_seen(whole['registers'])} against {REGISTERS}",
-            fix="Train it again with this version.",
-        )
+    registers = _registers(where, whole["registers"])
     parts = _mapping(where, "chip.populations", whole["populations"], populations)
     found = {name: _population(where, f"chip.populations.{name}", parts[name]) for name in populations}
     fewest, most = _OWN_COUNT[whole["strategy"]]
@@ -75,7 +76,15 @@ def parse_chip_entry(where: str, entry: object, populations: Collection[str]) ->
                 measured=f"{len(numbers.own)} synapses against {fewest}..{most}",
                 fix=_WRITE_AGAIN,
             )
-    return ChipNumbers(whole["target"], whole["strategy"], found)
+    return ChipNumbers(whole["target"], whole["strategy"], found, registers)
+
+
+def _registers(where: str, entry: object) -> RegisterWidths:
+    part = _mapping(where, "chip.registers", entry, [field.name for field in fields(RegisterWidths)])
+    least, most = TRAINED_BITS[0], TRAINED_BITS[-1]
+    return RegisterWidths(
+        **{name: _whole(where, f"chip.registers.{name}", bits, least, most) for name, bits in part.items()}
+    )
 
 
 def _population(where: str, key: str, entry: object) -> ChipPopulation:

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT
-from locsnn_compile.models.chip_numbers import ChipPopulation, Strategy
-from locsnn_compile.models.chip_scan import charge_gradient, scan_delay_line, scan_dendrite, scan_reset
+from locsnn_compile.models.chip_numbers import USUAL_REGISTERS, ChipPopulation, RegisterWidths, Strategy
+from locsnn_compile.models.chip_scan import charge_gradient, register_ends, scan_delay_line, scan_dendrite, scan_reset
 from locsnn_compile.models.description import NeuronParameters
 from locsnn_compile.models.host import to_device, to_host
 
@@ -83,9 +83,11 @@ class ChipLayer(nn.Module):
         *,
         generator: torch.Generator,
         initial_scale: float,
+        registers: RegisterWidths = USUAL_REGISTERS,
     ) -> None:
         super().__init__()
         self.neuron, self.numbers, self.strategy = neuron, numbers, strategy
+        self.registers, self._ends = registers, register_ends(registers)
         bound = initial_scale / math.sqrt(in_features)
         weight = torch.empty(out_features, in_features, dtype=torch.float32)
         self.weight = nn.Parameter(weight.uniform_(-bound, bound, generator=generator))
@@ -122,10 +124,10 @@ class ChipLayer(nn.Module):
         if self.strategy == "dendrite":
             pull_keep = np.int32(DECAY_ONE - n.refractory_decay)
             own = np.int32(sum(synapse.charge for synapse in n.own))
-            scan_dendrite(charge, (keep, pull_keep, own, threshold), *out)
+            scan_dendrite(charge, (keep, pull_keep, own, threshold), self._ends, *out)
         elif self.strategy == "delay-line":
             taps = np.array([[s.delay for s in n.own], [s.charge for s in n.own]], dtype=np.int32)
-            scan_delay_line(charge, (keep, threshold), taps, *out)
+            scan_delay_line(charge, (keep, threshold), self._ends, taps, *out)
         else:
-            scan_reset(charge, (keep, keep, threshold, np.int32(n.refractory)), *out)
+            scan_reset(charge, (keep, keep, threshold, np.int32(n.refractory)), self._ends, *out)
         return spikes, potential, live

@@ -17,8 +17,20 @@ from hw_model.arithmetic.weights import weight_grid
 Strategy = Literal["dendrite", "delay-line", "reset"]
 STRATEGIES: tuple[Strategy, ...] = get_args(Strategy)
 
-REGISTERS = {"charge_bits": 21, "current_bits": 23, "voltage_bits": 23}
-"""Widths, the sign not counted, of the registers that networks are trained on: those of ``loihi-sim``."""
+
+@dataclass(frozen=True)
+class RegisterWidths:
+    """Widths of registers in bits, the sign not counted."""
+
+    charge_bits: int = 21
+    current_bits: int = 23
+    voltage_bits: int = 23
+
+
+USUAL_REGISTERS = RegisterWidths()
+"""Those of the chips that ship."""
+TRAINED_BITS = range(9, 30)
+"""Widths that networks are trained on: no sum on the way needs more than 32 bits."""
 
 
 @dataclass(frozen=True)
@@ -75,3 +87,4 @@ class ChipNumbers:
     target: str
     strategy: Strategy
     populations: Mapping[str, ChipPopulation]
+    registers: RegisterWidths = USUAL_REGISTERS

@@ -73,7 +73,8 @@ class TouchNetwork(TouchModel):
             return (TLIF if on_time else LLIF)(inputs, outputs, neuron, **start)
         if self.chip is not None:
             numbers = self.chip.populations[name]
-            return ChipLayer(inputs, outputs, description.srm, numbers=numbers, strategy=self.chip.strategy, **start)
+            start |= {"numbers": numbers, "strategy": self.chip.strategy, "registers": self.chip.registers}
+            return ChipLayer(inputs, outputs, description.srm, **start)
         return (TSRM if on_time else LSRM)(inputs, outputs, description.srm, **start)
 
     def layer(self, name: str) -> Layer:

@@ -6,6 +6,7 @@ They are those that the compiler's ``quantize`` chooses for the network at the s
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields
 from typing import cast
 
 import numpy as np
@@ -15,7 +16,14 @@ import hw_model as hw
 from locsnn_compile.errors import TargetError
 from locsnn_compile.frontends.checkpoint import network_of
 from locsnn_compile.models.checkpoint import Checkpoint
-from locsnn_compile.models.chip_numbers import REGISTERS, ChipNumbers, ChipPopulation, OwnSynapse, Strategy
+from locsnn_compile.models.chip_numbers import (
+    TRAINED_BITS,
+    ChipNumbers,
+    ChipPopulation,
+    OwnSynapse,
+    RegisterWidths,
+    Strategy,
+)
 from locsnn_compile.models.description import NetworkDescription
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, RefractoryDendrite
 from locsnn_compile.passes.quantize import quantize
@@ -32,11 +40,11 @@ def chip_numbers(
 ) -> ChipNumbers:
     """Return the numbers for a network that starts from weights [out, in] by population name, or from scratch.
 
-    Raises ``InputError`` for a chip that is not known, ``TargetError`` for one of other registers and for a network
+    Raises ``InputError`` for a chip that is not known, ``TargetError`` for one of wider registers and for a network
     that no scale fits.
     """
     chip = hw.chip(config.target)
-    _check_registers(chip)
+    registers = _registers(chip)
     neuron = description.srm
     largest = {}
     for name, shape in description.weight_shapes.items():
@@ -57,18 +65,20 @@ def chip_numbers(
             scale=scale,
             unit=64 * 2**projection.exponent / (gain * scale),
         )
-    return ChipNumbers(config.target, cast(Strategy, config.strategy), populations)
+    return ChipNumbers(config.target, cast(Strategy, config.strategy), populations, registers)
 
 
-def _check_registers(chip: hw.Chip) -> None:
-    widths = {name: getattr(chip.registers, name) for name in REGISTERS}
-    if widths != REGISTERS:
-        raise TargetError(
-            f"target {chip.name!r}",
-            "networks are not trained on registers of these widths",
-            measured=f"{widths} against {REGISTERS}",
-            fix="Train for loihi-sim.",
-        )
+def _registers(chip: hw.Chip) -> RegisterWidths:
+    widths = {field.name: getattr(chip.registers, field.name) for field in fields(RegisterWidths)}
+    for name, bits in widths.items():
+        if bits not in TRAINED_BITS:
+            raise TargetError(
+                f"target {chip.name!r}",
+                f"networks are not trained on registers of such {name}",
+                measured=f"{bits} against {TRAINED_BITS[0]}..{TRAINED_BITS[-1]}",
+                fix="Train for a chip of narrower registers.",
+            )
+    return RegisterWidths(**widths)
 
 
 def _population(

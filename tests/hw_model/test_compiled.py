@@ -14,11 +14,11 @@ import hw_model.engine.compiled
 PACKAGE = Path(hw_model.__file__).parent
 USER = """\
 from hw_model.engine.compiled import compiled
-from hw_model.engine.registers32 import wrap24
+from hw_model.engine.lane_arithmetic import wrap
 
 @compiled
 def wrapped(x):
-    return wrap24(x)
+    return wrap(x, 1 << 23)
 """
 
 
@@ -29,7 +29,7 @@ def name_of(path):
 def test_all_files_with_loops_are_named():
     holds = re.compile(r"^@(compiled|absorbed|inlined|intrinsic)", re.MULTILINE)
     found = {name_of(path) for path in PACKAGE.rglob("*.py") if holds.search(path.read_text())}
-    constants = {"engine/compiled", "engine/layout"}
+    constants = {"engine/compiled", "engine/layout", "arithmetic/fixed_point"}
     assert found | constants == set(hw_model.engine.compiled.FILES_OF_LOOPS)
 
 
@@ -45,6 +45,6 @@ def test_a_change_in_another_file_is_seen(tmp_path):
         return int(done.stdout)
 
     assert run() == 5
-    source = tmp_path / "hw_model/engine/registers32.py"
-    source.write_text(source.read_text().replace("np.int32(np.int32(x << np.int32(8)) >> np.int32(8))", "np.int32(x)"))
+    source = tmp_path / "hw_model/engine/lane_arithmetic.py"
+    source.write_text(source.read_text().replace("fit((fit(x & fit(2 * half - 1, x), x) ^ half) - half, x)", "x"))
     assert run() == 2**24 + 5

@@ -128,6 +128,81 @@ def test_engines_agree_on_a_chip_of_other_registers():
     assert np.diff(np.flatnonzero(slow.spikes["cell"][:, 3])).min() == 300
 
 
+def joined_children(builder: hw.ProgramBuilder, parents: int = 1, chain: bool = False) -> None:
+    """Compartment ``soma`` and 300 children at the end of their range, joined to it or each to the next."""
+    node = builder.add_compartments("soma", parents, decay_u=4096, decay_v=4096, threshold=100)
+    soma = node
+    for i in range(300):
+        child = builder.add_compartments(
+            f"child{i}", parents, decay_u=4096, decay_v=0, bias=4095 << 7, threshold=0, joined_to=node
+        )
+        node = child if chain else soma
+
+
+@pytest.mark.parametrize("chain", [False, True], ids=["fan", "chain"])
+def test_the_sum_of_many_joined_voltages(chain):
+    """Too wide for 32 bits after some steps: a fan had 13 spikes in 30 steps where there are 30."""
+    builder = hw.ProgramBuilder(CHIP)
+    builder.add_input("x", 1)
+    joined_children(builder, chain=chain)
+    program = builder.build()
+    silence = np.zeros((30, 1), dtype=np.uint8)
+    fast, slow = (hw.simulate(program, silence, engine=engine, probe=("spikes", "potential")) for engine in ENGINES)
+    assert slow.counts.spikes == 30
+    assert np.array_equal(fast.spikes["soma"], slow.spikes["soma"])
+    assert np.array_equal(fast.potential["soma"], slow.potential["soma"])
+    assert fast.counts == slow.counts
+
+
+def test_a_bias_wider_than_32_bits():
+    """It wraps in each step, and keeps the compartment busy, even where its low 32 bits are zero."""
+    builder = hw.ProgramBuilder(
+        replace(CHIP, registers=replace(CHIP.registers, bias_mantissa_bits=24, bias_exponent_max=24))
+    )
+    builder.add_input("x", 1)
+    builder.add_compartments("n", 4, decay_u=4096, decay_v=0, threshold=100, bias=[1 << 47, 1 << 32, -(1 << 48), 0])
+    program = builder.build()
+    silence = np.zeros((800, 1), dtype=np.uint8)
+    fast, slow = (hw.simulate(program, silence, engine=engine) for engine in ENGINES)
+    assert (slow.counts.neuron_updates_active, slow.counts.current_wraps) == (2400, 2400)
+    assert fast.counts == slow.counts
+
+
+@pytest.mark.parametrize(
+    ("registers", "bound"),
+    [
+        ({"voltage_bits": 16}, 65535),
+        ({"charge_bits": 19, "current_bits": 20, "voltage_bits": 16}, 65535),
+        ({"charge_bits": 9, "current_bits": 40, "voltage_bits": 40}, 2**40 - 1),
+        ({"charge_bits": 40, "current_bits": 9, "voltage_bits": 10}, 1023),
+    ],
+    ids=["voltage alone", "all", "wide behind narrow", "narrow behind wide"],
+)
+def test_widths_by_hand(registers, bound):
+    """The ends of the registers, by the formulas of the description in Python's integers."""
+    chip = replace(CHIP, registers=replace(CHIP.registers, **registers))
+    builder = hw.ProgramBuilder(chip)
+    x = builder.add_input("x", 1)
+    n = builder.add_compartments("n", 1, decay_u=0, decay_v=0, threshold=chip.registers.threshold_mantissa_max)
+    builder.connect(x, n, [[254]], exponent=3)
+    spikes = np.ones((60, 1), dtype=np.uint8)
+    u = v = clips = wraps = 0
+    wanted = []
+    for t in range(60):
+        total = 254 * 8 * 64 if t else 0
+        q = oracle.wrap(total, chip.registers.charge_bits)
+        wrapped = oracle.wrap(u + q, chip.registers.current_bits)
+        wraps += (q != total) + (wrapped != u + q)
+        u, v = wrapped, v + wrapped
+        clips += abs(v) > bound
+        v = max(-bound, min(bound, v))
+        wanted.append((u, v))
+    for engine in ENGINES:
+        found = hw.simulate(builder.build(), spikes, engine=engine, probe=("u", "v"))
+        assert list(zip(found.u["n"][:, 0].tolist(), found.v["n"][:, 0].tolist(), strict=True)) == wanted
+        assert (found.counts.wraps, found.counts.clips) == (wraps, clips)
+
+
 @settings(max_examples=20, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_skipping_changes_nothing(seed):

@@ -97,9 +97,14 @@ PLACE = "chip.populations.time_hidden"
         ),
         pytest.param(
             put("chip", "registers", value={"charge_bits": 9}),
-            ": it was trained for registers of other widths (got {'charge_bits': 9} against "
-            "{'charge_bits': 21, 'current_bits': 23, 'voltage_bits': 23}). Train it again with this version.",
+            ": entry 'chip.registers' must hold charge_bits, current_bits, voltage_bits (got {'charge_bits': 9}). "
+            f"{AGAIN}",
             id="registers",
+        ),
+        pytest.param(
+            put("chip", "registers", "current_bits", value=30),
+            f": entry 'chip.registers.current_bits' must be a whole number in range (got 30 against 9..29). {AGAIN}",
+            id="widths",
         ),
         pytest.param(
             put(*HIDDEN, "decay", value=0),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import hw_model as hw
 from hw_model.arithmetic.weights import WEIGHT_BITS, weight_grid
 from locsnn_compile.models.chip_layers import ChipLayer
-from locsnn_compile.models.chip_numbers import ChipPopulation, OwnSynapse, Strategy
+from locsnn_compile.models.chip_numbers import USUAL_REGISTERS, ChipPopulation, OwnSynapse, RegisterWidths, Strategy
 from locsnn_compile.models.description import NeuronParameters
 
 CHIP = hw.chip("loihi-sim")
@@ -32,7 +32,11 @@ NUMBERS = ChipPopulation(
 
 
 def layer_of(
-    numbers: ChipPopulation, strategy: Strategy, weights: np.ndarray, neuron: NeuronParameters | None = None
+    numbers: ChipPopulation,
+    strategy: Strategy,
+    weights: np.ndarray,
+    neuron: NeuronParameters | None = None,
+    registers: RegisterWidths = USUAL_REGISTERS,
 ) -> ChipLayer:
     layer = ChipLayer(
         weights.shape[1],
@@ -42,16 +46,19 @@ def layer_of(
         strategy,
         generator=torch.Generator(),
         initial_scale=1.0,
+        registers=registers,
     )
     with torch.no_grad():
         layer.weight.copy_(torch.from_numpy(weights))
     return layer
 
 
-def program_of(numbers: ChipPopulation, strategy: Strategy, mantissas: np.ndarray) -> hw.ChipProgram:
+def program_of(
+    numbers: ChipPopulation, strategy: Strategy, mantissas: np.ndarray, registers: RegisterWidths
+) -> hw.ChipProgram:
     """The same population written by hand for the chip: an independent way to its integers."""
     n, inputs = mantissas.shape
-    builder = hw.ProgramBuilder(CHIP)
+    builder = hw.ProgramBuilder(replace(CHIP, registers=replace(CHIP.registers, **asdict(registers))))
     touch = builder.add_input("touch", inputs)
     filters = {"decay_u": numbers.decay, "decay_v": numbers.decay}
     soma_filters = {"decay_u": 4096, "decay_v": 4096, "threshold": numbers.threshold}
@@ -112,7 +119,10 @@ def test_layers_are_the_chip(strategy: Strategy, seed: int) -> None:
     numbers = draw_numbers(rng, strategy)
     n, inputs, steps = rng.integers(1, 6), rng.integers(1, 40), rng.integers(1, 90)
     largest = numbers.mantissa_max * numbers.unit
-    layer = layer_of(numbers, strategy, rng.uniform(-largest, largest, size=(n, inputs)))
+    # Half of them on the registers of the chips that ship.
+    widths = (21, 23, 23) if seed % 2 else rng.choice([9, 13, 16, 20, 29], 3).tolist()
+    registers = RegisterWidths(*widths)
+    layer = layer_of(numbers, strategy, rng.uniform(-largest, largest, size=(n, inputs)), registers=registers)
     x = (rng.random((2, steps, inputs)) < rng.choice([0.05, 0.5, 1.0])).astype(np.uint8)
 
     check_against_the_chip(layer, x)
@@ -131,7 +141,7 @@ def check_against_the_chip(layer: ChipLayer, x: np.ndarray) -> None:
     found = layer(torch.from_numpy(x).float()).detach().numpy()
     potential = layer.steps((x @ layer.mantissas().T).astype(np.float64))[1]
     wanted = hw.simulate(
-        program_of(layer.numbers, layer.strategy, layer.mantissas()),
+        program_of(layer.numbers, layer.strategy, layer.mantissas(), layer.registers),
         x,
         engine="reference",
         probe=("spikes", "potential"),

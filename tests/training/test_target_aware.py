@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+import yaml
 
 import hw_model as hw
 from locsnn_compile.data.recordings import Recordings
@@ -16,7 +17,7 @@ from locsnn_compile.errors import InputError, TargetError
 from locsnn_compile.frontends import load
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
-from locsnn_compile.models.chip_numbers import STRATEGIES
+from locsnn_compile.models.chip_numbers import STRATEGIES, RegisterWidths
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.pipeline import lower
 from locsnn_compile.training.config import TrainingConfig
@@ -45,13 +46,17 @@ def start(tmp_path_factory: pytest.TempPathFactory) -> Checkpoint:
 @pytest.mark.parametrize("strategy", STRATEGIES)
 @pytest.mark.parametrize("bits", [8, 4])
 def test_the_program_spikes_as_the_network_did(tmp_path: Path, start: Checkpoint, strategy: str, bits: int) -> None:
-    config = replace(ON_CHIP, strategy=strategy, weight_bits=bits)
+    check_program_spikes_alike(tmp_path, start, replace(ON_CHIP, strategy=strategy, weight_bits=bits), CHIP)
+
+
+def check_program_spikes_alike(folder: Path, start: Checkpoint, config: TrainingConfig, chip: hw.Chip) -> Checkpoint:
+    """Train, export and compile; return the checkpoint."""
     result = train(touches(), config, name="tuned", start=start)
-    path = tmp_path / "tuned.pt"
+    path = folder / "tuned.pt"
     export_checkpoint(path, result, config, touches(), touches(), start=start)
 
     network = load(path)
-    program = lower(network, CHIP, 8).program
+    program = lower(network, chip, 8).program
     test = touches(30).spikes
     with torch.no_grad():
         wanted = result.network(torch.from_numpy(test.copy()).double())
@@ -67,6 +72,7 @@ def test_the_program_spikes_as_the_network_did(tmp_path: Path, start: Checkpoint
             torch.equal(spikes.double(), wanted[n])
             for n, spikes in again(torch.from_numpy(test.copy()).float()).items()
         )
+    return read_checkpoint(path)
 
 
 @pytest.mark.parametrize("strategy", STRATEGIES)
@@ -187,14 +193,27 @@ def test_recordings_that_do_not_fit_the_start(start: Checkpoint, recordings: Rec
     assert str(caught.value) == message
 
 
+def chip_file(folder: Path, **registers: int) -> str:
+    """A chip like loihi-sim with other registers."""
+    document = yaml.safe_load(hw.chip("loihi-sim").document) | {"name": "other"}
+    document["registers"] |= registers
+    path = folder / "other.yaml"
+    path.write_text(yaml.safe_dump(document))
+    return str(path)
+
+
 def test_chips_that_are_not_trained_for(tmp_path: Path, start: Checkpoint) -> None:
-    source = Path(hw.__file__).parent / "chips" / "loihi-sim.yaml"
-    text = source.read_text().replace("name: loihi-sim", "name: narrow").replace("voltage_bits: 23", "voltage_bits: 20")
-    (tmp_path / "narrow.yaml").write_text(text)
+    target = chip_file(tmp_path, current_bits=30)
     with pytest.raises(TargetError) as caught:
-        train(touches(), replace(ON_CHIP, target=str(tmp_path / "narrow.yaml")), start=start)
+        train(touches(), replace(ON_CHIP, target=target), start=start)
     assert str(caught.value) == (
-        "target 'narrow': networks are not trained on registers of these widths "
-        "({'charge_bits': 21, 'current_bits': 23, 'voltage_bits': 20} against "
-        "{'charge_bits': 21, 'current_bits': 23, 'voltage_bits': 23}). Train for loihi-sim."
+        "target 'other': networks are not trained on registers of such current_bits (30 against 9..29). "
+        "Train for a chip of narrower registers."
     )
+
+
+def test_training_follows_the_widths_of_the_chip(tmp_path: Path, start: Checkpoint) -> None:
+    target = chip_file(tmp_path, charge_bits=15, current_bits=17, voltage_bits=16)
+    trained = check_program_spikes_alike(tmp_path, start, replace(ON_CHIP, target=target), hw.chip(target))
+    assert trained.chip is not None
+    assert trained.chip.registers == RegisterWidths(charge_bits=15, current_bits=17, voltage_bits=16)
