@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -46,6 +48,59 @@ class Case:
     rounding: Rounding = FINE
     x: float | None = None
     quick: bool = False
+
+
+def srm_cases(
+    group: str,
+    name: str,
+    neuron: SrmAlpha | None = None,
+    given: npt.ArrayLike | None = None,
+    played: ByteArray | None = None,
+    *,
+    quick: bool = False,
+    quick_as: tuple[str, ...] = ("dendrite",),
+    **more: Any,
+) -> Iterator[Case]:
+    """Yield a network of spike response neurons by every strategy; of ``quick`` ones ``quick_as`` are in every run.
+
+    The published neuron, random weights and random input where nothing else is given; ``more`` as in :func:`case_of`.
+    """
+    made = case_of(
+        group, name, SRM_STRATEGIES[0], neuron or srm(), weights() if given is None else given, played, **more
+    )
+    for strategy in SRM_STRATEGIES:
+        yield replace(made, strategy=strategy, quick=quick and strategy in quick_as)
+
+
+def lif_case(
+    group: str,
+    name: str,
+    neuron: Cuba | None = None,
+    given: npt.ArrayLike | None = None,
+    played: ByteArray | None = None,
+    **more: Any,
+) -> Case:
+    """Return a network of integrate-and-fire neurons, with the usual ones where nothing else is given."""
+    return case_of(
+        group, name, NATIVE, neuron or lif(), weights(response="leak") if given is None else given, played, **more
+    )
+
+
+def case_of(
+    group: str,
+    name: str,
+    strategy: str,
+    neuron: SrmAlpha | Cuba,
+    given: npt.ArrayLike,
+    played: ByteArray | None = None,
+    *,
+    steps: int = STEPS,
+    delay: int | IntArray = 0,
+    **more: Any,
+) -> Case:
+    """Return float neurons with weights, a random input played to them by default; ``more`` fields of the case."""
+    network = float_network(neuron, given, steps=steps, delay=delay)
+    return Case(group, name, strategy, network, random_input() if played is None else played, **more)
 
 
 def float_network(

@@ -70,10 +70,10 @@ def _cases() -> dict[str, list[str]]:
         "locsnn targets",
         "locsnn targets --show loihi-sim",
     ]
-    explore = f"locsnn explore --events {TOUCHES} --recordings 6 --split-weights 0 1 --engines"
+    explore, grid = "locsnn explore", f"--events {TOUCHES} --recordings 6 --split-weights 0 1 --engines"
     cases["explore"] = [
-        f"{explore} {IN}/models/{small}.pt -o out --weight-bits 3 6 --max-spike-error 0.05",
-        f"{explore} {IN}/models/objects-hybrid.pt -o srm --weight-bits 6 --strategy dendrite reset "
+        f"{explore} {IN}/models/{small}.pt -o out --weight-bits 3 6 --max-spike-error 0.05 {grid}",
+        f"{explore} {IN}/models/objects-hybrid.pt -o srm --weight-bits 6 --strategy dendrite reset {grid} "
         f"--report-on {IN}/recordings/motions.npz",
     ]
     cases["stress"] = ["locsnn stress --quick -o stress.md", "locsnn stress --quick --json"]

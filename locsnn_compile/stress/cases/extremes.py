@@ -7,21 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from locsnn_compile.network.network import Network
-from locsnn_compile.network.neurons import SrmAlpha
-from locsnn_compile.stress.case import (
-    CHANNELS,
-    NATIVE,
-    NEURONS,
-    SRM_STRATEGIES,
-    THETA,
-    Case,
-    float_network,
-    lif,
-    random_input,
-    srm,
-    weights,
-)
+from locsnn_compile.network.neurons import Cuba, FloatArray, SrmAlpha
+from locsnn_compile.stress.case import CHANNELS, NEURONS, THETA, Case, lif, lif_case, srm, srm_cases, weights
 
 LEAST, LARGEST = 5e-324, float(np.finfo(np.float64).max)
 """The smallest denormal of float64, and its largest number."""
@@ -29,14 +16,12 @@ LEAST, LARGEST = 5e-324, float(np.finfo(np.float64).max)
 
 def float_extremes() -> Iterator[Case]:
     """Numbers that a file may hold, whatever they mean."""
-    group, played = "extreme floats", random_input()
+    group = "extreme floats"
     for name, neuron in _neurons().items():
-        for strategy in SRM_STRATEGIES:
-            scaled = weights() * (neuron.theta / THETA if 1e-200 < neuron.theta < 1e200 else 1.0)
-            network = float_network(neuron, scaled)
-            yield Case(group, name, strategy, network, played, quick=strategy == "dendrite")
-    for name, network in _integrators().items():
-        yield Case(group, name, NATIVE, network, played, quick=True)
+        scaled = weights() * (neuron.theta / THETA if 1e-200 < neuron.theta < 1e200 else 1.0)
+        yield from srm_cases(group, name, neuron, scaled, quick=True)
+    for name, (integrator, given) in _integrators().items():
+        yield lif_case(group, name, integrator, given, quick=True)
 
 
 def _neurons() -> dict[str, SrmAlpha]:
@@ -60,21 +45,21 @@ def _neurons() -> dict[str, SrmAlpha]:
     return {name: replace(srm(), **change) for name, change in changes.items()}
 
 
-def _integrators() -> dict[str, Network]:
+def _integrators() -> dict[str, tuple[Cuba, FloatArray]]:
     shape, drawn = (NEURONS, CHANNELS), weights(response="leak")
     denormal = drawn.copy()
     denormal[:, 1:] = LEAST
     return {
-        "weights 5e-324": float_network(lif(), np.full(shape, LEAST)),
-        "weights 1e-310, one a neuron not": float_network(lif(), denormal),
-        "weights 1e+100": float_network(lif(), np.full(shape, 1e100)),
-        "weights 1.8e+308": float_network(lif(), np.full(shape, LARGEST)),
-        "weights and threshold 1e+100": float_network(lif(threshold=1e100), drawn * 1e99),
-        "weights inf": float_network(lif(), np.full(shape, np.inf)),
-        "weights nan": float_network(lif(), np.full(shape, np.nan)),
-        "threshold 5e-324": float_network(lif(threshold=LEAST), drawn),
-        "leak of 5e-324 a step": float_network(lif(decay_v=LEAST), drawn),
-        "leak of 1 - 1e-16": float_network(lif(decay_v=1 - 1e-16), drawn),
-        "bias 5e-324": float_network(lif(bias=LEAST), drawn),
-        "bias 1e+300": float_network(lif(bias=1e300), drawn),
+        "weights 5e-324": (lif(), np.full(shape, LEAST)),
+        "weights 1e-310, one a neuron not": (lif(), denormal),
+        "weights 1e+100": (lif(), np.full(shape, 1e100)),
+        "weights 1.8e+308": (lif(), np.full(shape, LARGEST)),
+        "weights and threshold 1e+100": (lif(threshold=1e100), drawn * 1e99),
+        "weights inf": (lif(), np.full(shape, np.inf)),
+        "weights nan": (lif(), np.full(shape, np.nan)),
+        "threshold 5e-324": (lif(threshold=LEAST), drawn),
+        "leak of 5e-324 a step": (lif(decay_v=LEAST), drawn),
+        "leak of 1 - 1e-16": (lif(decay_v=1 - 1e-16), drawn),
+        "bias 5e-324": (lif(bias=LEAST), drawn),
+        "bias 1e+300": (lif(bias=1e300), drawn),
     }

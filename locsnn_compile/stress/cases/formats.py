@@ -13,13 +13,13 @@ from locsnn_compile.stress.case import (
     NATIVE,
     NEURONS,
     SEED,
-    SRM_STRATEGIES,
     Case,
+    case_of,
     chip_network,
-    float_network,
-    lif,
+    lif_case,
     random_input,
     srm,
+    srm_cases,
     weights,
 )
 
@@ -28,14 +28,11 @@ DELAYS = (0, 1, 61, 62, 63, 10**9)
 
 def weight_bits() -> Iterator[Case]:
     """Every width that a format has, and one that none has."""
+    group = "weight bits"
     for bits in (*WEIGHT_BITS, 7):
         name = "1 bit" if bits == 1 else f"{bits} bits"
-        for strategy in SRM_STRATEGIES:
-            network = float_network(srm(), weights())
-            quick = bits in (1, 7) and strategy == "dendrite"
-            yield Case("weight bits", name, strategy, network, random_input(), bits, quick=quick)
-        network = float_network(lif(), weights(response="leak"))
-        yield Case("weight bits", name, NATIVE, network, random_input(), bits, quick=bits in (1, 4))
+        yield from srm_cases(group, name, weight_bits=bits, quick=bits in (1, 7))
+        yield lif_case(group, name, weight_bits=bits, quick=bits in (1, 4))
 
 
 def weight_exponents() -> Iterator[Case]:
@@ -54,11 +51,7 @@ def delays() -> Iterator[Case]:
     """Synaptic delays at the ends of what a format holds, and past them."""
     for delay in DELAYS:
         name, quick = f"delay {delay}", delay in (62, 63)
-        yield Case(
-            "delays", name, "dendrite", float_network(srm(), weights(), delay=delay), random_input(), quick=quick
-        )
-        network = float_network(lif(), weights(response="leak"), delay=delay)
-        yield Case("delays", name, NATIVE, network, random_input(), quick=quick)
+        yield case_of("delays", name, "dendrite", srm(), weights(), delay=delay, quick=quick)
+        yield lif_case("delays", name, delay=delay, quick=quick)
     many = np.random.default_rng(SEED).integers(0, 63, (NEURONS, CHANNELS))
-    network = float_network(lif(), weights(response="leak"), delay=many)
-    yield Case("delays", "delays 0 to 62, each its own", NATIVE, network, random_input())
+    yield lif_case("delays", "delays 0 to 62, each its own", delay=many)

@@ -8,19 +8,7 @@ import numpy as np
 
 from hw_model.engine.trace import ByteArray
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
-from locsnn_compile.stress.case import (
-    CHANNELS,
-    NATIVE,
-    SRM_STRATEGIES,
-    STEPS,
-    Case,
-    chip_network,
-    float_network,
-    lif,
-    random_input,
-    srm,
-    weights,
-)
+from locsnn_compile.stress.case import CHANNELS, NATIVE, STEPS, Case, chip_network, lif_case, random_input, srm_cases
 
 CROWD = 4096
 """Input axons that a core has; a neuron with a self-synapse takes one for itself."""
@@ -29,10 +17,8 @@ CROWD = 4096
 def input_patterns() -> Iterator[Case]:
     """What recordings may be, onto the published neuron."""
     for name, played in _patterns().items():
-        for strategy in SRM_STRATEGIES:
-            network = float_network(srm(), weights())
-            yield Case("inputs", name, strategy, network, played, quick=strategy == "dendrite")
-        yield Case("inputs", name, NATIVE, float_network(lif(), weights(response="leak")), played)
+        yield from srm_cases("inputs", name, played=played, quick=True)
+        yield lif_case("inputs", name, played=played)
 
 
 def crowds() -> Iterator[Case]:

@@ -6,16 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from locsnn_compile.passes.rounding.rounding import FINE, NEAREST, Rounding
-from locsnn_compile.stress.case import (
-    NATIVE,
-    SRM_STRATEGIES,
-    Case,
-    float_network,
-    lif,
-    random_input,
-    srm,
-    weights,
-)
+from locsnn_compile.stress.case import Case, lif_case, srm, srm_cases, weights
 
 ROUNDINGS: dict[str, Rounding] = {
     "nearest": NEAREST,
@@ -36,14 +27,6 @@ def roundings() -> Iterator[Case]:
     for name, rounding in ROUNDINGS.items():
         for tau in TIME_CONSTANTS:
             quick = tau == 100 and name in ("nearest", "all split")
-            for strategy in SRM_STRATEGIES:
-                case = Case(
-                    group,
-                    f"{name}, tau_sr {tau:g}",
-                    strategy,
-                    float_network(srm(tau_sr=tau), weights(tau)),
-                    random_input(),
-                )
-                yield replace(case, rounding=rounding, quick=quick and strategy == "dendrite")
-        network = float_network(lif(), weights(response="leak"))
-        yield Case(group, name, NATIVE, network, random_input(), rounding=rounding)
+            neuron, given = srm(tau_sr=tau), weights(tau)
+            yield from srm_cases(group, f"{name}, tau_sr {tau:g}", neuron, given, rounding=rounding, quick=quick)
+        yield lif_case(group, name, rounding=rounding)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import product
 
 import numpy as np
 
@@ -15,9 +16,10 @@ from locsnn_compile.stress.case import (
     STEPS,
     THETA,
     Case,
+    case_of,
     chip_network,
-    float_network,
     lif,
+    lif_case,
     random_input,
     srm,
 )
@@ -32,17 +34,13 @@ def exact_thresholds() -> Iterator[Case]:
     group, one = "potentials at the threshold", random_input(channels=1)
     for rule in RULES:
         for parts in PARTS:
-            neuron = lif(size=1, decay_v=0.0, rule=rule)
-            network = float_network(neuron, [[THETA / parts]])
-            yield Case(group, f"integrator, {_spikes(parts)}, rule {rule}", NATIVE, network, one, quick=parts == 3)
-        neuron = lif(size=1, decay_v=1.0, rule=rule)
-        network = float_network(neuron, [[0.25 * THETA, 0.75 * THETA]])
-        yield Case(group, f"memoryless, 1/4 and 3/4, rule {rule}", NATIVE, network, random_input(channels=2))
-    for strategy in SRM_STRATEGIES:
-        for tau in (1.0, 10.0):
-            network = float_network(srm(tau_sr=tau), [[THETA]])
-            name = f"peak of a kernel of {tau:g}"
-            yield Case(group, name, strategy, network, _apart(one), quick=strategy == "dendrite")
+            name, neuron = f"integrator, {_spikes(parts)}, rule {rule}", lif(size=1, decay_v=0.0, rule=rule)
+            yield lif_case(group, name, neuron, [[THETA / parts]], one, quick=parts == 3)
+        name, neuron = f"memoryless, 1/4 and 3/4, rule {rule}", lif(size=1, decay_v=1.0, rule=rule)
+        yield lif_case(group, name, neuron, [[0.25 * THETA, 0.75 * THETA]], random_input(channels=2))
+    for strategy, tau in product(SRM_STRATEGIES, (1.0, 10.0)):
+        name, quick = f"peak of a kernel of {tau:g}", strategy == "dendrite"
+        yield case_of(group, name, strategy, srm(tau_sr=tau), [[THETA]], _apart(one), quick=quick)
     for over, word in ((0, "at"), (1, "a unit above")):
         memoryless = ChipCuba.of(
             1, decay_u=4096, decay_v=4096, threshold=100, bias_mantissa=over, bias_exponent=0, refractory=1

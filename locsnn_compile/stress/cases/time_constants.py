@@ -6,16 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from locsnn_compile.stress.case import (
-    NATIVE,
-    SRM_STRATEGIES,
-    Case,
-    float_network,
-    lif,
-    random_input,
-    srm,
-    weights,
-)
+from locsnn_compile.stress.case import SRM_STRATEGIES, Case, lif, lif_case, random_input, srm, srm_cases, weights
 
 STEPS_OF_TAU = (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 8000, 10_000)
 QUICK = (0.5, 10, 10_000)
@@ -29,19 +20,19 @@ def time_constants() -> Iterator[Case]:
     for tau in STEPS_OF_TAU:
         steps = LONG if tau >= FROM else SHORT
         played, quick = random_input(steps, samples=1), tau in QUICK
-        for strategy in SRM_STRATEGIES:
-            network = float_network(srm(tau_sr=tau), weights(tau), steps=steps)
-            yield Case(group, f"tau_sr {tau:g}", strategy, network, played, x=tau, quick=quick)
-        network = float_network(lif(tau), weights(tau, response="leak"), steps=steps)
-        yield Case(group, f"leak of {tau:g} steps", NATIVE, network, played, x=tau, quick=quick or tau == 1000)
-        both = float_network(lif(tau, decay_u=-np.expm1(-1 / tau)), weights(tau) / tau**0.5, steps=steps)
-        yield Case(group, f"leak and current of {tau:g}", NATIVE, both, played)
+        kernel, given = srm(tau_sr=tau), weights(tau)
+        yield from srm_cases(
+            group, f"tau_sr {tau:g}", kernel, given, played, steps=steps, x=tau, quick=quick, quick_as=SRM_STRATEGIES
+        )
+        name, leaky = f"leak of {tau:g} steps", weights(tau, response="leak")
+        yield lif_case(group, name, lif(tau), leaky, played, steps=steps, x=tau, quick=quick or tau == 1000)
+        name, both = f"leak and current of {tau:g}", lif(tau, decay_u=-np.expm1(-1 / tau))
+        yield lif_case(group, name, both, given / tau**0.5, played, steps=steps)
 
 
 def refractory_time_constants() -> Iterator[Case]:
     """The refractory kernel, beside an input kernel of 10 steps."""
+    group = "refractory time constants"
     for tau in STEPS_OF_TAU:
-        for strategy in SRM_STRATEGIES:
-            network = float_network(srm(tau_ref=tau), weights())
-            quick = tau in (0.5, 1000, 10_000) and strategy != "reset"
-            yield Case("refractory time constants", f"tau_ref {tau:g}", strategy, network, random_input(), quick=quick)
+        quick, neuron = tau in (0.5, 1000, 10_000), srm(tau_ref=tau)
+        yield from srm_cases(group, f"tau_ref {tau:g}", neuron, quick=quick, quick_as=("dendrite", "delay-line"))

@@ -7,29 +7,15 @@ from collections.abc import Iterator
 import numpy as np
 
 from locsnn_compile.network.neurons import FloatArray
-from locsnn_compile.stress.case import (
-    CHANNELS,
-    NATIVE,
-    NEURONS,
-    SRM_STRATEGIES,
-    THETA,
-    Case,
-    float_network,
-    lif,
-    random_input,
-    srm,
-    weights,
-)
+from locsnn_compile.stress.case import CHANNELS, NEURONS, THETA, Case, lif_case, srm_cases, weights
 
 
 def weight_shapes() -> Iterator[Case]:
     """Each with every strategy."""
     group = "shapes of weights"
     for name, given in _shapes().items():
-        for strategy in SRM_STRATEGIES:
-            network = float_network(srm(), given)
-            yield Case(group, name, strategy, network, random_input(), quick=strategy == "dendrite")
-        yield Case(group, name, NATIVE, float_network(lif(), given), random_input(), quick=name == "one, of all")
+        yield from srm_cases(group, name, given=given, quick=True)
+        yield lif_case(group, name, given=given, quick=name == "one, of all")
 
 
 def _shapes() -> dict[str, FloatArray]:
