@@ -28,6 +28,7 @@ from locsnn_compile.report.sections.choice import choice_document
 from locsnn_compile.verification.diagnosis import SAMPLE, Diagnosis
 from locsnn_compile.verification.diagnosis import diagnose as find_diagnosis
 from locsnn_compile.verification.excerpt import Excerpt, take_excerpt
+from locsnn_compile.verification.grounds import grounds_of
 from locsnn_compile.verification.matching import Match, Progress, compare
 from locsnn_compile.verification.over_time import PSI, LeftOut, OverTime, over_time
 
@@ -104,20 +105,20 @@ def compile(
     recordings = recordings_for(network, events, labels)
     if network.any_length:
         network = replace(network, steps=recordings.spikes.shape[1])
+    calibrated = _calibration(network, recordings, calibration)
     levels, choice = _lower(
         network,
         chip,
         Setting(strategy, weight_bits, split_weights or 0.0),
-        _calibration(network, recordings, calibration),
+        calibrated,
         budget or ErrorBudget(),
         settled=split_weights is not None,
     )
     match = _compare(levels, recordings, progress)
     found = _diagnose(levels, recordings, match) if diagnosis else None
     followed = _follow(levels, recordings, psi) if diagnosis else None
-    report = report_document(levels, match, found, followed, recordings.binned) | {
-        "strategy_choice": choice_document(choice)
-    }
+    grounds = grounds_of(network, recordings, calibrated)
+    report = report_document(levels, match, grounds, found, followed) | {"strategy_choice": choice_document(choice)}
     return CompiledModel(levels, match, report, choice, _excerpt(levels, recordings, match) if diagnosis else None)
 
 

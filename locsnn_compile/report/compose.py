@@ -24,6 +24,7 @@ def compose(document: Document, excerpt: Excerpt | None = None) -> Report:
         verdicts=(matches(document), costs(document), fits(document)),
         notices=notices(document),
         sections=tuple(section for section in _sections(document, excerpt) if section),
+        assumptions=tuple(document["assumptions"]),
     )
 
 

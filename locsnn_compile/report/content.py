@@ -208,3 +208,5 @@ class Report:
     verdicts: tuple[Verdict, Verdict, Verdict]
     notices: tuple[Notice, ...]
     sections: tuple[Section, ...]
+    assumptions: tuple[str, ...] = ()
+    """Sentences, before anything else that limits the figures."""

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+ASSUMED = "What was assumed:"
+"""Stands above the assumptions wherever they are shown."""
 _WORDS = {
     "synaptic_ops": "synaptic operations",
     "neuron_updates": "neuron updates",

@@ -27,6 +27,7 @@ from locsnn_compile.report.sections.accuracy import cause
 from locsnn_compile.report.words import STAGES, stage_words
 from locsnn_compile.verification.diagnosis import diagnose
 from locsnn_compile.verification.error_budget.budget import Deviation
+from locsnn_compile.verification.grounds import Grounds
 from locsnn_compile.verification.matching import Match, compare
 
 ROOT = Path(__file__).parents[2]
@@ -124,7 +125,7 @@ def by_margin(margins) -> str:
 
 def why(levels, match: Match, diagnosis) -> str:
     """Return the place and the cause of the first divergence, as the report words them."""
-    document = report_document(levels, match, diagnosis)
+    document = report_document(levels, match, Grounds(None, "given", ()), diagnosis)
     first = match.first_divergence
     assert first is not None
     assert document["match"]["first_divergence"]["cause"] == cause_entry(diagnosis.cause)

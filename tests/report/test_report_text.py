@@ -49,6 +49,8 @@ def _bare(document: dict[str, Any]) -> dict[str, Any]:
     match = document["match"]
     match |= {"first_divergence": None, "clips": 0, "wraps_and_clips_by_population": {}, "spike_mismatches": 0}
     match |= {"prediction_agreement": 1.0, "spike_agreement": 1.0, "events_source": "synthetic touches"}
+    match["events_origin"] = "made up"
+    document["assumptions"] = ["The recordings are made up.", "How long a step lasts is not known."]
     for found in match["by_population"].values():
         found |= {"spike_agreement": 1.0, "spike_mismatches": 0}
     return document

@@ -6,7 +6,7 @@ import pytest
 
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import Paragraph, Table
-from locsnn_compile.report.sections.verdict import against, fits, matches, notices, pace
+from locsnn_compile.report.sections.verdict import against, costs, fits, matches, notices, pace
 
 
 @pytest.mark.parametrize(
@@ -48,14 +48,13 @@ def test_fit(document: dict[str, Any], cores: tuple[int, int], status: str, full
 
 def test_notices_are_for_what_limits_the_figures(document: dict[str, Any]) -> None:
     assert notices(document) == ()
-    document["match"] |= {"wraps": 3, "events_source": "synthetic touches"}
+    document["match"]["wraps"] = 3
     document["skipped"]["events_dropped"] = 1
     assert [notice.title for notice in notices(document)] == [
-        "The recordings are synthetic.",
         "Registers wrapped.",
         "Events were dropped.",
     ]
-    assert notices(document)[2].text == "1 event lay after the last simulated step and never reached the chip."
+    assert notices(document)[1].text == "1 event lay after the last simulated step and never reached the chip."
 
 
 @pytest.mark.parametrize(
@@ -75,11 +74,45 @@ def test_pace(latency_ns: float, text: str) -> None:
     [
         pytest.param(12.67, "12.7 times fewer than CNN-3D", id="fewer"),
         pytest.param(0.5, "2.00 times more than CNN-3D", id="more"),
-        pytest.param(None, "CNN-3D: no comparison, this network did nothing", id="nothing"),
     ],
 )
-def test_against(times: float | None, text: str) -> None:
+def test_against(times: float, text: str) -> None:
     assert against("cnn-3d", times) == text
+
+
+@pytest.mark.parametrize(
+    ("changes", "paper", "chip"),
+    [
+        pytest.param(
+            {},
+            "10.0 times fewer than CNN-3D and 2.00 times more than GRU-MLP",
+            "9.25 times fewer than CNN-3D and 2.16 times more than GRU-MLP",
+            id="both",
+        ),
+        pytest.param(
+            {"ratio": None},
+            "nothing to compare, there were none",
+            "9.25 times fewer than CNN-3D and 2.16 times more than GRU-MLP",
+            id="nothing on paper, said once",
+        ),
+    ],
+)
+def test_operations_are_of_the_float_network_or_of_the_program(
+    document: dict[str, Any], changes: dict[str, Any], paper: str, chip: str
+) -> None:
+    for entry in document["ann_comparison"].values():
+        entry |= changes
+    facts = {fact.label: fact.value for fact in costs(document).facts}
+    assert facts["paper operations"] == f"{paper} (the float network, by the published method)"
+    assert facts["chip operations"] == f"{chip} (synaptic operations of the program)"
+
+
+def test_the_energy_is_called_dynamic(document: dict[str, Any]) -> None:
+    verdict = costs(document)
+    assert (
+        verdict.sentence == "In the model, a recording takes 100 nJ of dynamic energy (profile davies2018) and 1.40 ms."
+    )
+    assert verdict.figure_label == "dynamic energy per recording, profile davies2018"
 
 
 @pytest.mark.parametrize(
@@ -121,12 +154,15 @@ def test_nothing_at_all_still_makes_a_report(document: dict[str, Any]) -> None:
         found["by_class"] = [{"class": 0, "recordings": 1, **dict.fromkeys((f"{e}_{unit}" for e in ENDS), 0.0)}]
     document["operations"]["published_method"] |= {"operations": 0.0}
     document["operations"]["per_sample"]["neuron_updates"] = 0.0
-    document["ann_comparison"]["cnn-3d"] |= {"ratio": None, "energy_ratio": {"fp32": None}, "energy_pj": {"fp32": 1.0}}
+    document["operations"]["per_sample"]["synaptic_ops"] = 0.0
+    document["ann_comparison"]["cnn-3d"] |= {"ratio": None, "chip_ratio": None}
+    document["ann_comparison"]["cnn-3d"] |= {"energy_ratio": {"fp32": None}, "energy_pj": {"fp32": 1.0}}
     del document["ann_comparison"]["gru-mlp"]
     document["resources"]["by_core"] = []
     document["quantization"] = {}
     made = str(compose(document))
-    assert "no comparison, this network did nothing" in made
+    assert "nothing to compare, there were none (the float network, by the published method)" in made
+    assert "nothing to compare, there were none (synaptic operations of the program)" in made
     assert "No core is in use." in made
 
 

@@ -12,7 +12,6 @@ from hw_model.description.counts import Counts, total
 from hw_model.program.chip_program import ChipProgram, Core
 from locsnn_compile.baselines.ann_energy import ANN_ENERGY_SOURCE, ANN_NOT_INCLUDED, ann_energy_pj
 from locsnn_compile.baselines.operations import ANN_NAMES, ann_counts
-from locsnn_compile.data.recordings import Binned
 from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.neurons import Cuba
@@ -22,6 +21,7 @@ from locsnn_compile.report.figures.energy import energy_entry
 from locsnn_compile.report.figures.latency import latency_entry
 from locsnn_compile.report.sections.over_time import over_time_entry
 from locsnn_compile.verification.diagnosis import Diagnosis
+from locsnn_compile.verification.grounds import Grounds
 from locsnn_compile.verification.matching import Match
 from locsnn_compile.verification.over_time import LeftOut, OverTime
 
@@ -34,18 +34,18 @@ Document = dict[str, Any]
 def report_document(
     levels: Levels,
     match: Match,
+    grounds: Grounds,
     diagnosis: Diagnosis | None = None,
     followed: OverTime | LeftOut | None = None,
-    binned: Binned | None = None,
 ) -> Document:
     """Return the report; every ``per_sample`` figure is a mean over the recordings of the check.
 
     Without a diagnosis it has neither ``error_budget`` nor ``margins``, and the first divergence no cause; where
-    predictions were not ``followed`` over time, no ``over_time``. ``binned`` is what reading the recordings left out.
+    predictions were not ``followed`` over time, no ``over_time``.
     """
     network, program = levels.network, levels.program
     counts = total(match.counts)
-    energy = energy_entry(program, match, network)
+    energy = energy_entry(program, match, network, grounds.step_seconds)
     return {
         "schema": SCHEMA,
         "model": {"name": network.name, "sha256": network.sha256},
@@ -54,6 +54,7 @@ def report_document(
         "weight_bits": levels.quantized.projections[0].weight_bits,
         "match": {
             "reference": _arithmetic(levels.network),
+            "events_origin": grounds.events_origin,
             **_match(match, counts, None if diagnosis is None else cause_entry(diagnosis.cause)),
         },
         "accuracy": match.accuracy,
@@ -63,22 +64,29 @@ def report_document(
             "published_method": _published(network, match),
         },
         "energy": energy,
-        "latency": latency_entry(program, match, network),
+        "latency": latency_entry(program, match, network.steps, grounds.step_seconds),
         "resources": _resources(program),
-        "ann_comparison": _ann_comparison(network, match, energy["per_sample_pj"]),
+        "ann_comparison": _ann_comparison(
+            network, match, energy["per_sample_pj"], counts["synaptic_ops"] / match.samples
+        ),
         "skipped": {
             "steps": counts.skipped_steps,
             "events_dropped": counts.events_dropped,
-            **({} if binned is None else {"binning": binned.document() | {"words": binned.words}}),
+            **(
+                {}
+                if grounds.binned is None
+                else {"binning": grounds.binned.document() | {"words": grounds.binned.words}}
+            ),
             "synapses_pruned": program.synapses_pruned,
             "biases_lost": _biases_lost(levels),
             "compartments_pruned": sum(g.size for g in levels.compartments.groups)
             - sum(core.compartments for core in program.cores),
         },
+        "assumptions": list(grounds.assumptions),
         "quantization": _quantization(levels),
         "range": _range(program),
         **({} if diagnosis is None else _diagnosis(diagnosis)),
-        **({} if followed is None else {"over_time": over_time_entry(followed, program, network.step_seconds)}),
+        **({} if followed is None else {"over_time": over_time_entry(followed, program, grounds.step_seconds)}),
     }
 
 
@@ -196,8 +204,12 @@ def _core_use(chip: hw.Chip, core: Core) -> dict[str, Any]:
     }
 
 
-def _ann_comparison(network: Network, match: Match, own_pj: float) -> Document:
-    """The published comparison, at this network's input size; empty where the input is not a fingertip's."""
+def _ann_comparison(network: Network, match: Match, own_pj: float, synaptic_ops: float) -> Document:
+    """The published comparison, at this network's input size; empty where the input is not a fingertip's.
+
+    ``ratio`` is to the float network's operations on paper, ``chip_ratio`` to the program's synaptic operations; None
+    where there are none.
+    """
     if network.fingertips is None:
         return {}
     own = _published(network, match)["operations"]
@@ -211,6 +223,7 @@ def _ann_comparison(network: Network, match: Match, own_pj: float) -> Document:
         found[name] = {
             "operations": counted.operations,
             "ratio": counted.operations / own if own else None,
+            "chip_ratio": counted.operations / synaptic_ops if synaptic_ops else None,
             "macs": counted.macs,
             "multiplications": counted.multiplications,
             "additions": counted.additions,

@@ -24,7 +24,7 @@ _PLACED = frozenset((*BY_CORE, "neuron_updates_inactive", "hops"))
 """Counts that are kept for every step, core and population."""
 
 
-def energy_entry(program: ChipProgram, match: Match, network: Network) -> Document:
+def energy_entry(program: ChipProgram, match: Match, network: Network, step_seconds: float | None) -> Document:
     """Return energy under the default profile of the chip; every figure a mean per recording but for the spread."""
     name = program.chip.default_profile
     profile = program.chip.profile(name)
@@ -32,7 +32,8 @@ def energy_entry(program: ChipProgram, match: Match, network: Network) -> Docume
     breakdown = _breakdown(counts, profile, samples)
     each = np.array([sum(hw.energy_pj(one, profile).values()) for one in match.counts])
     pieces = _pieces_pj(program, match, profile)
-    static = _static(program, match, network, profile)
+    recording_ns = None if step_seconds is None else network.steps * step_seconds * 1e9
+    static = _static(program, match, recording_ns, profile)
     left_out = _left_out(counts, profile, samples, static)
     return {
         "profile": name,
@@ -134,20 +135,19 @@ def _by_core(program: ChipProgram, pieces: dict[str, FloatArray]) -> list[Docume
     return sorted(rows, key=lambda row: row["core"])
 
 
-def _static(program: ChipProgram, match: Match, network: Network, profile: Profile) -> Document | None:
+def _static(program: ChipProgram, match: Match, recording_ns: float | None, profile: Profile) -> Document | None:
     """Return what whole chips draw whatever they do, over the chip's own time and over the sensor's."""
     power = profile.static_power
     if power is None:
         return None
     chips = len({core.slot // program.chip.limits.cores_per_chip for core in program.cores})
     latency_ns = float(np.mean([one.total_ns for one in match.latencies]))
-    seconds = network.step_seconds
     return {
         "chip_mw": power.chip_mw,
         "source": power.source,
         "chips": chips,
         "at_latency_pj": power.pj(chips, latency_ns),
-        "at_real_time_pj": None if seconds is None else power.pj(chips, network.steps * seconds * 1e9),
+        "at_real_time_pj": None if recording_ns is None else power.pj(chips, recording_ns),
     }
 
 

@@ -7,7 +7,6 @@ import numpy as np
 from hw_model.accounting.cost import PARTS
 from hw_model.accounting.mesh_routes import routes_of
 from hw_model.program.chip_program import ChipProgram
-from locsnn_compile.network.network import Network
 from locsnn_compile.report.figures.spread import Document, by_class, course, spread, tile, worst
 from locsnn_compile.verification.matching import Match
 
@@ -15,17 +14,18 @@ _PATHS = 8
 """Critical paths that are named, of those that took most time."""
 
 
-def latency_entry(program: ChipProgram, match: Match, network: Network) -> Document:
+def latency_entry(program: ChipProgram, match: Match, steps: int, step_seconds: float | None) -> Document:
     """Return latency under the default profile of the chip; every figure a mean per recording but for the spread."""
     chip, samples = program.chip, match.samples
     each = np.array([one.total_ns for one in match.latencies])
     last = [one.critical_core for one in match.latencies]
     mean_ns = float(each.mean())
-    recording_ns = None if network.step_seconds is None else network.steps * network.step_seconds * 1e9
+    step_ns = None if step_seconds is None else step_seconds * 1e9
     by_part = {phase: {part: ns / samples for part, ns in used.parts_ns.items()} for phase, used in match.usage.items()}
     after = [one.after_last_row_ns for one in match.latencies]
     return {
         "profile": chip.default_profile,
+        "basis": chip.profile(chip.default_profile).basis,
         "per_sample_ns": mean_ns,
         "per_sample_cycles": round(mean_ns * chip.clock_ghz),
         "clock_ghz": chip.clock_ghz,
@@ -44,9 +44,9 @@ def latency_entry(program: ChipProgram, match: Match, network: Network) -> Docum
         "worst_recording": worst(each, match, "ns"),
         "by_class": by_class(each, match, "ns"),
         "critical_core": max(sorted(set(last)), key=last.count),
-        "recording_ns": recording_ns,
+        "recording_ns": None if step_ns is None else steps * step_ns,
         "after_last_row_ns": {"mean": float(np.mean(after)), "max": max(after)},
-        "real_time": None if network.step_seconds is None else _real_time(match, network, mean_ns, float(each.max())),
+        "real_time": None if step_ns is None else _real_time(match, steps, step_ns, mean_ns, float(each.max())),
     }
 
 
@@ -85,15 +85,13 @@ def _links(program: ChipProgram, match: Match) -> list[Document]:
     return rows
 
 
-def _real_time(match: Match, network: Network, mean_ns: float, most_ns: float) -> Document:
-    """Return how the chip keeps up with the sensor, whose steps last as long as the network says."""
-    assert network.step_seconds is not None
-    step_ns = network.step_seconds * 1e9
+def _real_time(match: Match, steps: int, step_ns: float, mean_ns: float, most_ns: float) -> Document:
+    """Return how the chip keeps up with the sensor, whose steps last ``step_ns``."""
     slowest = max(one.slowest_step_ns for one in match.latencies)
     return {
         "step_ns": step_ns,
-        "factor": network.steps * step_ns / mean_ns if mean_ns else None,
-        "slowest_factor": network.steps * step_ns / most_ns if most_ns else None,
+        "factor": steps * step_ns / mean_ns if mean_ns else None,
+        "slowest_factor": steps * step_ns / most_ns if most_ns else None,
         "slowest_step_ns": slowest,
         "slowest_step_factor": step_ns / slowest if slowest else None,
     }

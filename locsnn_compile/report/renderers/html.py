@@ -34,6 +34,7 @@ from locsnn_compile.report.pictures.plot import curve_mark, plot
 from locsnn_compile.report.pictures.raster import raster, stroke_mark
 from locsnn_compile.report.pictures.span import mark, span
 from locsnn_compile.report.renderers.html_style import STYLE
+from locsnn_compile.report.words import ASSUMED
 from locsnn_compile.verification.excerpt import Excerpt
 
 _SIGNS = {"yes": "✓", "nearly": "≈", "no": "✗", "unknown": "?", "modelled": "~"}
@@ -96,7 +97,8 @@ def _verdicts(report: Report) -> str:
     cards = "".join(_verdict(verdict) for verdict in report.verdicts)
     return (
         f'<section aria-labelledby="verdict"><h2 class="hidden" id="verdict">Verdict</h2>'
-        f'<div class="summary">{summary}</div><div class="verdicts">{cards}</div></section>'
+        f'<div class="summary">{summary}</div>{_assumptions(report.assumptions)}'
+        f'<div class="verdicts">{cards}</div></section>'
     )
 
 
@@ -108,6 +110,11 @@ def _verdict(verdict: Verdict) -> str:
         f'<p class="figure">{text(verdict.figure)}</p><p class="figure-label">{text(verdict.figure_label)}</p>'
         f"{_facts(verdict.facts)}</div>"
     )
+
+
+def _assumptions(sentences: tuple[str, ...]) -> str:
+    items = "".join(f"<li>{text(one)}</li>" for one in sentences)
+    return f'<div class="notice" role="note"><strong>{text(ASSUMED)}</strong><ul>{items}</ul></div>' if items else ""
 
 
 def _notice(notice: Notice) -> str:

@@ -49,6 +49,7 @@ border-block:1px solid var(--rule)}
 .verdict dt{color:var(--soft)}
 .notice{margin-top:1.6rem;padding:1rem 1.2rem;background:var(--wash);border-left:4px solid var(--nearly)}
 .notice strong{display:block}
+.notice ul{padding-left:1.1rem;margin-top:.35rem}
 nav{margin-top:1.5rem;font-size:.875rem}
 nav ul{list-style:none;display:flex;flex-wrap:wrap;gap:.35rem 1.3rem}
 """

@@ -22,6 +22,7 @@ from locsnn_compile.report.content import (
     Verdict,
 )
 from locsnn_compile.report.format import plain
+from locsnn_compile.report.words import ASSUMED
 from locsnn_compile.verification.excerpt import Excerpt
 
 _SPECIAL = re.compile(r"[\\`*\[\]|~#$]|(?<![^\W_])_|_(?![^\W_])")
@@ -33,6 +34,8 @@ def render_markdown(document: Document, excerpt: Excerpt | None = None) -> str:
     report = compose(document, excerpt)
     parts = [f"# {text(report.title)}", text(report.subtitle)]
     parts += [_verdict(verdict) for verdict in report.verdicts]
+    if report.assumptions:
+        parts.append("\n".join((f"**{text(ASSUMED)}**\n", *(f"- {text(one)}" for one in report.assumptions))))
     parts += [f"> **{text(notice.title)}** {text(notice.text)}" for notice in report.notices]
     for section in report.sections:
         parts += [f"## {text(section.title)}", text(section.lead)]

@@ -12,6 +12,7 @@ from locsnn_compile.report.compose import subtitle
 from locsnn_compile.report.content import Document, Verdict
 from locsnn_compile.report.format import plain, share
 from locsnn_compile.report.sections.verdict import costs, fits, matches, notices
+from locsnn_compile.report.words import ASSUMED
 
 _SIGNS = {"yes": "✓", "nearly": "≈", "no": "✗", "unknown": "?", "modelled": "~"}
 _STYLES = {"yes": "bold green", "nearly": "bold yellow", "no": "bold red", "unknown": "bold", "modelled": "bold"}
@@ -38,6 +39,11 @@ def render_terminal(document: Document, console: Console) -> None:
         _verdict(console, verdict)
         if verdict is match:
             _populations(console, document)
+    if document["assumptions"]:
+        console.print()
+        _line(console, ASSUMED, style="yellow")
+    for sentence in document["assumptions"]:
+        _line(console, f"- {sentence}", style="yellow")
     for notice in notices(document):
         console.print()
         _line(console, f"! {notice.title} {notice.text}", style="yellow")

@@ -64,20 +64,26 @@ def comparison(document: Document) -> Section:
     entries = document["ann_comparison"]
     own = document["operations"]["published_method"]["operations"]
     lead = (
-        "Operations by the published method: for the conventional networks a multiplication and an addition are one "
-        "each, at this network's input size. It does not compare accuracy."
+        "A multiplication and an addition of a conventional network are one operation each, at this network's input "
+        "size. The float network's operations are an estimate by the published method; those of the program are the "
+        "synaptic operations that the chip counts, its own self-synapses included. It does not compare accuracy."
     )
     if not entries:
         text = "No comparison: the published networks are not defined for this network's input."
         return Section("comparison", "Conventional networks", lead, (Paragraph(text),))
-    most = max([own, *(entry["operations"] for entry in entries.values())])
-    rows = [("this network", own, "1" if own else NONE)]
+    chip = document["operations"]["per_sample"]["synaptic_ops"]
+    rows = [
+        ("the float network, on paper", own, "1" if own else NONE, NONE),
+        ("the program, synaptic operations", chip, NONE, "1" if chip else NONE),
+    ]
     for name, entry in entries.items():
-        rows.append((words(name), entry["operations"], NONE if entry["ratio"] is None else ratio(entry["ratio"])))
+        times = (NONE if entry[key] is None else ratio(entry[key]) for key in ("ratio", "chip_ratio"))
+        rows.append((words(name), entry["operations"], *times))
+    most = max(row[1] for row in rows)
     table = Table(
         "Operations per recording",
-        ("network", "", "operations", "times this network"),
-        tuple((name, Bar(n / most if most else 0.0, f"{count(n)} operations"), count(n), by) for name, n, by in rows),
+        ("network", "", "operations", "times the float network", "times the program"),
+        tuple((name, Bar(n / most if most else 0.0, f"{count(n)} operations"), count(n), *by) for name, n, *by in rows),
     )
     return Section("comparison", "Conventional networks", lead, (table, *_ann_energy(document)))
 

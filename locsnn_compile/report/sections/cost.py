@@ -70,7 +70,7 @@ def latency_section(document: Document) -> Section:
     found = document["latency"]
     profile, mean, duration = found["profile"], found["per_sample_ns"], found["recording_ns"]
     if duration is None:
-        text = "The model does not say how long a step lasts, so there is no comparison with real time."
+        text = "How long a step lasts is not known, so there is no comparison with real time."
     else:
         slowest = found["over_samples_ns"]["max"]
         text = (

@@ -6,10 +6,13 @@ from locsnn_compile.report.content import Document, Fact, Notice, Status, Verdic
 from locsnn_compile.report.format import count, energy, memory, plural, points, ratio, share, time
 from locsnn_compile.report.words import listed, stage_words, words
 
+_SIDES = {
+    "paper operations": ("ratio", "the float network, by the published method"),
+    "chip operations": ("chip_ratio", "synaptic operations of the program"),
+}
+"""What is compared with conventional networks, and whose it is."""
 NEARLY = 0.95
 """Prediction agreement from which a program is said to match nearly; below it, not."""
-SYNTHETIC = "synthetic touches"
-"""The document's name for recordings that were made up because none were given."""
 
 
 def matches(document: Document) -> Verdict:
@@ -61,14 +64,15 @@ def costs(document: Document) -> Verdict:
         Fact("latency", f"{time(latency)}{_pace(latency, duration)} (profile {document['latency']['profile']})"),
     ]
     if document["ann_comparison"]:
-        facts.append(Fact("operations", _against_anns(document)))
+        facts += [Fact(label, _against_anns(document, *side)) for label, side in _SIDES.items()]
     return Verdict(
         question="What does it cost?",
         status="modelled",
         answer="Modelled, not measured",
         figure=mean,
-        figure_label=f"a recording, profile {found['profile']}",
-        sentence=f"In the model, a recording takes {mean} (profile {found['profile']}) and {time(latency)}.",
+        figure_label=f"dynamic energy per recording, profile {found['profile']}",
+        sentence=f"In the model, a recording takes {mean} of dynamic energy (profile {found['profile']}) and "
+        f"{time(latency)}.",
         facts=tuple(facts),
     )
 
@@ -102,12 +106,6 @@ def notices(document: Document) -> tuple[Notice, ...]:
     """Return what limits the figures of this report; mostly nothing."""
     found = []
     match, dropped = document["match"], document["skipped"]["events_dropped"]
-    if is_synthetic(document):
-        text = (
-            "No recordings were given and the model carries none, so it was played synthetic touches. Its accuracy is "
-            "not known, and on real touches agreement, energy and latency will differ."
-        )
-        found.append(Notice("The recordings are synthetic.", text))
     if match["wraps"]:
         text = (
             f"{plural(match['wraps'], 'time')} a register overflowed and its value went round to the other sign. What "
@@ -123,11 +121,6 @@ def notices(document: Document) -> tuple[Notice, ...]:
     return tuple(found)
 
 
-def is_synthetic(document: Document) -> bool:
-    """Return whether the check ran on made-up touches."""
-    return bool(document["match"]["events_source"] == SYNTHETIC)
-
-
 def pace(latency_ns: float, recording_ns: float) -> str:
     """Return how a latency compares with the time that the recording took."""
     if latency_ns <= 0:
@@ -138,17 +131,19 @@ def pace(latency_ns: float, recording_ns: float) -> str:
     return f"{ratio(1 / factor)} times slower than the {time(recording_ns)} recorded"
 
 
-def against(name: str, times: float | None) -> str:
-    """Return how the operations of this network compare with those of a conventional one."""
-    if times is None:
-        return f"{words(name)}: no comparison, this network did nothing"
+def against(name: str, times: float) -> str:
+    """Return how operations compare with those of a conventional network."""
     if times >= 1:
         return f"{ratio(times)} times fewer than {words(name)}"
     return f"{ratio(1 / times) if times else 'infinitely many'} times more than {words(name)}"
 
 
-def _against_anns(document: Document) -> str:
-    return listed([against(name, entry["ratio"]) for name, entry in document["ann_comparison"].items()])
+def _against_anns(document: Document, key: str, whose: str) -> str:
+    """Return how the operations of one side, by ``key`` of the comparison, compare with those of each network."""
+    ratios = {name: entry[key] for name, entry in document["ann_comparison"].items()}
+    if None in ratios.values():
+        return f"nothing to compare, there were none ({whose})"
+    return f"{listed([against(name, times) for name, times in ratios.items()])} ({whose})"
 
 
 def _pace(latency_ns: float, recording_ns: float | None) -> str:
@@ -157,8 +152,8 @@ def _pace(latency_ns: float, recording_ns: float | None) -> str:
 
 def _accuracy(document: Document) -> str:
     accuracy = document["accuracy"]
-    if is_synthetic(document):
-        return "not known, the touches are synthetic"
+    if document["match"]["events_origin"] == "made up":
+        return "not known, the recordings are made up"
     if accuracy is None:
         return "not known, the recordings have no labels"
     chip, reference = accuracy["chip"], accuracy["reference"]

@@ -1,0 +1,74 @@
+"""What a report rests on beside the file of the model: the length of a step, and all that had to be assumed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from locsnn_compile.data.recordings import Binned, Origin, Recordings
+from locsnn_compile.network.network import Network
+
+
+@dataclass(frozen=True)
+class Grounds:
+    """``step_seconds`` of a time step, None where nobody says it; whose recordings the check played; ``assumptions``.
+
+    These are sentences, in the order in which they were made: by the frontend, then of the recordings and the step,
+    then of what weights were rounded on. ``binned`` is what reading the recordings left out.
+    """
+
+    step_seconds: float | None
+    events_origin: Origin
+    assumptions: tuple[str, ...]
+    binned: Binned | None = None
+
+
+def grounds_of(network: Network, recordings: Recordings, calibration: Recordings) -> Grounds:
+    """Return the grounds of a check of ``network`` on ``recordings``, its weights rounded on ``calibration``."""
+    # The bins of recordings that were made up say nothing about a sensor.
+    of_bins = None if recordings.origin == "made up" else recordings.step_seconds
+    known = of_bins if network.step_seconds is None else network.step_seconds
+    rest = (*_of_recordings(network, recordings), *_of_step(network, known))
+    last = tuple(_of_calibration(network, recordings, calibration))
+    return Grounds(known, recordings.origin, network.assumptions + rest + last, recordings.binned)
+
+
+def _of_recordings(network: Network, recordings: Recordings) -> Iterator[str]:
+    if recordings.origin == "made up":
+        yield (
+            f"The recordings of the check are made up ({recordings.source}): accuracy is not known, and agreement, "
+            "energy and time will differ on real ones."
+        )
+    if recordings.origin == "trained on":
+        yield (
+            "The recordings of the check are of those that the network was trained on, which the model carries: its "
+            "accuracy on others may be lower."
+        )
+    if recordings.threshold is not None and network.event_threshold is None:
+        yield f"Bins of over {recordings.threshold} events are 1, as is usual; the model does not say (--threshold)."
+    steps = recordings.spikes.shape[1]
+    if not network.any_length and steps < network.steps:
+        yield f"The recordings have {steps} steps; silence follows, up to the {network.steps} of the model."
+
+
+def _of_step(network: Network, known: float | None) -> Iterator[str]:
+    if known is None:
+        yield (
+            "How long a step lasts is not known, as neither the model nor the recordings say it (--step-seconds): there "
+            "are no seconds, and no pace against a sensor."
+        )
+    elif network.step_seconds is None:
+        yield f"A step lasts {known:g} s, as wide as the bins of the recordings; the model does not say."
+
+
+def _of_calibration(network: Network, recordings: Recordings, calibration: Recordings) -> Iterator[str]:
+    if all(population.on_grid for population in network.populations):
+        return
+    on = f"{len(calibration)} recordings that the model carries"
+    if calibration is recordings:
+        on = "the recordings of the check itself"
+    elif calibration.origin == "made up":
+        on = f"{len(calibration)} made-up recordings ({calibration.source})"
+    elif calibration.origin == "given":
+        return
+    yield f"The program was calibrated on {on}: its weights and settings suit these. Give others with --calibration."
