@@ -182,10 +182,10 @@ def fan_out(program: ChipProgram, phase: str) -> FanOut:
     by_delay, by_piece = {}, {}
     for core in cores:
         axons = core.axons
-        axon = np.repeat(np.arange(axons.input_axons), np.diff(axons.list_start))
+        axon = axons.axon_of_synapse
         by_delay[core.number] = _tally(axon, axons.delay, (axons.input_axons, longest + 1))
-        piece = np.repeat(np.arange(len(core.slices)), [part.size for part in core.slices])
-        by_piece[core.number] = _tally(axon, piece[axons.target], (axons.input_axons, len(core.slices)))
+        piece = core.slice_of_compartment[axons.target]
+        by_piece[core.number] = _tally(axon, piece, (axons.input_axons, len(core.slices)))
 
     def arrive(sources: IntArray, to_core: IntArray, to_axon: IntArray) -> None:
         for number in np.unique(to_core).tolist():

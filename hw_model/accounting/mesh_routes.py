@@ -86,8 +86,8 @@ def routes_of(program: ChipProgram, phase: str) -> Routes:
     pieces = pieces_of(program, phase)
     piece, target, hops, over, sent_from = [], [], [], [], []
     for index, core in enumerate(cores):
-        local = np.repeat(np.arange(len(core.slices)), [part.size for part in core.slices])
-        ways = np.stack((local[core.axons.out_compartment], core.axons.out_core))
+        local = core.slice_of_compartment[core.axons.out_compartment]
+        ways = np.stack((local, core.axons.out_core))
         reached, way = np.unique(ways, axis=1, return_inverse=True)
         per_spike = np.zeros((core.compartments, reached.shape[1]), dtype=np.float64)
         np.add.at(per_spike, (core.axons.out_compartment, way.reshape(-1)), 1)

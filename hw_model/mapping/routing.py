@@ -44,6 +44,11 @@ class AxonTables:
         return len(self.list_start) - 1
 
     @property
+    def axon_of_synapse(self) -> IntArray:
+        """Input axon of every synapse."""
+        return np.repeat(np.arange(self.input_axons), np.diff(self.list_start))
+
+    @property
     def output_axons(self) -> int:
         """Output axons of the core."""
         return len(self.out_axon)

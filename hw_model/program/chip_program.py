@@ -65,6 +65,11 @@ class Core:
         return np.array([getattr(profile, name) for profile in self.profiles], dtype=np.int64)[self.profile]
 
     @property
+    def slice_of_compartment(self) -> IntArray:
+        """Number of the slice that each compartment belongs to, shape (compartments,)."""
+        return np.repeat(np.arange(len(self.slices)), [piece.size for piece in self.slices])
+
+    @property
     def threshold_voltage(self) -> IntArray:
         """Voltage that v must exceed, ``64 * mantissa``, shape (compartments,)."""
         return np.array(self.thresholds, dtype=np.int64)[self.threshold] << WEIGHT_SHIFT

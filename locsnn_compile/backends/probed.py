@@ -6,8 +6,6 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 import hw_model as hw
 from locsnn_compile.backends.played import Played
 from locsnn_compile.errors import InputError, did_you_mean
@@ -44,11 +42,10 @@ def parent_groups(program: hw.ChipProgram) -> dict[str, str]:
     """Return the group that each joined group adds its voltage to."""
     found = {}
     for core in program.cores:
-        piece_of = np.repeat(np.arange(len(core.slices)), [piece.size for piece in core.slices])
         for piece in core.slices:
             parent = core.parent[piece.offset]
             if parent >= 0:
-                found[piece.group] = core.slices[piece_of[parent]].group
+                found[piece.group] = core.slices[core.slice_of_compartment[parent]].group
     return found
 
 

@@ -20,6 +20,8 @@ SYNAPSE, DENDRITE, SOMA, REPLAY, LINE = "synapse", "dendrite", "soma", "replay",
 PROFILE = "sanafe"
 PRICED = ("synaptic_ops", "neuron_updates", "neuron_updates_active", "spikes", "axon_packets", "hops_x", "hops_y")
 """Counts that SANA-FE has a price for."""
+SOMA_EVENTS = {"access_neuron": "neuron_updates", "update_neuron": "neuron_updates_active", "spike_out": "spikes"}
+"""Events of a soma that SANA-FE prices, and the counts that they are."""
 LINK_BUFFER = 16
 
 
@@ -77,11 +79,8 @@ def _lines(chip: Chip, profile: Profile, uses: Mapping[int, TileUse]) -> Iterato
 
 
 def _hop_costs(profile: Profile) -> dict[str, str]:
-    found = {}
-    for way, name in (("east", "hops_x"), ("west", "hops_x"), ("north", "hops_y"), ("south", "hops_y")):
-        found[f"energy_{way}_hop"] = _joules(profile, name)
-        found[f"latency_{way}_hop"] = _seconds(profile, name)
-    return found
+    ways = {"east": "hops_x", "west": "hops_x", "north": "hops_y", "south": "hops_y"}
+    return _costs(profile, {f"{way}_hop": count for way, count in ways.items()})
 
 
 def _core(profile: Profile, name: str, replayed: int) -> Iterator[str]:
@@ -92,26 +91,16 @@ def _core(profile: Profile, name: str, replayed: int) -> Iterator[str]:
     # A profile prices the energy of a packet once; all of it is put on the sender.
     arrives = {"energy_message_in": "0.0", "latency_message_in": _seconds(profile, "packets_received")}
     yield from _unit("axon_in", "axon_in", arrives)
-    synapse = {"energy_process_spike": _joules(profile, "synaptic_ops")}
-    synapse["latency_process_spike"] = _seconds(profile, "synaptic_ops")
+    synapse = _costs(profile, {"process_spike": "synaptic_ops"})
     yield from _unit("synapse", SYNAPSE, {"model": "current_based", **synapse})
     dendrite = {"model": "accumulator_with_delay", "energy_update": "0.0", "latency_update": "0.0"}
     yield from _unit("dendrite", DENDRITE, dendrite)
-    costs = {}
-    for event, count in (
-        ("access_neuron", "neuron_updates"),
-        ("update_neuron", "neuron_updates_active"),
-        ("spike_out", "spikes"),
-    ):
-        costs[f"energy_{event}"] = _joules(profile, count)
-        costs[f"latency_{event}"] = _seconds(profile, count)
+    costs = _costs(profile, SOMA_EVENTS)
     somas = [(SOMA, {"model": "leaky_integrate_fire", **costs})]
     if replayed:
         somas.append((f"{REPLAY}[0..{replayed - 1}]", {"model": "input", **costs}))
     yield from _units("soma", somas)
-    packet = {"energy_message_out": _joules(profile, "axon_packets")}
-    packet["latency_message_out"] = _seconds(profile, "axon_packets")
-    yield from _unit("axon_out", "axon_out", packet)
+    yield from _unit("axon_out", "axon_out", _costs(profile, {"message_out": "axon_packets"}))
 
 
 def _host(lines: int) -> Iterator[str]:
@@ -123,8 +112,7 @@ def _host(lines: int) -> Iterator[str]:
     free = {"energy_process_spike": "0.0", "latency_process_spike": "0.0"}
     yield from _unit("synapse", SYNAPSE, {"model": "current_based", **free})
     yield from _unit("dendrite", DENDRITE, {"model": "accumulator", "energy_update": "0.0", "latency_update": "0.0"})
-    events = ("access_neuron", "update_neuron", "spike_out")
-    free = {f"{kind}_{event}": "0.0" for event in events for kind in ("energy", "latency")}
+    free = {f"{kind}_{event}": "0.0" for event in SOMA_EVENTS for kind in ("energy", "latency")}
     yield from _unit("soma", f"{LINE}[0..{lines - 1}]", {"model": "input", **free})
     yield from _unit("axon_out", "axon_out", {"energy_message_out": "0.0", "latency_message_out": "0.0"})
 
@@ -145,8 +133,13 @@ def _attributes(attributes: Mapping[str, str], indent: int) -> Iterator[str]:
     yield from (" " * (indent + 2) + f"{name}: {value}" for name, value in attributes.items())
 
 
-def _joules(profile: Profile, count: str) -> str:
-    return repr(profile.energy_pj.get(count, 0.0) * 1e-12)
+def _costs(profile: Profile, counts: Mapping[str, str]) -> dict[str, str]:
+    """Return the energy and the latency of every event, in joules and seconds, from the counts that price it."""
+    found = {}
+    for event, count in counts.items():
+        found[f"energy_{event}"] = repr(profile.energy_pj.get(count, 0.0) * 1e-12)
+        found[f"latency_{event}"] = _seconds(profile, count)
+    return found
 
 
 def _seconds(profile: Profile, count: str) -> str:

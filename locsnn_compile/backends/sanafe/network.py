@@ -128,7 +128,7 @@ class PhaseNetwork:
             sources, axons = self._sources(core), core.axons
             targets = self._neurons(core)
             weights = core.effective_weights >> WEIGHT_SHIFT
-            axon = np.repeat(np.arange(axons.input_axons), np.diff(axons.list_start)).tolist()
+            axon = axons.axon_of_synapse.tolist()
             rows = zip(axon, axons.target.tolist(), weights.tolist(), axons.delay.tolist(), strict=True)
             for source, target, weight, delay in rows:
                 held = f"weight: {weight}, delay: {delay}" if not self._replayed else "weight: 0"

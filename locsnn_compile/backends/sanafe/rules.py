@@ -84,7 +84,7 @@ def _arrives(core: Core, played: Played) -> BoolArray:
 def _by_delay(core: Core) -> Iterator[tuple[int, sparse.csr_array]]:
     """Yield the synapses of each delay as a matrix (input axons, compartments)."""
     axons = core.axons
-    axon = np.repeat(np.arange(axons.input_axons), np.diff(axons.list_start))
+    axon = axons.axon_of_synapse
     shape = (axons.input_axons, core.compartments)
     for delay in np.unique(axons.delay).tolist():
         mine = axons.delay == delay

@@ -11,7 +11,6 @@ import numpy.typing as npt
 from hw_model.arithmetic.fixed_point import IntArray
 
 BitArray = npt.NDArray[np.uint8]
-_DIGITS = np.frombuffer(b"0123456789abcdef", dtype=np.uint8)
 
 
 @dataclass(frozen=True)
@@ -64,12 +63,7 @@ def bits_of(values: IntArray, field: Field) -> BitArray:
 
 def hex_words(bits: BitArray) -> bytes:
     """Return words (rows, width), bit 0 first, as a line of hexadecimal digits each, the highest digit first."""
-    rows, width = bits.shape
-    digits = -(-width // 4)
-    padded = np.zeros((rows, 4 * digits), dtype=np.uint8)
-    padded[:, :width] = bits
-    values = padded.reshape(rows, digits, 4) @ np.array([1, 2, 4, 8], dtype=np.uint8)
-    lines = np.empty((rows, digits + 1), dtype=np.uint8)
-    lines[:, :digits] = _DIGITS[values[:, ::-1]]
-    lines[:, digits] = ord("\n")
-    return lines.tobytes()
+    digits = -(-bits.shape[1] // 4)
+    words = np.packbits(bits, axis=1, bitorder="little")[:, ::-1]
+    text = np.frombuffer(words.tobytes().hex().encode(), dtype=np.uint8).reshape(len(bits), 2 * words.shape[1])
+    return np.pad(text[:, -digits:], ((0, 0), (0, 1)), constant_values=ord("\n")).tobytes()
