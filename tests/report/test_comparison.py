@@ -49,7 +49,7 @@ def test_three_questions(builds: tuple[Build, Build]) -> None:
     assert report.subtitle == "two-branches on loihi-sim, then two-branches on loihi-sim: 5 figures changed"
     assert [(v.status, v.answer, v.figure, v.figure_label) for v in report.verdicts] == [
         ("nearly", "As before, but fewer spikes are equal", "95.0 %", "same prediction; 95.0 % before"),
-        ("yes", "Less, -25.0 %", "75.0 nJ", "a recording, profile davies2018; 100 nJ before"),
+        ("yes", "Less, -25.0 %", "75.0 nJ", "dynamic energy per recording, profile davies2018; 100 nJ before"),
         ("no", "More", "3 cores", "2 before"),
     ]
     assert [section.title for section in report.sections] == ["Key figures", "Match", "Energy", "Resources", "Program"]

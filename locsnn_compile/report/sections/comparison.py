@@ -121,8 +121,8 @@ def _costs(before: Build, after: Build) -> Verdict:
         status=status,
         answer=f"{answer}, {by}" if by and comparable and a != b else answer,
         figure=energy(b),
-        figure_label=f"a recording, profile {after.text('energy', 'profile')}; {energy(a)} before",
-        sentence=f"In the model, a recording takes {energy(b)}, {energy(a)} before.",
+        figure_label=f"dynamic energy per recording, profile {after.text('energy', 'profile')}; {energy(a)} before",
+        sentence=f"In the model, a recording takes {energy(b)} of dynamic energy, {energy(a)} before.",
         facts=(
             Fact("latency", _both(before, after, "latency.per_sample_ns", time)),
             Fact("synaptic operations", _both(before, after, "operations.per_sample.synaptic_ops", count)),
@@ -168,8 +168,8 @@ def _notices(before: Build, after: Build) -> tuple[Notice, ...]:
 
 def _key_figures(before: Build, after: Build) -> Section:
     rows = (
-        ("energy a recording", "energy.per_sample_pj", energy),
-        ("time a recording", "latency.per_sample_ns", time),
+        ("dynamic energy per recording", "energy.per_sample_pj", energy),
+        ("time per recording", "latency.per_sample_ns", time),
         ("synaptic operations", "operations.per_sample.synaptic_ops", count),
         ("neuron updates", "operations.per_sample.neuron_updates", count),
         ("spikes on the chip", "operations.per_sample.spikes", count),
