@@ -36,13 +36,13 @@ def grounds_of(network: Network, recordings: Recordings, calibration: Recordings
 def _of_recordings(network: Network, recordings: Recordings) -> Iterator[str]:
     if recordings.origin == "made up":
         yield (
-            f"The recordings of the check are made up ({recordings.source}): accuracy is not known, and agreement, "
-            "energy and time will differ on real ones."
+            f"The check plays made-up recordings ({recordings.source}): accuracy is not known, and agreement, energy "
+            "and time will differ on real ones."
         )
     if recordings.origin == "trained on":
         yield (
-            "The recordings of the check are of those that the network was trained on, which the model carries: its "
-            "accuracy on others may be lower."
+            "The check plays recordings that the network was trained on, which the model carries: its accuracy on "
+            "others may be lower."
         )
     if recordings.threshold is not None and network.event_threshold is None:
         yield f"Bins of over {recordings.threshold} events are 1, as is usual; the model does not say (--threshold)."

@@ -22,12 +22,12 @@ from locsnn_compile.network.network import Network
 from locsnn_compile.verification.grounds import grounds_of
 
 MADE_UP = (
-    "The recordings of the check are made up (synthetic touches): accuracy is not known, and agreement, energy and time "
-    "will differ on real ones."
+    "The check plays made-up recordings (synthetic touches): accuracy is not known, and agreement, energy and time will "
+    "differ on real ones."
 )
 TRAINED_ON = (
-    "The recordings of the check are of those that the network was trained on, which the model carries: its accuracy on "
-    "others may be lower."
+    "The check plays recordings that the network was trained on, which the model carries: its accuracy on others may be "
+    "lower."
 )
 NO_STEP = (
     "How long a step lasts is not known, as neither the model nor the recordings say it (--step-seconds): there are no "
