@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from hw_model.mapping.graph import Axis, Readout
-from locsnn_compile.data.sensor import channel_walk
 from locsnn_compile.errors import TargetError
 from locsnn_compile.frontends.window_network import window_network
 from locsnn_compile.models.branch_graph import branch_graph, spread_weights
@@ -146,6 +145,4 @@ def _view(axis: Axis, checkpoint: Checkpoint) -> InputView:
     layout = checkpoint.description.input
     if axis == "time":
         return InputView(VIEW_NAMES[axis], axis, layout.channels)
-    taxels = checkpoint.description.location_taxels
-    assert taxels is not None  # the description's own check: a location branch has an order
-    return InputView(VIEW_NAMES[axis], axis, layout.steps, channel_walk(taxels, layout.fingertips))
+    return InputView(VIEW_NAMES[axis], axis, layout.steps, checkpoint.description.walk)

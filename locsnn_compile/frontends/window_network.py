@@ -10,7 +10,6 @@ import numpy as np
 from scipy import sparse
 
 from hw_model.mapping.graph import Readout
-from locsnn_compile.data.sensor import channel_walk
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.windows import BIAS, WEIGHT
 from locsnn_compile.network.matrices import matrix, row_sums
@@ -26,11 +25,9 @@ UNREACHED = 1.1
 def window_network(checkpoint: Checkpoint) -> Network:
     """Return the network of a checkpoint of ``window-snn``."""
     description = checkpoint.description
-    layout, windows, taxels = description.input, description.windows, description.location_taxels
-    assert taxels is not None
-    walk = channel_walk(taxels, layout.fingertips, taxels=layout.taxels, polarities=layout.polarities)
+    layout, windows = description.input, description.windows
     lines = layout.channels * layout.steps
-    view = InputView("touch_transposed", "location", lines, walk, together=layout.channels, silence=LAYERS)
+    view = InputView("touch_transposed", "location", lines, description.walk, together=layout.channels, silence=LAYERS)
     synapses = windows.synapses(layout.steps, layout.channels)
     levels = np.tile(np.array(windows.levels, dtype=np.float64), synapses.shape[0] // len(windows.levels))
     hidden = Population(

@@ -94,15 +94,8 @@ def save_checkpoint(
 
     path = Path(path)
     tensors = {}
-    for name, shape in description.weight_shapes.items():
-        if name not in weights or tuple(weights[name].shape) != shape:
-            got = tuple(weights[name].shape) if name in weights else "none"
-            raise InputError(
-                f"population {name!r}",
-                "its weights do not fit the network",
-                measured=f"got {got} against {shape}",
-                fix="Save the weights of a network of this description.",
-            )
+    for name in description.weight_shapes:
+        description.check_shape(name, weights, "Save the weights of a network of this description.")
         if chip is None:
             check_finite(f"population {name!r}", weights[name])
         else:

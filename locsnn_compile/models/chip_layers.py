@@ -7,17 +7,17 @@ linear filters of the chip's decays, behind SLAYER's surrogate (Shrestha and Orc
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor, nn
+from torch import Tensor
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT
 from locsnn_compile.models.chip_numbers import USUAL_REGISTERS, ChipPopulation, RegisterWidths, Strategy
 from locsnn_compile.models.chip_scan import charge_gradient, register_ends, scan_delay_line, scan_dendrite, scan_reset
+from locsnn_compile.models.dense_layer import DenseLayer
 from locsnn_compile.models.description import NeuronParameters
 from locsnn_compile.models.host import to_device, to_host
 
@@ -66,7 +66,7 @@ class _Steps(torch.autograd.Function):
         return to_device(found, grads[0]).mul_((1 << (WEIGHT_SHIFT + numbers.exponent)) / numbers.scale), None
 
 
-class ChipLayer(nn.Module):
+class ChipLayer(DenseLayer[NeuronParameters]):
     """A fully connected population as the chip runs it, recurring over the middle axis of its input.
 
     Input (batch, steps, in_features), floats 0 or 1; output (batch, steps, out_features). ``weight`` [out, in] is
@@ -85,12 +85,9 @@ class ChipLayer(nn.Module):
         initial_scale: float,
         registers: RegisterWidths = USUAL_REGISTERS,
     ) -> None:
-        super().__init__()
-        self.neuron, self.numbers, self.strategy = neuron, numbers, strategy
+        super().__init__(in_features, out_features, neuron, generator=generator, initial_scale=initial_scale)
+        self.numbers, self.strategy = numbers, strategy
         self.registers, self._ends = registers, register_ends(registers)
-        bound = initial_scale / math.sqrt(in_features)
-        weight = torch.empty(out_features, in_features, dtype=torch.float32)
-        self.weight = nn.Parameter(weight.uniform_(-bound, bound, generator=generator))
         self.events = np.zeros(3, dtype=np.int64)
 
     def mantissas(self) -> NDArray[np.int64]:

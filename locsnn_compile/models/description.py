@@ -6,11 +6,16 @@ Nothing here imports torch, so that the compiler can read descriptions without i
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
 
 from locsnn_compile.baselines.ann_shapes import ann_shapes
 from locsnn_compile.data.recordings import MAX_STEPS
-from locsnn_compile.data.sensor import check_location_taxels
+from locsnn_compile.data.sensor import channel_walk, check_location_taxels
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
 from locsnn_compile.models.graph_parameters import GraphParameters
@@ -215,6 +220,14 @@ class NetworkDescription:
         return ARCHITECTURES[self.architecture]
 
     @property
+    def walk(self) -> npt.NDArray[np.int64]:
+        """Position -> channel of the location branch, (channels,); ``InputError`` where there is none."""
+        layout = self.input
+        return channel_walk(
+            self.location_taxels or (), layout.fingertips, taxels=layout.taxels, polarities=layout.polarities
+        )
+
+    @property
     def branches(self) -> tuple[str, ...]:
         """The step axes of the network: ``time``, ``location`` or both; none of an artificial network."""
         return self.structure.branches
@@ -301,6 +314,18 @@ class NetworkDescription:
                 shapes[names[0]] = (self.hidden, sources)
                 shapes[names[1]] = (self.classes, self.hidden)
         return shapes
+
+    def check_shape(self, name: str, weights: Mapping[str, npt.NDArray[Any]], fix: str) -> None:
+        """Raise ``InputError`` where ``weights`` has none of a name, or of another shape; ``fix`` says what to do."""
+        shape = self.weight_shapes[name]
+        got = tuple(weights[name].shape) if name in weights else "none"
+        if got != shape:
+            raise InputError(
+                f"population {name!r}",
+                "its weights do not fit the network",
+                measured=f"got {got} against {shape}",
+                fix=fix,
+            )
 
 
 _NEURONS: dict[str, type[NeuronParameters] | type[LifParameters] | type[WindowParameters] | None] = {

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from locsnn_compile.models.branch_graph import BranchGraph
+from locsnn_compile.models.dense_layer import uniform_weight
 from locsnn_compile.models.description import LifParameters
-from locsnn_compile.models.lif import spike_of_spikes, uniform_weight
+from locsnn_compile.models.lif import spike_of_spikes
 
 
 class GraphLayer(nn.Module):

@@ -14,14 +14,14 @@ else 0 (Wu et al. 2018, as in TactileSGNet).
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor, nn
+from torch import Tensor
 
+from locsnn_compile.models.dense_layer import DenseLayer
 from locsnn_compile.models.description import LifParameters
 from locsnn_compile.models.host import to_device, to_host
 from locsnn_compile.models.lif_scan import list_active, scan, scan_active, scan_active_back, scan_back
@@ -123,25 +123,8 @@ def spike_of_spikes(x: Tensor, weight: Tensor, neuron: LifParameters) -> Tensor:
     return spikes
 
 
-class LifLayer(nn.Module):
-    """A fully connected layer of these neurons, recurring over the middle axis of its input.
-
-    Input (batch, steps, in_features), output (batch, steps, out_features); ``weight`` [out, in], no bias. Weights start
-    uniform within +-``initial_scale`` / sqrt(inputs).
-    """
-
-    def __init__(
-        self,
-        in_features: int,
-        out_features: int,
-        neuron: LifParameters,
-        *,
-        generator: torch.Generator,
-        initial_scale: float,
-    ) -> None:
-        super().__init__()
-        self.neuron = neuron
-        self.weight = uniform_weight((out_features, in_features), in_features, initial_scale, generator)
+class LifLayer(DenseLayer[LifParameters]):
+    """A layer of these neurons."""
 
     def forward(self, x: Tensor) -> Tensor:
         """Return the spikes of this layer for spikes ``x``."""
@@ -157,11 +140,3 @@ class TLIF(LifLayer):
 
 class LLIF(LifLayer):
     """Leaky integrate-and-fire neurons whose steps are locations; the first layer's inputs are time steps."""
-
-
-def uniform_weight(
-    shape: tuple[int, ...], inputs: int, initial_scale: float, generator: torch.Generator
-) -> nn.Parameter:
-    """Return weights that are uniform within +-``initial_scale`` / sqrt(inputs), float32."""
-    bound = initial_scale / math.sqrt(inputs)
-    return nn.Parameter(torch.empty(*shape, dtype=torch.float32).uniform_(-bound, bound, generator=generator))

@@ -15,15 +15,15 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from locsnn_compile.data.sensor import channel_walk
 from locsnn_compile.models.ann import ArtificialNetwork, Cnn3d, GruMlp
 from locsnn_compile.models.branch_graph import branch_graph
 from locsnn_compile.models.chip_layers import ChipLayer
 from locsnn_compile.models.chip_numbers import ChipNumbers
+from locsnn_compile.models.dense_layer import INITIAL_SCALE
 from locsnn_compile.models.description import LifParameters, NetworkDescription
 from locsnn_compile.models.graph_layer import GraphLayer
 from locsnn_compile.models.lif import LLIF, TLIF, LifLayer
-from locsnn_compile.models.srm import INITIAL_SCALE, LSRM, TSRM, SRMLayer, transpose_recording
+from locsnn_compile.models.srm import LSRM, TSRM, SRMLayer, transpose_recording
 from locsnn_compile.models.touch_model import TouchModel
 from locsnn_compile.models.window_network import WindowNetwork
 
@@ -46,17 +46,9 @@ class TouchNetwork(TouchModel):
     ) -> None:
         super().__init__(description, chip)
         generator = torch.Generator().manual_seed(seed)
-        layout = description.input
-        walk = np.zeros(0, dtype=np.int64)
-        if description.location_taxels is not None:
-            walk = channel_walk(
-                description.location_taxels,
-                layout.fingertips,
-                taxels=layout.taxels,
-                polarities=layout.polarities,
-            )
+        walk = description.walk if "location" in description.branches else np.zeros(0, dtype=np.int64)
         self.register_buffer("walk", torch.from_numpy(walk.copy()), persistent=False)
-        self._walks_in_order = np.array_equal(walk, np.arange(layout.channels))
+        self._walks_in_order = np.array_equal(walk, np.arange(description.input.channels))
         for branch in description.branches:
             for name in description.populations(branch):
                 self.add_module(name, self._make(name, branch, generator, initial_scale))

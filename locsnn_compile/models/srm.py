@@ -10,23 +10,19 @@ backwards in time. As in SLAYER, no gradient goes through the refractory terms.
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor, nn
+from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from hw_model.engine.compiled import compiled
+from locsnn_compile.models.dense_layer import DenseLayer
 from locsnn_compile.models.description import NeuronParameters
 from locsnn_compile.models.host import to_device, to_host
 from locsnn_compile.models.kernels import psp_recursion, refractory_recursion
-
-#: Weights start uniform in +-INITIAL_SCALE / sqrt(inputs). SLAYER's dense layers start at 10; on validation
-#: recordings of Ev-Objects 3 did better (accuracy 0.88 against 0.85, two seeds), and still makes threshold 10 fire.
-INITIAL_SCALE = 3.0
 
 
 @compiled
@@ -162,28 +158,11 @@ def layer_response(x: Tensor, weight: Tensor, neuron: NeuronParameters) -> Tenso
     return spikes
 
 
-class SRMLayer(nn.Module):
+class SRMLayer(DenseLayer[NeuronParameters]):
     """A fully connected layer of spike response neurons that recur over the middle axis of its input.
 
-    u_i(t) = sum over own past spikes nu(t - t_f) + sum over j, t_j of w_ij eps(t - t_j); a spike where u_i >=
-    theta. Input (batch, steps, in_features), output (batch, steps, out_features); ``weight`` [out, in], no
-    bias.
+    u_i(t) = sum over own past spikes nu(t - t_f) + sum over j, t_j of w_ij eps(t - t_j); a spike where u_i >= theta.
     """
-
-    def __init__(
-        self,
-        in_features: int,
-        out_features: int,
-        neuron: NeuronParameters,
-        *,
-        generator: torch.Generator,
-        initial_scale: float = INITIAL_SCALE,
-    ) -> None:
-        super().__init__()
-        self.neuron = neuron
-        bound = initial_scale / math.sqrt(in_features)
-        weight = torch.empty(out_features, in_features, dtype=torch.float32)
-        self.weight = nn.Parameter(weight.uniform_(-bound, bound, generator=generator))
 
     def forward(self, x: Tensor) -> Tensor:
         """Return the spikes of this layer for spikes ``x``."""

@@ -90,14 +90,7 @@ class TouchModel(nn.Module):
 
     def load_weights(self, weights: Mapping[str, NDArray[Any]]) -> None:
         """Take weights by name; ``InputError`` where a name or shape does not fit."""
-        for name, shape in self.description.weight_shapes.items():
-            if name not in weights or tuple(weights[name].shape) != shape:
-                got = tuple(weights[name].shape) if name in weights else "none"
-                raise InputError(
-                    f"population {name!r}",
-                    "its weights do not fit the network",
-                    measured=f"got {got} against {shape}",
-                    fix="Give the weights of a network of this description.",
-                )
+        for name in self.description.weight_shapes:
+            self.description.check_shape(name, weights, "Give the weights of a network of this description.")
             with torch.no_grad():
                 self.weight(name).copy_(torch.from_numpy(np.array(weights[name])))

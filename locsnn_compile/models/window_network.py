@@ -19,7 +19,6 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from locsnn_compile.data.sensor import channel_walk
 from locsnn_compile.models.description import NetworkDescription
 from locsnn_compile.models.touch_model import TouchModel
 from locsnn_compile.models.windows import BIAS, WEIGHT
@@ -38,11 +37,7 @@ class WindowNetwork(TouchModel):
     def __init__(self, description: NetworkDescription) -> None:
         super().__init__(description)
         layout, self.windows = description.input, description.windows
-        assert description.location_taxels is not None
-        walk = channel_walk(
-            description.location_taxels, layout.fingertips, taxels=layout.taxels, polarities=layout.polarities
-        )
-        self.register_buffer("walk", torch.from_numpy(walk.copy()), persistent=False)
+        self.register_buffer("walk", torch.from_numpy(description.walk.copy()), persistent=False)
         self.register_buffer("starts", torch.from_numpy(self.windows.starts(layout.steps)), persistent=False)
         classes, hidden = description.weight_shapes[WEIGHT]
         self.output = nn.Parameter(torch.zeros(classes, hidden))

@@ -2,8 +2,7 @@
 
 slayerPytorch samples ``k / tau * exp(1 - k / tau)``, times a factor, and stops at the first step beyond tau whose value
 is below 0.01: of the published neuron, 77 taps of the input kernel and 11 of the refractory one remain. Recursive
-dendrites hold the whole tail, and a chip's delays (62 steps) could not cut it. What the cut would change is measured by
-:func:`truncated_spikes`.
+dendrites hold the whole tail, and a chip's delays (62 steps) could not cut it.
 """
 
 from __future__ import annotations
@@ -14,11 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.engine.trace import ByteArray
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.slayer.config import LoihiNeuron, SlayerConfig
-from locsnn_compile.network.matrices import charge
-from locsnn_compile.network.network import Network, Projection
 from locsnn_compile.network.neurons import FloatArray, SrmAlpha
 
 SMALLEST = 0.01
@@ -66,42 +62,3 @@ def check_kernels(tensors: Mapping[str, Any], config: SlayerConfig, where: str) 
                 measured=f"{np.abs(held[:shared] - made[:shared]).max():.3g} apart",
                 fix="Give the YAML that this checkpoint was trained with.",
             )
-
-
-def truncated_spikes(network: Network, recordings: ByteArray) -> dict[str, ByteArray]:
-    """Return the spikes (batch, steps, n) of every population with slayerPytorch's cut kernels.
-
-    For chains of SRM neurons, each with one projection onto it; other networks are an ``InputError``.
-    """
-    spikes: dict[str, ByteArray] = {view.name: view.play(recordings) for view in network.views}
-    for population in network.populations:
-        neuron, onto = population.neuron, network.into(population.name)
-        if not isinstance(neuron, SrmAlpha) or len(onto) != 1 or onto[0].source not in spikes:
-            raise InputError(
-                f"population {population.name!r}", "kernels are cut in chains of SRM neurons only", fix="Leave it out."
-            )
-        projection = onto[0]
-        assert isinstance(projection, Projection)
-        arriving = charge(spikes[projection.source], projection.weights)
-        potential = _filtered(arriving, alpha_taps(neuron.tau_sr, 1.0), int(np.max(projection.delay)))
-        spikes[population.name] = _fired(potential, neuron)
-    return {population.name: spikes[population.name] for population in network.populations}
-
-
-def _filtered(arriving: Any, taps: FloatArray, delay: int) -> FloatArray:
-    steps = arriving.shape[1]
-    potential = np.zeros(arriving.shape)
-    for k in range(1, min(len(taps), steps - delay)):
-        potential[:, k + delay :] += taps[k] * arriving[:, : steps - k - delay]
-    return potential
-
-
-def _fired(potential: FloatArray, neuron: SrmAlpha) -> ByteArray:
-    """Return the spikes, each of which adds the cut refractory kernel to its neuron's future."""
-    taps = alpha_taps(neuron.tau_ref, -neuron.scale_ref * neuron.theta)
-    fired = np.zeros(potential.shape, dtype=np.uint8)
-    for t in range(potential.shape[1]):
-        fired[:, t] = potential[:, t] >= neuron.theta
-        last = min(len(taps), potential.shape[1] - t)
-        potential[:, t : t + last] += taps[:last, None] * fired[:, t, None]
-    return fired

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,7 +12,7 @@ from scipy.signal import lfilter
 from hw_model.engine.trace import ByteArray
 from locsnn_compile.network.network import Projection
 from locsnn_compile.network.neurons import FloatArray, SrmAlpha
-from locsnn_compile.passes.srm.kernels import keeps
+from locsnn_compile.passes.srm.kernels import alpha_recursion, keeps
 from locsnn_compile.reference.calibration import CHUNK, Calibration
 
 INPUTS_MAX = 2048
@@ -53,7 +52,7 @@ def drive_of(
     m, n = joined.shape
     if n > INPUTS_MAX:
         return None
-    a = math.exp(-1.0 / neuron.tau_sr)
+    a, c = alpha_recursion(neuron.tau_sr)
     keep_u, keep_v = (float(keep) for keep in keeps(np.array(decays)))
     gram, wanted, rate, peak, steps = np.zeros((n, n)), np.zeros((m, n)), np.zeros(n), np.zeros(m), 0
     for start in range(0, calibration.samples, CHUNK):
@@ -61,7 +60,7 @@ def drive_of(
             [_arriving(calibration.spikes[p.source][start : start + CHUNK], p) for p in incoming], axis=2
         )
         x = _filtered(spikes, keep_u, keep_v).reshape(-1, n)
-        exact = _filtered(spikes, a, a).reshape(-1, n) * (math.e * a / neuron.tau_sr)
+        exact = _filtered(spikes, a, a).reshape(-1, n) * c
         gram += x.T @ x
         wanted += (exact @ joined.T).T @ x
         rate += spikes.sum(axis=(0, 1))

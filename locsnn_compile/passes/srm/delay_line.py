@@ -22,7 +22,7 @@ from hw_model.arithmetic.fixed_point import DECAY_ONE, IntArray
 from locsnn_compile.errors import TargetError
 from locsnn_compile.network.chip_neurons import ChipSrm
 from locsnn_compile.network.neurons import FloatArray, SrmAlpha
-from locsnn_compile.passes.srm.kernels import kernel
+from locsnn_compile.passes.srm.kernels import kernel, own_charges
 
 TAPS_MAX = 63
 """Delays are 0..62."""
@@ -53,7 +53,7 @@ class _Rounded:
 
 def heaviest_charge(neuron: SrmAlpha, decay: int, where: str) -> float:
     """Return the largest own charge, in thresholds."""
-    return float(np.abs(_charges(_response(neuron, 1.0, TAPS_MAX), decay)).max())
+    return float(np.abs(own_charges(_response(neuron, 1.0, TAPS_MAX), (DECAY_ONE - decay) / DECAY_ONE)).max())
 
 
 def lay_out(neuron: SrmAlpha, size: int, decay: int, thresholds: Iterable[int], where: str) -> ChipSrm:
@@ -91,7 +91,7 @@ def _round_taps(neuron: SrmAlpha, decay: int, theta: FloatArray) -> _Rounded:
     steps = min(TAPS_MAX + math.ceil(HORIZON * tau), STEPS_MAX)
     wanted = _response(neuron, theta, steps)
     energy = np.maximum((wanted**2).sum(axis=0), (FAINT * theta) ** 2)
-    exponents = _exponents(float(np.abs(_charges(wanted, decay)).max()))
+    exponents = _exponents(float(np.abs(own_charges(wanted, keep)).max()))
     fine = FINE * np.abs(wanted).max(axis=0) / 64
     current, voltage, passed = np.zeros((3, len(theta)))
     rows = []
@@ -128,14 +128,6 @@ def _response(neuron: SrmAlpha, theta: FloatArray | float, steps: int) -> FloatA
     """Return nu at lags 1..steps, (steps, candidates), for thetas in any unit."""
     k = np.arange(1, steps + 1, dtype=np.float64)[:, None]
     return -neuron.scale_ref * kernel(neuron.tau_ref, k) * theta
-
-
-def _charges(response: FloatArray, decay: int) -> FloatArray:
-    """Return the charges whose answer is the response (steps, candidates)."""
-    keep = (DECAY_ONE - decay) / DECAY_ONE
-    before = np.concatenate((np.zeros_like(response[:2]), response))
-    charges: FloatArray = response - 2 * keep * before[1:-1] + keep**2 * before[:-2]
-    return charges
 
 
 def _exponents(largest: float) -> IntArray:

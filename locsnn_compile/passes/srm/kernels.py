@@ -28,12 +28,11 @@ def alpha_kernel(tau: float, where: str) -> tuple[int, float, float]:
     error is the root of the squared difference over the squared kernel, both summed over all k. The gain of a kernel
     that is over before the first step is 0, without an error.
     """
-    a = math.exp(-1.0 / tau)
+    a, c = alpha_recursion(tau)
     decay = round(DECAY_ONE * (1.0 - a))
     if decay == 0:
         raise _never_fades(where, f"{tau:g} steps against at most {2 * DECAY_ONE - 1}")
     b = (DECAY_ONE - decay) / DECAY_ONE
-    c = math.e * a / tau
     if c < FADED:
         return decay, 0.0, 0.0
     own, cross, kernel = _energy(b * b), c * _energy(a * b), c * c * _energy(a * a)
@@ -57,8 +56,8 @@ def fitted_decays(tau: float, where: str) -> tuple[int, int, float, float]:
     nearest, gain, error = alpha_kernel(tau, where)
     if gain == 0.0:
         return nearest, nearest, gain, error
-    a = math.exp(-1.0 / tau)
-    c, exact = math.e * a / tau, DECAY_ONE * (1.0 - a)
+    a, c = alpha_recursion(tau)
+    exact = DECAY_ONE * (1.0 - a)
     apart, total = (
         grid.ravel()
         for grid in np.meshgrid(np.arange(2 * SPREAD + 1), math.floor(2 * exact) + np.arange(-4, 6), indexing="ij")
@@ -100,6 +99,19 @@ def best_gain(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> Flo
 def keeps(decay: IntArray) -> FloatArray:
     """Return the fractions that effective decays keep."""
     return (DECAY_ONE - decay) / DECAY_ONE
+
+
+def alpha_recursion(tau: float) -> tuple[float, float]:
+    """Return ``a`` and ``c`` of the kernel ``(k / tau) exp(1 - k / tau) = c * k * a^(k-1)``."""
+    a = math.exp(-1.0 / tau)
+    return a, math.e * a / tau
+
+
+def own_charges(response: FloatArray, keep: FloatArray | float) -> FloatArray:
+    """Return the charges that a dendrite answers by a response (lags, n): it filtered by ``(1 - keep z^-1)^2``."""
+    before = np.concatenate((np.zeros_like(response, shape=(2, response.shape[1])), response))
+    charges: FloatArray = response - 2 * keep * before[1:-1] + keep**2 * before[:-2]
+    return charges
 
 
 def kernel(tau: float, k: npt.NDArray[np.float64]) -> FloatArray:

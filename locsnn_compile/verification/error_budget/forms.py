@@ -15,10 +15,10 @@ import numpy as np
 from hw_model.mapping.graph import CompartmentGraph
 from locsnn_compile.network.chip_neurons import ChipSrm, RefractoryDendrite
 from locsnn_compile.network.matrices import Matrix
-from locsnn_compile.network.neurons import Cuba, FloatArray, SoftCuba, SrmAlpha
+from locsnn_compile.network.neurons import Cuba, SoftCuba, SrmAlpha
 from locsnn_compile.network.quantized import QuantizedPopulation
 from locsnn_compile.passes.lower_neurons import dendrite_name
-from locsnn_compile.passes.srm.kernels import kernel
+from locsnn_compile.passes.srm.kernels import alpha_recursion, kernel, own_charges
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.verification.error_budget.numbers import (
     GroupNumbers,
@@ -98,20 +98,13 @@ def _taps(
     }
     k = np.arange(1, max(held, default=-1) + 2, dtype=np.float64)[:, None]
     response = -neuron.scale_ref * neuron.theta * kernel(neuron.tau_ref, k) * q.scale
-    exact, fitted = (_charges(response, group.keep_u) for group in (alpha.exact, alpha.chip))
+    exact, fitted = (own_charges(response, group.keep_u) for group in (alpha.exact, alpha.chip))
     taps = []
     for delay in range(len(k)):
         chip = held.get(delay, np.zeros(n))
         tap = TwinSynapses(name, alpha.exact.name, exact[delay], delay)
         taps.append(SynapseNumbers(tap, fitted[delay], chip, exact[delay] + chip - fitted[delay]))
     return taps
-
-
-def _charges(response: FloatArray, keep: FloatArray) -> FloatArray:
-    """Return the charges that a dendrite answers by a response (lags, n): it filtered by ``(1 - keep z^-1)^2``."""
-    before = np.concatenate((np.zeros((2, response.shape[1])), response))
-    charges: FloatArray = response - 2 * keep * before[1 : len(response) + 1] + keep**2 * before[: len(response)]
-    return charges
 
 
 def _reset(levels: Levels, q: QuantizedPopulation, neuron: SrmAlpha) -> tuple[Numbers, Numbers]:
@@ -149,8 +142,8 @@ def _srm(
     def exactly(chip: TwinGroup, keep: float) -> TwinGroup:
         return replace(_real(chip), keep_u=np.full(n, keep), keep_v=np.full(n, keep), threshold=threshold)
 
-    a, gain = kernel_recursion(neuron.tau_sr)
-    refractory_a, refractory_gain = kernel_recursion(neuron.tau_ref)
+    a, gain = alpha_recursion(neuron.tau_sr)
+    refractory_a, refractory_gain = alpha_recursion(neuron.tau_ref)
     alpha = GroupNumbers(exactly(dendrite, a), dendrite)
     pulled = f"{name}/refractory" if refractory is None else refractory.name
     pull = TwinSynapses(name, pulled, -neuron.scale_ref * neuron.theta * refractory_gain * share * q.scale)
@@ -214,12 +207,6 @@ def _on_grid(levels: Levels, q: QuantizedPopulation) -> Numbers:
             weights = _plain(held)
             synapses.append(SynapseNumbers(TwinSynapses(source, part.name, weights, delay), weights, weights, weights))
     return Numbers(tuple(groups), tuple(synapses))
-
-
-def kernel_recursion(tau: float) -> tuple[float, float]:
-    """Return ``a`` and ``c`` of the kernel ``(k / tau) exp(1 - k / tau) = c * k * a^(k-1)``."""
-    a = math.exp(-1.0 / tau)
-    return a, math.e * a / tau
 
 
 def _real(group: TwinGroup) -> TwinGroup:

@@ -1,0 +1,46 @@
+"""What fully connected spiking layers have in common: a neuron, and weights that start at random."""
+
+from __future__ import annotations
+
+import math
+from typing import Generic, TypeVar
+
+import torch
+from torch import nn
+
+from locsnn_compile.models.description import LifParameters, NeuronParameters
+
+#: Weights start uniform in +-INITIAL_SCALE / sqrt(inputs). SLAYER's dense layers start at 10; on validation
+#: recordings of Ev-Objects 3 did better (accuracy 0.88 against 0.85, two seeds), and still makes threshold 10 fire.
+INITIAL_SCALE = 3.0
+
+Neuron = TypeVar("Neuron", NeuronParameters, LifParameters)
+
+
+class DenseLayer(nn.Module, Generic[Neuron]):
+    """A fully connected layer of neurons of one kind, recurring over the middle axis of its input.
+
+    Input (batch, steps, in_features), output (batch, steps, out_features); ``weight`` [out, in], no bias. Weights start
+    uniform within +-``initial_scale`` / sqrt(inputs).
+    """
+
+    def __init__(
+        self,
+        in_features: int,
+        out_features: int,
+        neuron: Neuron,
+        *,
+        generator: torch.Generator,
+        initial_scale: float = INITIAL_SCALE,
+    ) -> None:
+        super().__init__()
+        self.neuron: Neuron = neuron
+        self.weight = uniform_weight((out_features, in_features), in_features, initial_scale, generator)
+
+
+def uniform_weight(
+    shape: tuple[int, ...], inputs: int, initial_scale: float, generator: torch.Generator
+) -> nn.Parameter:
+    """Return weights that are uniform within +-``initial_scale`` / sqrt(inputs), float32."""
+    bound = initial_scale / math.sqrt(inputs)
+    return nn.Parameter(torch.empty(*shape, dtype=torch.float32).uniform_(-bound, bound, generator=generator))
