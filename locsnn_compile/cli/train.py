@@ -215,8 +215,17 @@ def _summary(output: Path, result: TrainingResult, accuracy: float | None, test:
         lines[0] += f" by validation accuracy {result.validation_accuracy:.3f}"
     if accuracy is not None and test is not None:
         lines.append(f"test accuracy {accuracy:.3f} on {len(test)} recordings")
+    lines += [f"! {remark}" for remark in (*result.remarks, *_test_remarks(accuracy, test))]
     lines.append(f"wrote {output}")
     return "\n".join(lines)
+
+
+def _test_remarks(accuracy: float | None, test: Recordings | None) -> list[str]:
+    from locsnn_compile.training.remarks import chance_remarks
+
+    if accuracy is None or test is None or test.labels is None:
+        return []
+    return chance_remarks(accuracy, test.labels, "of the test part")
 
 
 @contextmanager

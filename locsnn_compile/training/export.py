@@ -57,10 +57,25 @@ def _start_entry(start: Checkpoint | None) -> dict[str, Plain]:
     return {} if start is None else {"start": start.description.name, "start_sha256": start.sha256}
 
 
-def spread_rows(available: int, wanted: int) -> NDArray[np.int64]:
-    """Return min(wanted, available) row numbers, evenly spread, so that files sorted by class give many
-    classes.
+def carried_rows(labels: NDArray[np.int64] | None, available: int, wanted: int) -> NDArray[np.int64]:
+    """Return min(wanted, available) row numbers, of every class as many, or one more or less than of another.
+
+    Classes that have too few give all; what is left over is spread evenly over the others, as rows are within a class.
     """
+    if labels is None:
+        return spread_rows(available, wanted)
+    rows = {int(label): np.flatnonzero(labels == label) for label in np.unique(labels)}
+    take, left = dict.fromkeys(rows, 0), min(wanted, available)
+    while left:
+        open_classes = [label for label in rows if take[label] < len(rows[label])]
+        for i in spread_rows(len(open_classes), left):
+            take[open_classes[i]] += 1
+            left -= 1
+    return np.sort(np.concatenate([own[spread_rows(len(own), take[label])] for label, own in rows.items()]))
+
+
+def spread_rows(available: int, wanted: int) -> NDArray[np.int64]:
+    """Return min(wanted, available) row numbers, evenly spread."""
     count = min(wanted, available)
     return np.arange(count, dtype=np.int64) * available // max(count, 1)
 
@@ -79,7 +94,7 @@ def export_checkpoint(
     test part.
 
     ``start`` is the checkpoint that the run began with. ``carried`` recordings of the test part (of the train part
-    where there is none) go into the file, for checks.
+    where there is none), spread over the classes, go into the file, for checks.
     """
     network = result.network
     weights: Mapping[str, NDArray[Any]] = network.weights() if network.chip is None else network.mantissas()
@@ -87,7 +102,7 @@ def export_checkpoint(
     kept: Recordings | None = None
     if carried > 0:
         pool = recordings if test is None else test
-        kept = pool.subset(spread_rows(len(pool), carried))
+        kept = pool.subset(carried_rows(pool.labels, len(pool), carried))
     save_checkpoint(
         path,
         network.description,

@@ -34,6 +34,17 @@ def _loss(network: TouchModel, config: TrainingConfig, activity: Mapping[str, Te
     return loss
 
 
+def class_scores(network: TouchModel, spikes: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """Return the scores (samples, classes) of all branches together; the first of the largest is predicted."""
+    like = next(network.parameters())
+    found = []
+    with torch.no_grad():
+        for start in range(0, len(spikes), 32):
+            x = torch.from_numpy(np.array(spikes[start : start + 32])).to(like)
+            found.append(torch.stack(list(network.scores(network(x)).values())).sum(dim=0).cpu().numpy())
+    return np.concatenate(found).astype(np.float64)
+
+
 def evaluate(
     network: TouchModel, config: TrainingConfig, spikes: NDArray[np.uint8], labels: NDArray[np.int64]
 ) -> tuple[float, float]:

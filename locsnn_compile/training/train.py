@@ -34,6 +34,7 @@ from locsnn_compile.training.describe import describe
 from locsnn_compile.training.fine_tuning import check_recordings
 from locsnn_compile.training.measure import batch_loss, evaluate
 from locsnn_compile.training.profile import profile
+from locsnn_compile.training.remarks import check_events, data_remarks, result_remarks
 from locsnn_compile.training.schedule import choose_epoch, learning_rate
 from locsnn_compile.training.state import EpochRecord, TrainingState, load_state, run_key, save_state
 from locsnn_compile.training.target import chip_numbers
@@ -49,13 +50,14 @@ _PHASES = {"select": 1, "refit": 2}
 @dataclass(frozen=True, eq=False)
 class TrainingResult:
     """A trained network; ``validation_accuracy`` is that of the chosen epoch, None where nothing was held
-    out.
+    out; ``remarks`` say where nothing was learned, in sentences.
     """
 
     network: TouchModel
     chosen_epoch: int
     validation_accuracy: float | None
     history: tuple[EpochRecord, ...]
+    remarks: tuple[str, ...] = ()
 
 
 def train(
@@ -76,7 +78,7 @@ def train(
     the weights of that checkpoint, and the network is of its description, which ``config`` must fit. With
     ``state_path`` the state is written every ``save_every`` epochs and an existing one is taken up; removing it is the
     caller's. ``log_path`` gets a CSV line an epoch, and a
-    picture of them beside it, ``.svg``. Raises ``InputError`` for data without labels.
+    picture of them beside it, ``.svg``. Raises ``InputError`` for data without labels, or without any event.
     """
     labels = recordings.labels
     if labels is None:
@@ -92,6 +94,7 @@ def train(
     else:
         description = replace(start.description, name=name)
         check_recordings(description, recordings, classes)
+    check_events(recordings)
     key = run_key(config, recordings, start)
     state = (load_state(state_path, key) if state_path is not None else None) or TrainingState()
 
@@ -121,8 +124,9 @@ def train(
         network = build_network(description, seed=config.seed, chip=chip)
         network.load_state_dict(weights)
         network.snap()
+        remarks = (*data_remarks(recordings, classes), *result_remarks(network, recordings))
     chosen = [row for row in state.history if row.phase == "select" and row.epoch == state.chosen_epoch]
-    return TrainingResult(network, state.chosen_epoch, chosen[0].validation_accuracy, tuple(state.history))
+    return TrainingResult(network, state.chosen_epoch, chosen[0].validation_accuracy, tuple(state.history), remarks)
 
 
 def _check_device(name: str) -> None:

@@ -1,0 +1,220 @@
+"""Runs that learned nothing say so, and why, where the data or the result shows it; runs that learned say nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from locsnn_compile.cli.main import main
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.models.checkpoint_reader import read_checkpoint
+from locsnn_compile.models.description import InputLayout, NetworkDescription
+from locsnn_compile.models.networks import build_network
+from locsnn_compile.training.export import carried_rows
+from locsnn_compile.training.remarks import chance_remarks, data_remarks, result_remarks
+
+Capture = pytest.CaptureFixture[str]
+
+
+def save(path: Path, labels: list[int], *, silent: int = 0) -> str:
+    """Write 30 steps of noise, each class with ten busy channels; the first ``silent`` recordings have no event."""
+    rng = np.random.default_rng(0)
+    spikes = (rng.random((len(labels), 78, 30)) < 0.05).astype(np.uint8)
+    for i, label in enumerate(labels):
+        spikes[i, 10 * label : 10 * label + 10, 5:25] |= rng.random((10, 20)) < 0.5
+    spikes[:silent] = 0
+    np.savez(path, spikes=spikes, labels=labels)
+    return str(path)
+
+
+def train(tmp_path: Path, data: str, *options: str) -> int:
+    return main(["train", "--data", data, "-o", str(tmp_path / "o.pt"), *options])
+
+
+def remarks(capsys: Capture) -> list[str]:
+    printed = capsys.readouterr()
+    assert printed.err == ""
+    return [line for line in printed.out.splitlines() if line.startswith("! ")]
+
+
+SILENT = "! No output neuron spikes in any of the 12 recordings it was trained on: every prediction is a tie."
+CHANCE = (
+    "! Accuracy 0.500 on the 12 recordings it was trained on cannot be told from chance, 0.500 for the commonest label."
+)
+QUICK = ("--model", "tactile-snn", "--hidden", "4", "--epochs", "1")
+STUCK = ("--hidden", "4", "--epochs", "1", "--learning-rate", "1e-9")
+
+
+@pytest.mark.parametrize(
+    ("labels", "silent", "options", "wanted"),
+    [
+        pytest.param([0, 1] * 6, 0, ("--model", "window-snn", "--epochs", "8"), [], id="learned"),
+        pytest.param([0, 1] * 6, 0, QUICK, [SILENT], id="silent outputs"),
+        pytest.param(
+            [0, 2, 5] * 4,
+            0,
+            QUICK,
+            ["! No recording to train on has label 1, 3, 4: labels count from 0 to 5 here.", SILENT],
+            id="gaps",
+        ),
+        pytest.param(
+            [1, 2] * 6,
+            0,
+            QUICK,
+            ["! No recording to train on has label 0: labels count from 0 to 2 here.", SILENT],
+            id="labels from 1",
+        ),
+        pytest.param(
+            [0, 1] * 6, 3, QUICK, ["! 3 of 12 recordings to train on have no event.", SILENT], id="some are empty"
+        ),
+        pytest.param(
+            [0] * 12,
+            0,
+            QUICK,
+            ["! All recordings to train on have label 0: there is nothing to tell apart."],
+            id="one class",
+        ),
+        pytest.param([0, 1] * 6, 0, ("--model", "gru-mlp", *STUCK), [CHANCE], id="GRU at chance"),
+        pytest.param([0, 1] * 6, 0, ("--model", "tactile-sgnet", *STUCK), [CHANCE], id="graph at chance"),
+    ],
+)
+def test_what_a_run_says(
+    tmp_path: Path, labels: list[int], silent: int, options: tuple[str, ...], wanted: list[str], capsys: Capture
+) -> None:
+    data = save(tmp_path / "a.npz", labels, silent=silent)
+    assert train(tmp_path, data, *options) == 0
+    assert remarks(capsys) == wanted
+    assert train(tmp_path, data, *options, "--quiet") == 0
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_test_part_at_chance(tmp_path: Path, capsys: Capture) -> None:
+    rng = np.random.default_rng(1)
+    for part, count in (("train", 8), ("test", 4)):
+        (tmp_path / "set" / part).mkdir(parents=True)
+        for i in range(count):
+            # Of the test part the labels are swapped.
+            first = 10 * (i % 2 if part == "train" else 1 - i % 2)
+            spikes = np.zeros((78, 30), dtype=np.uint8)
+            spikes[first : first + 10] = rng.random((10, 30)) < 0.4
+            np.save(tmp_path / "set" / part / f"sample_{i}_label_{i % 2}.npy", spikes)
+    assert train(tmp_path, str(tmp_path / "set"), "--model", "window-snn", "--epochs", "8") == 0
+    assert remarks(capsys) == [
+        "! Accuracy 0.000 on the 4 recordings of the test part cannot be told from chance, 0.500 for the commonest label."
+    ]
+
+
+def test_recordings_without_any_event_are_refused(tmp_path: Path, capsys: Capture) -> None:
+    data = save(tmp_path / "a.npz", [0, 1, 0, 1], silent=4)
+    assert train(tmp_path, data) == 2
+    assert capsys.readouterr() == (
+        "",
+        "recordings 'a.npz': none of them has an event (4 recordings). Give recordings with events.\n",
+    )
+    (tmp_path / "a_label_0.tact").write_text("1 1 0.0\n1 2 0.001\n1 1 0.1\n")
+    assert train(tmp_path, str(tmp_path / "a_label_0.tact"), "--threshold", "1") == 2
+    assert capsys.readouterr() == (
+        "",
+        "recordings 'a_label_0.tact': none of them has an event (3 of 3 events dropped: 0 outside the steps, 3 in bins "
+        "of at most 1). Lower --threshold, or give more --steps.\n",
+    )
+    assert not list(tmp_path.glob("o.*"))
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("tactile-snn", "No output neuron spikes"),
+        ("hybrid-lif", "No output neuron spikes"),
+        ("window-snn", "All class scores are equal"),
+        ("gru-mlp", "All class scores are equal"),
+    ],
+)
+def test_networks_without_weights_are_silent(name: str, words: str) -> None:
+    rng = np.random.default_rng(0)
+    labels = np.arange(5) % 3
+    recordings = Recordings((rng.random((5, 24, 78)) < 0.2).astype(np.uint8), labels, None, "a")
+    location = {"location_order": "loop", "location_taxels": tuple(range(1, 40))}
+    described = NetworkDescription(
+        name,
+        InputLayout(fingertips=1, steps=24, step_seconds=None),
+        classes=3,
+        hidden=4,
+        **(location if name in ("hybrid-lif", "window-snn") else {}),  # type: ignore[arg-type]
+    )
+    network = build_network(described, seed=0)
+    for weight in network.parameters():
+        weight.data.zero_()
+    assert result_remarks(network, recordings) == [
+        f"{words} in any of the 5 recordings it was trained on: every prediction is a tie."
+    ]
+
+
+@pytest.mark.parametrize(
+    ("right", "said"),
+    [pytest.param(5, True, id="half"), pytest.param(7, True, id="luck"), pytest.param(8, False, id="more")],
+)
+def test_chance_is_what_guesses_reach(right: int, said: bool) -> None:
+    # Of ten recordings of two classes, guesses have 5 right, and 7.6 or more in one case of twenty.
+    assert bool(chance_remarks(right / 10, np.arange(10) % 2, "of these")) == said
+
+
+def test_many_missing_labels_are_counted() -> None:
+    recordings = Recordings(np.ones((2, 3, 78)), np.array([0, 40]), None, "a")
+    assert data_remarks(recordings, 41) == [
+        "No recording to train on has label 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12 and 27 more: labels count from 0 to "
+        "40 here."
+    ]
+
+
+@pytest.mark.parametrize(
+    ("labels", "wanted", "rows"),
+    [
+        pytest.param([0] * 90 + [1] * 6 + [2] * 4, 6, [0, 45, 90, 93, 96, 98], id="as many of a small class"),
+        pytest.param([0] * 8 + [1], 4, [0, 2, 5, 8], id="a class that has too few"),
+        pytest.param([0, 1, 2, 3, 4, 5], 3, [0, 2, 4], id="fewer than classes"),
+        pytest.param([1, 0, 1, 0], 9, [0, 1, 2, 3], id="all"),
+        pytest.param([1, 0, 1, 0], 0, [], id="none"),
+    ],
+)
+def test_carried_recordings_are_of_all_classes(labels: list[int], wanted: int, rows: list[int]) -> None:
+    assert carried_rows(np.array(labels), len(labels), wanted).tolist() == rows
+
+
+def test_a_checkpoint_carries_rare_classes(tmp_path: Path) -> None:
+    data = save(tmp_path / "a.npz", [0] * 20 + [1] * 2 + [2] * 2)
+    assert train(tmp_path, data, *QUICK, "--recordings", "6", "--quiet") == 0
+    carried = read_checkpoint(tmp_path / "o.pt").recordings
+    assert carried is not None
+    assert carried.labels is not None
+    assert carried.labels.tolist() == [0, 0, 1, 1, 2, 2]
+
+
+@pytest.mark.parametrize("name", ["tactile-snn", "window-snn", "hybrid-graph", "gru-mlp"])
+def test_a_folder_of_different_lengths_is_trained_on(tmp_path: Path, name: str) -> None:
+    rng = np.random.default_rng(0)
+    for part, lengths in (("train", (20, 26, 23, 20)), ("test", (18, 30))):
+        (tmp_path / "set" / part).mkdir(parents=True)
+        for i, steps in enumerate(lengths):
+            spikes = (rng.random((39, 2, steps)) < 0.2).astype(np.uint8)
+            np.save(tmp_path / "set" / part / f"sample_{i}_label_{i % 2}.npy", spikes)
+    sizes = ("--model", name, "--hidden", "4", "--epochs", "1", "--quiet")
+    if name == "hybrid-graph":
+        (tmp_path / "c.yaml").write_text("features: 2\nstep_features: 2\n")
+        sizes = (*sizes, "--config", str(tmp_path / "c.yaml"))
+    assert train(tmp_path, str(tmp_path / "set"), *sizes) == 0
+    assert read_checkpoint(tmp_path / "o.pt").description.input.steps == 30
+    assert train(tmp_path, str(tmp_path / "set"), *sizes, "--steps", "22") == 0
+    assert read_checkpoint(tmp_path / "o.pt").description.input.steps == 22
+
+
+def test_a_transposed_file_is_not_trained_on(tmp_path: Path, capsys: Capture) -> None:
+    np.savez(tmp_path / "a.npz", spikes=np.ones((4, 30, 78)), labels=[0, 1, 0, 1])
+    assert train(tmp_path, str(tmp_path / "a.npz")) == 2
+    assert capsys.readouterr() == (
+        "",
+        "file 'a.npz': its axes look like (samples, steps, channels) (4 x 30 x 78 values). "
+        "Transpose it to (samples, channels, steps).\n",
+    )
