@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 import hw_model as hw
 from hw_model.io.given import checked
-from locsnn_compile.choose_strategy import Choice, ErrorBudget, Setting, choose_strategy, lower_as
+from locsnn_compile.choose_strategy import Choice, Setting, choose_strategy, lower_as
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.synthetic import synthetic_touches
@@ -27,6 +27,7 @@ from locsnn_compile.report.figures.document import report_document
 from locsnn_compile.report.sections.choice import choice_document
 from locsnn_compile.verification.diagnosis import SAMPLE, Diagnosis
 from locsnn_compile.verification.diagnosis import diagnose as find_diagnosis
+from locsnn_compile.verification.error_bounds import ErrorBudget
 from locsnn_compile.verification.excerpt import Excerpt, take_excerpt
 from locsnn_compile.verification.grounds import grounds_of
 from locsnn_compile.verification.matching import Match, Progress, compare

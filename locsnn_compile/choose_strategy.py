@@ -21,30 +21,13 @@ from locsnn_compile.passes.rounding.rounding import FINE
 from locsnn_compile.passes.srm.quantize import STRATEGIES
 from locsnn_compile.pipeline import Levels, lower
 from locsnn_compile.reference.calibration import Calibration, calibrate
+from locsnn_compile.verification.error_bounds import ErrorBudget, Losses, default_budget
 from locsnn_compile.verification.matching import compare
 
-SPIKE_TOLERANCE = 0.01
-"""Without a budget, so much more of the spikes may differ than with the first strategy, and no prediction more."""
 LAST_RESORT = ("paired-dendrite",)
 """Strategies that cost more than any other, split or not: tried where no other keeps the budget, or where asked for."""
 SHARES = (0.0, 0.25, 1.0)
 """Shares of weights that are split in turn, until a budget is kept."""
-
-
-@dataclass(frozen=True)
-class ErrorBudget:
-    """What a program may lose: it keeps ``min_agreement`` of the predictions, and misses ``max_spike_error`` of spikes.
-
-    The spike error is 1 less the spike agreement. With neither given, the budget is what ``dendrite`` loses.
-    """
-
-    min_agreement: float | None = None
-    max_spike_error: float | None = None
-
-    @property
-    def given(self) -> bool:
-        """Whether there is any bound."""
-        return self != ErrorBudget()
 
 
 @dataclass(frozen=True)
@@ -57,24 +40,15 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """A setting on the calibration recordings; energy is the mean by the chip's default profile."""
+class Candidate(Losses):
+    """What a setting loses on the calibration recordings."""
 
     setting: Setting
-    prediction_agreement: float
-    spike_error: float
-    energy_pj: float
 
     @property
     def strategy(self) -> str:
         """The strategy of the setting."""
         return self.setting.strategy
-
-    def keeps(self, budget: ErrorBudget) -> bool:
-        """Tell whether the budget is kept."""
-        return (budget.min_agreement is None or self.prediction_agreement >= budget.min_agreement) and (
-            budget.max_spike_error is None or self.spike_error <= budget.max_spike_error
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,9 +98,10 @@ def choose_strategy(
         if not any(candidate.keeps(budget) for candidate in trial.candidates.values()):
             _split_more(trial, [setting for setting in firsts if setting not in usual], budget, shares)
         _take_bits_away(trial, budget)
-    limits = budget if budget.given else _default(next(iter(trial.candidates.values())))
     candidates = tuple(trial.candidates.values())
-    taken = _cheapest(candidates, limits) or max(candidates, key=lambda c: (c.prediction_agreement, -c.spike_error))
+    limits = budget if budget.given else default_budget(candidates[0])
+    # Where nothing was compared nothing speaks for a cheaper one.
+    taken = (_cheapest(candidates, limits) if limits.given else None) or min(candidates, key=_loss)
     levels = trial.levels[taken.setting]
     return Choice(taken, levels, candidates, limits, len(recordings), recordings.source)
 
@@ -157,8 +132,8 @@ def _cheapest(candidates: Sequence[Candidate], budget: ErrorBudget) -> Candidate
     return min(kept, key=lambda c: c.energy_pj, default=None)
 
 
-def _default(first: Candidate) -> ErrorBudget:
-    return ErrorBudget(first.prediction_agreement, first.spike_error + SPIKE_TOLERANCE)
+def _loss(candidate: Candidate) -> tuple[float, float]:
+    return candidate.prediction_error or 0.0, candidate.spike_error or 0.0
 
 
 @dataclass(eq=False)
@@ -196,4 +171,4 @@ def _measured(setting: Setting, levels: Levels, recordings: Recordings) -> Candi
     match = compare(levels.quantized, levels.program, recordings.spikes, source=recordings.source)
     chip = levels.program.chip
     energy_pj = sum(hw.energy_pj(total(match.counts), chip.profile(chip.default_profile)).values())
-    return Candidate(setting, match.prediction_agreement, 1 - match.spikes.agreement, energy_pj / match.samples)
+    return Candidate(match.prediction_agreement, match.spikes.agreement, energy_pj / match.samples, setting)

@@ -7,6 +7,7 @@ import math
 import sys
 from argparse import Namespace, RawDescriptionHelpFormatter
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +16,7 @@ from locsnn_compile.cli.completion import answer_shell
 from locsnn_compile.cli.shell import EXIT_GATE, Parser, guarded, progress_bar
 from locsnn_compile.cli.step_options import add_step_options, asked_steps, with_steps
 from locsnn_compile.errors import InputError, did_you_mean
-from locsnn_compile.verification.gates import GATES, Gate, check_gates, junit_file
+from locsnn_compile.verification.gates import GATES, Gate, check_gates, gates_entry, junit_file
 
 if TYPE_CHECKING:
     from locsnn_compile.api import CompiledModel
@@ -125,10 +126,10 @@ def run(args: Namespace) -> int:
 
     from hw_model.io.files import replace_file
     from locsnn_compile.api import compile, recordings_for
-    from locsnn_compile.choose_strategy import ErrorBudget
     from locsnn_compile.data.read import read_recordings
     from locsnn_compile.frontends import load
     from locsnn_compile.report.sections.choice import unmet_budget
+    from locsnn_compile.verification.error_bounds import ErrorBudget
 
     network = load(
         args.model,
@@ -158,8 +159,9 @@ def run(args: Namespace) -> int:
             psi=args.psi,
             profile=args.profile,
         )
-    files = build_files(compiled, args.emit) | _emitted(args, compiled, recordings)
     gates = check_gates(compiled.report, _bounds(args))
+    compiled = replace(compiled, report=compiled.report | {"gates": gates_entry(gates)})
+    files = build_files(compiled, args.emit) | _emitted(args, compiled, recordings)
     write_build(folder, files)
     if args.junit:
         replace_file(Path(args.junit), junit_file(gates, compiled.network.name), where="--junit")
@@ -218,6 +220,9 @@ def _check_options(args: Namespace) -> None:
             raise InputError(f"--emit {kind}", "there is no such kind", fix=did_you_mean(kind, EMIT_KINDS))
     if args.probe and "vcd" not in args.emit:
         raise InputError("--probe", "nothing that is emitted shows it", fix="Add --emit vcd.")
+    for option, bound in _bounds(args).items():
+        if math.isinf(bound):
+            raise InputError(f"{option} {bound:g}", "nothing is measured against that", fix="Give a finite number.")
     if args.junit:
         if not _bounds(args):
             raise InputError("--junit", "no gate is asked for", fix=f"Add one of {', '.join(GATES)}.")

@@ -6,7 +6,6 @@ import shlex
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from locsnn_compile.choose_strategy import ErrorBudget
 from locsnn_compile.explore.events import Chosen
 from locsnn_compile.explore.executors import Executor
 from locsnn_compile.explore.front import on_front
@@ -17,13 +16,15 @@ from locsnn_compile.explore.recommend import Recommendation, recommend
 from locsnn_compile.explore.store import Store
 from locsnn_compile.explore.study import Study
 from locsnn_compile.explore.sweep import Progress, sweep
+from locsnn_compile.verification.error_bounds import ErrorBudget
 
 
 @dataclass(frozen=True, eq=False)
 class Exploration:
-    """Points in the order of the grid, and what they were measured on.
+    """Points in the order of the grid, what they were measured on, and what the recommended one may lose.
 
     ``model``, ``target`` and ``calibration`` as they were given, the last None where it is the ``events``, in a file.
+    ``by_default``: no bound was given, and the ``budget`` is that of ``auto``.
     ``reported``: points of the front on other recordings, ``reported_on``, on which nothing was chosen.
     """
 
@@ -33,6 +34,7 @@ class Exploration:
     calibration: str | None
     events: Chosen
     budget: ErrorBudget
+    by_default: bool
     points: tuple[Point, ...]
     reported: tuple[Point, ...] = ()
     reported_on: Chosen | None = None
@@ -50,7 +52,7 @@ class Exploration:
     @cached_property
     def recommendation(self) -> Recommendation:
         """The setting to take, and why."""
-        return recommend(self.points, self.budget)
+        return recommend(self.points, self.budget, by_default=self.by_default)
 
     def command(self, setting: Setting) -> str:
         """Return the command that makes a point again."""

@@ -21,8 +21,8 @@ class Objective:
     words: str
 
     def of(self, figures: Figures) -> float:
-        """Return the figure."""
-        return float(getattr(figures, self.figure))
+        """Return the figure; 0 where nothing was compared, as both sides did nothing."""
+        return float(getattr(figures, self.figure) or 0.0)
 
 
 OBJECTIVES = (

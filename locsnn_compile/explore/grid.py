@@ -117,6 +117,13 @@ def settings(network: Network, wanted: Mapping[str, Sequence[Value]]) -> tuple[S
     return tuple(Setting(values) for values in itertools.product(*tried))
 
 
+def usual_settings(network: Network) -> tuple[Setting, ...]:
+    """Return what ``auto`` tries where no bound is given: each strategy, all else as it is by default."""
+    strategy, *others = AXES
+    neutral = tuple(axis.neutral for axis in others)
+    return tuple(Setting((value, *neutral)) for value in _default(strategy, network))
+
+
 def check_values(wanted: Mapping[str, Sequence[Value]]) -> None:
     """Refuse values that no axis has."""
     for axis in AXES:

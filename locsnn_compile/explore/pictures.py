@@ -7,7 +7,7 @@ from collections.abc import Callable
 from locsnn_compile.explore.exploration import Exploration
 from locsnn_compile.explore.grid import AXES, Setting, Value
 from locsnn_compile.explore.point import Figures, Point
-from locsnn_compile.report.format import energy, share, time
+from locsnn_compile.report.format import agreed, energy, time
 from locsnn_compile.report.pictures.scatter import Mark, Panel, draw
 
 X_LABEL = "spikes that differ from the float network's"
@@ -47,7 +47,7 @@ def _panel(found: Exploration, title: str, text: Callable[[float], str], y: Call
     kinds = _kinds(found)
     marks = tuple(
         Mark(
-            x=point.figures.spike_error,
+            x=error,
             y=y(point, point.figures),
             kind=kinds.index(point.setting.values[0]),
             label=_label(found, point.setting),
@@ -56,7 +56,8 @@ def _panel(found: Exploration, title: str, text: Callable[[float], str], y: Call
             taken=point is found.recommendation.taken,
         )
         for point, mark in zip(found.points, found.on_front, strict=True)
-        if point.figures
+        # Where no neuron spikes there is nothing to place a mark by.
+        if point.figures and (error := point.figures.spike_error) is not None
     )
     return Panel(title, X_LABEL, _percent, text, marks)
 
@@ -74,8 +75,9 @@ def _label(found: Exploration, setting: Setting) -> str:
 
 
 def _words(setting: Setting, figures: Figures) -> str:
+    changed = agreed(figures.prediction_error, "none")
     return (
-        f"{setting}: {share(figures.spike_error)} of spikes differ, {share(figures.prediction_error)} of predictions, "
+        f"{setting}: {agreed(figures.spike_error)} of spikes differ, {changed} of predictions, "
         f"{energy(figures.energy_pj)}, {time(figures.chip_time_ns)}"
     )
 

@@ -20,6 +20,7 @@ from locsnn_compile.explore.code import code_version
 from locsnn_compile.explore.grid import Setting
 from locsnn_compile.explore.study import Study, unpacked
 from locsnn_compile.network.recordings import fit_recordings
+from locsnn_compile.verification.error_bounds import Losses
 
 ENGINE_CALLS: dict[Engine, tuple[int, int]] = {"fast": (16, 10), "reference": (1, 2)}
 """How an engine is timed: on so many recordings at a time, the first ones, and in so many calls, the fastest of which
@@ -28,18 +29,15 @@ counts. The reference engine takes too long for more.
 
 
 @dataclass(frozen=True)
-class Figures:
+class Figures(Losses):
     """What a report says of a setting; energy and chip time are means of a recording by the chip's default profile.
 
-    Agreements are shares of predictions and spikes that equal the float network's; accuracies are None without labels.
+    Accuracies are None without labels.
     """
 
-    prediction_agreement: float
-    spike_agreement: float
     accuracy: float | None
     float_accuracy: float | None
     energy_profile: str
-    energy_pj: float
     chip_time_ns: float
     cores: int
     compartments: int
@@ -47,16 +45,6 @@ class Figures:
     synapse_bits: int
     wraps: int
     clips: int
-
-    @property
-    def prediction_error(self) -> float:
-        """Share of predictions that differ from the float network's."""
-        return 1 - self.prediction_agreement
-
-    @property
-    def spike_error(self) -> float:
-        """1 less the spike agreement."""
-        return 1 - self.spike_agreement
 
     @classmethod
     def of(cls, report: Mapping[str, Any]) -> Figures:

@@ -87,7 +87,7 @@ def _points(found: Exploration) -> list[Document]:
 
 
 def _figures(figures: Figures) -> Document:
-    return {objective.figure: objective.of(figures) for objective in OBJECTIVES} | asdict(figures)
+    return {objective.figure: getattr(figures, objective.figure) for objective in OBJECTIVES} | asdict(figures)
 
 
 def _events(chosen: Chosen) -> Document:

@@ -8,7 +8,7 @@ from locsnn_compile.explore.exploration import Exploration
 from locsnn_compile.explore.front import FRONT_RULE
 from locsnn_compile.explore.grid import AXES
 from locsnn_compile.explore.point import Figures, Point
-from locsnn_compile.report.format import NONE, count, energy, plain, share, time
+from locsnn_compile.report.format import NONE, agreed, count, energy, plain, share, time
 
 FIGURES = ("spike error", "class error", "accuracy", "energy", "chip time", "synapses")
 
@@ -31,8 +31,8 @@ def warnings(found: Exploration) -> list[str]:
 def figure_cells(figures: Figures) -> list[str]:
     """Return the cells of :data:`FIGURES`."""
     return [
-        share(figures.spike_error),
-        share(figures.prediction_error),
+        agreed(figures.spike_error),
+        agreed(figures.prediction_error, "all tie"),
         NONE if figures.accuracy is None else share(figures.accuracy),
         energy(figures.energy_pj),
         time(figures.chip_time_ns),

@@ -78,6 +78,8 @@ class Population:
     axis: Axis
     size: int
     neuron: Neuron
+    helper: bool = False
+    """Whether a frontend made it up: no neuron of the model, and no part of what is compared."""
 
     @property
     def on_grid(self) -> bool:
@@ -138,6 +140,11 @@ class Network:
     """What had to be assumed to read its file, in sentences."""
     event_threshold: int | None = None
     """Events that a bin must exceed to be 1; None where nothing says it."""
+
+    @property
+    def own_populations(self) -> tuple[Population, ...]:
+        """The populations of the model itself, without helpers."""
+        return tuple(population for population in self.populations if not population.helper)
 
     @property
     def axes(self) -> tuple[Axis, ...]:

@@ -42,6 +42,12 @@ class ReferenceResult:
         return np.asarray(self.scores.argmax(axis=1), dtype=np.int64)
 
 
+def decided(scores: FloatArray) -> npt.NDArray[np.int64]:
+    """Return the class with the highest score, the first of equals; -1 where all scores (..., classes) tie."""
+    tied = (scores == scores[..., :1]).all(axis=-1)
+    return np.where(tied, -1, scores.argmax(axis=-1))
+
+
 class NeuronSteps(Protocol):
     """The state of a population's neurons, (batch, n)."""
 

@@ -11,6 +11,8 @@ from collections.abc import Sequence
 
 NONE = "–"  # noqa: RUF001 - an en dash stands for a number that does not exist
 """Shown where there is no number."""
+SILENT = "silent"
+"""Shown where neither side spikes: there is no share of equal spikes."""
 _ENERGY_UNITS = ("pJ", "nJ", "µJ", "mJ", "J")
 _TIME_UNITS = ("ns", "µs", "ms", "s")
 _SIZE_UNITS = ("B", "kB", "MB", "GB")
@@ -56,6 +58,11 @@ def share(value: float) -> str:
         end = 10.0**-_MOST_DECIMALS
         return f"> {100 - end:.{_MOST_DECIMALS}f} %" if percent > 50 else f"< {end:.{_MOST_DECIMALS}f} %"
     return f"{percent:.{decimals}f} %"
+
+
+def agreed(value: float | None, unknown: str = SILENT) -> str:
+    """Return a share of what was compared; where nothing was, the word for it."""
+    return unknown if value is None else share(value)
 
 
 def short(value: float) -> str:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from locsnn_compile.report.format import SILENT
 
 ASSUMED = "What was assumed:"
 """Stands above the assumptions wherever they are shown."""
@@ -59,6 +62,13 @@ STAGES = {
 def stage_words(stage: str) -> str:
     """Return a stage of the error budget in words."""
     return STAGES.get(stage, stage)
+
+
+def no_spikes(match: Mapping[str, Any], population: str) -> str:
+    """Return what stands for the equal spikes of a population that has none."""
+    readout = match["readout"]
+    by_potential = readout["by"] == "potentials" and population in readout["populations"]
+    return "read by potential" if by_potential else SILENT
 
 
 def words(key: str) -> str:

@@ -132,6 +132,8 @@ def _growth(row: Row, drift: Drift, fades: bool) -> list[str]:
             f"nothing fades, so rounding adds up: {short(drift.error[-1])} thresholds in {drift.steps:,} steps"
         )
     first, last = row.measured.spikes.agreement, drift.spikes[-1].agreement
-    if last < first - LESS:
-        found.append(f"spikes drift apart: {share(first)} are equal in the beginning, {share(last)} in the last tenth")
+    # Where no side spikes in the beginning, nothing differs there.
+    if last is not None and last < (1.0 if first is None else first) - LESS:
+        equal = f"{share(first)} are equal" if first is not None else "there are none"
+        found.append(f"spikes drift apart: {equal} in the beginning, {share(last)} in the last tenth")
     return found

@@ -9,7 +9,7 @@ from pathlib import Path
 import hw_model as hw
 from hw_model.io.files import replace_file
 from locsnn_compile.errors import InputError
-from locsnn_compile.report.format import count, plural, share, short
+from locsnn_compile.report.format import agreed, count, plural, short
 from locsnn_compile.report.renderers.markdown import text
 from locsnn_compile.stress.cases import LEADS
 from locsnn_compile.stress.plots import pictures
@@ -100,7 +100,7 @@ def _figures(m: Measured) -> list[str]:
     spikes = m.spikes
     return [
         f"{count(spikes.reference_spikes)}, {count(spikes.chip_spikes)}",
-        share(spikes.agreement) if spikes.reference_spikes + spikes.chip_spikes else _NONE,
+        agreed(spikes.agreement, _NONE),
         f"{count(m.otherwise)} of {count(m.decisions)}",
         _thresholds(m.error),
         _thresholds(m.bound),
@@ -122,7 +122,7 @@ def _long_table(rows: Sequence[tuple[Row, Drift]]) -> str:
             [_NONE] * 3 if drift.error is None else [short(e) for e in (drift.error[0], drift.error[-1], drift.bound)]
         )
         cells = [text(row.case.name), row.case.strategy, count(drift.steps), ", ".join(count(n) for n in both)]
-        cells += [share(drift.spikes[i].agreement) if any(both) else _NONE for i in (0, -1)]
+        cells += [agreed(drift.spikes[i].agreement, _NONE) for i in (0, -1)]
         lines.append(_line([*cells, *errors]))
     return "\n".join(lines)
 

@@ -111,16 +111,16 @@ def take_excerpt(levels: Levels, recordings: ByteArray, first: Divergence | None
         all_steps=all_steps,
         inputs=tuple(_cut_input(item, steps[item.axis]) for item in inputs),
         populations=tuple(_cut_population(item, steps[item.axis]) for item in rows),
-        populations_left_out=len(network.populations) - len(shown),
+        populations_left_out=len(network.own_populations) - len(shown),
         potential=_potential(levels, one, wanted, found, first),
     )
 
 
 def _populations(network: Network, first: Divergence | None) -> list[Population]:
     """Return the populations to keep, in network order."""
-    ranked = sorted(network.populations, key=lambda p: first is not None and p.name != first.population)
+    ranked = sorted(network.own_populations, key=lambda p: first is not None and p.name != first.population)
     kept = {p.name for p in ranked[:POPULATIONS]}
-    return [p for p in network.populations if p.name in kept]
+    return [p for p in network.own_populations if p.name in kept]
 
 
 def _input(view: InputView, spikes: ByteArray) -> InputSpikes:

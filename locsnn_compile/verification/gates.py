@@ -14,9 +14,11 @@ Report = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Gate:
-    """An option's bound and what was measured; ``found`` is a line without its end."""
+    """An option's bound and what was measured, None where nothing was compared; ``found`` is a line without its end."""
 
     option: str
+    bound: float
+    measured: float | None
     holds: bool
     found: str
 
@@ -24,17 +26,33 @@ class Gate:
 @dataclass(frozen=True)
 class _Rule:
     option: str
-    measure: Callable[[Report], float]
+    measure: Callable[[Report], float | None]
     text: str
     """What was measured; ``{}`` is the value."""
     at_least: bool = False
+    unknown: str = "it was not measured"
+    """Why there is no value."""
+
+
+def _spike_error(report: Report) -> float | None:
+    agreement: float | None = report["match"]["spike_agreement"]
+    return None if agreement is None else 1 - agreement
 
 
 _RULES = (
     _Rule(
-        "--min-agreement", lambda r: r["match"]["prediction_agreement"], "prediction agreement is {:.4f}", at_least=True
+        "--min-agreement",
+        lambda r: r["match"]["prediction_agreement"],
+        "prediction agreement is {:.4f}",
+        at_least=True,
+        unknown="no prediction was compared, as all class scores tie in every recording",
     ),
-    _Rule("--max-spike-error", lambda r: 1 - r["match"]["spike_agreement"], "{:.4f} of the spikes differ"),
+    _Rule(
+        "--max-spike-error",
+        _spike_error,
+        "{:.4f} of the spikes differ",
+        unknown="no spike was compared, as no neuron spiked",
+    ),
     _Rule("--max-energy-nj", lambda r: r["energy"]["per_sample_pj"] / 1000, "a recording takes {:.1f} nJ"),
     _Rule("--max-latency-us", lambda r: r["latency"]["per_sample_ns"] / 1000, "a recording takes {:.1f} µs"),
     _Rule("--max-cores", lambda r: r["resources"]["cores"], "{} cores are used"),
@@ -43,15 +61,23 @@ GATES = tuple(rule.option for rule in _RULES)
 
 
 def check_gates(report: Report, bounds: Mapping[str, float]) -> tuple[Gate, ...]:
-    """Return a gate for each bound by option, in the order of :data:`GATES`."""
-    gates = []
-    for rule in _RULES:
-        if rule.option in bounds:
-            value, bound = rule.measure(report), bounds[rule.option]
-            holds = value >= bound if rule.at_least else value <= bound
-            side = ("not below" if holds else "below") if rule.at_least else ("not above" if holds else "above")
-            gates.append(Gate(rule.option, holds, f"{rule.text.format(value)}, {side} {bound:g}"))
-    return tuple(gates)
+    """Return a gate for each bound by option, in the order of :data:`GATES`; one on what was not measured fails."""
+    return tuple(_gate(rule, rule.measure(report), bounds[rule.option]) for rule in _RULES if rule.option in bounds)
+
+
+def _gate(rule: _Rule, value: float | None, bound: float) -> Gate:
+    if value is None:
+        return Gate(rule.option, bound, None, False, rule.unknown)
+    holds = value >= bound if rule.at_least else value <= bound
+    side = ("not below" if holds else "below") if rule.at_least else ("not above" if holds else "above")
+    return Gate(rule.option, bound, value, holds, f"{rule.text.format(value)}, {side} {bound:g}")
+
+
+def gates_entry(gates: Sequence[Gate]) -> list[dict[str, Any]]:
+    """Return ``gates`` of report.json."""
+    return [
+        {"name": gate.option, "bound": gate.bound, "measured": gate.measured, "passed": gate.holds} for gate in gates
+    ]
 
 
 def junit_file(gates: Sequence[Gate], build: str) -> bytes:

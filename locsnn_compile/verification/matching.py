@@ -20,7 +20,7 @@ from locsnn_compile.errors import InputError
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.quantized import QuantizedNetwork
 from locsnn_compile.network.recordings import fit_recordings
-from locsnn_compile.reference.evaluate import evaluate
+from locsnn_compile.reference.evaluate import decided, evaluate
 
 CHUNK = 16
 """Recordings held at a time: memory does not grow with their number."""
@@ -43,10 +43,10 @@ class PopulationMatch:
         return self.reference_spikes + self.chip_spikes - 2 * self.common_spikes
 
     @property
-    def agreement(self) -> float:
-        """``2 * common / (reference + chip)``; 1 where neither side spikes."""
+    def agreement(self) -> float | None:
+        """``2 * common / (reference + chip)``; None where neither side spikes: nothing was compared."""
         both = self.reference_spikes + self.chip_spikes
-        return 2 * self.common_spikes / both if both else 1.0
+        return 2 * self.common_spikes / both if both else None
 
     @classmethod
     def of(cls, reference: ByteArray, chip: ByteArray) -> PopulationMatch:
@@ -78,7 +78,9 @@ class Divergence:
 class Match:
     """How a program compares with the network it came from, over ``samples`` recordings.
 
-    ``reference_prediction`` and ``chip_prediction`` are classes (samples,), ``labels`` likewise or None. ``counts``
+    ``reference_prediction`` and ``chip_prediction`` are classes (samples,), -1 where all scores tie: nothing was
+    predicted; ``labels`` likewise or None. ``helpers`` are the populations that a frontend made up, which count for
+    nothing else. ``counts``
     holds the chip's counts of every recording, ``latencies`` their times under the default profile, and
     ``latency_range_ns`` the least and most of their mean where the profile has ranges; ``usage`` says by phase what
     they did step by step, ``additions`` the reference's operations by axis over all recordings.
@@ -90,6 +92,7 @@ class Match:
     chip_prediction: npt.NDArray[np.int64]
     labels: npt.NDArray[np.int64] | None
     by_population: dict[str, PopulationMatch]
+    helpers: dict[str, PopulationMatch]
     first_divergence: Divergence | None
     counts: tuple[Counts, ...]
     counts_by_phase: dict[str, Counts]
@@ -105,13 +108,20 @@ class Match:
         return sum(self.by_population.values(), start=PopulationMatch())
 
     @property
-    def prediction_agreement(self) -> float:
-        """Share of recordings for which both predict the same class."""
-        return float((self.reference_prediction == self.chip_prediction).mean())
+    def tied_predictions(self) -> int:
+        """Recordings for which neither side predicts a class."""
+        return int((np.maximum(self.reference_prediction, self.chip_prediction) < 0).sum())
+
+    @property
+    def prediction_agreement(self) -> float | None:
+        """Share of the recordings that a side predicts for which both predict the same class; None without any."""
+        same = int((self.reference_prediction == self.chip_prediction).sum()) - self.tied_predictions
+        predicted = self.samples - self.tied_predictions
+        return same / predicted if predicted else None
 
     @property
     def accuracy(self) -> dict[str, float] | None:
-        """Share of recordings predicted right, by the reference and by the chip; None without labels."""
+        """Share of recordings predicted right, by the reference and by the chip, a tie being wrong; None unlabelled."""
         if self.labels is None:
             return None
         return {
@@ -133,7 +143,8 @@ def compare(
     network = quantized.network
     recordings = fit_recordings(network, recordings, source)
     _check_labels(network, labels, len(recordings), source)
-    by_population = {p.name: PopulationMatch() for p in network.populations}
+    matches = {p.name: PopulationMatch() for p in network.populations}
+    helpers = {p.name for p in network.populations if p.helper}
     predictions: list[tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]] = []
     counts: list[Counts] = []
     by_phase: dict[str, Counts] = {phase.name: Counts() for phase in program.phases}
@@ -145,11 +156,12 @@ def compare(
         chunk = recordings[start : start + CHUNK]
         wanted = evaluate(network, chunk, registers=program.chip.registers)
         found = hw.simulate(program, chunk, probe=("spikes", "activity"))
-        for name in by_population:
-            by_population[name] += PopulationMatch.of(wanted.spikes[name], found.spikes[name])
+        assert found.scores is not None  # a network has a readout
+        for name in matches:
+            matches[name] += PopulationMatch.of(wanted.spikes[name], found.spikes[name])
         if first is None:
             first = _first_difference(network, wanted.spikes, found.spikes, start)
-        predictions.append((wanted.prediction, found.prediction))
+        predictions.append((decided(wanted.scores), decided(found.scores)))
         counts += found.per_recording
         for phase, added in found.counts_by_phase.items():
             by_phase[phase] += added
@@ -169,7 +181,8 @@ def compare(
         reference_prediction=reference,
         chip_prediction=chip,
         labels=labels,
-        by_population=by_population,
+        by_population={name: found for name, found in matches.items() if name not in helpers},
+        helpers={name: found for name, found in matches.items() if name in helpers},
         first_divergence=None if first is None else _explain(quantized, program, recordings, *first),
         counts=tuple(counts),
         counts_by_phase=by_phase,
@@ -236,7 +249,7 @@ def _first_difference(
 ) -> tuple[int, str, int, int] | None:
     """Return (recording, population, neuron, step): first recording, first axis, earliest step, network order."""
     rows = []
-    for rank, population in enumerate(network.populations):
+    for rank, population in enumerate(network.own_populations):
         differs = np.argwhere(wanted[population.name] != found[population.name])
         if len(differs):
             recording, step, neuron = (int(i) for i in differs[0])
@@ -244,7 +257,7 @@ def _first_difference(
     if not rows:
         return None
     recording, _, step, rank, neuron = min(rows)
-    return start + recording, network.populations[rank].name, neuron, step
+    return start + recording, network.own_populations[rank].name, neuron, step
 
 
 def _explain(

@@ -18,6 +18,7 @@ from hw_model.streaming.session import check_psi, location_share
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.network import Network
 from locsnn_compile.pipeline import Levels
+from locsnn_compile.reference.evaluate import decided
 from locsnn_compile.verification.diagnosis import spread_sample
 from locsnn_compile.verification.matching import Progress
 
@@ -39,7 +40,8 @@ class OverTime:
 
     ``right[prediction]`` (steps,): the share of recordings for which a prediction is right after each step: that of
     each axis alone, of both together, and time-weighted by ``psi`` (Kang et al. 2022). Without labels right is what is
-    predicted after the last step, ``labelled`` is False. ``proven`` is where each recording could stop.
+    predicted after the last step, ``labelled`` is False. Where all scores tie nothing is predicted: no label is right,
+    and a recording that ends so without one is left out. ``proven`` is where each recording could stop.
     """
 
     recordings: tuple[int, ...]
@@ -88,13 +90,16 @@ def over_time(levels: Levels, recordings: ByteArray, labels: IntArray | None, ps
     chosen = spread_sample(levels.network, len(recordings), min(SAMPLE, many))
     played = recordings[list(chosen)]
     scores = _scores(program, played, psi)
-    wanted = scores[TOGETHER][:, -1].argmax(axis=1) if labels is None else labels[list(chosen)]
+    wanted = decided(scores[TOGETHER][:, -1]) if labels is None else labels[list(chosen)]
+    known = np.full(len(wanted), labels is not None) | (wanted >= 0)
+    if not known.any():
+        return LeftOut("all class scores tie after the last step of every recording")
     return OverTime(
         recordings=chosen,
         available=len(recordings),
         labelled=labels is not None,
         psi=psi,
-        right={name: (found.argmax(axis=2) == wanted[:, None]).mean(axis=0) for name, found in scores.items()},
+        right={name: (decided(found) == wanted[:, None])[known].mean(axis=0) for name, found in scores.items()},
         proven=hw.stop_when_proven(program, played),
     )
 

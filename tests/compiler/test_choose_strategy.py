@@ -8,10 +8,11 @@ from networks import NEURON, hybrid, on_grid, recordings, single
 
 import hw_model as hw
 import locsnn_compile as lc
-from locsnn_compile.choose_strategy import SPIKE_TOLERANCE, ErrorBudget, choose_strategy
+from locsnn_compile.choose_strategy import choose_strategy
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError, TargetError
 from locsnn_compile.passes.quantize import quantize
+from locsnn_compile.verification.error_bounds import SPIKE_TOLERANCE, ErrorBudget
 
 CHIP = hw.chip("loihi-sim")
 PAIRED = "paired-dendrite"

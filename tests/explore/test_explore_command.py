@@ -12,6 +12,7 @@ import pytest
 from small_model import explore, explored, lasting, narrow
 
 import hw_model as hw
+import locsnn_compile as lc
 from hw_model.simulation import ENGINES
 from locsnn_compile.cli import explore as explore_cli
 from locsnn_compile.cli.compile import main as compile_main
@@ -63,7 +64,44 @@ def test_recommended_is_one_of_the_front(small):
     assert taken[0] in front
     assert found["recommended"]["setting"] == taken[0]["setting"]
     assert found["recommended"]["command"] == taken[0]["command"]
-    assert found["recommended"]["why"].startswith("the knee of the front: ")
+    assert " on the front within what auto keeps by default, --min-agreement " in found["recommended"]["why"]
+
+
+@pytest.mark.parametrize("strategies", [("dendrite", "reset"), ("reset",)], ids=["on the grid", "not on the grid"])
+def test_bounds_by_default_are_those_of_auto(model, events, tmp_path, strategies, capsys):
+    """What ``auto`` starts from is measured where the grid has it not."""
+    options = (*narrow(*strategies, bits=(1,)), "--engines", "-o", tmp_path / "out")
+    assert explore(model, "--events", events, *options, "--quiet") == 0
+    found = explored(tmp_path / "out")
+    compiled = lc.compile(lc.load(model), calibration=events, events=events, diagnosis=False)
+    bounds = {name: compiled.report["strategy_choice"][name] for name in ("min_agreement", "max_spike_error")}
+    assert {name: found["recommended"][name] for name in bounds} == bounds
+    assert settings_of(found) == [(strategy, 1) for strategy in strategies]
+    assert found["recommended"]["setting"] is found["recommended"]["command"] is None
+    assert found["recommended"]["why"].startswith("no setting keeps what auto keeps by default, --min-agreement ")
+    assert capsys.readouterr() == ("", "")
+
+
+def test_nothing_is_recommended_where_no_neuron_spikes(model, tmp_path, capsys):
+    silence = tmp_path / "silence.npz"
+    np.savez(silence, spikes=np.zeros((2, 78, 40), dtype=np.uint8))
+    assert explore(model, "--events", silence, *narrow("dendrite", "reset"), "-o", tmp_path / "out") == 0
+    found = explored(tmp_path / "out")
+    for row in found["points"]:
+        agreements = {name: row["figures"][name] for name in ("spike_agreement", "prediction_agreement", "spike_error")}
+        assert agreements == {"spike_agreement": None, "prediction_agreement": None, "spike_error": None}
+    why = "nothing was compared: no neuron spikes on these recordings, and all class scores tie"
+    assert (found["recommended"]["setting"], found["recommended"]["why"]) == (None, why)
+    lines = capsys.readouterr().out.splitlines()
+    assert f"Recommended: none, {why}." in lines
+    assert sum({"silent", "all", "tie"} <= set(line.split()) for line in lines) == 2
+    with (tmp_path / "out/explore.csv").open() as file:
+        assert {row["spike_error"] for row in csv.DictReader(file)} == {""}
+    gated = ("--max-spike-error", 1, "-o", tmp_path / "gated", "--quiet")
+    assert explore(model, "--events", silence, *narrow("reset"), *gated) == 3
+    assert capsys.readouterr().err == (
+        "gate failed: no setting keeps --max-spike-error 1; no neuron spikes on these recordings.\n"
+    )
 
 
 def test_the_table_of_the_csv_has_the_figures_of_the_json(small):

@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from small_model import figures, point
 
-from locsnn_compile.choose_strategy import ErrorBudget
 from locsnn_compile.explore.front import on_front
 from locsnn_compile.explore.recommend import recommend
+from locsnn_compile.verification.error_bounds import SPIKE_TOLERANCE, ErrorBudget, default_budget
 
 FEW = st.sampled_from([0.25, 0.5, 0.75, 1.0])
 FOUND = st.builds(figures, spikes=FEW, predictions=FEW, energy=FEW, time=FEW)
@@ -46,11 +46,10 @@ def test_nothing_off_the_front_is_recommended(found, agreement, error):
         if (agreement is None or one.prediction_agreement >= agreement) and (error is None or one.spike_error <= error)
     ]
     if taken is None:
-        assert not within
+        assert not within or (agreement, error) == (None, None)
         return
     assert front[next(i for i, one in enumerate(points) if one is taken)]
-    if (agreement, error) != (None, None):
-        assert taken.figures.energy_pj == min(one.energy_pj for one in within)
+    assert taken.figures.energy_pj == min(one.energy_pj for one in within)
 
 
 TABLE = [
@@ -65,14 +64,47 @@ TABLE = [
 @pytest.mark.parametrize(
     ("budget", "taken", "why"),
     [
-        (NO_BUDGET, "delay-line, 8-bit", "the knee of the front: of its settings that change at most 1 % more of the predictions than the best, the one with the smallest sum of squares of spike error, changed predictions, energy and chip time, each from 0, the best of these settings, to 1, the worst"),
+        (NO_BUDGET, "none", "nothing was compared: no neuron spikes on these recordings, and all class scores tie"),
         (ErrorBudget(max_spike_error=0.2), "delay-line, 8-bit", "the least energy, 7.00 µJ and 1.10 ms a recording, of 2 settings on the front within --max-spike-error 0.2"),
         (ErrorBudget(min_agreement=1.0), "dendrite, 8-bit", "the least energy, 12.0 µJ and 2.00 ms a recording, of 1 setting on the front within --min-agreement 1"),
         (ErrorBudget(0.0, 1.0), "reset, 1-bit", "the least energy, 1.00 µJ and 100 µs a recording, of 4 settings on the front within --min-agreement 0 and --max-spike-error 1"),
         (ErrorBudget(max_spike_error=0.05), "none", "no setting keeps --max-spike-error 0.05; the least spike error is 10.0 %, with 0 % of the predictions changed, by dendrite, 8-bit"),
     ],
-    ids=["knee", "spikes", "predictions", "both", "none keeps it"],
+    ids=["nothing compared", "spikes", "predictions", "both", "none keeps it"],
 )  # fmt: skip
 def test_what_is_recommended_and_why(budget, taken, why):
     found = recommend([point(name, bits, one) for name, bits, one in TABLE], budget)
     assert (str(found.taken.setting) if found.taken else "none", found.why) == (taken, why)
+
+
+def test_what_auto_keeps_is_said():
+    points = [point(name, bits, one) for name, bits, one in TABLE]
+    found = recommend(points, ErrorBudget(1.0, 0.11), by_default=True)
+    assert str(found.taken.setting) == "dendrite, 8-bit"
+    assert found.why == (
+        "the least energy, 12.0 µJ and 2.00 ms a recording, of 1 setting on the front within what auto keeps by "
+        "default, --min-agreement 1 and --max-spike-error 0.11"
+    )
+
+
+def test_a_bound_on_what_was_not_compared_is_not_kept():
+    silent = [point("dendrite", 8, figures(spikes=None, predictions=None)), point("reset", 8, figures(spikes=None))]
+    assert on_front([one.figures for one in silent]) == [True, True]
+    found = recommend(silent, ErrorBudget(min_agreement=0.0, max_spike_error=1.0))
+    assert found.taken is None
+    assert found.why == (
+        "no setting keeps --min-agreement 0 and --max-spike-error 1; no neuron spikes on these recordings"
+    )
+
+
+@pytest.mark.parametrize(
+    ("first", "budget"),
+    [
+        (figures(spikes=0.75, predictions=0.5), ErrorBudget(0.5, 0.25 + SPIKE_TOLERANCE)),
+        (figures(spikes=0.75, predictions=None), ErrorBudget(None, 0.25 + SPIKE_TOLERANCE)),
+        (figures(spikes=None, predictions=None), ErrorBudget()),
+    ],
+    ids=["both", "ties", "silence"],
+)
+def test_bounds_by_default(first, budget):
+    assert default_budget(first) == budget

@@ -8,6 +8,15 @@ from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import Paragraph, Table
 from locsnn_compile.report.sections.verdict import against, costs, fits, matches, notices, pace
 
+POPULATIONS = ["time_output", "location_output"]
+SILENT = {
+    "prediction_agreement": None,
+    "tied_predictions": 20,
+    "readout": {"populations": POPULATIONS, "by": "spikes", "silent": True},
+}
+LOUD = {"readout": {"populations": POPULATIONS, "by": "spikes", "silent": False}}
+BY_POTENTIALS = {"readout": {"populations": POPULATIONS, "by": "potentials", "silent": True}}
+
 
 @pytest.mark.parametrize(
     ("changes", "status", "answer"),
@@ -17,17 +26,63 @@ from locsnn_compile.report.sections.verdict import against, costs, fits, matches
         pytest.param({"prediction_agreement": 0.95}, "nearly", "Nearly", id="nearly"),
         pytest.param({"prediction_agreement": 0.9}, "no", "No", id="no"),
         pytest.param(
-            {"prediction_agreement": 1.0, "spike_mismatches": 0, "reference_spikes": 0, "chip_spikes": 0},
-            "unknown",
-            "Not known",
-            id="silence-proves-nothing",
+            {**SILENT, "spike_agreement": None, "spike_mismatches": 0}, "unknown", "Not known", id="no-spike-at-all"
         ),
+        pytest.param({**SILENT, "spike_mismatches": 0}, "unknown", "Not known", id="silent-outputs"),
+        pytest.param(SILENT | LOUD, "unknown", "Not known", id="ties-and-other-spikes"),
+        pytest.param(
+            SILENT | LOUD | {"spike_mismatches": 0}, "yes", "Yes, spike for spike", id="ties-and-equal-spikes"
+        ),
+        pytest.param(SILENT | BY_POTENTIALS, "unknown", "Not known", id="equal-potentials"),
+        pytest.param(
+            {"spike_agreement": None, "spike_mismatches": 0, "prediction_agreement": 1.0},
+            "yes",
+            "Yes, in every prediction",
+            id="potentials-alone",
+        ),
+        pytest.param({"spike_mismatches": 0, "prediction_agreement": 0.5}, "no", "No", id="potentials-that-differ"),
     ],
 )
 def test_match(document: dict[str, Any], changes: dict[str, Any], status: str, answer: str) -> None:
     document["match"] |= changes
     verdict = matches(document)
     assert (verdict.status, verdict.answer) == (status, answer)
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        pytest.param(
+            {**SILENT, "spike_agreement": None},
+            "No neuron spiked, in the float network or on the chip: nothing was compared.",
+            id="no-spike-at-all",
+        ),
+        pytest.param(
+            SILENT,
+            "No output neuron spiked, in the float network or on the chip: no prediction was compared.",
+            id="silent-outputs",
+        ),
+        pytest.param(
+            SILENT | BY_POTENTIALS,
+            "No class score is above another, in the float network or on the chip: no prediction was compared.",
+            id="equal-potentials",
+        ),
+        pytest.param(
+            SILENT | LOUD | {"spike_mismatches": 0}, "Every class score ties, and every spike is equal.", id="ties"
+        ),
+        pytest.param(
+            {"tied_predictions": 10, "prediction_agreement": 0.9},
+            "The chip predicts the same class as the float network in 9 of 10 recordings; 10 more are not predicted, as "
+            "all class scores tie on both sides.",
+            id="some-ties",
+        ),
+    ],
+)
+def test_what_was_not_compared_is_said(document: dict[str, Any], changes: dict[str, Any], sentence: str) -> None:
+    document["match"] |= changes
+    verdict = matches(document)
+    assert verdict.sentence == sentence
+    assert "100 %" not in verdict.figure
 
 
 @pytest.mark.parametrize(

@@ -83,10 +83,11 @@ def network_of_nir(
         projections += _onto(found, stated, depth[found]).projections(found)
     sources = {projection.source for projection in projections}
     if BIAS in sources:
-        populations.append(Population(BIAS, "time", 1, Cuba.of(1, decay_v=1.0, threshold=1.0, bias=2.0)))
+        populations.append(Population(BIAS, "time", 1, Cuba.of(1, decay_v=1.0, threshold=1.0, bias=2.0), helper=True))
     if START in sources:
         # Its own spike inhibits it, and that current never decays.
-        populations.append(Population(START, "time", 1, Cuba.of(1, decay_u=0.0, decay_v=1.0, threshold=1.0, bias=2.0)))
+        once = Cuba.of(1, decay_u=0.0, decay_v=1.0, threshold=1.0, bias=2.0)
+        populations.append(Population(START, "time", 1, once, helper=True))
         projections.append(Projection(START, START, matrix(np.array([[-8.0]]), np.float64)))
     outputs = _outputs(flat, where)
     channels = view.lines

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
@@ -22,7 +23,7 @@ from locsnn_compile.report.figures.latency import latency_entry
 from locsnn_compile.report.sections.over_time import over_time_entry
 from locsnn_compile.verification.diagnosis import Diagnosis
 from locsnn_compile.verification.grounds import Grounds
-from locsnn_compile.verification.matching import Match
+from locsnn_compile.verification.matching import Match, PopulationMatch
 from locsnn_compile.verification.over_time import LeftOut, OverTime
 
 SCHEMA = "locsnn-report/1"
@@ -56,7 +57,9 @@ def report_document(
             "reference": _arithmetic(levels.network),
             "events_origin": grounds.events_origin,
             **_match(match, counts, None if diagnosis is None else cause_entry(diagnosis.cause)),
+            "readout": _readout(network, match),
         },
+        "gates": [],
         "accuracy": match.accuracy,
         "operations": {
             "per_sample": _per_sample(counts, match.samples),
@@ -109,15 +112,9 @@ def _match(match: Match, counts: Counts, cause: Document | None) -> Document:
         "spike_mismatches": match.spikes.mismatches,
         "reference_spikes": match.spikes.reference_spikes,
         "chip_spikes": match.spikes.chip_spikes,
-        "by_population": {
-            name: {
-                "spike_agreement": found.agreement,
-                "spike_mismatches": found.mismatches,
-                "reference_spikes": found.reference_spikes,
-                "chip_spikes": found.chip_spikes,
-            }
-            for name, found in match.by_population.items()
-        },
+        "tied_predictions": match.tied_predictions,
+        "by_population": _by_population(match.by_population),
+        "helper_neurons": _by_population(match.helpers),
         "first_divergence": None
         if first is None
         else {
@@ -134,6 +131,27 @@ def _match(match: Match, counts: Counts, cause: Document | None) -> Document:
         "clips": counts.clips,
         "wraps_and_clips_by_population": match.wraps_and_clips,
     }
+
+
+def _by_population(matches: Mapping[str, PopulationMatch]) -> Document:
+    return {
+        name: {
+            "spike_agreement": found.agreement,
+            "spike_mismatches": found.mismatches,
+            "reference_spikes": found.reference_spikes,
+            "chip_spikes": found.chip_spikes,
+        }
+        for name, found in matches.items()
+    }
+
+
+def _readout(network: Network, match: Match) -> Document:
+    """What predicts: spikes or potentials of these populations; silent where neither side has any to predict by."""
+    populations = list(network.readout.populations)
+    by_spikes = network.readout.potentials_from is None
+    spiked = any(match.by_population[name].agreement is not None for name in populations)
+    silent = not spiked if by_spikes else match.tied_predictions == match.samples
+    return {"populations": populations, "by": "spikes" if by_spikes else "potentials", "silent": silent}
 
 
 def _per_sample(counts: Counts, samples: int) -> dict[str, float]:

@@ -12,7 +12,7 @@ from locsnn_compile.report.compose import subtitle
 from locsnn_compile.report.content import Document, Verdict
 from locsnn_compile.report.format import plain, share
 from locsnn_compile.report.sections.verdict import costs, fits, matches, notices
-from locsnn_compile.report.words import ASSUMED
+from locsnn_compile.report.words import ASSUMED, no_spikes
 
 _SIGNS = {"yes": "✓", "nearly": "≈", "no": "✗", "unknown": "?", "modelled": "~"}
 _STYLES = {"yes": "bold green", "nearly": "bold yellow", "no": "bold red", "unknown": "bold", "modelled": "bold"}
@@ -57,10 +57,12 @@ def _verdict(console: Console, verdict: Verdict) -> None:
 
 
 def _populations(console: Console, document: Document) -> None:
-    found = document["match"]["by_population"]
+    match = document["match"]
+    found = match["by_population"]
     for name in list(found)[:_SHOWN_POPULATIONS]:
         value = found[name]["spike_agreement"]
-        _row(console, _short(name, _LABEL - 1), f"{_drawn(value)} {share(value)}")
+        shown = no_spikes(match, name) if value is None else f"{_drawn(value)} {share(value)}"
+        _row(console, _short(name, _LABEL - 1), shown)
     if len(found) > _SHOWN_POPULATIONS:
         _row(console, "...", f"and {len(found) - _SHOWN_POPULATIONS} more populations in the report")
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from locsnn_compile.report.content import Bar, Block, Curve, Document, Fact, Facts, Paragraph, Plot, Section, Table
-from locsnn_compile.report.format import NONE, any_value, count, plural, share, short
+from locsnn_compile.report.format import NONE, SILENT, agreed, any_value, count, plural, share, short
 from locsnn_compile.report.words import STAGES, listed, stage_words
 
 _DRAWN = 8
@@ -94,7 +94,7 @@ def _checked(budget: Document) -> str:
 
 def _stages(budget: Document) -> Table:
     rows = [
-        _stage_row(stage_words(stage), alone, share(budget["all_but"][stage]["spike_agreement"]))
+        _stage_row(stage_words(stage), alone, agreed(budget["all_but"][stage]["spike_agreement"]))
         for stage, alone in budget["alone"].items()
     ]
     rows.append(_stage_row("all together", budget["together"], NONE))
@@ -107,22 +107,27 @@ def _stages(budget: Document) -> Table:
 
 
 def _stage_row(name: str, found: Document, without: str) -> tuple[str | Bar, ...]:
-    equal = share(found["spike_agreement"])
     return (
         name,
-        Bar(found["spike_agreement"], f"{equal} of spikes equal"),
-        equal,
+        *equal_spikes(found["spike_agreement"]),
         count(found["spike_mismatches"]),
         count(found["predictions_changed"]),
         without,
     )
 
 
+def equal_spikes(agreement: float | None, none: str = SILENT) -> tuple[Bar, str]:
+    """Return the bar and the figure of equal spikes; an empty bar where neither side spikes."""
+    if agreement is None:
+        return Bar(0.0, f"{none}, no spikes to compare"), none
+    return Bar(agreement, f"{share(agreement)} of spikes equal"), share(agreement)
+
+
 def _by_population(budget: Document) -> Table:
     variants = {stage_words(stage): found for stage, found in budget["alone"].items()}
     variants["all together"] = budget["together"]
     rows = tuple(
-        (name, *(share(found["by_population"][name]["spike_agreement"]) for found in variants.values()))
+        (name, *(agreed(found["by_population"][name]["spike_agreement"]) for found in variants.values()))
         for name in budget["together"]["by_population"]
     )
     return Table("Spikes equal by population, each stage alone", ("population", *variants), rows)
@@ -131,9 +136,9 @@ def _by_population(budget: Document) -> Table:
 def _kernel_tail(tail: Document) -> str:
     return (
         "slayerPytorch cuts kernels where they fall below 0.01; this program has their tails in full. To cut them in "
-        f"the float network, and change nothing else, leaves {share(tail['spike_agreement'])} of its spikes equal and "
-        f"changes {plural(tail['predictions_changed'], 'prediction')}: a network that was trained with cut kernels "
-        "differs by so much before anything is rounded."
+        f"the float network, and change nothing else, leaves {agreed(tail['spike_agreement'], 'none')} of its spikes "
+        f"equal and changes {plural(tail['predictions_changed'], 'prediction')}: a network that was trained with cut "
+        "kernels differs by so much before anything is rounded."
     )
 
 

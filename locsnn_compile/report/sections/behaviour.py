@@ -6,8 +6,8 @@ import math
 
 from locsnn_compile.report.content import Bar, Block, Document, Paragraph, Section, Table
 from locsnn_compile.report.format import NONE, any_value, count, energy, plural, ratio, share, told_apart
-from locsnn_compile.report.sections.accuracy import cause
-from locsnn_compile.report.words import listed, words
+from locsnn_compile.report.sections.accuracy import cause, equal_spikes
+from locsnn_compile.report.words import listed, no_spikes, words
 
 _SCORE = 1.959964
 """Two-sided 95 % point of the normal distribution."""
@@ -21,6 +21,8 @@ def agreement(document: Document) -> Section:
     if why:
         blocks.append(Paragraph(why))
     blocks += [Paragraph(_interval(document)), _populations(document)]
+    if match["helper_neurons"]:
+        blocks.append(Paragraph(_helpers(match["helper_neurons"])))
     events = match["wraps_and_clips_by_population"]
     if any(n for counts in events.values() for n in counts.values()):
         blocks.append(_wraps_and_clips(document))
@@ -120,8 +122,7 @@ def _populations(document: Document) -> Table:
     rows = [
         (
             name,
-            Bar(found["spike_agreement"], f"{share(found['spike_agreement'])} of spikes equal"),
-            share(found["spike_agreement"]),
+            *equal_spikes(found["spike_agreement"], no_spikes(match, name)),
             count(found["reference_spikes"]),
             count(found["chip_spikes"]),
             count(found["spike_mismatches"]),
@@ -130,6 +131,15 @@ def _populations(document: Document) -> Table:
     ]
     columns = ("population", "", "spikes equal", "float spikes", "chip spikes", "only on one side")
     return Table(f"Spikes over {plural(match['samples'], 'recording')}", columns, tuple(rows), total=True)
+
+
+def _helpers(helpers: Document) -> str:
+    """Say which neurons are not among those compared."""
+    spikes = [
+        f"{name} ({count(found['reference_spikes'])} spikes in the network, {count(found['chip_spikes'])} on the chip)"
+        for name, found in helpers.items()
+    ]
+    return f"Not counted, as the model has no such neurons and the compiler needs them: {listed(spikes)}."
 
 
 def _wraps_and_clips(document: Document) -> Table:
@@ -148,6 +158,8 @@ def _wraps_and_clips(document: Document) -> Table:
 
 def _first_divergence(document: Document) -> str:
     first = document["match"]["first_divergence"]
+    if first is None and document["match"]["spike_agreement"] is None:
+        return "First difference: not known, as there is no spike on either side."
     if first is None:
         return "First difference: none, every spike is equal."
     reference, chip, threshold = first["reference_potential"], first["chip_potential"], first["threshold"]
@@ -167,7 +179,10 @@ def _first_divergence(document: Document) -> str:
 
 def _interval(document: Document) -> str:
     """Return the Wilson interval of the prediction agreement: few recordings prove little."""
-    n, p = document["match"]["samples"], document["match"]["prediction_agreement"]
+    match = document["match"]
+    n, p = match["samples"] - match["tied_predictions"], match["prediction_agreement"]
+    if p is None:
+        return "No prediction was compared: all class scores tie in every recording, on both sides."
     z2 = _SCORE * _SCORE
     centre = (p + z2 / (2 * n)) / (1 + z2 / n)
     half = _SCORE / (1 + z2 / n) * math.sqrt(p * (1 - p) / n + z2 / (4 * n * n))

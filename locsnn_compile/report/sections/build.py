@@ -135,8 +135,22 @@ def provenance(document: Document) -> Section:
         )
     notes.append("Where public sources on the chip are silent or disagree, the target's description decides.")
     lead = "Enough to make this report again; the same input gives the same bytes."
-    blocks = (Facts(facts), *choice_blocks(document), Bullets("To be read with these figures", tuple(notes)))
+    blocks = (
+        Facts(facts),
+        *_gates(document),
+        *choice_blocks(document),
+        Bullets("To be read with these figures", tuple(notes)),
+    )
     return Section("provenance", "Provenance", lead, blocks)
+
+
+def _gates(document: Document) -> tuple[Table, ...]:
+    """What the build had to keep; nothing where no bound was given."""
+    rows = [
+        (gate["name"], any_value(gate["bound"]), any_value(gate["measured"]), any_value(gate["passed"]))
+        for gate in document["gates"]
+    ]
+    return (Table("Gates", ("gate", "bound", "measured", "passed"), tuple(rows)),) if rows else ()
 
 
 def _by_core(document: Document) -> Table | Paragraph:

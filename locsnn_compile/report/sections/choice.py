@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.report.content import Block, Document, Table
-from locsnn_compile.report.format import count, energy, share
+from locsnn_compile.report.format import agreed, count, energy, share
 
 if TYPE_CHECKING:
-    from locsnn_compile.choose_strategy import Choice, Setting
+    from locsnn_compile.choose_strategy import Candidate, Choice, Setting
 
 
 def choice_document(choice: Choice | None) -> dict[str, Any] | None:
@@ -52,8 +52,8 @@ def choice_blocks(document: Document) -> tuple[Block, ...]:
             tuple(
                 (
                     setting_words(row),
-                    share(row["prediction_agreement"]),
-                    share(row["spike_error"]),
+                    agreed(row["prediction_agreement"], "all tie"),
+                    agreed(row["spike_error"]),
                     energy(row["energy_pj"]),
                     "yes" if row["within_budget"] else "no",
                 )
@@ -71,12 +71,23 @@ def unmet_budget(choice: Choice) -> str:
         for option, bound in (("--min-agreement", bounds.min_agreement), ("--max-spike-error", bounds.max_spike_error))
         if bound is not None
     ]
+    silent = best.spike_agreement is None or (bounds.min_agreement is not None and best.prediction_agreement is None)
+    fix = (
+        "Give --calibration recordings in which outputs spike."
+        if silent
+        else "Train for the chip with locsnn train --target, or allow more."
+    )
     setting = setting_words({"strategy": best.strategy, **_numbers(best.setting)})
     return (
         f"no setting keeps {' and '.join(asked)} on {count(choice.samples)} recordings of {choice.source}: the best of "
-        f"{len(choice.candidates)} is {setting}, with prediction agreement {best.prediction_agreement:.4f} and "
-        f"{best.spike_error:.4f} of the spikes different. Train for the chip with locsnn train --target, or allow more."
+        f"{len(choice.candidates)} is {setting}, with {_lost(best)}. {fix}"
     )
+
+
+def _lost(candidate: Candidate) -> str:
+    agreement, error = candidate.prediction_agreement, candidate.spike_error
+    predictions = "no prediction compared" if agreement is None else f"prediction agreement {agreement:.4f}"
+    return f"{predictions} and {'no spike compared' if error is None else f'{error:.4f} of the spikes different'}"
 
 
 def _numbers(setting: Setting) -> dict[str, Any]:
@@ -91,6 +102,8 @@ def setting_words(row: dict[str, Any], prefix: str = "") -> str:
 
 
 def _reason(choice: dict[str, Any]) -> str:
+    if choice["min_agreement"] is choice["max_spike_error"] is None:
+        return "the most exact one, as nothing was compared"
     if choice["kept"]:
         return "the cheapest within the error budget"
     return "the most accurate, as none is within the error budget"

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from locsnn_compile.errors import InputError
 from locsnn_compile.report.content import Bar, Document, Fact, Notice, Report, Section, Status, Table, Verdict
 from locsnn_compile.report.figures.flat import Figures, flatten
-from locsnn_compile.report.format import NONE, any_value, count, energy, plural, points, share, shortened, time
+from locsnn_compile.report.format import NONE, agreed, any_value, count, energy, plural, points, share, shortened, time
 from locsnn_compile.report.words import words
 
 MAX_ROWS = 150
@@ -28,21 +28,29 @@ class Build:
 
     def number(self, key: str) -> float:
         """Return a number of the report by its dotted key; without it the report is no use here."""
-        value: Any = self.report
-        for part in key.split("."):
-            value = value.get(part) if isinstance(value, dict) else None
+        value = self._value(key.split("."))
         if not _is_number(value):
             raise InputError(
                 f"build {self.name!r}", f"report.json has no number {key!r}", fix="Compile it again with this version."
             )
         return float(value)
 
+    def share(self, key: str) -> float | None:
+        """Return a share of what was compared; None where the report says that nothing was."""
+        *parts, last = key.split(".")
+        found = self._value(parts)
+        return None if isinstance(found, dict) and found.get(last, 0) is None else self.number(key)
+
     def text(self, *keys: str) -> str:
         """Return a text of the report; a dash where it is none."""
+        value = self._value(keys)
+        return value if isinstance(value, str) else NONE
+
+    def _value(self, keys: Sequence[str]) -> Any:
         value: Any = self.report
         for key in keys:
             value = value.get(key) if isinstance(value, dict) else None
-        return value if isinstance(value, str) else NONE
+        return value
 
 
 _LARGEST = 1e200
@@ -88,25 +96,37 @@ def _figures(build: Build) -> Figures:
 
 
 def _matches(before: Build, after: Build) -> Verdict:
-    key = "match.prediction_agreement"
-    a, b = before.number(key), after.number(key)
-    fewer = after.number("match.spike_agreement") < before.number("match.spike_agreement")
-    status: Status = "no" if b < a else "nearly" if fewer else "yes"
-    answer = "As before" if a == b else "Better" if b > a else "Less"
+    a, b = (build.share("match.prediction_agreement") for build in (before, after))
+    spikes = [build.share("match.spike_agreement") for build in (before, after)]
+    status, answer = _change_of_match(a, b, *spikes)
+    shown, shown_before = agreed(b, "none"), agreed(a, "none")
+    equal = [agreed(value) for value in spikes]
     return Verdict(
         question="Does it match as well?",
         status=status,
-        answer=f"{answer}, but fewer spikes are equal" if status == "nearly" else answer,
-        figure=share(b),
-        figure_label=f"same prediction; {share(a)} before",
-        sentence=f"The chip predicts the same class as the network in {share(b)} of the recordings, {share(a)} before.",
+        answer=answer,
+        figure=shown,
+        figure_label=f"same prediction; {shown_before} before",
+        sentence=f"The chip predicts the same class as the network in {shown} of recordings, {shown_before} before.",
         facts=(
             Fact("accuracy on the chip", _accuracy(before, after)),
-            Fact("equal spikes", _both(before, after, "match.spike_agreement", share)),
+            Fact("equal spikes", equal[1] if equal[0] == equal[1] else f"{equal[1]}; {equal[0]} before"),
             Fact("spikes on one side only", _both(before, after, "match.spike_mismatches", count)),
             Fact("wraps and clips", _both(before, after, "match.wraps", count, "match.clips")),
         ),
     )
+
+
+def _change_of_match(
+    a: float | None, b: float | None, spikes: float | None, spikes_after: float | None
+) -> tuple[Status, str]:
+    """Answer by the agreement of predictions and of spikes, before and after; not known where a build compared none."""
+    if a is None or b is None or (spikes is None) != (spikes_after is None):
+        return "unknown", "Not known"
+    answer = "As before" if a == b else "Better" if b > a else "Less"
+    if b >= a and spikes is not None and spikes_after is not None and spikes_after < spikes:
+        return "nearly", f"{answer}, but fewer spikes are equal"
+    return ("no" if b < a else "yes"), answer
 
 
 def _costs(before: Build, after: Build) -> Verdict:

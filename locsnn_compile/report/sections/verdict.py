@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from locsnn_compile.report.content import Document, Fact, Notice, Status, Verdict
-from locsnn_compile.report.format import count, energy, memory, plural, points, ratio, share, time
+from locsnn_compile.report.format import NONE, SILENT, agreed, count, energy, memory, plural, points, ratio, share, time
 from locsnn_compile.report.words import listed, stage_words, words
 
 _SIDES = {
@@ -13,43 +13,66 @@ _SIDES = {
 """What is compared with conventional networks, and whose it is."""
 NEARLY = 0.95
 """Prediction agreement from which a program is said to match nearly; below it, not."""
+SPIKE_FOR_SPIKE = "Yes, spike for spike"
 
 
 def matches(document: Document) -> Verdict:
     """Does the chip do what the network does?"""
     match = document["match"]
-    samples, agreement = match["samples"], match["prediction_agreement"]
-    same = round(agreement * samples)
-    in_all = f"in {count(same)} of {plural(samples, 'recording')}"
-    spikes = match["reference_spikes"] + match["chip_spikes"]
+    predicted, agreement = match["samples"] - match["tied_predictions"], match["prediction_agreement"]
     network = "the network in its own integers" if match["reference"] == "integers" else "the float network"
-    equal = f"The chip predicts the same class as {network} {in_all}"
-    status: Status
-    if not spikes:
-        status, answer = "unknown", "Not known"
-        sentence = f"No neuron spiked, in {network} or on the chip: nothing was compared."
-    elif match["spike_mismatches"] == 0:
-        status, answer, sentence = "yes", "Yes, spike for spike", f"{equal}, and every spike is equal."
-    elif agreement == 1:
-        status, answer, sentence = "yes", "Yes, in every prediction", f"{equal}."
-    elif agreement >= NEARLY:
-        status, answer, sentence = "nearly", "Nearly", f"{equal}."
-    else:
-        status, answer, sentence = "no", "No", f"{equal}."
+    same = f"in {count(round(agreement * predicted))} of {plural(predicted, 'recording')}" if predicted else ""
+    equal = f"The chip predicts the same class as {network} {same}" if predicted else "Every class score ties"
+    status, answer = _answer(match)
+    sentence = f"{equal}, and every spike is equal" if answer == SPIKE_FOR_SPIKE else equal
+    if status == "unknown":
+        sentence = f"{_not_compared(match)}, in {network} or on the chip: {_unproven(match)}"
+    elif predicted and match["tied_predictions"]:
+        sentence += (
+            f"; {count(match['tied_predictions'])} more are not predicted, as all class scores tie on both sides"
+        )
+    silent = SILENT if match["readout"]["silent"] else NONE
     return Verdict(
         question="Does it match?",
         status=status,
         answer=answer,
-        figure=share(agreement),
-        figure_label=f"same prediction, {in_all}",
-        sentence=sentence,
+        figure=agreed(agreement, silent),
+        figure_label=f"same prediction, {same}" if predicted else "no prediction to compare",
+        sentence=f"{sentence}.",
         facts=(
             Fact("accuracy", _accuracy(document)),
-            Fact("spikes", f"{share(match['spike_agreement'])} at the same neuron and step"),
+            Fact("spikes", _equal_spikes(match)),
             Fact("first difference", _first_difference(document)),
             Fact("registers", _registers(document)),
         ),
     )
+
+
+def _answer(match: Document) -> tuple[Status, str]:
+    """Return what was proven: nothing, where the readout is silent, or spikes differ that decide no class."""
+    agreement, exact = match["prediction_agreement"], match["spike_mismatches"] == 0
+    if match["readout"]["silent"] or (agreement is None and not exact):
+        return "unknown", "Not known"
+    if exact and match["spike_agreement"] is not None and agreement in (None, 1):
+        return "yes", SPIKE_FOR_SPIKE
+    if agreement == 1:
+        return "yes", "Yes, in every prediction"
+    return ("nearly", "Nearly") if agreement >= NEARLY else ("no", "No")
+
+
+def _not_compared(match: Document) -> str:
+    if not match["readout"]["silent"] or match["readout"]["by"] == "potentials":
+        return "No class score is above another"
+    return "No neuron spiked" if match["spike_agreement"] is None else "No output neuron spiked"
+
+
+def _unproven(match: Document) -> str:
+    return "nothing was compared" if match["spike_agreement"] is None else "no prediction was compared"
+
+
+def _equal_spikes(match: Document) -> str:
+    text = agreed(match["spike_agreement"], "none on either side")
+    return f"{text} at the same neuron and step" if match["spike_agreement"] is not None else text
 
 
 def costs(document: Document) -> Verdict:
@@ -163,7 +186,7 @@ def _accuracy(document: Document) -> str:
 def _first_difference(document: Document) -> str:
     first = document["match"]["first_divergence"]
     if first is None:
-        return "none, every spike is equal"
+        return "none, every spike is equal" if document["match"]["spike_agreement"] is not None else NONE
     place = f"{first['population']}, neuron {first['neuron']}, step {first['step']} of recording {first['recording']}"
     return f"{place}, by {stage_words(first['cause']['largest'])}" if first["cause"] else place
 

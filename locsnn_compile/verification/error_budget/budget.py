@@ -13,7 +13,7 @@ from hw_model.mapping.graph import Readout
 from locsnn_compile.network.network import Network, Neuron
 from locsnn_compile.network.neurons import FloatArray, SrmAlpha
 from locsnn_compile.pipeline import Levels
-from locsnn_compile.reference.evaluate import ReferenceResult, evaluate
+from locsnn_compile.reference.evaluate import ReferenceResult, decided, evaluate
 from locsnn_compile.verification.error_budget.stages import (
     STAGES,
     Phase,
@@ -112,7 +112,7 @@ class _Tally:
     ) -> None:
         self._network, self._readout = network, readout
         self._twins = [(phase, variant(phase)) for phase in phases]
-        self._by_population = {p.name: PopulationMatch() for p in network.populations}
+        self._by_population = {p.name: PopulationMatch() for p in network.own_populations}
         self._changed = 0
 
     def add(self, recordings: ByteArray, wanted: ReferenceResult) -> dict[str, ByteArray]:
@@ -128,7 +128,7 @@ class _Tally:
             potential |= trace.potential
         for name in self._by_population:
             self._by_population[name] += PopulationMatch.of(wanted.spikes[name], spikes[name])
-        self._changed += int((readout.scores(spikes, potential).argmax(axis=1) != wanted.prediction).sum())
+        self._changed += int((decided(readout.scores(spikes, potential)) != decided(wanted.scores)).sum())
         return spikes
 
     def result(self) -> Deviation:

@@ -1,0 +1,262 @@
+"""Networks of which little or nothing can be compared: what the report, the summary, the page and the gates say."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import nir
+import numpy as np
+import pytest
+
+import locsnn_compile as lc
+from locsnn_compile.api import CompiledModel
+from locsnn_compile.cli.compile import main
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.models.checkpoint import save_checkpoint
+from locsnn_compile.models.description import InputLayout, NetworkDescription
+from locsnn_compile.report.figures.document import report_document
+from locsnn_compile.report.renderers.markdown import render_markdown
+from locsnn_compile.report.sections.verdict import matches
+from locsnn_compile.verification.grounds import Grounds
+
+STEPS = 40
+GROUNDS = Grounds(0.02, "given", ())
+
+
+def checkpoint(path: Path, **weights: float) -> Path:
+    """A time branch of random weights; those of the populations named are all equal."""
+    described = NetworkDescription("tactile-snn", InputLayout(1, STEPS, 0.02), classes=3, hidden=6, name=path.stem)
+    r = np.random.default_rng(0)
+    drawn = {name: r.normal(0.5, 2.0, shape).astype(np.float32) for name, shape in described.weight_shapes.items()}
+    held = {name: np.full_like(array, weights.get(name, 0.0)) for name, array in drawn.items()}
+    save_checkpoint(path, described, {name: held[name] if name in weights else drawn[name] for name in drawn})
+    return path
+
+
+def graph_with_biases(
+    path: Path, threshold: float = 100.0, biases: tuple[float, ...] = (0.1, 0.1, 0.1), *, potentials: bool = False
+) -> Path:
+    """Two layers of LIF neurons whose thresholds nothing reaches; of the biases comes a neuron of the compiler's own.
+
+    With ``potentials`` the second layer never spikes, and what it has is read.
+    """
+
+    def neurons(size: int) -> nir.LIF:
+        numbers = {"tau": 0.01, "r": 1.0, "v_leak": 0.0, "v_threshold": threshold, "v_reset": 0.0}
+        return nir.LIF(**{name: np.full(size, value) for name, value in numbers.items()})
+
+    r = np.random.default_rng(0)
+    nodes = {
+        "input": nir.Input(np.array([10])),
+        "fc1": nir.Affine(r.normal(0, 0.5, (6, 10)), np.full(6, 0.3)),
+        "hidden": neurons(6),
+        "fc2": nir.Affine(r.normal(0, 0.5, (3, 6)), np.array(biases)),
+        "out": nir.LI(np.full(3, 0.01), np.ones(3), np.zeros(3)) if potentials else neurons(3),
+        "output": nir.Output(np.array([3])),
+    }
+    nir.write(path, nir.NIRGraph(nodes, list(itertools.pairwise(nodes)), type_check=False))
+    return path
+
+
+SILENT_PART = """\
+? Does it match? Not known. No neuron spiked, in the float network or on the
+  chip: nothing was compared.
+  accuracy          not known, the recordings are made up
+  spikes            none on either side
+  first difference  –
+  registers         0 wraps, 0 clips
+  {first:<17} silent
+  {second:<17} silent
+"""  # noqa: RUF001
+OUTPUTS_PART = """\
+? Does it match? Not known. No output neuron spiked, in the float network or on
+  the chip: no prediction was compared.
+  accuracy          not known, the recordings are made up
+  spikes            100 % at the same neuron and step
+  first difference  none, every spike is equal
+  registers         0 wraps, 518 clips (3.0 % of updates)
+  time_hidden       ████████████████████████ 100 %
+  time_output       silent
+"""
+SILENT_NETWORK = SILENT_PART.format(first="time_hidden", second="time_output")
+SILENT_GRAPH = SILENT_PART.format(first="hidden", second="out")
+TIES = "gate failed: --min-agreement: no prediction was compared, as all class scores tie in every recording.\n"
+SILENCE = "gate failed: --max-spike-error: no spike was compared, as no neuron spiked.\n"
+
+CASES = [
+    pytest.param(
+        lambda folder: checkpoint(folder / "silent.pt", time_hidden=-0.5, time_output=-0.5),
+        SILENT_NETWORK,
+        {"time_hidden": None, "time_output": None},
+        {},
+        TIES + SILENCE,
+        id="a silent network",
+    ),
+    pytest.param(
+        lambda folder: checkpoint(folder / "outputs.pt", time_output=-0.5),
+        OUTPUTS_PART,
+        {"time_hidden": 1.0, "time_output": None},
+        {},
+        TIES,
+        id="silent outputs, live hidden layer",
+    ),
+    pytest.param(
+        lambda folder: graph_with_biases(folder / "biases.nir"),
+        SILENT_GRAPH,
+        {"hidden": None, "out": None},
+        {"nir/bias": {"spike_agreement": 1.0, "spike_mismatches": 0, "reference_spikes": 800, "chip_spikes": 800}},
+        TIES + SILENCE,
+        id="a graph with biases in which no neuron spikes",
+    ),
+]
+
+
+@pytest.mark.parametrize(("make", "summary", "agreement", "helpers", "failures"), CASES)
+def test_what_was_not_compared_is_not_100_percent(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    make: Callable[[Path], Path],
+    summary: str,
+    agreement: dict[str, float | None],
+    helpers: dict[str, Any],
+    failures: str,
+) -> None:
+    gates = ("--min-agreement", "1", "--max-spike-error", "0", "--junit", str(tmp_path / "gates.xml"))
+    assert main([str(make(tmp_path)), "-o", str(tmp_path / "out"), *gates]) == 3
+    printed = capsys.readouterr()
+    assert summary in printed.out
+    assert printed.err.startswith(failures)
+
+    report = json.loads((tmp_path / "out/report.json").read_text())
+    match = report["match"]
+    assert {name: found["spike_agreement"] for name, found in match["by_population"].items()} == agreement
+    assert (match["prediction_agreement"], match["tied_predictions"]) == (None, match["samples"])
+    assert match["helper_neurons"] == helpers
+    spikes = 1.0 if 1.0 in agreement.values() else None
+    assert match["spike_agreement"] == spikes
+    assert report["gates"] == [
+        {"name": "--min-agreement", "bound": 1.0, "measured": None, "passed": False},
+        {"name": "--max-spike-error", "bound": 0.0, "measured": spikes and 0.0, "passed": spikes is not None},
+    ]
+    cases = {
+        case.get("name"): case.find("failure") for case in ElementTree.parse(tmp_path / "gates.xml").iter("testcase")
+    }
+    assert {name for name, failure in cases.items() if failure is not None} == {
+        gate["name"] for gate in report["gates"] if not gate["passed"]
+    }
+
+    page, text = ((tmp_path / "out" / name).read_text() for name in ("report.html", "report.md"))
+    assert '<p class="figure">silent</p><p class="figure-label">no prediction to compare</p>' in page
+    assert "No prediction was compared: all class scores tie in every recording, on both sides." in text
+    for name, found in agreement.items():
+        row = re.search(rf"\| {name.replace('_', '.')} \| ([^|]*) \|", text[text.index("## Agreement") :])
+        assert row is not None
+        assert row[1] == ("100 %" if found else "silent")
+    assert ("nir/bias (800 spikes in the network, 800 on the chip)." in text) == bool(helpers)
+
+
+def test_the_json_output_has_the_gates(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    model = checkpoint(tmp_path / "loud.pt")
+    assert main([str(model), "-o", str(tmp_path / "out"), "--json", "--min-agreement", "0.5", "--max-cores", "0"]) == 3
+    printed = capsys.readouterr()
+    report = json.loads(printed.out)
+    assert report == json.loads((tmp_path / "out/report.json").read_text())
+    agreement = report["match"]["prediction_agreement"]
+    assert report["gates"] == [
+        {"name": "--min-agreement", "bound": 0.5, "measured": agreement, "passed": True},
+        {"name": "--max-cores", "bound": 0, "measured": 1, "passed": False},
+    ]
+    assert printed.err == "gate failed: --max-cores: 1 cores are used, above 0.\n"
+    assert main([str(model), "-o", str(tmp_path / "out"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["gates"] == []
+
+
+@pytest.mark.parametrize("option", ["--max-energy-nj", "--min-agreement"])
+def test_a_bound_without_end_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str) -> None:
+    model = checkpoint(tmp_path / "loud.pt")
+    assert main([str(model), "-o", str(tmp_path / "out"), option, "inf"]) == 2
+    assert capsys.readouterr().err == f"{option} inf: nothing is measured against that. Give a finite number.\n"
+    assert not (tmp_path / "out").exists()
+
+
+def events() -> Recordings:
+    r = np.random.default_rng(5)
+    return Recordings((r.random((6, STEPS, 78)) < 0.2).astype(np.uint8), None, 0.02, "array")
+
+
+def compiled(path: Path) -> CompiledModel:
+    return lc.compile(lc.load(path), strategy="dendrite", events=events(), diagnosis=False)
+
+
+FAULTS = [
+    pytest.param({}, {}, "yes", "Yes, in every prediction", id="no fault"),
+    pytest.param({}, {"time_output": -0.5}, "no", "No", id="outputs fall silent"),
+    pytest.param({"time_output": -0.5}, {}, "no", "No", id="outputs spike that should not"),
+    pytest.param({"time_output": -0.5}, {"time_output": -0.25}, "unknown", "Not known", id="a fault no output shows"),
+    pytest.param(
+        {"time_output": -0.5},
+        {"time_hidden": 3.0, "time_output": -0.5},
+        "unknown",
+        "Not known",
+        id="hidden spikes only",
+    ),
+    pytest.param(
+        {"time_hidden": -0.5, "time_output": -0.5},
+        {"time_hidden": -0.5, "time_output": 0.5},
+        "unknown",
+        "Not known",
+        id="a fault no spike shows",
+    ),
+]
+
+
+@pytest.mark.parametrize(("trained", "on_chip", "status", "answer"), FAULTS)
+def test_a_planted_fault(
+    tmp_path: Path, trained: dict[str, float], on_chip: dict[str, float], status: str, answer: str
+) -> None:
+    """The chip has the program of another network; the verdict is that of the comparison."""
+    model, other = (
+        compiled(checkpoint(tmp_path / f"{name}.pt", **weights)) for name, weights in (("a", trained), ("b", on_chip))
+    )
+    wrong = replace(model, levels=replace(model.levels, program=other.levels.program))
+    match = lc.verify(wrong, events())
+    verdict = matches(report_document(wrong.levels, match, GROUNDS))
+    assert (verdict.status, verdict.answer) == (status, answer)
+
+
+EQUAL, DIFFERENT = (0.1, 0.1, 0.1), (0.1, 0.2, 0.3)
+
+
+@pytest.mark.parametrize(
+    ("threshold", "biases", "answer"),
+    [
+        pytest.param(0.05, EQUAL, "Yes, in every prediction", id="live hidden layer"),
+        pytest.param(100.0, DIFFERENT, "Yes, in every prediction", id="silent hidden layer"),
+        pytest.param(100.0, EQUAL, "Not known", id="equal potentials"),
+    ],
+)
+def test_potentials_never_spike_and_are_silent_only_where_all_are_equal(
+    tmp_path: Path, threshold: float, biases: tuple[float, ...], answer: str
+) -> None:
+    """Where every spike is equal, or there is none, the chip may still predict otherwise."""
+    network = lc.load(graph_with_biases(tmp_path / "read.nir", threshold, biases, potentials=True), dt=1e-3)
+    model = lc.compile(network, diagnosis=False)
+    match, found = model.match, model.report["match"]
+    assert found["readout"] == {"populations": ["out"], "by": "potentials", "silent": answer == "Not known"}
+    assert found["by_population"]["out"]["spike_agreement"] is None
+    assert (found["spike_agreement"] is None) == (threshold == 100.0)
+    agreeing = replace(match, chip_prediction=match.reference_prediction)
+    assert matches(report_document(model.levels, agreeing, GROUNDS)).answer == answer
+    assert "| out | read by potential | 0 | 0 | 0 |" in render_markdown(model.report)
+    turned = replace(match, chip_prediction=(match.chip_prediction + 1) % network.classes)
+    assert matches(report_document(model.levels, turned, GROUNDS)).answer == "No"
+    tied = np.full(match.samples, -1)
+    silent = report_document(model.levels, replace(match, chip_prediction=tied, reference_prediction=tied), GROUNDS)
+    assert matches(silent).answer == "Not known"
