@@ -107,7 +107,7 @@ def simulate(
         raise InputError(
             "spikes",
             "nothing to simulate",
-            measured=f"{batch} recordings of {rows} steps",
+            measured=f"recordings: {batch}, steps: {rows}",
             fix="Give some recordings and steps.",
         )
     together = max(1, MAX_TOGETHER // max(1, _columns(program) * max(steps or rows, *_fixed_steps(program))))

@@ -147,6 +147,8 @@ def diagnose(
 
 def recordings_for(network: Network, events: Events | None, labels: npt.ArrayLike | None = None) -> Recordings:
     """Return the recordings to check on; with no events the model's own, else synthetic ones."""
+    if labels is not None and (events is None or isinstance(events, str | Path | Recordings)):
+        raise InputError("labels", "they belong to an array, and other events bring their own", fix="Leave labels out.")
     if events is None:
         if network.recordings is not None:
             return network.recordings

@@ -219,7 +219,9 @@ def _read(path: Path) -> bytes:
         return path.read_bytes()
     except OSError as error:
         raise InputError(
-            path.name, f"cannot be read: {error.strerror}", fix="Give the folder that the compiler wrote."
+            f"program {str(path.parent)!r}",
+            f"{path.name} cannot be read: {error.strerror}",
+            fix="Give the folder that the compiler wrote.",
         ) from error
 
 

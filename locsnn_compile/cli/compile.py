@@ -44,6 +44,7 @@ _SPLIT = (
 _PROFILE = "costs of the report: a profile of the chip, or a YAML file like one (default: the chip's first)"
 _PSI = "how late the time-weighted prediction of the report turns to the location branch (default 10)"
 BUILD_NAMES = ("program.yaml", "program.npz", "report.json", "report.md", "report.html")
+OF_RECORDING = ("vectors", "vcd", "trace", "sanafe")
 EMITTED_NAMES = {
     "vectors": "vectors/",
     "vcd": "waves.vcd",
@@ -72,7 +73,7 @@ def parser() -> Parser:
     add("--strategy", default="auto", metavar="NAME", help=_STRATEGY)
     add("--calibration", metavar="FILE", help=_CALIBRATION)
     add("--split-weights", type=part, metavar="SHARE", help=_SPLIT)
-    add("--weight-bits", type=int, default=8, metavar="BITS", help="1 to 6, or 8 (default 8); with a bound, at most")
+    add("--weight-bits", type=int, metavar="BITS", help="1 to 6, or 8 (default 8); with a bound, at most")
     add("--config", metavar="FILE", help="network description, for model formats that need one; a checkpoint does not")
     add("--dt", type=number, metavar="SECONDS", help="NIR: seconds of a step (default 1e-4, the convention)")
     add(
@@ -83,9 +84,9 @@ def parser() -> Parser:
     add("--discretisation", metavar="NAME", help="NIR: euler, the usual one, hold, or exact (default euler)")
     add("--kernels", metavar="NAME", help="slayerPytorch: full (default), or cut in the reference, as in its training")
     add_step_options(made)
-    add("--psi", type=number, default=10.0, metavar="X", help=_PSI)
+    add("--psi", type=number, metavar="X", help=_PSI)
     add("--emit", action="extend", nargs="+", default=[], metavar="KIND", help=f"also write: {', '.join(EMIT_KINDS)}")
-    add("--recording", type=int, default=0, metavar="K", help="the recording to emit, counted from 0 (default 0)")
+    add("--recording", type=int, metavar="K", help="the recording to emit, counted from 0 (default 0)")
     add("--probe", action="append", default=[], metavar="POPULATION[INDEX]", help="a neuron to show with --emit vcd")
     add("--json", action="store_true", help="print report.json to standard output, and nothing else there")
     add("--quiet", action="store_true", help="print nothing")
@@ -127,9 +128,11 @@ def run(args: Namespace) -> int:
     from hw_model.io.files import replace_file
     from locsnn_compile.api import compile, recordings_for
     from locsnn_compile.data.read import read_recordings
+    from locsnn_compile.explore.grid import check_matters
     from locsnn_compile.frontends import load
     from locsnn_compile.report.sections.choice import unmet_budget
     from locsnn_compile.verification.error_bounds import ErrorBudget
+    from locsnn_compile.verification.over_time import PSI
 
     network = load(
         args.model,
@@ -139,24 +142,26 @@ def run(args: Namespace) -> int:
         discretisation=args.discretisation,
         kernels=args.kernels,
     )
+    options = ("weight_bits", "split_weights", "calibration", "psi")
+    check_matters(network, {name: _option(name) for name in options if getattr(args, name) is not None})
     network = with_steps(network, args)
     if args.events is None:
         recordings = recordings_for(network, None)
     else:
         recordings = read_recordings(args.events, model=network.expected, **asked_steps(args))
-    _check_recording(args.recording, recordings)
+    _check_recording(args.recording or 0, recordings)
     with progress_bar("checking against the float reference", show=not args.quiet) as progress:
         compiled = compile(
             network,
             args.target,
             strategy=args.strategy,
-            weight_bits=args.weight_bits,
+            weight_bits=8 if args.weight_bits is None else args.weight_bits,
             events=recordings,
             progress=progress,
             calibration=args.calibration,
             budget=ErrorBudget(args.min_agreement, args.max_spike_error),
             split_weights=args.split_weights,
-            psi=args.psi,
+            psi=PSI if args.psi is None else args.psi,
             profile=args.profile,
         )
     gates = check_gates(compiled.report, _bounds(args))
@@ -213,11 +218,15 @@ def _print_summary(report: dict[str, Any], folder: Path, files: dict[str, bytes]
 
 def _check_options(args: Namespace) -> None:
     """Refuse options that could only fail after the work is done."""
-    if not (math.isfinite(args.psi) and args.psi >= 0):
+    if args.psi is not None and not (math.isfinite(args.psi) and args.psi >= 0):
         raise InputError("--psi", "it is no rate", measured=f"got {args.psi:g}", fix="Give 0 or more, such as 10.")
     for kind in args.emit:
         if kind not in EMIT_KINDS:
             raise InputError(f"--emit {kind}", "there is no such kind", fix=did_you_mean(kind, EMIT_KINDS))
+    if args.recording is not None and not set(args.emit) & set(OF_RECORDING):
+        raise InputError(
+            "--recording", "nothing that is emitted is of one recording", fix=f"Add --emit {' or '.join(OF_RECORDING)}."
+        )
     if args.probe and "vcd" not in args.emit:
         raise InputError("--probe", "nothing that is emitted shows it", fix="Add --emit vcd.")
     for option, bound in _bounds(args).items():
@@ -236,7 +245,7 @@ def _check_places(args: Namespace, folder: Path) -> None:
     names = written_names(args.emit)
     check_folder(folder, names)
     options = ("config", "events", "calibration", "target", "profile")
-    reads = {"MODEL": args.model, **{f"--{name}": getattr(args, name) for name in options}}
+    reads = {"MODEL": args.model, **{_option(name): getattr(args, name) for name in options}}
     junit = [(f"--junit {args.junit!r}", Path(args.junit))] if args.junit else []
     check_places(reads, junit, [(f"-o {str(folder)!r}", folder / name) for name in names])
 
@@ -265,14 +274,19 @@ def _emitted(args: Namespace, compiled: CompiledModel, recordings: Recordings) -
         return {}
     from locsnn_compile.backends.files import bench_files
 
-    title = f"recording {args.recording} of {recordings.source}"
-    return bench_files(compiled.program, kinds, recordings.spikes[args.recording], title, args.probe)
+    number = args.recording or 0
+    title = f"recording {number} of {recordings.source}"
+    return bench_files(compiled.program, kinds, recordings.spikes[number], title, args.probe)
 
 
 def _bounds(args: Namespace) -> dict[str, float]:
     """Return the bounds that were given, by option."""
     given = {option: getattr(args, option.strip("-").replace("-", "_")) for option in GATES}
     return {option: bound for option, bound in given.items() if bound is not None}
+
+
+def _option(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
 
 
 def _say_gates(gates: Sequence[Gate]) -> int:

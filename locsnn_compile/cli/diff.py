@@ -78,7 +78,9 @@ def _build(folder: Path) -> Build:
 def read_report(folder: Path) -> dict[str, Any]:
     """Return report.json of a build; anything else is an ``InputError``."""
     from hw_model.io.folders import finish_writing
+    from hw_model.io.given import check_path
 
+    check_path(folder, f"build {folder.name[:60]!r}")
     finish_writing(folder)
     path = folder / "report.json"
     where = f"build {folder.name!r}"

@@ -42,7 +42,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add("--channels", type=int, metavar="N", help="channels, where the highest ones are silent")
     add("--polarities", type=int, metavar="N", help="2, or 1 to put both together (default: as the events have it)")
     add("--columns", type=int, metavar="N", help="columns of the grid of x and y (default: the highest x and 1)")
-    add("--recording", type=int, default=0, metavar="K", help="the recording of the raster, from 0 (default 0)")
+    add("--recording", type=int, metavar="K", help="the recording of the raster, from 0 (default 0)")
     add("-o", "--output", type=Path, metavar="FILE.svg", help="write the raster as a picture")
     add("--to", type=Path, metavar="OUT", help="write the recordings: .npz, .npy, .pt, .tact, .bs1, .bs2, .zip, folder")
     add("--members", default="npy", metavar="KIND", help="with --to a folder or .zip: what its files are (default npy)")
@@ -70,9 +70,10 @@ def run(args: argparse.Namespace) -> int:
         columns=args.columns,
         **asked_steps(args),
     )
-    if not 0 <= args.recording < len(recordings):
+    number = args.recording or 0
+    if not 0 <= number < len(recordings):
         raise InputError(
-            f"--recording {args.recording}",
+            f"--recording {number}",
             "there is no such recording",
             measured=f"{len(recordings)} in {recordings.source}",
             fix=f"Count from 0 to {len(recordings) - 1}.",
@@ -82,16 +83,19 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print(json.dumps(found.document(), indent=2, allow_nan=False))
         return 0
-    print("\n".join([*statistics_lines(found), *_raster(recordings, args.recording), *written]))
+    print("\n".join([*statistics_lines(found), *_raster(recordings, number), *written]))
     return 0
 
 
 def statistics_lines(found: EventStatistics) -> list[str]:
     """Return the figures as lines."""
+    from locsnn_compile.report.format import plural
+
     width = found.step_seconds
     seconds = "" if width is None else f" of {width:g} s ({found.steps * width:g} s)"
     lines = [
-        f"{found.source}: {found.recordings} recordings, {found.steps} steps{seconds}, {found.channels} channels",
+        f"{found.source}: {plural(found.recordings, 'recording')}, "
+        f"{plural(found.steps, 'step')}{seconds}, {plural(found.channels, 'channel')}",
         f"labels            {_labels(found.labels)}",
         f"events            {found.events.mean:.1f} a recording ({found.events.least} to {found.events.most}), "
         f"{100 * found.share:.2f} % of bins",
@@ -105,7 +109,7 @@ def statistics_lines(found: EventStatistics) -> list[str]:
     lines += [
         f"silent at start   {_spread(found.silent_start_steps)}",
         f"silent at end     {_spread(found.silent_end_steps)}",
-        f"silent steps      {100 * found.silent_steps:.1f} %, {found.empty} recordings without any event",
+        f"silent steps      {100 * found.silent_steps:.1f} %, {plural(found.empty, 'recording')} without any event",
     ]
     if found.rising is not None:
         lines.append(f"polarity          {100 * found.rising:.1f} % rising, {100 * (1 - found.rising):.1f} % falling")
@@ -117,13 +121,15 @@ def statistics_lines(found: EventStatistics) -> list[str]:
 
 
 def _labels(labels: dict[int, int] | None) -> str:
+    from locsnn_compile.report.format import plural
+
     if labels is None:
         return "none"
     least, most = min(labels.values()), max(labels.values())
     if least == most:
-        return f"{len(labels)} classes, {least} recordings each"
+        return f"{plural(len(labels), 'class', 'classes')}, {plural(least, 'recording')} each"
     shown = ", ".join(f"{label}: {count}" for label, count in list(labels.items())[:_SHOWN_LABELS])
-    return f"{len(labels)} classes ({shown}{', ...' if len(labels) > _SHOWN_LABELS else ''})"
+    return f"{plural(len(labels), 'class', 'classes')} ({shown}{', ...' if len(labels) > _SHOWN_LABELS else ''})"
 
 
 def _spread(steps: Spread) -> str:
@@ -144,8 +150,9 @@ def _write(args: argparse.Namespace, recordings: Recordings) -> list[str]:
         from hw_model.io.files import replace_file
         from locsnn_compile.report.pictures.recording import raster_svg
 
-        title = f"{recordings.source}, recording {args.recording}"
-        picture = raster_svg(recordings.spikes[args.recording], title, recordings.step_seconds)
+        number = args.recording or 0
+        title = f"{recordings.source}, recording {number}"
+        picture = raster_svg(recordings.spikes[number], title, recordings.step_seconds)
         replace_file(args.output, picture, f"file {args.output.name!r}")
         lines.append(f"wrote {args.output}")
     if args.to is not None:
@@ -163,6 +170,8 @@ def _check_options(args: argparse.Namespace) -> None:
     """Refuse options that nothing would come of."""
     if args.output is not None and args.output.suffix != ".svg":
         raise InputError(f"-o {args.output.name!r}", "rasters are written as .svg", fix="End the name in .svg.")
+    if args.recording is not None and args.json and args.output is None:
+        raise InputError("--recording", "no raster is shown or written", fix="Leave out --json, or add -o.")
     if args.members != "npy" and (args.to is None or args.to.suffix not in ("", ".zip")):
         raise InputError("--members", "no folder or .zip is written", fix="Add --to with a folder or .zip.")
     if args.structured and (args.to is None or args.to.suffix not in (".npy", ".npz")):

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from locsnn_compile.cli.shell import EXIT_GATE, EXIT_INTERRUPTED, progress_bar
 from locsnn_compile.errors import InputError, did_you_mean
-from locsnn_compile.explore.grid import AXES, Value, check_values, settings
+from locsnn_compile.explore.grid import AXES, Value, check_matters, check_values, settings
 
 if TYPE_CHECKING:
     from locsnn_compile.explore.executors import Executor
@@ -123,6 +123,7 @@ def _explore(
 
     model = ModelFile(args.model, args.config, args.dt, args.reset, args.discretisation)
     network, chip = model.load(), hw.chip(args.target)
+    check_matters(network, {"calibration": "--calibration"} if args.calibration else {})
     events = choose_events(network, args.events, args.part, args.recordings)
     if events.file is None:
         _check_places(args, folder, ["events.npz"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 
 from locsnn_compile.cli import completion, diff, events, explore, run, stress, targets, train
@@ -23,3 +24,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     completion.answer_shell(made)
     args = made.parse_args(argv)
     return guarded(lambda: int(args.run(args)))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

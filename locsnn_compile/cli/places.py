@@ -29,8 +29,11 @@ def check_places(reads: Mapping[str, str | Path | None], files: Sequence[Place],
     taken: dict[str, str] = {}
     for option, path in entries:
         taken[os.path.realpath(path)] = f"{option} writes {path.name!r} there"
-    for option, path in (*files, *entries):
+    for option, path in files:
         check_path(path, option)
+        if path.is_dir():
+            check_file(path, option)
+    for option, path in (*files, *entries):
         target = os.path.realpath(path)
         inside = [reader for reader, read in inputs if _lies_in(os.path.realpath(read), target)]
         reader = known.get(_identity(path)) or next(iter(inside), None)

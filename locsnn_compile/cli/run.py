@@ -103,15 +103,17 @@ def recording_line(row: dict[str, Any]) -> str:
 def _summary(
     program: hw.ChipProgram, rows: list[dict[str, Any]], counts: hw.Counts, totals: dict[str, float]
 ) -> list[str]:
+    from locsnn_compile.report.format import plural
+
     known = [row for row in rows if row["label"] is not None]
     lines = []
     if known:
         accuracy = sum(row["prediction"] == row["label"] for row in known) / len(known)
-        lines.append(f"accuracy {accuracy:.3f} on {len(known)} recordings")
+        lines.append(f"accuracy {accuracy:.3f} on {plural(len(known), 'recording')}")
     lines.append(
         f"mean of a recording: {counts.synaptic_ops / len(rows):.0f} synaptic operations, "
         f"{sum(totals.values()) / len(rows) / 1e6:.2f} µJ (profile {program.chip.default_profile}), "
-        f"{counts.wraps} wraps and {counts.clips} clips in all"
+        f"{plural(counts.wraps, 'wrap')} and {plural(counts.clips, 'clip')} in all"
     )
     return lines
 

@@ -79,7 +79,7 @@ def find_stops(
 
 def stop_lines(found: Row) -> list[str]:
     """Return where the margin comes from, what is saved, and how predictions compare, a line each."""
-    from locsnn_compile.report.format import count, energy, share
+    from locsnn_compile.report.format import count, energy, plural, share
 
     lines = []
     calibrated = found.get("calibrated_on")
@@ -88,7 +88,7 @@ def stop_lines(found: Row) -> list[str]:
         lead = "no lead is" if found["margin"] is None else f"a lead of {found['margin']:.4g} is"
         lines.append(
             f"margin: {lead} enough for {share(calibrated['min_agreement'])} agreement on "
-            f"{calibrated['recordings']} recordings of {calibrated['source']}{part}"
+            f"{plural(calibrated['recordings'], 'recording')} of {calibrated['source']}{part}"
         )
     saved = {key: 1 - found[key] / found[f"all_{key}"] if found[f"all_{key}"] else 0.0 for key in _SAVED}
     lines.append(
@@ -97,7 +97,7 @@ def stop_lines(found: Row) -> list[str]:
         f"{share(saved['energy_pj'])} of energy, {energy(found['energy_pj'])} instead of "
         f"{energy(found['all_energy_pj'])} (profile {found['profile']})"
     )
-    same = f"as the whole recording in {share(found['agreement'])} of {found['recordings']} recordings"
+    same = f"as the whole recording in {share(found['agreement'])} of {plural(found['recordings'], 'recording')}"
     if found["accuracy"] is not None:
         same += f"; accuracy {found['accuracy']:.3f} instead of {found['whole_accuracy']:.3f}"
     return [*lines, f"predicted {same}"]

@@ -59,11 +59,22 @@ def guarded(run: Callable[[], int]) -> int:
         _drop_output()
         return 0
     except OSError as error:
-        if error.errno not in _NO_ROOM or error.filename is not None:
-            raise
-        print(f"standard output: it cannot be written: {error.strerror}. Write it elsewhere.", file=sys.stderr)
-        _drop_output()
+        print(_system_error(error), file=sys.stderr)
+        if error.filename is None and error.errno in _NO_ROOM:
+            _drop_output()
         return EXIT_INPUT
+
+
+def _system_error(error: OSError) -> LocsnnError:
+    """Return what the system refused, where no reader or writer said it in words of its own."""
+    if error.filename is not None:
+        name = os.fsdecode(error.filename) if isinstance(error.filename, str | bytes) else str(error.filename)
+        return InputError(f"{name[:60]!r}", "it cannot be used", measured=error.strerror or "", fix="Check the path.")
+    if error.errno == errno.ENOENT:
+        return InputError("working directory", "it does not exist any more", fix="Change to one that does.")
+    if error.errno in _NO_ROOM:
+        return InputError("standard output", f"it cannot be written: {error.strerror}", fix="Write it elsewhere.")
+    return InputError("system", f"it refused: {error.strerror or type(error).__name__}", fix="Try again elsewhere.")
 
 
 def _ready_streams() -> None:

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hw_model.io.given import check_path
 from locsnn_compile.cli.step_options import add_step_options
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.architectures import ARCHITECTURES
@@ -85,8 +86,11 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(
             "--recordings", "it must be 0 or more", measured=f"got {args.recordings}", fix="0 keeps weights only."
         )
+    check_path(output, f"-o {args.output!r}")
     if output.suffix != ".pt" or output.is_dir() or not output.parent.is_dir():
-        raise InputError(f"output {output.name!r}", "it is no .pt file in a folder that exists", fix="Correct -o.")
+        raise InputError(
+            f"output {output.name or str(output)!r}", "it is no .pt file in a folder that exists", fix="Correct -o."
+        )
     _check_places(args, output)
     start = _start(args)
     config = _config(args, start)
@@ -163,19 +167,28 @@ def _start(args: argparse.Namespace) -> Checkpoint | None:
 def _config(args: argparse.Namespace, start: Checkpoint | None) -> TrainingConfig:
     from locsnn_compile.training.config import config_from_mapping, read_config
     from locsnn_compile.training.fine_tuning import FINE_TUNING, check_fits_start, fine_tuning_config
+    from locsnn_compile.training.unused import check_used
 
     values: dict[str, Any] = read_config(args.config) if args.config is not None else {}
+    given = {name: f"config {Path(args.config).name!r}, {name}" for name in values}
     options = (
         *("model", "order", "delays", "graph", "epochs", "seed", "hidden", "loss", "location_weight", "learning_rate"),
         *("event_dropout", "validation_fraction", "refit", "target", "strategy", "weight_bits", "device"),
         *("step_seconds", "steps", "event_threshold"),
     )
-    values |= {name: getattr(args, name) for name in options if getattr(args, name) is not None}
+    asked = {name: getattr(args, name) for name in options if getattr(args, name) is not None}
+    flags = {"location_weight": "--lambda"}
+    given |= {name: flags.get(name, f"--{name.replace('_', '-')}") for name in asked}
+    values |= asked
     if start is None:
-        return config_from_mapping(values)
+        config = config_from_mapping(values)
+        check_used(config, given)
+        return config
     check_fits_start(values, start.description)
     usual = {"model": start.description.architecture} | FINE_TUNING
-    return fine_tuning_config(config_from_mapping(usual | values), start.description)
+    config = fine_tuning_config(config_from_mapping(usual | values), start.description)
+    check_used(config, given)
+    return config
 
 
 def _read(data: str, config: TrainingConfig, start: Checkpoint | None) -> tuple[Recordings, Recordings | None]:
@@ -210,11 +223,13 @@ def _classes(recordings: Recordings, test: Recordings | None) -> int | None:
 
 
 def _summary(output: Path, result: TrainingResult, accuracy: float | None, test: Recordings | None) -> str:
+    from locsnn_compile.report.format import plural
+
     lines = [f"epoch {result.chosen_epoch} chosen"]
     if result.validation_accuracy is not None:
         lines[0] += f" by validation accuracy {result.validation_accuracy:.3f}"
     if accuracy is not None and test is not None:
-        lines.append(f"test accuracy {accuracy:.3f} on {len(test)} recordings")
+        lines.append(f"test accuracy {accuracy:.3f} on {plural(len(test), 'recording')}")
     lines += [f"! {remark}" for remark in (*result.remarks, *_test_remarks(accuracy, test))]
     lines.append(f"wrote {output}")
     return "\n".join(lines)

@@ -63,8 +63,12 @@ def read_recordings(
         most_steps=model.steps,
     )
     found = _read(path, split, binning, step_seconds)
-    if threshold is not None and found.threshold is None:
-        raise InputError("threshold", f"{found.source!r} holds bins and no single events to count", fix="Leave it out.")
+    if found.threshold is None:
+        asked = {"threshold": threshold, "polarities": polarities, "columns": columns}
+        if channels != found.spikes.shape[2]:
+            asked["channels"] = channels
+        for name in (name for name, value in asked.items() if value is not None):
+            raise InputError(name, f"{found.source!r} holds bins and no single events to count", fix="Leave it out.")
     model.check_steps(found)
     return found if steps is None else found.with_steps(steps)
 
@@ -115,6 +119,7 @@ def _read_events(path: Path, binning: Binning) -> Recordings:
     return Recordings(spikes, labels, seconds, path.name, binned=binned)
 
 
+@checked
 def recording_parts(path: Path | str) -> tuple[str, ...]:
     """Return the parts that ``path`` is divided into, of ``train`` and ``test``; empty for a single file."""
     path = Path(path)

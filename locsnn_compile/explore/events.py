@@ -41,7 +41,7 @@ class Chosen:
         many = len(self.recordings)
         of = f" of {self.available}" if many < self.available else ""
         part = "" if self.part is None else f", {self.part} part"
-        return f"{many}{of} recordings of {self.recordings.source}{part}"
+        return f"{many}{of} recording{'s' * (self.available > 1)} of {self.recordings.source}{part}"
 
 
 def choose_events(network: Network, events: str | None, part: str | None, bound: int | None) -> Chosen:

@@ -9,7 +9,7 @@ from functools import cached_property
 from locsnn_compile.explore.events import Chosen
 from locsnn_compile.explore.executors import Executor
 from locsnn_compile.explore.front import on_front
-from locsnn_compile.explore.grid import Setting
+from locsnn_compile.explore.grid import Setting, has_srm_neurons
 from locsnn_compile.explore.model_file import ModelFile
 from locsnn_compile.explore.point import Point
 from locsnn_compile.explore.recommend import Recommendation, recommend
@@ -69,9 +69,12 @@ class Exploration:
         return replace(self, reported=sweep(study, self.front, store, executor, progress), reported_on=events)
 
     def _command(self, setting: Setting, events: Chosen) -> str:
+        network = self.study.network
         calibration = self.calibration or self.events.file
         assert events.file is not None
         assert calibration is not None
         given = [*self.model.arguments(), "--target", self.target]
-        played = ["--calibration", calibration, "--events", events.file]
-        return shlex.join(["locsnn-compile", *given, *setting.arguments(), *played])
+        rounded_for = ["--calibration", calibration] if has_srm_neurons(network) else []
+        return shlex.join(
+            ["locsnn-compile", *given, *setting.arguments(network), *rounded_for, "--events", events.file]
+        )

@@ -27,6 +27,11 @@ def has_float_weights(network: Network) -> bool:
     return any(not population.on_grid for population in network.populations)
 
 
+def has_both_axes(network: Network) -> bool:
+    """Tell whether there is a time branch and a location branch, which predictions weigh by time."""
+    return len({population.axis for population in network.populations}) == 2
+
+
 @dataclass(frozen=True)
 class Axis:
     """One option of the compiler: ``name`` is its keyword in ``compile``, and its option with dashes for underscores.
@@ -96,9 +101,10 @@ class Setting:
         """Return the keyword arguments of ``compile``."""
         return {axis.name: value for axis, value in zip(AXES, self.values, strict=True)}
 
-    def arguments(self) -> list[str]:
-        """Return the options of ``locsnn-compile``."""
-        return [text for axis, value in zip(AXES, self.values, strict=True) for text in (axis.option, str(value))]
+    def arguments(self, network: Network) -> list[str]:
+        """Return the options of ``locsnn-compile`` that matter to a network."""
+        rows = [(axis, value) for axis, value in zip(AXES, self.values, strict=True) if axis.matters(network)]
+        return [text for axis, value in rows for text in (axis.option, str(value))]
 
     def __str__(self) -> str:
         return self.name()
@@ -112,7 +118,12 @@ class Setting:
 
 
 def settings(network: Network, wanted: Mapping[str, Sequence[Value]]) -> tuple[Setting, ...]:
-    """Return the grid, the last axis fastest: on each axis the values wanted, by its name, else all that matter."""
+    """Return the grid, the last axis fastest: on each axis the values wanted, by its name, else all that matter.
+
+    Raises ``InputError`` for values of weights that are not rounded.
+    """
+    of_weights = [axis for axis in AXES if axis.matters is has_float_weights and wanted.get(axis.name)]
+    check_matters(network, {axis.name: axis.option for axis in of_weights})
     tried = [tuple(dict.fromkeys(wanted.get(axis.name) or _default(axis, network))) for axis in AXES]
     return tuple(Setting(values) for values in itertools.product(*tried))
 
@@ -122,6 +133,18 @@ def usual_settings(network: Network) -> tuple[Setting, ...]:
     strategy, *others = AXES
     neutral = tuple(axis.neutral for axis in others)
     return tuple(Setting((value, *neutral)) for value in _default(strategy, network))
+
+
+def check_matters(network: Network, given: Mapping[str, str]) -> None:
+    """Refuse options that would change nothing for this network; ``given``: how messages show each that was given."""
+    for name, matters, why in (
+        ("weight_bits", has_float_weights, "the weights of this model are integers of the chip already"),
+        ("split_weights", has_float_weights, "the weights of this model are integers of the chip already"),
+        ("calibration", has_srm_neurons, "no weights of this model are rounded for recordings"),
+        ("psi", has_both_axes, "this model has one branch, and predictions have nothing to turn to"),
+    ):
+        if name in given and not matters(network):
+            raise InputError(given[name], f"it would change nothing: {why}", fix="Leave it out.")
 
 
 def check_values(wanted: Mapping[str, Sequence[Value]]) -> None:

@@ -34,7 +34,7 @@ events            1.3 a recording (0 to 3), 0.21 % of bins
 rate              0.107 Hz a channel, 8.333 Hz in all
 silent at start   4.5 steps (2 to 7)
 silent at end     1.0 steps (0 to 2)
-silent steps      87.5 %, 1 recordings without any event
+silent steps      87.5 %, 1 recording without any event
 polarity          75.0 % rising, 25.0 % falling
 busiest channels  0 (taxel 1 rising) 2, 1 (taxel 1 falling) 1, 2 (taxel 2 rising) 1
 dead channels     {", ".join(map(str, range(3, 27)))}, and 51 more
@@ -83,7 +83,7 @@ def test_a_set_of_one_event_without_sensor_or_width(tmp_path: Path, capsys: pyte
     np.save(tmp_path / "a.npy", np.array([[0, 1], [0, 0]], dtype=np.uint8))
     assert main(["events", str(tmp_path / "a.npy")]) == 0
     assert capsys.readouterr().out == (
-        "a.npy: 1 recordings, 2 steps, 2 channels\nlabels            none\n"
+        "a.npy: 1 recording, 2 steps, 2 channels\nlabels            none\n"
         "events            1.0 a recording (1 to 1), 25.00 % of bins\n"
         "silent at start   1.0 steps (1 to 1)\nsilent at end     0.0 steps (0 to 0)\n"
         "silent steps      50.0 %, 0 recordings without any event\n"

@@ -29,10 +29,10 @@ def test_all_strategies_and_widths_are_there():
     assert bits.values == WEIGHT_BITS
 
 
-def test_a_setting_says_itself_three_ways():
+def test_a_setting_says_itself_three_ways(model):
     setting = Setting(tuple(axis.values[0] for axis in AXES))
     assert setting.options() == {axis.name: axis.values[0] for axis in AXES}
-    assert setting.arguments()[:4] == ["--strategy", "dendrite", "--weight-bits", "1"]
+    assert setting.arguments(lc.load(model))[:4] == ["--strategy", "dendrite", "--weight-bits", "1"]
     assert str(setting).startswith("dendrite, 1-bit")
 
 
@@ -49,7 +49,9 @@ def test_the_last_axis_is_the_fastest_and_nothing_is_twice(model):
 def test_options_that_change_nothing_are_not_tried():
     """A network of the chip's integers keeps its neurons and weights as they are."""
     network = lc.load("examples/models/objects-hybrid-loihi.pt")
-    assert [setting.values for setting in settings(network, {})] == [tuple(axis.neutral for axis in AXES)]
+    (setting,) = settings(network, {})
+    assert setting.values == tuple(axis.neutral for axis in AXES)
+    assert setting.arguments(network) == []
 
 
 PSI = Axis("psi", (5.0, 10.0), 10.0, lambda network: True, "late predictions", "psi {:g}", bounds=(0.0, 99.0))

@@ -52,7 +52,8 @@ def swap_arrays(folder):
     [
         (
             lambda f: (f / "program.npz").unlink(),
-            "program.npz: cannot be read: No such file or directory. Give the folder that the compiler wrote.",
+            "program '{folder}': program.npz cannot be read: No such file or directory. "
+            "Give the folder that the compiler wrote.",
         ),
         (
             lambda f: (f / "program.npz").write_bytes((f / "program.npz").read_bytes()[:-7]),
@@ -89,7 +90,7 @@ def test_damage_is_refused_by_name(saved, damage, message):
     damage(saved)
     with pytest.raises(hw.InputError) as caught:
         hw.load_program(saved)
-    assert str(caught.value) == message
+    assert str(caught.value) == message.replace("{folder}", str(saved))
 
 
 def test_arrays_carry_no_time_stamp(saved):

@@ -85,11 +85,11 @@ def test_a_folder_with_parts(tmp_path: Path, capsys: pytest.CaptureFixture[str])
 def test_options_lie_over_the_configuration(tmp_path: Path, data: str, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "c.yaml").write_text("model: tactile-snn\nepochs: 9\nhidden: 5\nseed: 3\n")
     output = tmp_path / "small.pt"
-    config = ("--config", str(tmp_path / "c.yaml"), "--epochs", "1", "--lambda", "0.5", "--no-refit")
+    config = ("--config", str(tmp_path / "c.yaml"), "--epochs", "1", "--learning-rate", "0.01", "--no-refit")
     assert run("--data", data, *config, "--recordings", "0", "--quiet", "-o", str(output)) == 0
     found = read_checkpoint(output)
-    names = ("model", "epochs", "hidden", "seed", "location_weight", "refit")
-    assert [found.training[name] for name in names] == ["tactile-snn", 1, 5, 3, 0.5, False]
+    names = ("model", "epochs", "hidden", "seed", "learning_rate", "refit")
+    assert [found.training[name] for name in names] == ["tactile-snn", 1, 5, 3, 0.01, False]
     assert found.recordings is None
     assert capsys.readouterr() == ("", "")
 

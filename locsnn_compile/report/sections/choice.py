@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.report.content import Block, Document, Table
-from locsnn_compile.report.format import agreed, count, energy, share
+from locsnn_compile.report.format import agreed, energy, plural, share
 
 if TYPE_CHECKING:
     from locsnn_compile.choose_strategy import Candidate, Choice, Setting
@@ -46,7 +46,7 @@ def choice_blocks(document: Document) -> tuple[Block, ...]:
     taken = {**choice, "strategy": choice["taken"]}
     return (
         Table(
-            f"Settings compared on {count(choice['calibration_samples'])} recordings of "
+            f"Settings compared on {plural(choice['calibration_samples'], 'recording')} of "
             f"{choice['calibration_source']}; taken: {setting_words(taken, 'taken_')}, {_reason(choice)}",
             ("setting", "same prediction", "spikes that differ", "energy", "within the error budget"),
             tuple(
@@ -79,8 +79,8 @@ def unmet_budget(choice: Choice) -> str:
     )
     setting = setting_words({"strategy": best.strategy, **_numbers(best.setting)})
     return (
-        f"no setting keeps {' and '.join(asked)} on {count(choice.samples)} recordings of {choice.source}: the best of "
-        f"{len(choice.candidates)} is {setting}, with {_lost(best)}. {fix}"
+        f"no setting keeps {' and '.join(asked)} on {plural(choice.samples, 'recording')} of {choice.source}: "
+        f"the best of {len(choice.candidates)} is {setting}, with {_lost(best)}. {fix}"
     )
 
 

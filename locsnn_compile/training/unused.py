@@ -1,0 +1,80 @@
+"""Options of a training run that nothing would come of, and what they need."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from locsnn_compile.errors import InputError
+from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
+from locsnn_compile.training.config import TrainingConfig
+
+
+@dataclass(frozen=True)
+class _Rule:
+    """``options`` count where ``holds``; elsewhere nothing comes of them, because of ``why``."""
+
+    options: tuple[str, ...]
+    holds: Callable[[TrainingConfig, Architecture], bool]
+    why: str
+    fix: str
+
+
+_LEAVE = "Leave it out."
+_RULES = (
+    _Rule(
+        ("strategy", "weight_bits", "weight_room", "refractory"),
+        lambda c, _: c.target != "float",
+        "the network is trained in float, and no chip holds it",
+        "Add --target CHIP.",
+    ),
+    _Rule(("refractory",), lambda c, _: c.strategy == "reset", "only strategy reset has it", "Add strategy reset."),
+    _Rule(("order",), lambda _, a: "location" in a.branches, "the network has no location branch", _LEAVE),
+    _Rule(("location_weight",), lambda _, a: len(a.branches) == 2, "the network has no second branch", _LEAVE),
+    _Rule(("hidden",), lambda _, a: a.neurons != "windows", "events and windows decide the hidden neurons", _LEAVE),
+    _Rule(
+        ("graph", "neighbours", "nearer_mm", "hops", "features", "step_features"),
+        lambda _, a: a.graph,
+        "the network has no graph",
+        "Choose a model with one, such as hybrid-graph.",
+    ),
+    _Rule(
+        ("theta", "tau_sr", "tau_ref", "scale_ref", "tau_rho", "scale_rho"),
+        lambda _, a: a.neurons == "srm",
+        "the network has no spike response neurons",
+        _LEAVE,
+    ),
+    _Rule(
+        ("decay", "threshold", "window"),
+        lambda _, a: a.neurons == "lif",
+        "it has no integrate-and-fire neurons",
+        _LEAVE,
+    ),
+    _Rule(
+        ("window_steps", "window_stride", "window_levels"),
+        lambda _, a: a.neurons == "windows",
+        "the network has no windows",
+        "Choose the model window-snn.",
+    ),
+    _Rule(
+        ("target_right", "target_wrong"),
+        lambda c, _: c.loss == "spike-count",
+        "the loss is cross-entropy, which has no target",
+        "Add --loss spike-count.",
+    ),
+    _Rule(
+        ("count_scale", "label_smoothing"),
+        lambda c, _: c.loss == "cross-entropy",
+        "the loss is spike-count, which takes counts as they are",
+        _LEAVE,
+    ),
+)
+
+
+def check_used(config: TrainingConfig, given: Mapping[str, str]) -> None:
+    """Refuse options that change nothing with an ``InputError``; ``given``: how messages show each that was given."""
+    architecture = ARCHITECTURES[config.model]
+    for rule in _RULES:
+        for option in rule.options:
+            if option in given and not rule.holds(config, architecture):
+                raise InputError(given[option], f"it would change nothing: {rule.why}", fix=rule.fix)

@@ -1,0 +1,113 @@
+"""Public functions say in a line what they want, where they get something else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hw_model as hw
+import locsnn_compile as lc
+
+NETWORK = "Read it with lc.load(path), or lc.load(path, config=...)."
+PROGRAM = "Take .program of lc.compile(network), or read one with hw.load_program(folder)."
+CHIP = "Take hw.chip('loihi-sim'), or hw.chip(path) of a chip file."
+LONG = "n" * 300
+
+
+@pytest.fixture(scope="module")
+def program():
+    """One compartment that hears one channel."""
+    b = hw.ProgramBuilder(hw.chip("tiny-sim"))
+    h = b.add_compartments("h", 1, decay_u=4096, decay_v=0, threshold=10)
+    b.connect(b.add_input("x", 1), h, [[20]])
+    b.read_out(h)
+    return b.build()
+
+
+@pytest.fixture(scope="module")
+def network():
+    return lc.load(Path(__file__).parents[2] / "examples/models/objects-hybrid.pt")
+
+
+WITHOUT = [
+    ("a path for a network", lambda: lc.compile("model.pt"), f"compile, network: it must be a Network (got str 'model.pt'). {NETWORK}"),
+    ("a Path for a network", lambda: lc.compile(Path("model.pt")), f"compile, network: it must be a Network (got PosixPath PosixPath('model.pt')). {NETWORK}"),
+    ("nothing for a network", lambda: lc.compile(None), f"compile, network: it must be a Network (got NoneType None). {NETWORK}"),
+    ("a path for a build", lambda: lc.verify("build", "d.npz"), "verify, compiled: it must be a CompiledModel (got str 'build'). Make one with lc.compile(network)."),
+    ("a diagnosis of a path", lambda: lc.diagnose("build", "d.npz"), "diagnose, compiled: it must be a CompiledModel (got str 'build'). Make one with lc.compile(network)."),
+    ("a number for a model", lambda: lc.load(3), "load, model: it must be a str or Path (got int 3). Correct it."),
+    ("a step of text", lambda: lc.load("m.nir", dt="1e-3"), "load, dt: it must be a float (got str '1e-3'). Correct it."),
+    ("a model of a long name", lambda: lc.load(f"{LONG}.pt"), f"model '{LONG[:60]}...': the name is too long (303 bytes). Shorten it."),
+    ("a model of a NUL", lambda: lc.load("a\0.pt"), r"model 'a\x00.pt': it holds a NUL character. Give the path of a file."),
+    ("recordings of a number", lambda: lc.read_recordings(3), "read_recordings, path: it must be a Path or str (got int 3). Correct it."),
+    ("steps of text", lambda: lc.read_recordings("d.npz", steps="3"), "read_recordings, steps: it must be an int (got str '3'). Correct it."),
+    ("recordings of a long name", lambda: lc.read_recordings(LONG), f"path '{LONG[:60]}...': the name is too long (300 bytes). Shorten it."),
+    ("a chip of a number", lambda: hw.chip(3), "chip, name_or_path: it must be a str or Path (got int 3). Correct it."),
+    ("prices of a name", lambda: hw.priced_by("loihi-sim", "x"), f"priced_by, chip: it must be a Chip (got str 'loihi-sim'). {CHIP}"),
+    ("a builder of a name", lambda: hw.ProgramBuilder("loihi-sim"), f"ProgramBuilder, chip: it must be a Chip (got str 'loihi-sim'). {CHIP}"),
+    ("a program of a number", lambda: hw.load_program(3), "load_program, folder: it must be a str or Path (got int 3). Correct it."),
+    ("a simulation of a path", lambda: hw.simulate("build", [[1]]), f"simulate, program: it must be a ChipProgram (got str 'build'). {PROGRAM}"),
+    ("a session of a path", lambda: hw.Session("build"), f"Session, program: it must be a ChipProgram (got str 'build'). {PROGRAM}"),
+    ("stops of a path", lambda: hw.stop_when_proven("build", [[1]]), f"stop_when_proven, program: it must be a ChipProgram (got str 'build'). {PROGRAM}"),
+    ("scores of a path", lambda: hw.timestep_scores("build", [[1]]), f"timestep_scores, program: it must be a ChipProgram (got str 'build'). {PROGRAM}"),
+    ("a proof of a path", lambda: hw.prove_range("build"), f"prove_range, program: it must be a ChipProgram (got str 'build'). {PROGRAM}"),
+    ("energy of a number", lambda: hw.energy_pj(3, 4), "energy_pj, counts: it must be a Counts (got int 3). Take .counts of hw.simulate(program, spikes)."),
+    ("energy by a name", lambda: hw.energy_pj(hw.Counts(), "sanafe"), "energy_pj, profile: it must be a Profile (got str 'sanafe'). Take chip.profile(name)."),
+]  # fmt: skip
+OF_A_NETWORK = [
+    ("target", 3, "compile, target: it must be a str or Path (got int 3). Correct it."),
+    ("strategy", 5, "compile, strategy: it must be a str (got int 5). Correct it."),
+    ("weight_bits", "8", "compile, weight_bits: it must be an int (got str '8'). Correct it."),
+    ("weight_bits", True, "compile, weight_bits: it must be an int (got bool True). Correct it."),
+    ("psi", "x", "compile, psi: it must be a float (got str 'x'). Correct it."),
+    ("budget", 3, "compile, budget: it must be an ErrorBudget (got int 3). Correct it."),
+    ("split_weights", "all", "compile, split_weights: it must be a float (got str 'all'). Correct it."),
+    ("profile", 3, "compile, profile: it must be a str or Path (got int 3). Correct it."),
+    ("progress", 3, "compile, progress: it must be a Callable (got int 3). Correct it."),
+    ("events", object(), "recordings 'array': no recordings inside (shape ()). Give a binned array (samples, channels, steps) of zeros and ones."),
+    ("events", LONG, f"events '{LONG[:60]}...': the name is too long (300 bytes). Shorten it."),
+    ("labels", [0], "labels: they belong to an array, and other events bring their own. Leave labels out."),
+]  # fmt: skip
+OF_A_PROGRAM = [
+    ("steps", "3", "simulate, steps: it must be an int (got str '3'). Correct it."),
+    ("probe", "spikes", "simulate, probe: it must be a Sequence (got str 'spikes'). Put it in a list."),
+    ("probe", (3,), "probe 3: does not exist. Choose one of: activity, potential, spikes, u, v."),
+    ("engine", 3, "engine 3: does not exist. Choose one of: fast, reference."),
+]
+
+
+def message_of(call):
+    with pytest.raises(hw.InputError) as caught:
+        call()
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(("call", "message"), [row[1:] for row in WITHOUT], ids=[row[0] for row in WITHOUT])
+def test_wrong_arguments(call, message):
+    assert message_of(call) == message
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"), OF_A_NETWORK, ids=[f"{row[0]} {row[1]!r:.9}" for row in OF_A_NETWORK]
+)
+def test_wrong_arguments_of_compile(network, name, value, message):
+    assert message_of(lambda: lc.compile(network, **{name: value})) == message
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"), OF_A_PROGRAM, ids=[f"{row[0]} {row[1]!r:.9}" for row in OF_A_PROGRAM]
+)
+def test_wrong_arguments_of_simulate(program, name, value, message):
+    assert message_of(lambda: hw.simulate(program, [[1]], **{name: value})) == message
+
+
+def test_numbers_of_numpy_are_numbers(program):
+    assert hw.simulate(program, [[1], [0]], steps=np.int64(3)).spikes["h"].shape == (3, 1)
+    assert hw.calibrate_margin(program, [[[1], [0]]], np.float32(0.5)) > 0
+
+
+def test_calls_that_python_refuses_stay_python_s():
+    with pytest.raises(TypeError, match="missing 1 required positional argument: 'network'"):
+        lc.compile()
