@@ -11,7 +11,7 @@ import numpy as np
 
 from hw_model.mapping.graph import Axis, Readout
 from locsnn_compile.errors import TargetError
-from locsnn_compile.frontends.window_network import window_network
+from locsnn_compile.frontends.window_network import Parts, window_parts
 from locsnn_compile.models.branch_graph import branch_graph, spread_weights
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
@@ -42,8 +42,28 @@ def network_of(checkpoint: Checkpoint) -> Network:
             f"a {description.architecture!r} has no spiking neurons, so no chip program can be made of it",
             fix="Train a spiking network; of this one, operations are counted only.",
         )
-    if description.structure.neurons == "windows":
-        return window_network(checkpoint)
+    windows = description.structure.neurons == "windows"
+    views, populations, projections, readout = window_parts(checkpoint) if windows else _branches(checkpoint)
+    layout = description.input
+    return Network(
+        name=description.name,
+        channels=layout.channels,
+        steps=layout.steps,
+        step_seconds=layout.step_seconds,
+        fingertips=layout.fingertips,
+        event_threshold=layout.event_threshold,
+        views=tuple(views),
+        populations=tuple(populations),
+        projections=tuple(projections),
+        readout=readout,
+        sha256=checkpoint.sha256,
+        recordings=checkpoint.recordings,
+    )
+
+
+def _branches(checkpoint: Checkpoint) -> Parts:
+    """Return the parts of every branch, one after the other."""
+    description = checkpoint.description
     views, populations = [], []
     projections: list[Projection | ChipProjection] = []
     for axis in _axes(description.branches):
@@ -54,20 +74,7 @@ def network_of(checkpoint: Checkpoint) -> Network:
             populations.append(population)
             projections.extend(_by_delay(projection, description.delays if target == "time_hidden" else (0,)))
     outputs = tuple(f"{view.axis}_output" for view in views)
-    return Network(
-        name=description.name,
-        channels=description.input.channels,
-        steps=description.input.steps,
-        step_seconds=description.input.step_seconds,
-        fingertips=description.input.fingertips,
-        event_threshold=description.input.event_threshold,
-        views=tuple(views),
-        populations=tuple(populations),
-        projections=tuple(projections),
-        readout=Readout(outputs, (1.0,) * len(outputs)),
-        sha256=checkpoint.sha256,
-        recordings=checkpoint.recordings,
-    )
+    return views, populations, projections, Readout(outputs, (1.0,) * len(outputs))
 
 
 def _layer(

@@ -6,24 +6,29 @@ hear. They spike in the next step, and one later the potential of an output is t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy import sparse
 
 from hw_model.mapping.graph import Readout
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.windows import BIAS, WEIGHT
+from locsnn_compile.network.chip_neurons import ChipProjection
 from locsnn_compile.network.matrices import matrix, row_sums
-from locsnn_compile.network.network import InputView, Network, Population, Projection
+from locsnn_compile.network.network import InputView, Population, Projection
 from locsnn_compile.network.neurons import Cuba
 
+Parts = tuple[Sequence[InputView], Sequence[Population], Sequence[Projection | ChipProjection], Readout]
+"""Views, populations, projections and readout of a network."""
 LAYERS = 2
 """Steps from an event to the outputs."""
 UNREACHED = 1.1
 """The threshold of an output, as a multiple of all that can come at once: it never spikes, rounded weights or not."""
 
 
-def window_network(checkpoint: Checkpoint) -> Network:
-    """Return the network of a checkpoint of ``window-snn``."""
+def window_parts(checkpoint: Checkpoint) -> Parts:
+    """Return the parts of the network of a checkpoint of ``window-snn``."""
     description = checkpoint.description
     layout, windows = description.input, description.windows
     lines = layout.channels * layout.steps
@@ -34,7 +39,10 @@ def window_network(checkpoint: Checkpoint) -> Network:
         "location_hidden", "location", len(levels), Cuba.of(len(levels), decay_v=1.0, threshold=levels - 0.5)
     )
     weights = checkpoint.weights[WEIGHT].astype(np.float64)
-    populations, projections = [hidden], [Projection(view.name, hidden.name, matrix(synapses, np.float64))]
+    populations: list[Population] = [hidden]
+    projections: list[Projection | ChipProjection] = [
+        Projection(view.name, hidden.name, matrix(synapses, np.float64)),
+    ]
     outputs = description.populations("location")[1:]
     # A share for each, so that none has to hold it all.
     bias = checkpoint.weights[BIAS].astype(np.float64) / len(outputs)
@@ -45,17 +53,4 @@ def window_network(checkpoint: Checkpoint) -> Network:
         most = float(row_sums(heard).max() + np.abs(bias).max())
         neuron = Cuba.of(len(bias), decay_v=1.0, threshold=UNREACHED * most if most > 0 else 1.0, bias=bias)
         populations.append(Population(name, "location", len(bias), neuron))
-    return Network(
-        name=description.name,
-        channels=layout.channels,
-        steps=layout.steps,
-        step_seconds=layout.step_seconds,
-        fingertips=layout.fingertips,
-        event_threshold=layout.event_threshold,
-        views=(view,),
-        populations=tuple(populations),
-        projections=tuple(projections),
-        readout=Readout(outputs, (1.0,) * len(outputs), potentials_from=LAYERS),
-        sha256=checkpoint.sha256,
-        recordings=checkpoint.recordings,
-    )
+    return (view,), populations, projections, Readout(outputs, (1.0,) * len(outputs), potentials_from=LAYERS)

@@ -121,7 +121,7 @@ def _mapping(where: str, key: str, entry: object, wanted: Collection[str]) -> Ma
 
 
 def _whole(where: str, key: str, value: object, low: int, high: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+    if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
         raise InputError(
             where,
             f"entry '{key}' must be a whole number in range",

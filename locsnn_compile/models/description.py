@@ -19,6 +19,7 @@ from locsnn_compile.data.sensor import channel_walk, check_location_taxels
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
 from locsnn_compile.models.graph_parameters import GraphParameters
+from locsnn_compile.models.plain_checks import is_number, require_count, require_positive, rises
 from locsnn_compile.models.windows import BIAS, MAX_WINDOW_NEURONS, WEIGHT, WindowParameters, output_parts
 
 #: Largest sizes accepted anywhere: a few times what any published tactile recording needs.
@@ -48,12 +49,12 @@ class InputLayout:
 
     def __post_init__(self) -> None:
         for name in ("fingertips", "taxels", "polarities", "steps"):
-            _require_count(f"input {name!r}", getattr(self, name), MAX_STEPS)
+            require_count(f"input {name!r}", getattr(self, name), MAX_STEPS)
         if self.step_seconds is not None:
-            _require_positive("input 'step_seconds'", self.step_seconds)
-        _require_count("input channels", self.channels, MAX_CHANNELS)
+            require_positive("input 'step_seconds'", self.step_seconds)
+        require_count("input channels", self.channels, MAX_CHANNELS)
         if self.event_threshold is not None:
-            _require_count("input 'event_threshold'", self.event_threshold, MAX_THRESHOLD, least=0)
+            require_count("input 'event_threshold'", self.event_threshold, MAX_THRESHOLD, least=0)
 
     @property
     def channels(self) -> int:
@@ -79,8 +80,8 @@ class NeuronParameters:
 
     def __post_init__(self) -> None:
         for name in ("theta", "tau_sr", "tau_ref", "tau_rho", "scale_rho"):
-            _require_positive(f"neuron {name!r}", getattr(self, name))
-        if not (_is_number(self.scale_ref) and math.isfinite(self.scale_ref) and self.scale_ref >= 0):
+            require_positive(f"neuron {name!r}", getattr(self, name))
+        if not (is_number(self.scale_ref) and math.isfinite(self.scale_ref) and self.scale_ref >= 0):
             raise InputError(
                 "neuron 'scale_ref'",
                 "it must be a finite number of at least 0",
@@ -103,8 +104,8 @@ class LifParameters:
 
     def __post_init__(self) -> None:
         for name in ("threshold", "window"):
-            _require_positive(f"neuron {name!r}", getattr(self, name))
-        if not (_is_number(self.decay) and 0 <= self.decay <= 1):
+            require_positive(f"neuron {name!r}", getattr(self, name))
+        if not (is_number(self.decay) and 0 <= self.decay <= 1):
             raise InputError(
                 "neuron 'decay'",
                 "it must be a number from 0 to 1",
@@ -149,9 +150,9 @@ class NetworkDescription:
         self._check_parts()
         self._check_delays()
         if self.structure.neurons == "windows":
-            _require_count("window neurons", sum(self._hidden_of_taxel), MAX_WINDOW_NEURONS)
-        _require_count("classes", self.classes, MAX_UNITS)
-        _require_count("hidden", self.hidden, MAX_UNITS)
+            require_count("window neurons", sum(self._hidden_of_taxel), MAX_WINDOW_NEURONS)
+        require_count("classes", self.classes, MAX_UNITS)
+        require_count("hidden", self.hidden, MAX_UNITS)
         if "location" not in self.branches:
             if self.location_taxels is not None or self.location_order is not None:
                 raise InputError(
@@ -188,7 +189,7 @@ class NetworkDescription:
             self.graph.check(self.input.taxels)
             for branch in self.branches:
                 nodes, _, features = self.graph_size(branch)
-                _require_count(f"neurons of {branch}_graph", nodes * features, MAX_UNITS)
+                require_count(f"neurons of {branch}_graph", nodes * features, MAX_UNITS)
         if self.architecture == "cnn-3d" and (self.input.taxels, self.input.polarities) != (39, 2):
             raise InputError(
                 "architecture 'cnn-3d'",
@@ -199,8 +200,7 @@ class NetworkDescription:
 
     def _check_delays(self) -> None:
         """Refuse delays that no synapse has, and any where there is no layer for them."""
-        whole = all(isinstance(delay, int) and not isinstance(delay, bool) for delay in self.delays)
-        if not self.delays or not whole or list(self.delays) != sorted({d for d in self.delays if 0 <= d <= MAX_DELAY}):
+        if not rises(self.delays, 0, MAX_DELAY):
             raise InputError(
                 "delays",
                 "they must be whole numbers of steps, each larger than the one before",
@@ -334,27 +334,3 @@ _NEURONS: dict[str, type[NeuronParameters] | type[LifParameters] | type[WindowPa
     "windows": WindowParameters,
     "none": None,
 }
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _require_positive(where: str, value: float) -> None:
-    if not (_is_number(value) and math.isfinite(value) and value > 0):
-        raise InputError(
-            where,
-            "it must be a finite number above 0",
-            measured=f"got {value!r}",
-            fix="Correct the description.",
-        )
-
-
-def _require_count(where: str, value: int, limit: int, least: int = 1) -> None:
-    if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= limit:
-        raise InputError(
-            where,
-            "it must be a whole number in range",
-            measured=f"got {value!r} against {least}..{limit}",
-            fix="Correct the description.",
-        )

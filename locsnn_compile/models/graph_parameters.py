@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from locsnn_compile.errors import InputError
+from locsnn_compile.models.plain_checks import require_count, rises
 
 MAX_HOPS = 16
 MAX_FEATURES = 1024
@@ -32,17 +33,10 @@ class GraphParameters:
         """Raise ``InputError`` for numbers out of range, and for a pair that is none of ``taxels`` taxels."""
         limits = {"hops": MAX_HOPS, "features": MAX_FEATURES, "step_features": MAX_FEATURES}
         for name, limit in limits.items():
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= limit:
-                raise InputError(
-                    f"graph {name!r}",
-                    "it must be a whole number in range",
-                    measured=f"got {value!r} against 1..{limit}",
-                    fix="Correct the description.",
-                )
+            require_count(f"graph {name!r}", getattr(self, name), limit)
         seen: set[tuple[int, int]] = set()
         for a, b in self.taxel_edges:
-            if any(isinstance(n, bool) or not isinstance(n, int) for n in (a, b)) or not 1 <= a < b <= taxels:
+            if not rises((a, b), 1, taxels):
                 raise InputError(
                     "taxel graph",
                     "an edge is no pair of taxels, the lower number first",

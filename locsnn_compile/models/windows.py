@@ -15,6 +15,7 @@ import numpy.typing as npt
 from scipy import sparse
 
 from locsnn_compile.errors import InputError
+from locsnn_compile.models.plain_checks import is_whole, rises
 
 WEIGHT, BIAS = "location_output", "location_output_bias"
 """Names of the weights (classes, hidden neurons) and of the bias (classes,)."""
@@ -44,19 +45,14 @@ class WindowParameters:
     def __post_init__(self) -> None:
         for name in ("steps", "stride"):
             value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+            if not is_whole(value) or value < 1:
                 raise InputError(
                     f"windows {name!r}",
                     "it must be a whole number of steps",
                     measured=f"got {value!r}",
                     fix="Give 1 or more.",
                 )
-        whole = all(isinstance(level, int) and not isinstance(level, bool) for level in self.levels)
-        if (
-            not self.levels
-            or not whole
-            or list(self.levels) != sorted({n for n in self.levels if 1 <= n <= self.steps})
-        ):
+        if not rises(self.levels, 1, self.steps):
             raise InputError(
                 "windows 'levels'",
                 "they must be numbers of events, each larger than the one before",

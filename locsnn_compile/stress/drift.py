@@ -6,7 +6,7 @@ of one population. A session, which holds no more than a block, must count the s
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +15,7 @@ import hw_model as hw
 from hw_model.engine.trace import ByteArray
 from locsnn_compile.network.matrices import charge
 from locsnn_compile.network.network import Network, Projection
-from locsnn_compile.network.neurons import Cuba, FloatArray, SrmAlpha
+from locsnn_compile.network.neurons import Cuba, SrmAlpha
 from locsnn_compile.reference.float_neurons import CubaSteps, SrmSteps
 from locsnn_compile.report.format import share, short
 from locsnn_compile.stress.bounds import error_bound
@@ -24,7 +24,7 @@ from locsnn_compile.stress.cases.long_runs import LongRun
 from locsnn_compile.stress.judge import judge
 from locsnn_compile.stress.measure import lowered, measure
 from locsnn_compile.stress.row import TENTH, Drift, Row
-from locsnn_compile.stress.sides import Sides
+from locsnn_compile.stress.sides import Float, Sides
 from locsnn_compile.verification.matching import PopulationMatch
 
 TENTHS = 10
@@ -33,15 +33,7 @@ LESS = 0.05
 BoolArray = npt.NDArray[np.bool_]
 
 
-@dataclass(frozen=True, eq=False)
-class FloatRun:
-    """Spikes and potentials of the float network, (steps, n), in its own units."""
-
-    spikes: ByteArray
-    potential: FloatArray
-
-
-def long_row(run: LongRun, chip: hw.Chip, float_run: FloatRun) -> Row:
+def long_row(run: LongRun, chip: hw.Chip, float_run: Float) -> Row:
     """Return the row of a long run: that of its beginning, and how it went on."""
     row = judge(run.case, measure(run.case, chip))
     drift, odd = measure_drift(run, chip, float_run)
@@ -53,7 +45,7 @@ def long_row(run: LongRun, chip: hw.Chip, float_run: FloatRun) -> Row:
     return replace(row, verdict="limited" if causes else "ok", causes=causes, drift=drift)
 
 
-def measure_drift(run: LongRun, chip: hw.Chip, wanted: FloatRun) -> tuple[Drift, str | None]:
+def measure_drift(run: LongRun, chip: hw.Chip, wanted: Float) -> tuple[Drift, str | None]:
     """Return figures by tenth of the run, and what differs from the simulation, if anything does."""
     steps = len(wanted.spikes)
     levels = lowered(run.case, chip, steps)
@@ -77,8 +69,8 @@ def measure_drift(run: LongRun, chip: hw.Chip, wanted: FloatRun) -> tuple[Drift,
     return drift, _session_differs(levels.program, played, spikes, len(run.block))
 
 
-def play_float(network: Network, block: ByteArray, steps: int) -> FloatRun:
-    """Step a float population on a block (steps, channels) that repeats."""
+def play_float(network: Network, block: ByteArray, steps: int) -> Float:
+    """Step a float population on a block (steps, channels) that repeats; return (steps, n), in its own units."""
     (population,), (projection,) = network.populations, network.projections
     neuron, n = population.neuron, population.size
     assert isinstance(projection, Projection)  # long runs are of float networks
@@ -91,7 +83,7 @@ def play_float(network: Network, block: ByteArray, steps: int) -> FloatRun:
     for step in range(steps):
         fired, seen = state.step(arriving[None, step % len(block)] if step else silence)
         spikes[step], potential[step] = fired[0], seen[0]
-    return FloatRun(spikes, potential)
+    return Float(spikes, potential)
 
 
 def _bound(run: LongRun, chip: hw.Chip, quiet: BoolArray, steps: int) -> float:

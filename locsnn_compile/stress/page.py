@@ -10,7 +10,7 @@ import hw_model as hw
 from hw_model.io.files import replace_file
 from locsnn_compile.errors import InputError
 from locsnn_compile.report.format import agreed, count, plural, short
-from locsnn_compile.report.renderers.markdown import text
+from locsnn_compile.report.renderers.markdown import line, text
 from locsnn_compile.stress.cases import LEADS
 from locsnn_compile.stress.plots import pictures
 from locsnn_compile.stress.row import VERDICTS, Drift, Measured, Row
@@ -67,9 +67,9 @@ def _summary(rows: Sequence[Row], chip: hw.Chip) -> str:
     groups = list(dict.fromkeys(row.case.group for row in rows))
     counted = {group: Counter(row.verdict for row in rows if row.case.group == group) for group in groups}
     everything = Counter(row.verdict for row in rows)
-    lines = [_line(["", "rows", *VERDICTS]), _line(["---", *["---:"] * (1 + len(VERDICTS))])]
+    lines = [line(["", "rows", *VERDICTS]), line(["---", *["---:"] * (1 + len(VERDICTS))])]
     lines += [
-        _line([name, count(sum(found.values())), *(count(found[verdict]) for verdict in VERDICTS)])
+        line([name, count(sum(found.values())), *(count(found[verdict]) for verdict in VERDICTS)])
         for name, found in [*((_linked(group), counted[group]) for group in groups), ("**all**", everything)]
     ]
     return f"{plural(len(rows), 'row')} on {text(chip.name)}.\n\n" + "\n".join(lines)
@@ -88,11 +88,11 @@ def _groups(rows: Sequence[Row]) -> list[str]:
 
 def _table(rows: Sequence[Row]) -> str:
     head = ["case", "strategy", "verdict", "spikes: float, chip", "equal", "otherwise", "error", "bound", "because"]
-    lines = [_line(head), _line(["---"] * 3 + ["---:"] * 5 + ["---"])]
+    lines = [line(head), line(["---"] * 3 + ["---:"] * 5 + ["---"])]
     for row in rows:
         why = text("; ".join(row.causes)) or _NONE
         figures = [_NONE] * 5 if row.measured is None else _figures(row.measured)
-        lines.append(_line([text(row.case.name), row.case.strategy, row.verdict, *figures, why]))
+        lines.append(line([text(row.case.name), row.case.strategy, row.verdict, *figures, why]))
     return "\n".join(lines)
 
 
@@ -115,7 +115,7 @@ def _thresholds(value: float) -> str:
 def _long_table(rows: Sequence[tuple[Row, Drift]]) -> str:
     head = ["long run", "strategy", "steps", "spikes: float, chip", "equal, first tenth", "last tenth"]
     head += ["error, first tenth", "last tenth", "bound"]
-    lines = [_line(head), _line(["---"] * 2 + ["---:"] * 7)]
+    lines = [line(head), line(["---"] * 2 + ["---:"] * 7)]
     for row, drift in rows:
         both = [sum(match.reference_spikes for match in drift.spikes), sum(match.chip_spikes for match in drift.spikes)]
         errors = (
@@ -123,7 +123,7 @@ def _long_table(rows: Sequence[tuple[Row, Drift]]) -> str:
         )
         cells = [text(row.case.name), row.case.strategy, count(drift.steps), ", ".join(count(n) for n in both)]
         cells += [agreed(drift.spikes[i].agreement, _NONE) for i in (0, -1)]
-        lines.append(_line([*cells, *errors]))
+        lines.append(line([*cells, *errors]))
     return "\n".join(lines)
 
 
@@ -137,7 +137,3 @@ def _linked(group: str) -> str:
 
 def _alt(name: str) -> str:
     return name.removesuffix(".svg").replace("-", " ")
-
-
-def _line(cells: Sequence[str]) -> str:
-    return f"| {' | '.join(cells)} |"

@@ -14,10 +14,11 @@ from locsnn_compile.errors import LocsnnError
 from locsnn_compile.stress.case import Case
 from locsnn_compile.stress.cases import cases
 from locsnn_compile.stress.cases.long_runs import BLOCK, long_runs
-from locsnn_compile.stress.drift import FloatRun, long_row, play_float
+from locsnn_compile.stress.drift import long_row, play_float
 from locsnn_compile.stress.judge import judge
 from locsnn_compile.stress.measure import measure
 from locsnn_compile.stress.row import Row
+from locsnn_compile.stress.sides import Float
 
 LONG_STEPS, QUICK_STEPS = 1_000_000, 10 * BLOCK
 """Steps of a long run, and of one of a quick run."""
@@ -39,7 +40,7 @@ def run_stress(chip: hw.Chip, *, quick: bool = False, progress: Progress | None 
     for case in table:
         done(run_case(case, chip))
     for network, runs in groupby(long, key=lambda run: run.case.network):
-        float_run: FloatRun | None = None
+        float_run: Float | None = None
         for run in runs:
             float_run = float_run or play_float(network, run.block, QUICK_STEPS if quick else LONG_STEPS)
             done(_row(run.case, partial(long_row, run, chip, float_run)))

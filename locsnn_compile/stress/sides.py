@@ -19,7 +19,10 @@ from locsnn_compile.verification.error_budget.twin import TwinTrace, run_twin
 
 @dataclass(frozen=True, eq=False)
 class Float:
-    """Spikes and potentials of the float network, (samples, steps, n), potentials in units of the registers."""
+    """Spikes and potentials of the float network, (samples, steps, n), potentials in units of the registers.
+
+    Of a long run (steps, n), in the network's own units.
+    """
 
     spikes: ByteArray
     potential: FloatArray

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import (
@@ -80,8 +81,8 @@ def _table(table: Table) -> str:
     """Return the table without its drawn columns, the caption above it."""
     kept = [i for i, name in enumerate(table.columns) if name]
     rows = [[_cell(row[i]) for i in kept] for row in table.rows]
-    lines = [_line([text(table.columns[i]) for i in kept]), _line(["---", *("---:" for _ in kept[1:])])]
-    lines += [_line(row) for row in rows]
+    lines = [line([text(table.columns[i]) for i in kept]), line(["---", *("---:" for _ in kept[1:])])]
+    lines += [line(row) for row in rows]
     return f"**{text(table.caption)}**\n\n" + "\n".join(lines)
 
 
@@ -89,5 +90,6 @@ def _cell(cell: str | Bar) -> str:
     return text(cell.label if isinstance(cell, Bar) else cell)
 
 
-def _line(cells: list[str]) -> str:
+def line(cells: Sequence[str]) -> str:
+    """Return a row of a table."""
     return f"| {' | '.join(cells)} |"
