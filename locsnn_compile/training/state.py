@@ -21,6 +21,17 @@ from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.training.config import TrainingConfig
 
 _FORMAT, _VERSION = "locsnn-training-state", 2
+_DAMAGED = (
+    OSError,
+    EOFError,
+    RuntimeError,
+    pickle.UnpicklingError,
+    zipfile.BadZipFile,
+    KeyError,
+    TypeError,
+    ValueError,
+)
+"""What torch raises for a file that is none, or a part of one; and what is raised for one that lacks an entry."""
 
 
 @dataclass(frozen=True)
@@ -63,19 +74,8 @@ def run_key(config: TrainingConfig, recordings: Recordings, start: Checkpoint | 
 
 def save_state(path: Path, state: TrainingState, key: str) -> None:
     """Write ``state`` whole or not at all."""
-    values = {
-        "format": _FORMAT,
-        "version": _VERSION,
-        "key": key,
-        "phase": state.phase,
-        "epoch": state.epoch,
-        "weights": state.weights,
-        "averages": state.averages,
-        "optimizer": state.optimizer,
-        "history": [asdict(record) for record in state.history],
-        "chosen_epoch": state.chosen_epoch,
-        "chosen_weights": state.chosen_weights,
-    }
+    history = [asdict(record) for record in state.history]
+    values = {"format": _FORMAT, "version": _VERSION, "key": key, **vars(state), "history": history}
     content = io.BytesIO()
     torch.save(values, content)
     replace_file(path, content.getvalue(), f"training state {path.name!r}")
@@ -95,24 +95,7 @@ def load_state(path: Path, key: str) -> TrainingState | None:
             raise InputError(where, "it was written by another version", fix=fix)
         if values["key"] != key:
             raise InputError(where, "it belongs to a run with other options or other data", fix=fix)
-        return TrainingState(
-            phase=values["phase"],
-            epoch=values["epoch"],
-            weights=values["weights"],
-            averages=values["averages"],
-            optimizer=values["optimizer"],
-            history=[EpochRecord(**record) for record in values["history"]],
-            chosen_epoch=values["chosen_epoch"],
-            chosen_weights=values["chosen_weights"],
-        )
-    except (
-        OSError,
-        EOFError,
-        RuntimeError,
-        pickle.UnpicklingError,
-        zipfile.BadZipFile,
-        KeyError,
-        TypeError,
-        ValueError,
-    ):
+        held = {name: values[name] for name in TrainingState.__dataclass_fields__}
+        return TrainingState(**held | {"history": [EpochRecord(**record) for record in held["history"]]})
+    except _DAMAGED:
         raise InputError(where, "it is damaged", fix=fix) from None
