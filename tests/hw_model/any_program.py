@@ -1,0 +1,214 @@
+"""Programs from everything that a chip file and the builder allow: a strategy, and what it has reached so far.
+
+Widths, limits, biases, thresholds, voltage limits, weight formats, delays, refractory periods, joins as fans, chains and
+trees, recurrence, several synapses between the same two compartments, cores that hold one family only.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, replace
+
+import hybrids
+import numpy as np
+from hypothesis import strategies as st
+
+import hw_model as hw
+from hw_model.arithmetic.weights import SIGN_MODES, WEIGHT_BITS, weight_grid
+from hw_model.description.check import check_chip
+from hw_model.mapping.graph import CompartmentGraph, Readout, voltage_maxima, voltage_minima
+from hw_model.program.builder import Node
+
+LOIHI = hw.chip("loihi-sim")
+MANY_CHILDREN = 260
+"""More than the voltages of so many fit into 32 bits at the widths of the chips that ship."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Drawn:
+    """A program, recordings (batch, steps, channels) for it, and what was drawn, by name."""
+
+    program: hw.ChipProgram
+    spikes: np.ndarray
+    drawn: Counter[str]
+
+    def __repr__(self) -> str:
+        return f"Drawn({self.program.chip.registers}, {dict(self.drawn)})"
+
+
+def _bits(usual: int, other: st.SearchStrategy[int]) -> st.SearchStrategy[int]:
+    return st.one_of(st.just(usual), other)
+
+
+@st.composite
+def chips(draw: st.DrawFn, widths: bool = True) -> hw.Chip:
+    """A chip; with ``widths`` off its charge, current and voltage are those of the chips that ship."""
+    any_width = st.sampled_from([9, 10, 15, 16, 20, 21, 22, 23, 24, 28, 29, 30, 31, 32, 33, 39, 40])
+    own = {
+        "charge_bits": _bits(21, any_width),
+        "current_bits": _bits(23, any_width),
+        "voltage_bits": _bits(23, any_width),
+    }
+    settings = {
+        "threshold_mantissa_bits": _bits(17, st.integers(1, 34)),
+        "bias_mantissa_bits": _bits(12, st.integers(1, 24)),
+        "bias_exponent_max": _bits(7, st.integers(0, 24)),
+        "refractory_max": st.sampled_from([1, 2, 7, 63, 65_535]),
+        "delay_max": st.sampled_from([0, 1, 10, 62, 300]),
+    }
+    given = settings | (own if widths else {})
+    drawn = {name: draw(strategy, label=name) for name, strategy in given.items()}
+    profiles = {"compartment_profiles_per_core": 1024, "threshold_profiles_per_core": 1024}
+    limits = replace(LOIHI.limits, **profiles, synapse_formats_per_core=256)
+    chip = replace(LOIHI, registers=replace(LOIHI.registers, **drawn), limits=limits)
+    check_chip(chip, "drawn")
+    return chip
+
+
+def parameters(r: np.random.Generator, size: int, chip: hw.Chip) -> dict[str, np.ndarray]:
+    """Every parameter at its ends or in between, and more often where something happens."""
+    limits = chip.registers
+    span = 1 << limits.bias_mantissa_bits
+    mantissa = r.choice([0, 0, 0, 1, -2, span - 1, -span, r.integers(-span, span)], size)
+    exponent = r.choice([0, 0, limits.bias_exponent_max, r.integers(0, limits.bias_exponent_max + 1)], size)
+    reached = min(limits.threshold_mantissa_max, limits.voltage_max >> 6)
+    return {
+        "decay_u": r.choice([0, 1, 390, 2048, 4095, 4096, r.integers(0, 4097)], size),
+        "decay_v": r.choice([0, 1, 128, 2589, 4095, 4096, r.integers(0, 4097)], size),
+        "threshold": r.choice([0, 1, min(300, reached), reached // 2, reached, limits.threshold_mantissa_max], size),
+        "bias": mantissa << exponent,
+        "refractory": r.choice([1, 1, 1, min(2, limits.refractory_max), min(5, limits.refractory_max),
+                                limits.refractory_max], size),
+    }  # fmt: skip
+
+
+SHAPES = {"none": (0, 0), "one": (1, 1), "fan": (2, 4), "chain": (2, 5), "tree": (3, 6), "many": (MANY_CHILDREN,) * 2}
+"""Ways to join compartments, and how many at least and at most."""
+
+
+def _add_children(
+    builder: hw.ProgramBuilder, soma: Node, shape: str, chip: hw.Chip, r: np.random.Generator, kept: dict[str, int]
+) -> list[Node]:
+    """Join compartments to a population; often alike, and many at the end of their range more often than not."""
+    alike = bool(r.random() < 0.7)
+    first = parameters(r, soma.size, chip)
+    if shape == "many" and alike:
+        end = (1 << chip.registers.bias_mantissa_bits) - 1 << chip.registers.bias_exponent_max
+        first |= {"decay_u": 4096, "decay_v": 0, "bias": end}
+    nodes = [soma]
+    least, most = SHAPES[shape]
+    for i in range(int(r.integers(least, most + 1))):
+        parent = {"chain": nodes[-1], "tree": nodes[int(r.integers(len(nodes)))]}.get(shape, soma)
+        given = first if alike else parameters(r, soma.size, chip)
+        nodes.append(builder.add_compartments(f"{soma.name}/{i}", soma.size, **given, **kept, joined_to=parent))
+    return nodes[1:]
+
+
+def _connect(r: np.random.Generator, builder: hw.ProgramBuilder, source: Node, target: Node, chip: hw.Chip) -> None:
+    bits, mode = int(r.choice(WEIGHT_BITS)), str(r.choice(SIGN_MODES))
+    grid = weight_grid(bits, mode)
+    shape = (target.size, source.size)
+    weights = grid.round(r.choice([20, 300]) * r.uniform(-1, 1, shape))
+    weights[r.random(shape) < r.choice([0.0, 0.3, 0.9])] = 0
+    last = min(chip.registers.delay_max, int(r.choice([0, 2, 30, 300])))
+    delay = r.integers(0, last + 1, shape) if r.random() < 0.5 else last
+    builder.connect(
+        source, target, weights, exponent=int(r.choice([-8, -2, 0, 0, 2, 7])), delay=delay, weight_bits=bits,
+        sign_mode=mode,
+    )  # fmt: skip
+
+
+@st.composite
+def graphs(
+    draw: st.DrawFn, chip: hw.Chip, lines: int, classes: int, prefix: str = ""
+) -> tuple[CompartmentGraph, Counter]:
+    """Populations of which ``y`` has ``classes`` compartments, with what is joined to them, and synapses."""
+    r = np.random.default_rng(draw(st.integers(0, 2**32 - 1), label="seed"))
+    builder = hw.ProgramBuilder(chip)
+    senders = [builder.add_input(f"{prefix}x", lines)]
+    kept = {"vmin": int(r.choice(voltage_minima(chip))), "vmax": int(r.choice(voltage_maxima(chip)))}
+    if r.random() < 0.5:
+        kept = {}
+    names = ["y", *(f"h{i}" for i in range(draw(st.integers(0, 2), label="hidden")))]
+    seen: Counter[str] = Counter()
+    joined: list[Node] = []
+    for name in names:
+        shape = draw(st.sampled_from(list(SHAPES)), label="joins")
+        size = classes if name == "y" else 1 if shape == "many" else int(r.integers(1, 6))
+        soma = builder.add_compartments(f"{prefix}{name}", size, **parameters(r, size, chip), **kept)
+        senders.append(soma)
+        children = _add_children(builder, soma, shape, chip, r, kept)
+        joined += children
+        seen["joined compartments"] += len(children) * size
+        seen["fans of more than 255"] += len(children) > 255
+    targets = senders[1:] + joined[:12]
+    for _ in range(draw(st.integers(1, 8), label="links")):
+        source, target = senders[int(r.integers(len(senders)))], targets[int(r.integers(len(targets)))]
+        for _ in range(int(r.choice([1, 1, 2, 4]))):
+            _connect(r, builder, source, target, chip)
+        seen["links"] += 1
+        seen["recurrent links"] += source.name == target.name
+    biases = np.concatenate([group.bias_mantissa << group.bias_exponent for group in builder.graph().groups])
+    seen["biases of more than 31 bits"] += int((np.abs(biases) >= 1 << 31).sum())
+    return builder.graph(), seen
+
+
+def small_cores(draw: st.DrawFn, chip: hw.Chip, *parts: CompartmentGraph) -> hw.Chip:
+    """Cores that hold little more than the largest family of joined compartments, or the usual ones."""
+    if draw(st.booleans(), label="usual cores"):
+        return chip
+    families: Counter[str] = Counter()
+    for part in parts:
+        parent = {group.name: group.joined_to for group in part.groups}
+        for group in part.groups:
+            root = group.name
+            while parent[root] is not None:
+                root = parent[root]
+            families[root] += 1
+    room = max(families.values()) + draw(st.integers(0, 3), label="room")
+    return replace(chip, limits=replace(chip.limits, compartments_per_core=room))
+
+
+@st.composite
+def programs(draw: st.DrawFn, widths: bool = True) -> Drawn:
+    """A program of one phase, out of the builder, and a batch of recordings."""
+    chip = draw(chips(widths))
+    lines, classes = draw(st.integers(1, 5), label="lines"), draw(st.integers(1, 4), label="classes")
+    graph, seen = draw(graphs(chip, lines, classes))
+    chip = small_cores(draw, chip, graph)
+    program = hybrids.assembled(chip, Readout(("y",), (1.0,)), graph)
+    r = np.random.default_rng(draw(st.integers(0, 2**32 - 1), label="recording"))
+    shape = (2, draw(st.sampled_from([40, 20, 20, 5, 1]), label="steps"), lines)
+    spikes = (r.random(shape) < r.choice([0.0, 0.05, 0.3, 1.0], (2, 1, 1))).astype(np.uint8)
+    return Drawn(program, spikes, seen + _of_chip(program))
+
+
+@st.composite
+def hybrid_programs(draw: st.DrawFn) -> Drawn:
+    """A program of a time phase and a transposed location phase, and one recording (1, steps, channels)."""
+    chip = draw(chips())
+    steps, channels = draw(st.integers(1, 16), label="steps"), draw(st.integers(1, 5), label="channels")
+    classes = draw(st.integers(1, 3), label="classes")
+    time, seen = draw(graphs(chip, channels, classes, "time/"))
+    location, more = draw(graphs(chip, steps, classes, "location/"))
+    chip = small_cores(draw, chip, time, location)
+    r = np.random.default_rng(draw(st.integers(0, 2**32 - 1), label="recording"))
+    silence = int(r.integers(0, 3))
+    program = hybrids.assembled(
+        chip,
+        Readout(("time/y", "location/y"), (1.0, float(r.choice([1.0, -2.0])))),
+        hybrids.in_phase(time, "time", steps),
+        hybrids.in_phase(location, "location", channels + silence, r.permutation(channels)),
+    )
+    spikes = (r.random((1, steps, channels)) < r.choice([0.05, 0.3, 1.0])).astype(np.uint8)
+    return Drawn(program, spikes, seen + more + _of_chip(program))
+
+
+def _of_chip(program: hw.ChipProgram) -> Counter[str]:
+    limits = program.chip.registers
+    widths = (limits.charge_bits, limits.current_bits, limits.voltage_bits)
+    return Counter({
+        "programs": 1,
+        "programs of other widths": int(widths != (21, 23, 23)),
+        "programs of several cores": int(len(program.cores) > len(program.phases)),
+    })  # fmt: skip

@@ -1,0 +1,142 @@
+"""Both engines, sessions, proofs of range and early stops on everything that a chip file and the builder allow."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import Counter
+from dataclasses import replace
+
+import any_program
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, Phase, given, settings
+from test_early_stop import futures, in_streams
+from test_session import check_every_step
+
+import hw_model as hw
+from hw_model.engine import layout
+from hw_model.simulation import ENGINES
+
+# What was drawn names the whole chip.
+pytestmark = pytest.mark.filterwarnings("ignore:Generating overly large repr")
+
+PROBE = ("spikes", "u", "v", "potential", "activity")
+EVENTS = ("charge_wraps", "current_wraps", "voltage_clips")
+SETTINGS = settings(
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.large_base_example],
+)
+
+
+def check_engines(drawn: any_program.Drawn) -> hw.SimulationResult:
+    """Every probe, count and event of both engines, with and without skipping."""
+    slow = hw.simulate(drawn.program, drawn.spikes, engine=ENGINES[1], probe=PROBE)
+    for skip in (True, False):
+        fast = hw.simulate(drawn.program, drawn.spikes, probe=PROBE, skip=skip)
+        for kind in ("spikes", "u", "v", "potential"):
+            for name, array in getattr(slow, kind).items():
+                assert np.array_equal(getattr(fast, kind)[name], array), (kind, name)
+        assert [replace(c, skipped_steps=0) for c in fast.per_recording] == list(slow.per_recording)
+        assert fast.events == slow.events
+        for a, b in zip(fast.activity["time"], slow.activity["time"], strict=True):
+            assert all(np.array_equal(a.by_core[name], b.by_core[name]) for name in a.by_core)
+    return slow
+
+
+def check_ranges(program: hw.ChipProgram, found: hw.SimulationResult) -> None:
+    """What is proven of a compartment holds in this run."""
+    for core, proven in zip(program.cores, hw.prove_range(program), strict=True):
+        for piece in core.slices:
+            here, there = slice(piece.offset, piece.offset + piece.size), slice(piece.start, piece.stop)
+            u, v = (getattr(found, kind)[piece.group][..., there] for kind in ("u", "potential"))
+            kept = proven.cannot_wrap[here]
+            assert (u.max(axis=(0, 1))[kept] <= proven.u.high[here][kept]).all()
+            assert (u.min(axis=(0, 1))[kept] >= proven.u.low[here][kept]).all()
+            assert (v.max(axis=(0, 1)) <= np.maximum(proven.v.high[here], 0)).all()
+            assert (v.min(axis=(0, 1)) >= np.minimum(proven.v.low[here], 0)).all()
+            if piece.size == program.populations[piece.group]:
+                events = found.events.get(piece.group, dict.fromkeys(EVENTS, 0))
+                assert not kept.all() or events["charge_wraps"] + events["current_wraps"] == 0
+                assert not proven.cannot_clip[here].all() or events["voltage_clips"] == 0
+
+
+def check_program(drawn: any_program.Drawn) -> Counter[str]:
+    """Return what was met."""
+    found = check_engines(drawn)
+    check_ranges(drawn.program, found)
+    session = hw.Session(drawn.program)
+    for recording, spikes in zip(drawn.spikes, found.spikes["y"], strict=True):
+        session.reset()
+        assert np.array_equal(session.push(recording).spikes["y"], spikes.cumsum(axis=0, dtype=np.int64))
+    met = Counter({event: int(found.counts[event]) for event in EVENTS})
+    return drawn.drawn + met + Counter({"spikes": int(found.counts.spikes), "recordings": len(drawn.spikes)})
+
+
+def check_streams(drawn: any_program.Drawn) -> Counter[str]:
+    """A session against whole runs after every step, and a proven stop against recordings that go on otherwise."""
+    program, recording = drawn.program, drawn.spikes[0]
+    session = hw.Session(program)
+    check_every_step(program, recording, session.push(recording))
+    apart = in_streams(program)
+    stops = hw.stop_when_proven(apart, {"time": drawn.spikes, "location": drawn.spikes})
+    done = int(stops.steps[0])
+    found = hw.simulate(apart, futures(apart, recording, done, np.random.default_rng(done), batch=16))
+    assert (found.prediction == stops.prediction[0]).all()
+    return drawn.drawn + Counter({"proven early": int(done < stops.all_steps), "steps replayed": session.replayed[0]})
+
+
+def draw_and_check(check, strategy, examples: int, phases=tuple(Phase)) -> Counter[str]:
+    met: Counter[str] = Counter()
+
+    @settings(SETTINGS, max_examples=examples, phases=phases)
+    @given(strategy)
+    def run(drawn):
+        met.update(check(drawn))
+
+    run()
+    return met
+
+
+def test_any_program():
+    met = draw_and_check(check_program, any_program.programs(), 40)
+    for what in (*EVENTS, "spikes", "joined compartments", "fans of more than 255", "biases of more than 31 bits",
+                 "recurrent links", "programs of other widths", "programs of several cores"):  # fmt: skip
+        assert met[what] > 0, what
+
+
+def without(program: hw.ChipProgram, **values: int) -> hw.ChipProgram:
+    """The program with one value for all compartments of every core."""
+    cores = [
+        replace(core, **{key: np.full(core.compartments, value) for key, value in values.items()})
+        for core in program.cores
+    ]
+    return replace(program, cores=tuple(cores))
+
+
+@pytest.mark.parametrize("values", [{"parent": -1}, {"bias_mantissa": 0}], ids=["joins", "biases"])
+def test_a_sum_that_the_bound_forgets_is_found(monkeypatch, values):
+    """32 bits where joins, or biases, need 64: what the draws are for."""
+    bound = layout._largest_sum
+    monkeypatch.setattr(layout, "_largest_sum", lambda program, *rest: bound(without(program, **values), *rest))
+    with pytest.raises(AssertionError):
+        draw_and_check(check_program, any_program.programs(widths=False), 200, phases=(Phase.generate,))
+
+
+def test_any_hybrid():
+    met = draw_and_check(check_streams, any_program.hybrid_programs(), 15)
+    for what in ("joined compartments", "programs of other widths", "proven early", "steps replayed"):
+        assert met[what] > 0, what
+
+
+if __name__ == "__main__":
+    many = int(sys.argv[1])
+    for title, check, strategy in (
+        ("one phase", check_program, any_program.programs()),
+        ("hybrids", check_streams, any_program.hybrid_programs()),
+    ):
+        begun = time.perf_counter()
+        for what, count in sorted(draw_and_check(check, strategy, many).items()):
+            print(f"{title:10} {what:30} {count:12,}")
+        print(f"{title:10} {'seconds':30} {time.perf_counter() - begun:12.1f}")
