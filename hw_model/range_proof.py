@@ -120,6 +120,16 @@ def _settled_high(drive: FloatArray, decays: IntArray) -> FloatArray:
     return high
 
 
+def _kept(drive: FloatArray, decays: IntArray) -> FloatArray:
+    """Return the answer of the filter in real numbers to a drive in every step: drive * 4096 / decay.
+
+    Truncation may take less from a sum than from its parts, so answers that are added up must leave it out.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        kept: FloatArray = np.where(drive == 0, 0.0, drive * (DECAY_ONE / decays))
+    return kept
+
+
 def _voltage(core: Core, drive: Bounds, *, filtered: bool) -> Bounds:
     """Bound v of every compartment, children first; with ``filtered`` the drive is v's own answer already.
 
@@ -132,7 +142,7 @@ def _voltage(core: Core, drive: Bounds, *, filtered: bool) -> Bounds:
         own = Bounds(low[i : i + 1], high[i : i + 1])
         passed = Bounds(passed_low[i : i + 1], passed_high[i : i + 1])
         if filtered:
-            more = _settled(passed, decays[i : i + 1])
+            more = Bounds(_kept(passed.low, decays[i : i + 1]), _kept(passed.high, decays[i : i + 1]))
             found = Bounds(own.low + more.low, own.high + more.high)
         else:
             found = _settled(Bounds(own.low + passed.low, own.high + passed.high), decays[i : i + 1])
@@ -146,14 +156,13 @@ def _voltage(core: Core, drive: Bounds, *, filtered: bool) -> Bounds:
 def _safe_at(core: Core, charge: Bounds, wrap_q: BoolArray, period: int, half: int) -> BoolArray:
     """Mark compartments that neither wrap nor clip while every source spikes at most once in ``period`` steps."""
     bias = core.bias.astype(np.float64)
-    u_gain, v_gain, bias_gain = (np.empty(core.compartments) for _ in range(3))
+    u_gain, v_gain = (np.empty(core.compartments) for _ in range(2))
     for index, profile in enumerate(core.profiles):
         mine = core.profile == index
         u_gain[mine], v_gain[mine] = _gains(profile.decay_u, profile.decay_v, period)
-        bias_gain[mine] = DECAY_ONE / profile.decay_v if profile.decay_v else np.inf
     with np.errstate(invalid="ignore"):
         u = Bounds(charge.low * u_gain, charge.high * u_gain)
-        steady = np.where(bias == 0, 0.0, bias * bias_gain)
+        steady = _kept(bias, core.setting("decay_v"))
         own = Bounds(
             np.where(charge.low < 0, charge.low * v_gain, 0.0) + np.minimum(steady, 0.0),
             np.where(charge.high > 0, charge.high * v_gain, 0.0) + np.maximum(steady, 0.0),

@@ -155,3 +155,19 @@ def test_joined_voltages_are_in_the_bound():
     proven = prove_range(program)[0]
     assert proven.v.high.tolist() == [12799.0, 12799.0, 25598.0]
     assert largest(program, np.ones((50, 1), dtype=np.uint8), "soma")[1] == 25598
+
+
+def test_what_truncation_takes_of_parts_a_sum_may_keep():
+    """A charge of 64 every 6 steps alone stays at 493 less than 1, and 1 in every step at 1; together they pass 511."""
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 1)
+    ends = {"vmin": -511, "vmax": 511}
+    n = builder.add_compartments("n", 1, decay_u=4096, decay_v=94, threshold=131071, **ends)
+    builder.add_compartments("one", 1, decay_u=4096, decay_v=4096, threshold=0, bias=1, joined_to=n, **ends)
+    builder.connect(x, n, [[1]], sign_mode="excitatory")
+    program = builder.build()
+    period = int(prove_range(program)[0].safe_period[1])
+    steps = np.arange(3000)[:, None]
+    assert hw.simulate(program, (steps % 6 == 0).astype(np.uint8)).counts.clips > 0
+    assert period == 8
+    assert hw.simulate(program, (steps % period == 0).astype(np.uint8)).counts.clips == 0
