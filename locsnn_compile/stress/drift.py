@@ -19,7 +19,7 @@ from locsnn_compile.network.neurons import Cuba, SrmAlpha
 from locsnn_compile.reference.float_neurons import CubaSteps, SrmSteps
 from locsnn_compile.report.format import share, short
 from locsnn_compile.stress.bounds import error_bound
-from locsnn_compile.stress.case import POPULATION
+from locsnn_compile.stress.cases.case import POPULATION
 from locsnn_compile.stress.cases.long_runs import LongRun
 from locsnn_compile.stress.judge import judge
 from locsnn_compile.stress.measure import lowered, measure

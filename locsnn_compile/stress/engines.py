@@ -11,7 +11,7 @@ from hw_model.engine.trace import ByteArray
 from hw_model.simulation import SimulationResult
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import evaluate
-from locsnn_compile.stress.case import POPULATION
+from locsnn_compile.stress.cases.case import POPULATION
 from locsnn_compile.stress.sides import Sides
 
 PROBES: tuple[Any, ...] = ("spikes", "u", "v", "potential")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from locsnn_compile.report.format import count, plural, short
 from locsnn_compile.stress.bounds import SOURCES, Source
-from locsnn_compile.stress.case import Case
+from locsnn_compile.stress.cases.case import Case
 from locsnn_compile.stress.row import TENTH, Measured, Row
 
 _ROUNDED: dict[Source, str] = {"weights": "weights", "decays": "decays", "states": "truncation of states"}

@@ -18,7 +18,7 @@ from locsnn_compile.network.recordings import fit_recordings
 from locsnn_compile.pipeline import Levels, lower
 from locsnn_compile.reference.calibration import calibrate
 from locsnn_compile.stress.bounds import SOURCES, error_bound
-from locsnn_compile.stress.case import NATIVE, POPULATION, SEED, Case, random_input
+from locsnn_compile.stress.cases.case import NATIVE, POPULATION, SEED, Case, random_input
 from locsnn_compile.stress.engines import odd_one_out
 from locsnn_compile.stress.row import Lost, Measured
 from locsnn_compile.stress.sides import Sides

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from locsnn_compile.stress.bounds import Source
-from locsnn_compile.stress.case import Case
+from locsnn_compile.stress.cases.case import Case
 from locsnn_compile.verification.matching import PopulationMatch
 
 Verdict = Literal["ok", "limited", "refused", "unexplained"]

@@ -11,8 +11,8 @@ import numpy as np
 
 import hw_model as hw
 from locsnn_compile.errors import LocsnnError
-from locsnn_compile.stress.case import Case
 from locsnn_compile.stress.cases import cases
+from locsnn_compile.stress.cases.case import Case
 from locsnn_compile.stress.cases.long_runs import BLOCK, long_runs
 from locsnn_compile.stress.drift import long_row, play_float
 from locsnn_compile.stress.judge import judge

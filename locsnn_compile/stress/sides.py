@@ -11,7 +11,7 @@ from locsnn_compile.network.neurons import Cuba, FloatArray, SrmAlpha
 from locsnn_compile.network.quantized import QuantizedPopulation
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import evaluate
-from locsnn_compile.stress.case import POPULATION
+from locsnn_compile.stress.cases.case import POPULATION
 from locsnn_compile.verification.error_budget.numbers import GroupNumbers, Numbers
 from locsnn_compile.verification.error_budget.stages import STAGES, Phase, Stage, lines_of, phases_of, twin_with
 from locsnn_compile.verification.error_budget.twin import TwinTrace, run_twin

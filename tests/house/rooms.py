@@ -2,7 +2,8 @@
 
     python tests/house/rooms.py [TREE] [--types]
 
-A room is a folder with modules. Lines of code are those that are not docstrings, comments or blank. An arrow is a room of
+A room is a folder with modules; each module at the top of a package is one by itself, for errors are the floor and the
+public names the roof. Lines of code are those that are not docstrings, comments or blank. An arrow is a room of
 which a module imports one of another, inside functions also; imports for types alone count with ``--types``. A floor is a
 place in the longest chain of arrows. Arrows that run back are the thinnest whose removal opens all circles.
 """
@@ -71,7 +72,8 @@ def listed(title: str, rows: list[str]) -> list[str]:
 
 
 def room(module: str) -> str:
-    return module.rpartition("/")[0]
+    folder = module.rpartition("/")[0]
+    return module if folder in PACKAGES else folder
 
 
 def code_lines(source: str) -> int:
@@ -116,7 +118,8 @@ def imported_names(source: str, *, types: bool) -> Iterator[str]:
 def module_of(name: str, modules: dict[str, str]) -> str | None:
     """Return the module of the packages that a dotted name is, or is a name of; None for a name of others."""
     path = name.replace(".", "/")
-    tried = (path, f"{path}/__init__", room(path), f"{room(path)}/__init__")
+    above = path.rpartition("/")[0]
+    tried = (path, f"{path}/__init__", above, f"{above}/__init__")
     return next((candidate for candidate in tried if candidate in modules), None)
 
 

@@ -9,7 +9,7 @@ import hw_model as hw
 from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.pipeline import lower
 from locsnn_compile.stress.bounds import SOURCES, error_bound, state_bound
-from locsnn_compile.stress.case import POPULATION, chip_network, float_network, lif, random_input, srm, weights
+from locsnn_compile.stress.cases.case import POPULATION, chip_network, float_network, lif, random_input, srm, weights
 from locsnn_compile.stress.sides import Sides
 from locsnn_compile.verification.error_budget.stages import STAGES
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from locsnn_compile.stress.case import Case
+from locsnn_compile.stress.cases.case import Case
 from locsnn_compile.stress.cases.decays import decays
 from locsnn_compile.stress.cases.extremes import float_extremes
 from locsnn_compile.stress.cases.formats import delays, weight_bits, weight_exponents

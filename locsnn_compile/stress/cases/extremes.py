@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from locsnn_compile.network.neurons import Cuba, FloatArray, SrmAlpha
-from locsnn_compile.stress.case import CHANNELS, NEURONS, THETA, Case, lif, lif_case, srm, srm_cases, weights
+from locsnn_compile.stress.cases.case import CHANNELS, NEURONS, THETA, Case, lif, lif_case, srm, srm_cases, weights
 
 LEAST, LARGEST = 5e-324, float(np.finfo(np.float64).max)
 """The smallest denormal of float64, and its largest number."""

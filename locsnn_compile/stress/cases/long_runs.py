@@ -9,7 +9,7 @@ import numpy as np
 
 from hw_model.engine.trace import ByteArray
 from locsnn_compile.network.neurons import Cuba, FloatArray
-from locsnn_compile.stress.case import (
+from locsnn_compile.stress.cases.case import (
     CHANNELS,
     NATIVE,
     NEURONS,

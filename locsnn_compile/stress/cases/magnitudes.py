@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from locsnn_compile.stress.case import THETA, Case, lif, lif_case, srm, srm_cases, weights
+from locsnn_compile.stress.cases.case import THETA, Case, lif, lif_case, srm, srm_cases, weights
 
 DECADES = range(-6, 7)
 QUICK = (-6, 0, 6)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from locsnn_compile.passes.rounding.rounding import FINE, NEAREST, Rounding
-from locsnn_compile.stress.case import Case, lif_case, srm, srm_cases, weights
+from locsnn_compile.stress.cases.case import Case, lif_case, srm, srm_cases, weights
 
 ROUNDINGS: dict[str, Rounding] = {
     "nearest": NEAREST,

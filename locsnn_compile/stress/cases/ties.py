@@ -10,7 +10,7 @@ import numpy as np
 from hw_model.engine.trace import ByteArray
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
 from locsnn_compile.network.neurons import Rule
-from locsnn_compile.stress.case import (
+from locsnn_compile.stress.cases.case import (
     NATIVE,
     SRM_STRATEGIES,
     STEPS,

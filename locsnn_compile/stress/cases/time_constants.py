@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from locsnn_compile.stress.case import SRM_STRATEGIES, Case, lif, lif_case, random_input, srm, srm_cases, weights
+from locsnn_compile.stress.cases.case import SRM_STRATEGIES, Case, lif, lif_case, random_input, srm, srm_cases, weights
 
 STEPS_OF_TAU = (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 8000, 10_000)
 QUICK = (0.5, 10, 10_000)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from locsnn_compile.network.neurons import FloatArray
-from locsnn_compile.stress.case import CHANNELS, NEURONS, THETA, Case, lif_case, srm_cases, weights
+from locsnn_compile.stress.cases.case import CHANNELS, NEURONS, THETA, Case, lif_case, srm_cases, weights
 
 
 def weight_shapes() -> Iterator[Case]:
