@@ -170,7 +170,7 @@ def _config(args: argparse.Namespace, start: Checkpoint | None) -> TrainingConfi
     from locsnn_compile.training.unused import check_used
 
     values: dict[str, Any] = read_config(args.config) if args.config is not None else {}
-    given = {name: f"config {Path(args.config).name!r}, {name}" for name in values}
+    of_file = {name: f"config {Path(args.config).name!r}, {name}" for name in values}
     options = (
         *("model", "order", "delays", "graph", "epochs", "seed", "hidden", "loss", "location_weight", "learning_rate"),
         *("event_dropout", "validation_fraction", "refit", "target", "strategy", "weight_bits", "device"),
@@ -178,17 +178,15 @@ def _config(args: argparse.Namespace, start: Checkpoint | None) -> TrainingConfi
     )
     asked = {name: getattr(args, name) for name in options if getattr(args, name) is not None}
     flags = {"location_weight": "--lambda"}
-    given |= {name: flags.get(name, f"--{name.replace('_', '-')}") for name in asked}
-    values |= asked
+    usual = {} if start is None else {"model": start.description.architecture} | FINE_TUNING
+    config = config_from_mapping(usual | values | asked)
+    check_used({name: flags.get(name, f"--{name.replace('_', '-')}") for name in asked}, config)
+    # A file may be shared: what counts in it by itself may stay there, whatever options make of it.
+    check_used(of_file, config, config_from_mapping(usual | values))
     if start is None:
-        config = config_from_mapping(values)
-        check_used(config, given)
         return config
-    check_fits_start(values, start.description)
-    usual = {"model": start.description.architecture} | FINE_TUNING
-    config = fine_tuning_config(config_from_mapping(usual | values), start.description)
-    check_used(config, given)
-    return config
+    check_fits_start(values | asked, start.description)
+    return fine_tuning_config(config, start.description)
 
 
 def _read(data: str, config: TrainingConfig, start: Checkpoint | None) -> tuple[Recordings, Recordings | None]:

@@ -71,10 +71,13 @@ _RULES = (
 )
 
 
-def check_used(config: TrainingConfig, given: Mapping[str, str]) -> None:
-    """Refuse options that change nothing with an ``InputError``; ``given``: how messages show each that was given."""
-    architecture = ARCHITECTURES[config.model]
+def check_used(given: Mapping[str, str], *configs: TrainingConfig) -> None:
+    """Refuse options that change nothing in any of the configurations with an ``InputError``.
+
+    ``given``: how messages show each option that was given.
+    """
     for rule in _RULES:
+        counts = any(rule.holds(config, ARCHITECTURES[config.model]) for config in configs)
         for option in rule.options:
-            if option in given and not rule.holds(config, architecture):
+            if option in given and not counts:
                 raise InputError(given[option], f"it would change nothing: {rule.why}", fix=rule.fix)

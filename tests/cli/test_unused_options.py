@@ -11,6 +11,8 @@ import pytest
 import locsnn_compile as lc
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import main as locsnn_main
+from locsnn_compile.cli.main import parser as main_parser
+from locsnn_compile.cli.train import _config
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.data.write import write_recordings
 from locsnn_compile.explore.grid import check_matters
@@ -112,15 +114,31 @@ CHANGES = [
 
 @pytest.mark.parametrize(("option", "without", "with_it"), CHANGES, ids=[row[0] for row in CHANGES])
 def test_keys_of_a_configuration_and_what_they_need(option, without, with_it):
-    check_used(config_from_mapping(with_it), {option: option})
+    check_used({option: option}, config_from_mapping(with_it))
+    check_used({option: option}, config_from_mapping(without), config_from_mapping(with_it))
     with pytest.raises(lc.InputError, match=f"^{option}: it would change nothing: .*[.] [A-Z].*[.]$"):
-        check_used(config_from_mapping(without), {option: option})
+        check_used({option: option}, config_from_mapping(without))
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "examples/configs").glob("*.yaml")), ids=lambda path: path.stem)
 def test_the_configurations_that_ship_hold_no_unused_keys(path):
     values = read_config(path)
-    check_used(config_from_mapping(values), {name: name for name in values})
+    check_used({name: name for name in values}, config_from_mapping(values))
+
+
+def commands_of_the_results():
+    """Return the commands that train a network from scratch, as the page of results has them."""
+    lines = (ROOT / "docs/results.md").read_text().splitlines()
+    found = [line.split()[1:] for line in lines if line.startswith("    locsnn train ") and " --from " not in line]
+    assert len(found) > 20
+    return found
+
+
+def test_the_commands_of_the_results_hold_no_unused_options(monkeypatch):
+    """Configurations are shared between networks, and options lie over them."""
+    monkeypatch.chdir(ROOT)
+    for command in commands_of_the_results():
+        _config(main_parser().parse_args(command), None)
 
 
 def test_what_matters_to_a_model():
