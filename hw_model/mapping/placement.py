@@ -129,12 +129,17 @@ def clusters(graph: CompartmentGraph, phase: str) -> list[Cluster]:
     """Return joined groups together, in network order of their roots, children before parents."""
     groups = {group.name: group for group in graph.groups if group.phase == phase}
 
-    def path(group: Compartments) -> tuple[str, ...]:
-        return (group.name,) if group.joined_to is None else (*path(groups[group.joined_to]), group.name)
+    def root(group: Compartments) -> tuple[str, int]:
+        """Return what everything there is joined to in the end, and how many joins away."""
+        away = 0
+        while group.joined_to is not None:
+            group, away = groups[group.joined_to], away + 1
+        return group.name, away
 
+    roots = {name: root(group) for name, group in groups.items()}
     order = {name: i for i, name in enumerate(groups)}
-    ranked = sorted(groups.values(), key=lambda group: (order[path(group)[0]], -len(path(group))))
-    return [Cluster(tuple(members)) for _, members in groupby(ranked, key=lambda group: path(group)[0])]
+    ranked = sorted(groups.values(), key=lambda group: (order[roots[group.name][0]], -roots[group.name][1]))
+    return [Cluster(tuple(members)) for _, members in groupby(ranked, key=lambda group: roots[group.name][0])]
 
 
 def _fill(

@@ -154,6 +154,23 @@ def test_the_sum_of_many_joined_voltages(chain):
     assert fast.counts == slow.counts
 
 
+def test_a_chain_as_long_as_a_core():
+    """Each adds its v to the next; nothing that walks along it calls itself."""
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 1)
+    last = node = builder.add_compartments("soma", 1, decay_u=4096, decay_v=4096, threshold=1021)
+    for i in range(1023):
+        node = builder.add_compartments(
+            f"child{i}", 1, decay_u=4096, decay_v=4096, bias=64, threshold=0, joined_to=node
+        )
+    builder.connect(x, last, [[2]])
+    builder.read_out(last)
+    program = builder.build()
+    result = hw.simulate(program, np.zeros((3, 1), dtype=np.uint8), probe=("potential",))
+    assert result.potential["soma"].ravel().tolist() == [64 * 1023] * 3
+    assert hw.stop_when_proven(program, np.zeros((1, 3, 1), dtype=np.uint8)).steps.tolist() == [0]
+
+
 def test_a_bias_wider_than_32_bits():
     """It wraps in each step, and keeps the compartment busy, even where its low 32 bits are zero."""
     builder = hw.ProgramBuilder(
