@@ -15,7 +15,7 @@ from locsnn_compile.network.chip_neurons import ChipProjection
 from locsnn_compile.network.matrices import row_maxima, values_of
 from locsnn_compile.network.network import Population, Projection
 from locsnn_compile.network.neurons import Cuba, FloatArray, SoftCuba, SrmAlpha
-from locsnn_compile.passes.srm.kernels import kernel
+from locsnn_compile.passes.kernels import kernel
 
 
 def check_heard(

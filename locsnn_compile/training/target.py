@@ -26,8 +26,8 @@ from locsnn_compile.models.chip_numbers import (
 )
 from locsnn_compile.models.description import NetworkDescription
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, RefractoryDendrite
+from locsnn_compile.passes.kernels import alpha_kernel
 from locsnn_compile.passes.quantize import quantize
-from locsnn_compile.passes.srm.kernels import alpha_kernel
 from locsnn_compile.training.config import TrainingConfig
 
 USUAL_LARGEST = 0.3

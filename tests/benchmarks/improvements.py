@@ -30,10 +30,10 @@ from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.quantized import QuantizedNetwork
+from locsnn_compile.passes.kernels import alpha_kernel
 from locsnn_compile.passes.lower_neurons import lower_neurons
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.passes.rounding.rounding import FINE, Rounding
-from locsnn_compile.passes.srm.kernels import alpha_kernel
 from locsnn_compile.reference.calibration import Calibration, calibrate
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.report.format import energy, share

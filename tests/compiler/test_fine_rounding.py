@@ -15,11 +15,11 @@ import hw_model as hw
 from hw_model.arithmetic.weights import WEIGHT_BITS, WEIGHT_EXPONENTS, weight_grid
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.network.neurons import SrmAlpha
+from locsnn_compile.passes.kernels import alpha_kernel, fitted_decays
 from locsnn_compile.passes.rounding.drive import RIDGE, drive_of
 from locsnn_compile.passes.rounding.grades import Grades, coarsest, nearest
 from locsnn_compile.passes.rounding.rounding import FINE, NEAREST, Rounding
 from locsnn_compile.passes.rounding.together import round_together
-from locsnn_compile.passes.srm.kernels import alpha_kernel, fitted_decays
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.calibration import SAMPLES, calibrate
 from locsnn_compile.reference.evaluate import evaluate

@@ -14,8 +14,8 @@ from locsnn_compile.errors import TargetError
 from locsnn_compile.network.matrices import matrix
 from locsnn_compile.network.network import Population, Projection
 from locsnn_compile.network.neurons import Cuba
+from locsnn_compile.passes.kernels import best_gain
 from locsnn_compile.passes.quantize import quantize
-from locsnn_compile.passes.srm.kernels import best_gain
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate, evaluation_order
 from locsnn_compile.verification.matching import compare

@@ -14,10 +14,10 @@ from hw_model.arithmetic.weights import WEIGHT_BITS
 from locsnn_compile.errors import TargetError
 from locsnn_compile.network.matrices import values_of
 from locsnn_compile.network.neurons import Cuba
+from locsnn_compile.passes.kernels import alpha_kernel
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.passes.rounding.rounding import Rounding
 from locsnn_compile.passes.rounding.scaling import HEADROOM
-from locsnn_compile.passes.srm.kernels import alpha_kernel
 from locsnn_compile.pipeline import lower
 
 CHIP = hw.chip("loihi-sim")

@@ -2,10 +2,10 @@
 
     python tests/house/rooms.py [TREE] [--types]
 
-A room is a folder with modules; each module at the top of a package is one by itself, for errors are the floor and the
-public names the roof. Lines of code are those that are not docstrings, comments or blank. An arrow is a room of
-which a module imports one of another, inside functions also; imports for types alone count with ``--types``. A floor is a
-place in the longest chain of arrows. Arrows that run back are the thinnest whose removal opens all circles.
+A room is a folder of a package with the folders in it, or a file that lies loose in the package. Lines of code are those
+that are not docstrings, comments or blank, counted by folder. An arrow is a room of which a module imports one of another,
+inside functions also; imports for types alone count with ``--types``. A floor is a place in the longest chain of arrows.
+Arrows that run back are the thinnest whose removal opens all circles. Folders in one room must not form a circle either.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import ast
 import io
 import tokenize
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import networkx as nx
@@ -46,12 +46,13 @@ def table(modules: dict[str, str], *, types: bool = False) -> str:
     """Return the house as text."""
     lines: Counter[str] = Counter()
     for name, source in modules.items():
-        lines[room(name)] += code_lines(source)
-    files, rooms = graphs(modules, types=types)
-    rows = [("room", "lines", "from", "to")]
-    rows += [(r, f"{n:,}", str(rooms.in_degree(r)), str(rooms.out_degree(r))) for r, n in sorted(lines.items())]
-    rows.append(("all", f"{lines.total():,}", "", ""))
-    widths = [max(len(row[i]) for row in rows) for i in range(4)]
+        lines[folder(name)] += code_lines(source)
+    files = imports_of(modules, types=types)
+    rooms = between(files, room)
+    rows = [("folder", "lines")]
+    rows += [(name, f"{n:,}") for name, n in sorted(lines.items())]
+    rows.append(("all", f"{lines.total():,}"))
+    widths = [max(len(row[i]) for row in rows) for i in range(2)]
     shown = ["  ".join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]).rstrip() for row in rows]
     back = [f"{a} -> {b} ({rooms.edges[a, b]['imports']})" for a, b in running_back(rooms)]
     return "\n".join(
@@ -62,6 +63,7 @@ def table(modules: dict[str, str], *, types: bool = False) -> str:
             f"floors: {nx.dag_longest_path_length(nx.condensation(rooms)) + 1}",
             *listed("arrows that run back", back),
             *listed("circles of rooms", [", ".join(circle) for circle in circles(rooms)]),
+            *listed("circles of folders in a room", [", ".join(circle) for circle in inner_circles(files)]),
             *listed("circles of files", [", ".join(circle) for circle in circles(files)]),
         ]
     )
@@ -71,9 +73,13 @@ def listed(title: str, rows: list[str]) -> list[str]:
     return [f"{title}: {len(rows)}", *(f"  {row}" for row in rows)]
 
 
+def folder(module: str) -> str:
+    return module.rpartition("/")[0]
+
+
 def room(module: str) -> str:
-    folder = module.rpartition("/")[0]
-    return module if folder in PACKAGES else folder
+    parts = module.split("/")
+    return "/".join(parts[:2])
 
 
 def code_lines(source: str) -> int:
@@ -88,18 +94,30 @@ def code_lines(source: str) -> int:
     return len(found)
 
 
-def graphs(modules: dict[str, str], *, types: bool) -> tuple[nx.DiGraph, nx.DiGraph]:
-    """Return who imports whom: files, and rooms with the number of imports of each arrow."""
-    files, rooms = nx.DiGraph(), nx.DiGraph()
+def imports_of(modules: dict[str, str], *, types: bool = False) -> nx.DiGraph:
+    """Return which module imports which."""
+    files = nx.DiGraph()
     files.add_nodes_from(modules)
-    rooms.add_nodes_from(map(room, modules))
     for name, source in modules.items():
-        for wanted in sorted({w for n in imported_names(source, types=types) if (w := module_of(n, modules))} - {name}):
-            files.add_edge(name, wanted)
-            arrow = room(name), room(wanted)
-            if arrow[0] != arrow[1]:
-                rooms.add_edge(*arrow, imports=rooms.get_edge_data(*arrow, {"imports": 0})["imports"] + 1)
-    return files, rooms
+        wanted = {module_of(n, modules) for n in imported_names(source, types=types)} - {name, None}
+        files.add_edges_from((name, one) for one in sorted(wanted))
+    return files
+
+
+def between(files: nx.DiGraph, place: Callable[[str], str]) -> nx.DiGraph:
+    """Return the arrows between places of modules, with the number of imports of each."""
+    found = nx.DiGraph()
+    found.add_nodes_from(map(place, files))
+    for arrow in ((place(a), place(b)) for a, b in files.edges):
+        if arrow[0] != arrow[1]:
+            found.add_edge(*arrow, imports=found.get_edge_data(*arrow, {"imports": 0})["imports"] + 1)
+    return found
+
+
+def inner_circles(files: nx.DiGraph) -> list[list[str]]:
+    """Return the circles of folders that lie side by side in one room."""
+    inner = files.subgraph(module for module in files if module.count("/") > 2)
+    return circles(between(inner, folder))
 
 
 def imported_names(source: str, *, types: bool) -> Iterator[str]:
@@ -118,8 +136,7 @@ def imported_names(source: str, *, types: bool) -> Iterator[str]:
 def module_of(name: str, modules: dict[str, str]) -> str | None:
     """Return the module of the packages that a dotted name is, or is a name of; None for a name of others."""
     path = name.replace(".", "/")
-    above = path.rpartition("/")[0]
-    tried = (path, f"{path}/__init__", above, f"{above}/__init__")
+    tried = (path, f"{path}/__init__", folder(path), f"{folder(path)}/__init__")
     return next((candidate for candidate in tried if candidate in modules), None)
 
 

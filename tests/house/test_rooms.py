@@ -17,12 +17,11 @@ HOUSE = {
 }
 
 TABLE = """\
-room                   lines  from  to
-hw_model/__init__          0     0   0
-hw_model/chip              1     2   0
-locsnn_compile/cli         1     0   0
-locsnn_compile/passes      7     1   2
-locsnn_compile/report      2     1   2
+folder                 lines
+hw_model                   1
+locsnn_compile/cli         1
+locsnn_compile/passes      7
+locsnn_compile/report      2
 all                       11
 
 arrows between rooms: 4
@@ -31,6 +30,7 @@ arrows that run back: 1
   locsnn_compile/passes -> locsnn_compile/report (1)
 circles of rooms: 1
   locsnn_compile/passes, locsnn_compile/report
+circles of folders in a room: 0
 circles of files: 1
   locsnn_compile/passes/lower, locsnn_compile/report/write"""
 

@@ -14,7 +14,7 @@ from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.network.matrices import matrix
 from locsnn_compile.network.network import InputView, Network, Population, Projection
 from locsnn_compile.network.neurons import Cuba, SrmAlpha
-from locsnn_compile.passes.srm.kernels import alpha_kernel
+from locsnn_compile.passes.kernels import alpha_kernel
 from locsnn_compile.pipeline import lower
 from locsnn_compile.report.renderers.markdown import render_markdown
 from locsnn_compile.verification.error_budget.budget import error_budget

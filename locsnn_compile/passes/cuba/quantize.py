@@ -12,8 +12,8 @@ from hw_model.description.chip import Chip
 from locsnn_compile.errors import TargetError
 from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.network.neurons import Cuba, FloatArray
+from locsnn_compile.passes.kernels import best_gain, keeps, nearest_decays
 from locsnn_compile.passes.rounding.scaling import HEADROOM, Scaled, check_threshold, exponent_and_threshold
-from locsnn_compile.passes.srm.kernels import best_gain, keeps, nearest_decays
 
 
 def quantize_cuba(

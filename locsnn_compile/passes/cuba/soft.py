@@ -14,8 +14,8 @@ from hw_model.arithmetic.weights import WeightGrid
 from hw_model.description.chip import Chip
 from locsnn_compile.network.chip_neurons import ChipSrm, RefractoryTaps
 from locsnn_compile.network.neurons import FloatArray, SoftCuba
+from locsnn_compile.passes.kernels import best_gain, keeps, nearest_decays
 from locsnn_compile.passes.rounding.scaling import Scaled, check_threshold, exponent_and_threshold
-from locsnn_compile.passes.srm.kernels import best_gain, keeps, nearest_decays
 
 COARSE = 7
 """Exponent of the self-synapses that hold what one of exponent 0 does not."""

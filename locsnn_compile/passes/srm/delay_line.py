@@ -22,7 +22,7 @@ from hw_model.arithmetic.fixed_point import DECAY_ONE, IntArray
 from locsnn_compile.errors import TargetError
 from locsnn_compile.network.chip_neurons import ChipSrm
 from locsnn_compile.network.neurons import FloatArray, SrmAlpha
-from locsnn_compile.passes.srm.kernels import kernel, own_charges
+from locsnn_compile.passes.kernels import kernel, own_charges
 
 TAPS_MAX = 63
 """Delays are 0..62."""

@@ -12,7 +12,7 @@ from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.arithmetic.weights import weight_grid
 from locsnn_compile.network.chip_neurons import ChipSrm
 from locsnn_compile.network.neurons import SrmAlpha
-from locsnn_compile.passes.srm.kernels import alpha_kernel
+from locsnn_compile.passes.kernels import alpha_kernel
 
 OWN_BITS = 8
 """Bits of a self-synapse, one weight a population: nothing would be saved with fewer."""

@@ -17,11 +17,11 @@ from hw_model.description.chip import Chip
 from locsnn_compile.errors import TargetError
 from locsnn_compile.network.chip_neurons import ChipNeuron, ChipSrm, integers
 from locsnn_compile.network.neurons import SrmAlpha
+from locsnn_compile.passes.kernels import alpha_kernel, fitted_decays
 from locsnn_compile.passes.rounding.scaling import HEAVIEST, Scaled, check_threshold, exponent_and_threshold
 from locsnn_compile.passes.srm import delay_line as srm_delay_line
 from locsnn_compile.passes.srm import dendrite as srm_dendrite
 from locsnn_compile.passes.srm import reset as srm_reset
-from locsnn_compile.passes.srm.kernels import alpha_kernel, fitted_decays
 
 SCALE_SLACK = 0.99
 """A scale may be up to one percent below the largest, if own weights round better there."""

@@ -10,7 +10,7 @@ import numpy as np
 from hw_model.arithmetic.fixed_point import DECAY_ONE
 from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.network.neurons import SrmAlpha
-from locsnn_compile.passes.srm.kernels import kernel
+from locsnn_compile.passes.kernels import kernel
 
 REFRACTORY_MAX = 63
 

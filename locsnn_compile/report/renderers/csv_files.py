@@ -5,11 +5,14 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 from locsnn_compile.report.content import Document
 from locsnn_compile.report.figures.flat import flatten
 from locsnn_compile.report.format import plain
-from locsnn_compile.verification.excerpt import Excerpt
+
+if TYPE_CHECKING:
+    from locsnn_compile.verification.excerpt import Excerpt
 
 _UNITS = {
     "pj": "pJ",

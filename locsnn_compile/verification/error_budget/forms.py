@@ -17,8 +17,8 @@ from locsnn_compile.network.chip_neurons import ChipSrm, RefractoryDendrite
 from locsnn_compile.network.matrices import Matrix
 from locsnn_compile.network.neurons import Cuba, SoftCuba, SrmAlpha
 from locsnn_compile.network.quantized import QuantizedPopulation
+from locsnn_compile.passes.kernels import alpha_recursion, kernel, own_charges
 from locsnn_compile.passes.lower_neurons import dendrite_name
-from locsnn_compile.passes.srm.kernels import alpha_recursion, kernel, own_charges
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.verification.error_budget.numbers import (
     GroupNumbers,

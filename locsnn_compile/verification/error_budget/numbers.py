@@ -17,7 +17,7 @@ from hw_model.mapping.graph import CompartmentGraph, Compartments
 from locsnn_compile.network.matrices import Matrix, of_target, values_of, with_values
 from locsnn_compile.network.network import Network, Projection
 from locsnn_compile.network.neurons import FloatArray
-from locsnn_compile.passes.srm.kernels import best_gain
+from locsnn_compile.passes.kernels import best_gain
 from locsnn_compile.verification.error_budget.twin import TwinGroup, TwinSynapses
 
 
