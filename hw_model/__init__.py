@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from hw_model.errors import InputError, LocsnnError, TargetError
     from hw_model.program.builder import ProgramBuilder
     from hw_model.program.chip_program import ChipProgram
-    from hw_model.program.file import load_program
+    from hw_model.program.read import load_program
     from hw_model.range_proof import prove_range
     from hw_model.simulation import SimulationResult, simulate
     from hw_model.streaming.early_stop import calibrate_margin, stop_at_margin, stop_when_proven, timestep_scores
@@ -69,7 +69,7 @@ __getattr__ = lazy_names(
         "chip_names": "hw_model.description.chip",
         "energy_pj": "hw_model.accounting.cost",
         "latency": "hw_model.accounting.cost",
-        "load_program": "hw_model.program.file",
+        "load_program": "hw_model.program.read",
         "priced_by": "hw_model.description.chip",
         "prove_range": "hw_model.range_proof",
         "simulate": "hw_model.simulation",

@@ -9,7 +9,7 @@ from hw_model.mapping.arrangement import arrange_cores
 from hw_model.mapping.graph import CompartmentGraph
 from hw_model.mapping.placement import PlacedGraph, place_cores
 from hw_model.mapping.routing import RoutedGraph, route_axons
-from hw_model.program.chip_program import assemble
+from hw_model.program.assemble import assemble
 from locsnn_compile.network.check import check_network
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.quantized import QuantizedNetwork

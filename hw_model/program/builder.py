@@ -27,7 +27,8 @@ from hw_model.mapping.graph import (
 )
 from hw_model.mapping.placement import place_cores
 from hw_model.mapping.routing import route_axons
-from hw_model.program.chip_program import ChipProgram, assemble
+from hw_model.program.assemble import assemble
+from hw_model.program.chip_program import ChipProgram
 
 Ints = int | npt.ArrayLike
 _LARGEST = 1 << 53

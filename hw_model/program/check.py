@@ -1,4 +1,7 @@
-"""What a program out of a file must keep before it is played: compiled loops look at no index again."""
+"""What a program must keep before it is played: compiled loops look at no index again.
+
+The same rules hold for what the passes assemble and for what a file claims to be.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ from hw_model.arithmetic.weights import SIGN_MODES, WEIGHT_BITS, WEIGHT_EXPONENT
 from hw_model.errors import InputError
 
 if TYPE_CHECKING:
-    from hw_model.description.chip import Registers
+    from hw_model.description.chip import Chip, Registers
     from hw_model.mapping.graph import Input
     from hw_model.program.chip_program import ChipProgram, Core
 
@@ -25,8 +28,11 @@ _OF_SYNAPSES = ("target", "mantissa", "delay", "format_index")
 _OF_OUTPUTS = ("out_compartment", "out_core", "out_axon")
 
 
-def check_tables(program: ChipProgram) -> None:
-    """Tables of one thing agree in length, numbers fit their registers, names exist; else ``InputError``."""
+def check_program(program: ChipProgram) -> None:
+    """Tables agree in length, numbers fit their registers, indices are in range, every limit holds.
+
+    Raises ``InputError`` that names the first place whose entries do not.
+    """
     phases = [phase.name for phase in program.phases]
     streams = program.streams
     registers = program.chip.registers
@@ -36,7 +42,8 @@ def check_tables(program: ChipProgram) -> None:
         ("steps", all(phase.steps is None or _whole([phase.steps], 1, MAX_STEPS) for phase in program.phases)),
     ])  # fmt: skip
     for index, core in enumerate(program.cores):
-        _check(f"core {core.number}", _core_rules(index, core, phases, registers))
+        _check(f"core {core.number}", _table_rules(index, core, phases, registers))
+        _check(f"core {core.number}", _limit_rules(core, program.chip))
     for item, route in zip(program.inputs, program.input_routes, strict=True):
         positions = _NONE if item.positions is None else item.positions
         steps = next((phase.steps for phase in program.phases if phase.name == item.phase), None)
@@ -50,6 +57,7 @@ def check_tables(program: ChipProgram) -> None:
             ("lines", _within(route.line, 0, item.size - 1)),
         ])  # fmt: skip
     _check_groups(program)
+    _check_ways(program)
 
 
 def _first_lines_fit(item: Input) -> bool:
@@ -61,7 +69,7 @@ def _first_lines_fit(item: Input) -> bool:
     return _within(item.first_lines, 0, item.size - 1) and not item.lines_are_shared
 
 
-def _core_rules(index: int, core: Core, phases: Sequence[str], registers: Registers) -> list[tuple[str, bool]]:
+def _table_rules(index: int, core: Core, phases: Sequence[str], registers: Registers) -> list[tuple[str, bool]]:
     axons, count = core.axons, core.compartments
     bias_max = (1 << registers.bias_mantissa_bits) - 1
     ends = np.cumsum([0, *(piece.stop - piece.start for piece in core.slices)]).tolist()
@@ -86,6 +94,44 @@ def _core_rules(index: int, core: Core, phases: Sequence[str], registers: Regist
             for form in axons.formats
         )),
     ]  # fmt: skip
+
+
+def _limit_rules(core: Core, chip: Chip) -> list[tuple[str, bool]]:
+    """What a core of this chip holds, and indices into it; children come before their parents."""
+    limits, axons, count = chip.limits, core.axons, core.compartments
+    starts = axons.list_start
+    return [
+        ("compartments", count <= limits.compartments_per_core),
+        ("profiles", len(core.profiles) <= limits.compartment_profiles_per_core),
+        ("thresholds", len(core.thresholds) <= limits.threshold_profiles_per_core),
+        ("formats", len(axons.formats) <= limits.synapse_formats_per_core),
+        ("input axons", axons.input_axons <= limits.input_axons_per_core),
+        ("output axons", axons.output_axons <= limits.output_axons_per_core),
+        ("synapse words", axons.synapse_words <= limits.synapse_words_per_core),
+        ("profile indices", _within(core.profile, 0, len(core.profiles) - 1)),
+        ("threshold indices", _within(core.threshold, 0, len(core.thresholds) - 1)),
+        ("parents", bool(((core.parent == -1) | (core.parent > np.arange(count))).all())),
+        ("parents' range", _within(core.parent, -1, count - 1)),
+        ("list starts", bool((np.diff(starts) >= 0).all())),
+        ("list ends", len(starts) > 0 and starts[-1] == len(axons.target)),
+        ("list begins", len(starts) > 0 and starts[0] == 0),
+        ("targets", _within(axons.target, 0, count - 1)),
+        ("format indices", _within(axons.format_index, 0, len(axons.formats) - 1)),
+        ("delays", _within(axons.delay, 0, chip.registers.delay_max)),
+        ("senders", _within(axons.out_compartment, 0, count - 1)),
+    ]
+
+
+def _check_ways(program: ChipProgram) -> None:
+    """Every core has a place of its own on the board, and every spike goes to an axon that exists."""
+    slots = [core.slot for core in program.cores]
+    _check("cores", [("slots", len(set(slots)) == len(slots) and _whole(slots, 0, program.chip.cores - 1))])
+    input_axons = np.array([core.axons.input_axons for core in program.cores], dtype=np.int64)
+    ways = [(f"core {core.number}", core.axons.out_core, core.axons.out_axon) for core in program.cores]
+    ways += [(f"input {route.input!r}", route.core, route.axon) for route in program.input_routes]
+    for where, core, axon in ways:
+        exists = _within(core, 0, len(input_axons) - 1) and bool(((axon >= 0) & (axon < input_axons[core])).all())
+        _check(where, [("destinations", exists)])
 
 
 def _check_groups(program: ChipProgram) -> None:

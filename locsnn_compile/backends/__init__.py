@@ -11,3 +11,15 @@ EXCHANGE_KINDS = ("nir", "net")
 """The model itself, as a file of another tool."""
 EMIT_KINDS = (*LEVEL_KINDS, *BENCH_KINDS, *EXCHANGE_KINDS, "csv")
 """All that ``--emit`` takes."""
+BUILD_NAMES = ("program.yaml", "program.npz", "report.json", "report.md", "report.html")
+"""What every build holds."""
+EMITTED_NAMES = {
+    "vectors": "vectors/",
+    "vcd": "waves.vcd",
+    "trace": "trace.json",
+    "sanafe": "sanafe/",
+    "graphml": "program.graphml",
+    "dot": "program.dot",
+    "csv": "csv/",
+}
+"""What the kinds write, a folder where it ends in a slash."""

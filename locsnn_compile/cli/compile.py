@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from locsnn_compile.backends import BENCH_KINDS, EMIT_KINDS, EXCHANGE_KINDS, LEVEL_KINDS
+from locsnn_compile.backends import BENCH_KINDS, BUILD_NAMES, EMIT_KINDS, EMITTED_NAMES, EXCHANGE_KINDS, LEVEL_KINDS
 from locsnn_compile.cli.completion import answer_shell
 from locsnn_compile.cli.shell import EXIT_GATE, Parser, guarded, progress_bar
 from locsnn_compile.cli.step_options import add_step_options, asked_steps, with_steps
@@ -43,17 +43,7 @@ _SPLIT = (
 )
 _PROFILE = "costs of the report: a profile of the chip, or a YAML file like one (default: the chip's first)"
 _PSI = "how late the time-weighted prediction of the report turns to the location branch (default 10)"
-BUILD_NAMES = ("program.yaml", "program.npz", "report.json", "report.md", "report.html")
 OF_RECORDING = ("vectors", "vcd", "trace", "sanafe")
-EMITTED_NAMES = {
-    "vectors": "vectors/",
-    "vcd": "waves.vcd",
-    "trace": "trace.json",
-    "sanafe": "sanafe/",
-    "graphml": "program.graphml",
-    "dot": "program.dot",
-    "csv": "csv/",
-}
 
 
 def parser() -> Parser:
@@ -182,7 +172,7 @@ def run(args: Namespace) -> int:
 
 def build_files(compiled: CompiledModel, emit: Sequence[str]) -> dict[str, bytes]:
     """Return the program, the reports and the levels asked for as bytes, by name; equal input gives equal bytes."""
-    from hw_model.program.file import program_files
+    from hw_model.program.write import program_files
     from locsnn_compile.backends.exchange import exchange_file
     from locsnn_compile.backends.levels import LEVEL_TEXTS
     from locsnn_compile.report.renderers.csv_files import csv_files

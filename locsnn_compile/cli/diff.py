@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
     from locsnn_compile.report.sections.comparison import changes, percent
 
     if args.html:
-        from locsnn_compile.cli.compile import BUILD_NAMES
+        from locsnn_compile.backends import BUILD_NAMES
         from locsnn_compile.cli.places import check_places
 
         builds = (("BUILD_A", args.before), ("BUILD_B", args.after))

@@ -24,7 +24,7 @@ from hw_model.description.counts import total
 from hw_model.mapping.arrangement import arrange_cores
 from hw_model.mapping.placement import place_cores
 from hw_model.mapping.routing import route_axons
-from hw_model.program.chip_program import assemble
+from hw_model.program.assemble import assemble
 from locsnn_compile.api import recordings_for
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.recordings import Recordings

@@ -11,7 +11,7 @@ from relay_networks import LAYERS, board, check_relayed, dense_program, local_gr
 import hw_model as hw
 from hw_model.mapping.placement import place_cores
 from hw_model.mapping.routing import route_axons
-from hw_model.program.chip_program import assemble
+from hw_model.program.assemble import assemble
 
 pytestmark = pytest.mark.bench
 

@@ -18,7 +18,7 @@ from hw_model.mapping.arrangement import arrange_cores
 from hw_model.mapping.graph import CompartmentGraph
 from hw_model.mapping.placement import place_cores
 from hw_model.mapping.routing import route_axons
-from hw_model.program.chip_program import assemble
+from hw_model.program.assemble import assemble
 
 pytestmark = [
     pytest.mark.bench,

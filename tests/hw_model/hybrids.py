@@ -12,7 +12,8 @@ from hw_model.arithmetic.weights import weight_grid
 from hw_model.mapping.graph import Axis, CompartmentGraph, Phase, Readout, read_only
 from hw_model.mapping.placement import place_cores
 from hw_model.mapping.routing import route_axons
-from hw_model.program.chip_program import ChipProgram, assemble
+from hw_model.program.assemble import assemble
+from hw_model.program.chip_program import ChipProgram
 
 CHIP = hw.chip("loihi-sim")
 SMALL = replace(CHIP, limits=replace(CHIP.limits, compartments_per_core=7))

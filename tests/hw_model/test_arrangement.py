@@ -14,7 +14,7 @@ from hw_model.mapping.arrangement import arrange_cores, core_traffic, slot_dista
 from hw_model.mapping.graph import CompartmentGraph, Compartments, Input, Phase, Synapses, read_only
 from hw_model.mapping.placement import place_cores
 from hw_model.mapping.routing import route_axons
-from hw_model.program.chip_program import assemble
+from hw_model.program.assemble import assemble
 
 CHIP = hw.chip("loihi-sim")
 

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 import hw_model as hw
 from hw_model.io.files import pack_arrays
 from hw_model.mapping.graph import CompartmentGraph, Input, Phase, check_graph, read_only
-from hw_model.program.file import program_files
+from hw_model.program.write import program_files
 
 
 @settings(max_examples=30, deadline=None, derandomize=True)

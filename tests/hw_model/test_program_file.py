@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from test_engines import SMALL, random_program
 
 import hw_model as hw
-from hw_model.program.file import program_files
+from hw_model.program.write import program_files
 
 
 @settings(max_examples=15, deadline=None, derandomize=True)

@@ -1,4 +1,4 @@
-"""A program on disk: ``program.yaml``, readable, and ``program.npz``, its arrays, held together by a checksum.
+"""A program from disk, as :mod:`hw_model.program.write` writes it.
 
 Nothing in either file is executed when it is read; a damaged, swapped or newer file is refused by name.
 """
@@ -10,7 +10,6 @@ import io
 import math
 import stat
 import zipfile
-from dataclasses import asdict, fields
 from pathlib import Path
 from typing import IO, Any
 
@@ -20,8 +19,7 @@ import yaml
 from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.description.chip import parse_chip
 from hw_model.errors import InputError, LocsnnError
-from hw_model.io.files import pack_arrays
-from hw_model.io.folders import finish_writing, replace_entries
+from hw_model.io.folders import finish_writing
 from hw_model.io.given import checked
 from hw_model.io.yaml_text import FAST_LOADER, load_yaml
 from hw_model.io.zip_directory import check_directory
@@ -29,43 +27,16 @@ from hw_model.mapping.fan_in import SynapseFormat
 from hw_model.mapping.graph import Input, Phase, Readout
 from hw_model.mapping.placement import Slice
 from hw_model.mapping.routing import AxonTables, InputRoute
-from hw_model.program.check import check_tables
-from hw_model.program.chip_program import ChipProgram, CompartmentProfile, Core, check_program
+from hw_model.program.check import check_program
+from hw_model.program.chip_program import ChipProgram, CompartmentProfile, Core
+from hw_model.program.write import AXON_ARRAYS, CORE_ARRAYS, FORMAT, RECORDINGS, ROUTE_ARRAYS, VERSION
 
-FORMAT = "locsnn-program"
-VERSION = 1
 MAX_FILE_BYTES = 2 << 30
 MAX_ARRAY_BYTES = 3 << 29
 """Of all arrays together, unpacked."""
 _CHUNK_BYTES = 1 << 20
-_RECORDINGS: dict[str, type[int] | type[float]] = {"step_seconds": float, "event_threshold": int}
-"""What is known of how recordings become steps; left out where nothing is."""
 MAX_YAML_NODES = 2_000_000
 """Values, keys and containers of ``program.yaml``: about a hundred for each core."""
-CORE_ARRAYS = ("profile", "threshold", "bias_mantissa", "bias_exponent", "parent")
-AXON_ARRAYS = ("list_start", "target", "mantissa", "delay", "format_index", "out_compartment", "out_core", "out_axon")
-ROUTE_ARRAYS = ("line", "core", "axon")
-
-
-def program_files(program: ChipProgram) -> dict[str, bytes]:
-    """Return the two files as bytes, by name; the same program gives the same bytes."""
-    arrays = pack_arrays(_arrays(program), compressed=True)
-    document = {"format": FORMAT, "version": VERSION, "arrays_sha256": hashlib.sha256(arrays).hexdigest()}
-    document.update(_document(program))
-    text = yaml.dump(document, sort_keys=False, allow_unicode=True, width=120, Dumper=_Dumper)
-    return {"program.npz": arrays, "program.yaml": text.encode()}
-
-
-@checked
-def save_program(program: ChipProgram, folder: str | Path) -> None:
-    """Write both files, or none; what else the folder holds stays."""
-    target = Path(folder)
-    try:
-        replace_entries(target, program_files(program))
-    except OSError as error:
-        raise InputError(
-            f"folder {target.name!r}", f"cannot be written: {error.strerror}", fix="Choose a folder you may write to."
-        ) from error
 
 
 @checked
@@ -92,7 +63,6 @@ def load_program(folder: str | Path) -> ChipProgram:
         )
     try:
         program = _program(document, _unpack(npz_bytes))
-        check_tables(program)
         check_program(program)
     except LocsnnError:
         raise
@@ -100,80 +70,6 @@ def load_program(folder: str | Path) -> ChipProgram:
     except Exception as error:
         raise InputError("program.yaml", "its entries do not make a program", fix="Compile again.") from error
     return program
-
-
-class _Dumper(yaml.SafeDumper):
-    """Writes the chip's own YAML text as a block."""
-
-
-def _text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
-    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style="|" if "\n" in text else None)
-
-
-_Dumper.add_representer(str, _text)
-
-
-def _document(program: ChipProgram) -> dict[str, Any]:
-    readout = program.readout
-    return {
-        "name": program.name,
-        "target": program.chip.name,
-        "provenance": dict(program.provenance),
-        "synapses_pruned": program.synapses_pruned,
-        **{name: getattr(program, name) for name in _RECORDINGS if getattr(program, name) is not None},
-        "phases": [asdict(phase) for phase in program.phases],
-        "inputs": [
-            {
-                "name": i.name,
-                "size": i.size,
-                "phase": i.phase,
-                "stream": i.stream,
-                "transposed": i.positions is not None,
-            }
-            for i in program.inputs
-        ],
-        "readout": None if readout is None else dict(zip(readout.populations, readout.weights, strict=True)),
-        **(
-            {"readout_potentials_from": readout.potentials_from}
-            if readout and readout.potentials_from is not None
-            else {}
-        ),
-        "cores": [
-            {
-                "number": core.number,
-                "slot": core.slot,
-                "phase": core.phase,
-                "compartments": core.compartments,
-                "input_axons": core.axons.input_axons,
-                "output_axons": core.axons.output_axons,
-                "synapses": len(core.axons.target),
-                "synapse_words": core.axons.synapse_words,
-                "vmin": core.vmin,
-                "vmax": core.vmax,
-                "slices": [asdict(piece) for piece in core.slices],
-                "compartment_profiles": [asdict(profile) for profile in core.profiles],
-                "threshold_mantissas": list(core.thresholds),
-                "synapse_formats": [asdict(form) for form in core.axons.formats],
-            }
-            for core in program.cores
-        ],
-        "chip": program.chip.document,
-    }
-
-
-def _arrays(program: ChipProgram) -> dict[str, IntArray]:
-    arrays: dict[str, IntArray] = {}
-    for index, item in enumerate(program.inputs):
-        if item.positions is not None:
-            arrays[f"input{index}/positions"] = item.positions
-        if item.first_lines is not None:
-            arrays[f"input{index}/first_lines"] = item.first_lines
-    for index, route in enumerate(program.input_routes):
-        arrays.update({f"input{index}/{name}": getattr(route, name) for name in ROUTE_ARRAYS})
-    for core in program.cores:
-        arrays.update({f"core{core.number}/{name}": getattr(core, name) for name in CORE_ARRAYS})
-        arrays.update({f"core{core.number}/{name}": getattr(core.axons, name) for name in AXON_ARRAYS})
-    return arrays
 
 
 def _unpack(content: bytes) -> dict[str, IntArray]:
@@ -254,7 +150,7 @@ def _program(document: dict[str, Any], arrays: dict[str, IntArray]) -> ChipProgr
         else Readout(tuple(readout), tuple(map(float, readout.values())), _first(document)),
         synapses_pruned=int(document["synapses_pruned"]),
         provenance={str(key): str(value) for key, value in document["provenance"].items()},
-        **{name: _known(document, name, kind) for name, kind in _RECORDINGS.items()},
+        **{name: _known(document, name, kind) for name, kind in RECORDINGS.items()},
     )
 
 
@@ -292,6 +188,3 @@ def _core(core: dict[str, Any], arrays: dict[str, IntArray]) -> Core:
             **{name: arrays[prefix + name] for name in AXON_ARRAYS},
         ),
     )
-
-
-assert {f.name for f in fields(AxonTables)} == {*AXON_ARRAYS, "formats", "synapse_words"}

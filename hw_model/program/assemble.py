@@ -1,0 +1,78 @@
+"""Collect what every core is loaded with.
+
+Before: a RoutedGraph, parameters by group.
+After:  a ChipProgram: every core has its compartments in profiles, its axons and synapse lists; nothing refers to a
+        group any more but the slices, which give results their names back.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.mapping.graph import CompartmentGraph, Compartments
+from hw_model.mapping.placement import Slice
+from hw_model.mapping.routing import RoutedCore, RoutedGraph
+from hw_model.program.check import check_program
+from hw_model.program.chip_program import ChipProgram, CompartmentProfile, Core
+
+
+def assemble(routed: RoutedGraph) -> ChipProgram:
+    """Collect profiles and compartment tables of every core, in core order."""
+    graph = routed.placed.graph
+    cores = tuple(_core(core, graph) for core in routed.cores)
+    program = ChipProgram(
+        name=graph.name,
+        chip=routed.placed.chip,
+        phases=graph.phases,
+        inputs=graph.inputs,
+        input_routes=routed.input_routes,
+        cores=cores,
+        readout=graph.readout,
+        synapses_pruned=graph.synapses_pruned,
+        provenance=graph.provenance,
+    )
+    check_program(program)
+    return program
+
+
+def _core(routed: RoutedCore, graph: CompartmentGraph) -> Core:
+    groups = [graph.group(piece.group) for piece in routed.slices]
+
+    def column(name: str) -> IntArray:
+        parts = [getattr(g, name)[p.start : p.stop] for g, p in zip(groups, routed.slices, strict=True)]
+        joined: IntArray = np.concatenate(parts)
+        return joined
+
+    sizes = [piece.size for piece in routed.slices]
+    joined = np.repeat([int(not group.spiking) for group in groups], sizes)
+    rows = np.stack((column("decay_u"), column("decay_v"), column("refractory"), joined))
+    profiles, profile = np.unique(rows, axis=1, return_inverse=True)
+    thresholds, threshold = np.unique(column("threshold"), return_inverse=True)
+    return Core(
+        number=routed.number,
+        slot=routed.slot,
+        phase=routed.phase,
+        slices=routed.slices,
+        profiles=tuple(CompartmentProfile(*map(int, row)) for row in profiles.T),
+        thresholds=tuple(map(int, thresholds)),
+        vmin=int(groups[0].vmin[routed.slices[0].start]),
+        vmax=int(groups[0].vmax[routed.slices[0].start]),
+        profile=profile.reshape(-1).astype(np.int64),
+        threshold=threshold.reshape(-1).astype(np.int64),
+        bias_mantissa=column("bias_mantissa"),
+        bias_exponent=column("bias_exponent"),
+        parent=_parents(routed.slices, groups),
+        axons=routed.axons,
+    )
+
+
+def _parents(slices: tuple[Slice, ...], groups: list[Compartments]) -> IntArray:
+    parents = []
+    for piece, group in zip(slices, groups, strict=True):
+        beside: Any = [p for p in slices if p.group == group.joined_to and p.start == piece.start]
+        parents.append(beside[0].offset + np.arange(piece.size) if beside else np.full(piece.size, -1))
+    joined: IntArray = np.concatenate(parents).astype(np.int64)
+    return joined

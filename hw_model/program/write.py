@@ -1,0 +1,124 @@
+"""A program to disk: ``program.yaml``, readable, and ``program.npz``, its arrays, held together by a checksum."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import yaml
+
+from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.errors import InputError
+from hw_model.io.files import pack_arrays
+from hw_model.io.folders import replace_entries
+from hw_model.mapping.routing import AxonTables
+
+if TYPE_CHECKING:
+    from hw_model.program.chip_program import ChipProgram
+
+FORMAT = "locsnn-program"
+VERSION = 1
+RECORDINGS: dict[str, type[int] | type[float]] = {"step_seconds": float, "event_threshold": int}
+"""What is known of how recordings become steps; left out where nothing is."""
+CORE_ARRAYS = ("profile", "threshold", "bias_mantissa", "bias_exponent", "parent")
+AXON_ARRAYS = ("list_start", "target", "mantissa", "delay", "format_index", "out_compartment", "out_core", "out_axon")
+ROUTE_ARRAYS = ("line", "core", "axon")
+
+
+def program_files(program: ChipProgram) -> dict[str, bytes]:
+    """Return the two files as bytes, by name; the same program gives the same bytes."""
+    arrays = pack_arrays(_arrays(program), compressed=True)
+    document = {"format": FORMAT, "version": VERSION, "arrays_sha256": hashlib.sha256(arrays).hexdigest()}
+    document.update(_document(program))
+    text = yaml.dump(document, sort_keys=False, allow_unicode=True, width=120, Dumper=_Dumper)
+    return {"program.npz": arrays, "program.yaml": text.encode()}
+
+
+def save_program(program: ChipProgram, folder: str | Path) -> None:
+    """Write both files, or none; what else the folder holds stays."""
+    target = Path(folder)
+    try:
+        replace_entries(target, program_files(program))
+    except OSError as error:
+        raise InputError(
+            f"folder {target.name!r}", f"cannot be written: {error.strerror}", fix="Choose a folder you may write to."
+        ) from error
+
+
+class _Dumper(yaml.SafeDumper):
+    """Writes the chip's own YAML text as a block."""
+
+
+def _text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style="|" if "\n" in text else None)
+
+
+_Dumper.add_representer(str, _text)
+
+
+def _document(program: ChipProgram) -> dict[str, Any]:
+    readout = program.readout
+    return {
+        "name": program.name,
+        "target": program.chip.name,
+        "provenance": dict(program.provenance),
+        "synapses_pruned": program.synapses_pruned,
+        **{name: getattr(program, name) for name in RECORDINGS if getattr(program, name) is not None},
+        "phases": [asdict(phase) for phase in program.phases],
+        "inputs": [
+            {
+                "name": i.name,
+                "size": i.size,
+                "phase": i.phase,
+                "stream": i.stream,
+                "transposed": i.positions is not None,
+            }
+            for i in program.inputs
+        ],
+        "readout": None if readout is None else dict(zip(readout.populations, readout.weights, strict=True)),
+        **(
+            {"readout_potentials_from": readout.potentials_from}
+            if readout and readout.potentials_from is not None
+            else {}
+        ),
+        "cores": [
+            {
+                "number": core.number,
+                "slot": core.slot,
+                "phase": core.phase,
+                "compartments": core.compartments,
+                "input_axons": core.axons.input_axons,
+                "output_axons": core.axons.output_axons,
+                "synapses": len(core.axons.target),
+                "synapse_words": core.axons.synapse_words,
+                "vmin": core.vmin,
+                "vmax": core.vmax,
+                "slices": [asdict(piece) for piece in core.slices],
+                "compartment_profiles": [asdict(profile) for profile in core.profiles],
+                "threshold_mantissas": list(core.thresholds),
+                "synapse_formats": [asdict(form) for form in core.axons.formats],
+            }
+            for core in program.cores
+        ],
+        "chip": program.chip.document,
+    }
+
+
+def _arrays(program: ChipProgram) -> dict[str, IntArray]:
+    arrays: dict[str, IntArray] = {}
+    for index, item in enumerate(program.inputs):
+        if item.positions is not None:
+            arrays[f"input{index}/positions"] = item.positions
+        if item.first_lines is not None:
+            arrays[f"input{index}/first_lines"] = item.first_lines
+    for index, route in enumerate(program.input_routes):
+        arrays.update({f"input{index}/{name}": getattr(route, name) for name in ROUTE_ARRAYS})
+    for core in program.cores:
+        arrays.update({f"core{core.number}/{name}": getattr(core, name) for name in CORE_ARRAYS})
+        arrays.update({f"core{core.number}/{name}": getattr(core.axons, name) for name in AXON_ARRAYS})
+    return arrays
+
+
+assert {f.name for f in fields(AxonTables)} == {*AXON_ARRAYS, "formats", "synapse_words"}
