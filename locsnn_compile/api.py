@@ -23,8 +23,8 @@ from locsnn_compile.passes.quantize import check_weight_bits
 from locsnn_compile.passes.srm.quantize import STRATEGIES as SRM_STRATEGIES
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.calibration import calibrate
+from locsnn_compile.report.figures.choice import choice_document
 from locsnn_compile.report.figures.document import report_document
-from locsnn_compile.report.sections.choice import choice_document
 from locsnn_compile.verification.diagnosis import SAMPLE, Diagnosis
 from locsnn_compile.verification.diagnosis import diagnose as find_diagnosis
 from locsnn_compile.verification.error_bounds import ErrorBudget

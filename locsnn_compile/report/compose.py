@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from locsnn_compile.report.content import Document, Report, Section
 from locsnn_compile.report.format import plural, shortened
 from locsnn_compile.report.sections import accuracy, behaviour, build, cost
@@ -10,7 +12,9 @@ from locsnn_compile.report.sections.over_time import over_time
 from locsnn_compile.report.sections.potential import potential
 from locsnn_compile.report.sections.spikes import spikes
 from locsnn_compile.report.sections.verdict import costs, fits, matches, notices
-from locsnn_compile.verification.excerpt import Excerpt
+
+if TYPE_CHECKING:
+    from locsnn_compile.verification.excerpt import Excerpt
 
 LONGEST_NAME = 120
 """Characters of the model's name in the title; under provenance it stands in full."""

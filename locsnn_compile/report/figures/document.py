@@ -20,7 +20,7 @@ from locsnn_compile.pipeline import Levels
 from locsnn_compile.report.figures.diagnosis import budget_entry, cause_entry, margins_entry
 from locsnn_compile.report.figures.energy import energy_entry
 from locsnn_compile.report.figures.latency import latency_entry
-from locsnn_compile.report.sections.over_time import over_time_entry
+from locsnn_compile.report.figures.over_time import over_time_entry
 from locsnn_compile.verification.diagnosis import Diagnosis
 from locsnn_compile.verification.grounds import Grounds
 from locsnn_compile.verification.matching import Match, PopulationMatch

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from html import escape
+from typing import TYPE_CHECKING
 
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import (
@@ -35,7 +36,9 @@ from locsnn_compile.report.pictures.raster import raster, stroke_mark
 from locsnn_compile.report.pictures.span import mark, span
 from locsnn_compile.report.renderers.html_style import STYLE
 from locsnn_compile.report.words import ASSUMED
-from locsnn_compile.verification.excerpt import Excerpt
+
+if TYPE_CHECKING:
+    from locsnn_compile.verification.excerpt import Excerpt
 
 _SIGNS = {"yes": "✓", "nearly": "≈", "no": "✗", "unknown": "?", "modelled": "~"}
 _MANY_COLUMNS = 7

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import (
@@ -24,7 +25,9 @@ from locsnn_compile.report.content import (
 )
 from locsnn_compile.report.format import plain
 from locsnn_compile.report.words import ASSUMED
-from locsnn_compile.verification.excerpt import Excerpt
+
+if TYPE_CHECKING:
+    from locsnn_compile.verification.excerpt import Excerpt
 
 _SPECIAL = re.compile(r"[\\`*\[\]|~#$]|(?<![^\W_])_|_(?![^\W_])")
 """What Markdown may read as markup anywhere in a line; an underscore inside a word is text."""

@@ -1,41 +1,15 @@
-"""What settings were compared: its part of report.json, and how that is shown."""
+"""The table of the settings that were compared, and what to say where none keeps a budget."""
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.report.content import Block, Document, Table
 from locsnn_compile.report.format import agreed, energy, plural, share
 
 if TYPE_CHECKING:
-    from locsnn_compile.choose_strategy import Candidate, Choice, Setting
-
-
-def choice_document(choice: Choice | None) -> dict[str, Any] | None:
-    """Return the candidates as plain values; None where nothing was chosen."""
-    if choice is None:
-        return None
-    return {
-        "calibration_source": choice.source,
-        "calibration_samples": choice.samples,
-        "min_agreement": choice.budget.min_agreement,
-        "max_spike_error": choice.budget.max_spike_error,
-        "kept": choice.keeps_budget,
-        "taken": choice.taken.strategy,
-        "taken_weight_bits": choice.taken.setting.weight_bits,
-        "taken_split_weights": choice.taken.setting.split_weights,
-        "candidates": [
-            {
-                "strategy": candidate.strategy,
-                **_numbers(candidate.setting),
-                "prediction_agreement": candidate.prediction_agreement,
-                "spike_error": candidate.spike_error,
-                "energy_pj": candidate.energy_pj,
-                "within_budget": candidate.keeps(choice.budget),
-            }
-            for candidate in choice.candidates
-        ],
-    }
+    from locsnn_compile.choose_strategy import Candidate, Choice
 
 
 def choice_blocks(document: Document) -> tuple[Block, ...]:
@@ -77,7 +51,7 @@ def unmet_budget(choice: Choice) -> str:
         if silent
         else "Train for the chip with locsnn train --target, or allow more."
     )
-    setting = setting_words({"strategy": best.strategy, **_numbers(best.setting)})
+    setting = setting_words(asdict(best.setting))
     return (
         f"no setting keeps {' and '.join(asked)} on {plural(choice.samples, 'recording')} of {choice.source}: "
         f"the best of {len(choice.candidates)} is {setting}, with {_lost(best)}. {fix}"
@@ -88,10 +62,6 @@ def _lost(candidate: Candidate) -> str:
     agreement, error = candidate.prediction_agreement, candidate.spike_error
     predictions = "no prediction compared" if agreement is None else f"prediction agreement {agreement:.4f}"
     return f"{predictions} and {'no spike compared' if error is None else f'{error:.4f} of the spikes different'}"
-
-
-def _numbers(setting: Setting) -> dict[str, Any]:
-    return {"weight_bits": setting.weight_bits, "split_weights": setting.split_weights}
 
 
 def setting_words(row: dict[str, Any], prefix: str = "") -> str:

@@ -1,12 +1,7 @@
-"""Predictions while a recording plays, and where it could stop: as values of report.json, and as a section."""
+"""The section that shows predictions while a recording plays, and where it could stop."""
 
 from __future__ import annotations
 
-from dataclasses import asdict
-
-import numpy as np
-
-from hw_model.program.chip_program import ChipProgram
 from locsnn_compile.report.content import (
     Bar,
     Block,
@@ -22,31 +17,9 @@ from locsnn_compile.report.content import (
 from locsnn_compile.report.format import count, energy, share, short
 from locsnn_compile.report.sections.courses import courses
 from locsnn_compile.report.words import words
-from locsnn_compile.verification.over_time import LeftOut, OverTime, savings
 
-_POINTS = 50
-"""Steps of a recording whose figures are kept, evenly spread, the last among them."""
-_ORDER = ("together", "time", "location", "time_weighted")
 _COLUMNS = (0.2, 0.4, 0.6, 0.8, 1.0)
 """Parts of a recording after which the table has a figure."""
-
-
-def over_time_entry(found: OverTime | LeftOut, program: ChipProgram, step_seconds: float | None) -> Document:
-    """Return ``over_time``; where nothing was followed, only why."""
-    if isinstance(found, LeftOut):
-        return {"left_out": found.reason}
-    steps = len(next(iter(found.right.values())))
-    kept = np.unique(np.ceil(np.arange(1, _POINTS + 1) * steps / _POINTS).astype(np.int64))
-    return {
-        "recordings": list(found.recordings),
-        "recordings_available": found.available,
-        "right_is": "the label" if found.labelled else "the prediction after the last step",
-        "psi": found.psi,
-        "step_seconds": step_seconds,
-        "steps": kept.tolist(),
-        "right": {name: found.right[name][kept - 1].tolist() for name in _ORDER if name in found.right},
-        "proven_stop": asdict(savings(program, found.proven)),
-    }
 
 
 def over_time(document: Document) -> Section:

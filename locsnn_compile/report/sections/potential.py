@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from locsnn_compile.report.content import Block, Curve, Document, Plot, Section, Table
 from locsnn_compile.report.format import NONE, told_apart
 from locsnn_compile.report.pictures.ticks import step_ticks, value_axis
-from locsnn_compile.verification.excerpt import Excerpt, NeuronPotential
+
+if TYPE_CHECKING:
+    from locsnn_compile.verification.excerpt import Excerpt, NeuronPotential
 
 _BESIDE = 3
 """Steps before and after the one in the middle that the table has."""

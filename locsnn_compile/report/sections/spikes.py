@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -11,7 +11,9 @@ from locsnn_compile.report.content import Block, Document, Paragraph, Raster, Se
 from locsnn_compile.report.format import NONE, count, plural
 from locsnn_compile.report.pictures.ticks import step_ticks
 from locsnn_compile.report.words import words
-from locsnn_compile.verification.excerpt import Excerpt, InputSpikes, PopulationSpikes
+
+if TYPE_CHECKING:
+    from locsnn_compile.verification.excerpt import Excerpt, InputSpikes, PopulationSpikes
 
 _AXIS_LABELS = {"time": "time step", "location": "location step"}
 
