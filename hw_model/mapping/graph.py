@@ -20,6 +20,9 @@ from hw_model.errors import InputError, TargetError
 
 Axis = Literal["time", "location"]
 
+MOST_CHARGES = 1 << 27
+"""Charges that are due in later steps, of a phase: half a gigabyte, or a whole one in 64 bits."""
+
 
 def read_only(array: object) -> IntArray:
     """Return an int64 copy that nobody can write to: frozen dataclasses do not freeze their arrays."""
@@ -193,10 +196,26 @@ def check_graph(graph: CompartmentGraph, chip: Chip) -> None:
         _check_group(graph, group, chip)
     for synapses in graph.synapses:
         _check_synapses(graph, synapses, chip)
+    _check_charges(graph)
     if graph.readout is not None:
         sizes = {graph.group(name).size for name in graph.readout.populations}
         if len(sizes) != 1:
             raise InputError("readout", f"its populations differ in size: {sorted(sizes)}", fix="Make them equal.")
+
+
+def _check_charges(graph: CompartmentGraph) -> None:
+    """Every compartment of a phase keeps the charges of as many steps as the phase's longest delay."""
+    for phase in graph.phases:
+        names = {group.name: group.size for group in graph.groups if group.phase == phase.name}
+        delays = [int(part.delay.max(initial=0)) for part in graph.synapses if part.target in names]
+        kept, compartments = max(delays, default=0) + 2, sum(names.values())
+        if kept * compartments > MOST_CHARGES:
+            raise TargetError(
+                f"phase {phase.name!r}",
+                "its longest delay keeps more charges under way than are simulated",
+                measured=f"{kept} steps of {compartments} compartments against {MOST_CHARGES}",
+                fix="Shorten the delay, or relay the spike through compartments.",
+            )
 
 
 def _check_names(graph: CompartmentGraph) -> None:

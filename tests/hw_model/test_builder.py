@@ -181,3 +181,17 @@ def test_zeros_make_no_synapse_and_are_counted():
     program = build(inputs=3, size=2, weights=np.array([[2, 0, -4], [0, 0, 6]]))
     assert program.synapses_pruned == 3
     assert sum(len(core.axons.target) for core in program.cores) == 3
+
+
+def test_delays_that_memory_does_not_hold():
+    chip = hw.chip("loihi-sim")
+    builder = hw.ProgramBuilder(replace(chip, registers=replace(chip.registers, delay_max=65_534)))
+    x = builder.add_input("x", 1)
+    for name, size in (("a", 1000), ("b", 1049)):
+        builder.connect(x, builder.add_compartments(name, size, threshold=1), np.full((size, 1), 2), delay=65_534)
+    with pytest.raises(hw.TargetError) as caught:
+        builder.build()
+    assert str(caught.value) == (
+        "phase 'time': its longest delay keeps more charges under way than are simulated "
+        "(65536 steps of 2049 compartments against 134217728). Shorten the delay, or relay the spike through compartments."
+    )
