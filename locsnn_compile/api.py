@@ -19,7 +19,7 @@ from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.network.check import check_network
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.recordings import fit_recordings
-from locsnn_compile.passes.quantize import check_weight_bits
+from locsnn_compile.passes.quantize import weight_bits_of
 from locsnn_compile.passes.srm.quantize import STRATEGIES as SRM_STRATEGIES
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.calibration import calibrate
@@ -69,7 +69,7 @@ def compile(
     network: Network,
     target: str | Path = "loihi-sim",
     strategy: str = "auto",
-    weight_bits: int = 8,
+    weight_bits: int | None = None,
     events: Events | None = None,
     labels: npt.ArrayLike | None = None,
     progress: Progress | None = None,
@@ -89,20 +89,20 @@ def compile(
     apart too, follow predictions over time, on some of the recordings, and keep an excerpt of one to look at; ``psi``
     is that of the time-weighted prediction. ``strategy``: how SRM neurons are lowered; ``auto`` takes the cheapest.
     ``split_weights``: the share, 0 to 1, of their weights that get a second synapse. A ``budget`` is kept by the
-    cheapest setting of strategy, split weights and at most ``weight_bits`` that keeps it on ``calibration``. Weights
-    are rounded for these recordings, too. They are given like ``events``, of a divided archive the train part; by
-    default they are what the model carries, else synthetic touches, so that the program does not depend on the
-    recordings that it is checked on; else ``events``. Raises ``InputError`` for what cannot be used and ``TargetError``
-    for a model that the chip cannot hold.
+    cheapest setting of strategy, split weights and at most ``weight_bits``, by default the chip's most, that keeps it
+    on ``calibration``. Weights are rounded for these recordings, too. They are given like ``events``, of a divided
+    archive the train part; by default they are what the model carries, else synthetic touches, so that the program does
+    not depend on the recordings that it is checked on; else ``events``. Raises ``InputError`` for what cannot be used
+    and ``TargetError`` for a model that the chip cannot hold.
     """
     if strategy not in STRATEGIES:
         raise InputError(
             f"strategy {strategy!r}", "SRM neurons are not lowered so", fix=did_you_mean(strategy, STRATEGIES)
         )
-    check_weight_bits(weight_bits)
+    chip = hw.chip(target) if profile is None else hw.priced_by(hw.chip(target), profile)
+    weight_bits = weight_bits_of(chip, weight_bits)
     _check_share(split_weights)
     check_network(network)
-    chip = hw.chip(target) if profile is None else hw.priced_by(hw.chip(target), profile)
     recordings = recordings_for(network, events, labels)
     if network.any_length:
         network = replace(network, steps=recordings.spikes.shape[1])

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import hw_model as hw
-from hw_model.arithmetic.weights import WEIGHT_BITS
 from hw_model.description.counts import total
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import TargetError
@@ -121,7 +120,7 @@ def _take_bits_away(trial: _Trial, budget: ErrorBudget) -> None:
     # A few recordings say much of spikes, and little of predictions: these alone do not take bits away.
     if cheapest is None or budget.max_spike_error is None:
         return
-    for bits in sorted((b for b in WEIGHT_BITS if b < cheapest.setting.weight_bits), reverse=True):
+    for bits in sorted((b for b in trial.chip.registers.weight_bits if b < cheapest.setting.weight_bits), reverse=True):
         found = trial.measure(replace(cheapest.setting, weight_bits=bits))
         if found is None or not found.keeps(budget):
             return

@@ -18,6 +18,7 @@ _BOUNDS = (
     ("registers", "bias_exponent_max", 0, 24),
     ("registers", "refractory_max", 1, 65_535),
     ("registers", "delay_max", 0, 65_534),
+    ("registers", "weight_bits_max", 1, 8),
     ("limits", "cores_per_chip", 1, 65_536),
     ("limits", "compartments_per_core", 1, 1 << 20),
     ("limits", "input_axons_per_core", 1, 1 << 20),

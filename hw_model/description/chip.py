@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.weights import WEIGHT_BITS
 from hw_model.description.check import check_chip
 from hw_model.description.profile import Profile
 from hw_model.description.read import parse, read_description
@@ -31,6 +32,12 @@ class Registers:
     bias_exponent_max: int
     refractory_max: int
     delay_max: int
+    weight_bits_max: int = WEIGHT_BITS[-1]
+
+    @property
+    def weight_bits(self) -> tuple[int, ...]:
+        """Widths of weights that synapse formats may have."""
+        return tuple(bits for bits in WEIGHT_BITS if bits <= self.weight_bits_max)
 
     @property
     def voltage_max(self) -> int:

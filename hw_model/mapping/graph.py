@@ -357,6 +357,13 @@ def _check_synapses(graph: CompartmentGraph, synapses: Synapses, chip: Chip) -> 
     if len(lengths) != 1:
         raise InputError(where, "the synapse arrays differ in length", fix="Give one row a synapse.")
     grid = weight_grid(synapses.weight_bits, synapses.sign_mode)
+    if synapses.weight_bits not in chip.registers.weight_bits:
+        raise TargetError(
+            where,
+            f"weights of {synapses.weight_bits} bits are too wide",
+            measured=f"{chip.name} has weight_bits_max {chip.registers.weight_bits_max}",
+            fix="Use narrower weights.",
+        )
     bad = np.flatnonzero(grid.off_grid(synapses.mantissa))
     if len(bad):
         raise TargetError(

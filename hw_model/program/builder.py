@@ -133,12 +133,13 @@ class ProgramBuilder:
         *,
         exponent: int = 0,
         delay: Any = 0,
-        weight_bits: int = 8,
+        weight_bits: int | None = None,
         sign_mode: SignMode = "mixed",
     ) -> None:
         """Connect by mantissas (n_target, n_source), dense or scipy sparse; zeros make no synapse and are counted.
 
-        Mantissas must be on the grid of the format. ``delay`` in steps, one for all or the shape of the weights.
+        Mantissas must be on the grid of the format; ``weight_bits`` are by default the chip's most. ``delay`` in steps,
+        one for all or the shape of the weights.
         """
         where = f"synapses {source.name!r} -> {target.name!r}"
         shape = (target.size, source.size)
@@ -171,7 +172,7 @@ class ProgramBuilder:
                 mantissa=read_only(mantissa[order]),
                 delay=read_only(delays[order]),
                 exponent=int(_whole(where, "exponent", exponent, ())),
-                weight_bits=weight_bits,
+                weight_bits=weight_bits or self._chip.registers.weight_bits[-1],
                 sign_mode=sign_mode,
             )
         )

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import IntArray
-from hw_model.arithmetic.weights import SIGN_MODES, WEIGHT_BITS, WEIGHT_EXPONENTS
+from hw_model.arithmetic.weights import SIGN_MODES, WEIGHT_EXPONENTS
 from hw_model.errors import InputError
 
 if TYPE_CHECKING:
@@ -89,8 +89,8 @@ def _table_rules(index: int, core: Core, phases: Sequence[str], registers: Regis
         ("refractory periods", all(_whole([p.refractory], 0, registers.refractory_max) for p in core.profiles)),
         ("joints", all(_whole([p.joined], 0, 1) for p in core.profiles)),
         ("formats", all(
-            form.weight_bits in WEIGHT_BITS and form.sign_mode in SIGN_MODES and form.exponent in WEIGHT_EXPONENTS
-            and _whole([form.delay_bits, form.index_bits], 0, 64)
+            form.weight_bits in registers.weight_bits and form.sign_mode in SIGN_MODES
+            and form.exponent in WEIGHT_EXPONENTS and _whole([form.delay_bits, form.index_bits], 0, 64)
             for form in axons.formats
         )),
     ]  # fmt: skip

@@ -63,7 +63,9 @@ def parser() -> Parser:
     add("--strategy", default="auto", metavar="NAME", help=_STRATEGY)
     add("--calibration", metavar="FILE", help=_CALIBRATION)
     add("--split-weights", type=part, metavar="SHARE", help=_SPLIT)
-    add("--weight-bits", type=int, metavar="BITS", help="1 to 6, or 8 (default 8); with a bound, at most")
+    add(
+        "--weight-bits", type=int, metavar="BITS", help="1 to 6, or 8 (default: the chip's most); with a bound, at most"
+    )
     add("--config", metavar="FILE", help="network description, for model formats that need one; a checkpoint does not")
     add("--dt", type=number, metavar="SECONDS", help="NIR: seconds of a step (default 1e-4, the convention)")
     add(

@@ -71,7 +71,12 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add("--recordings", type=int, default=8, metavar="N", help="recordings to keep in the checkpoint (default 8)")
     add("--target", metavar="CHIP", help="train on the integers of this chip (default: float)")
     add("--strategy", metavar="NAME", help="with --target: dendrite (default), delay-line or reset")
-    add("--weight-bits", type=int, metavar="N", help="with --target: 1 to 6, or 8 (default)")
+    add(
+        "--weight-bits",
+        type=int,
+        metavar="N",
+        help="with --target: 1 to 6, or 8 (default), or the chip's most if it has fewer",
+    )
     add("--from", dest="start", metavar="MODEL.pt", help="start from the weights of this checkpoint")
     add("--resume", action="store_true", help="go on from OUT.pt.state where a run was stopped")
     add("--quiet", action="store_true", help="print nothing")

@@ -16,15 +16,12 @@ import numpy as np
 import numpy.typing as npt
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, IntArray
-from hw_model.arithmetic.weights import SignMode
+from hw_model.arithmetic.weights import WEIGHT_BITS, SignMode, weight_grid
 from hw_model.description.chip import Chip
 from hw_model.mapping.graph import CompartmentGraph, Compartments, Input, Phase, Synapses, check_graph, read_only
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection, ChipSrm, RefractoryDendrite, RefractoryTaps
 from locsnn_compile.network.matrices import connections, values_of
 from locsnn_compile.network.quantized import QuantizedNetwork, QuantizedPopulation
-
-OWN_BITS = 8
-"""Bits of self-synapses, few a neuron: nothing would be saved with fewer."""
 
 
 def lower_neurons(quantized: QuantizedNetwork, chip: Chip) -> CompartmentGraph:
@@ -34,7 +31,7 @@ def lower_neurons(quantized: QuantizedNetwork, chip: Chip) -> CompartmentGraph:
     synapses: list[Synapses] = []
     for population in quantized.populations:
         groups += _compartments(population, chip)
-        synapses += _self_synapses(population)
+        synapses += _self_synapses(population, chip)
     for projection in quantized.projections:
         synapses += _by_sign(projection, _entrance(quantized.population(projection.target), projection.dendrite))
     graph = CompartmentGraph(
@@ -120,8 +117,11 @@ def _group(
     )
 
 
-def _self_synapses(q: QuantizedPopulation) -> list[Synapses]:
-    """Return one list a format: taps of one sign and exponent are in one, each with its own delay."""
+def _self_synapses(q: QuantizedPopulation, chip: Chip) -> list[Synapses]:
+    """Return one list a format: taps of one sign and exponent are in one, each with its own delay.
+
+    They are few a neuron and have the chip's widest weights: nothing would be saved with fewer bits.
+    """
     if not isinstance(q.neuron, ChipSrm):
         return []
     part, name = q.neuron.refractory, q.population.name
@@ -131,7 +131,7 @@ def _self_synapses(q: QuantizedPopulation) -> list[Synapses]:
         taps, kind = part, "dendrite"
     signs: tuple[tuple[SignMode, int], ...] = (("excitatory", 1), ("inhibitory", -1))
     return [
-        _own_synapses(name, dendrite_name(name, kind, number), taps, here, mode)
+        _own_synapses(name, dendrite_name(name, kind, number), taps, here, mode, chip)
         for number in range(q.neuron.dendrites)
         for e in np.unique(taps.exponent)
         for mode, sign in signs
@@ -140,19 +140,28 @@ def _self_synapses(q: QuantizedPopulation) -> list[Synapses]:
 
 
 def _own_synapses(
-    name: str, target: str, taps: RefractoryTaps, here: npt.NDArray[np.bool_], sign_mode: SignMode
+    name: str,
+    target: str,
+    taps: RefractoryTaps,
+    here: npt.NDArray[np.bool_],
+    sign_mode: SignMode,
+    chip: Chip,
 ) -> Synapses:
     """Return the synapses of the marked taps (taps, n), neuron by neuron."""
     neuron, tap = np.nonzero(here.T)
+    mantissa, bits = taps.mantissa[tap, neuron], chip.registers.weight_bits[-1]
+    # Weights that came with a network may be finer than this chip's: the check of the level says so.
+    if weight_grid(bits, sign_mode).off_grid(mantissa).any():
+        bits = WEIGHT_BITS[-1]
     return Synapses(
         name,
         target,
         source_index=read_only(neuron),
         target_index=read_only(neuron),
-        mantissa=read_only(taps.mantissa[tap, neuron]),
+        mantissa=read_only(mantissa),
         delay=read_only(taps.delay[tap]),
         exponent=int(taps.exponent[tap[0]]),
-        weight_bits=OWN_BITS,
+        weight_bits=bits,
         sign_mode=sign_mode,
     )
 

@@ -14,8 +14,8 @@ import numpy as np
 from hw_model.arithmetic.fixed_point import DECAY_ONE
 from hw_model.arithmetic.weights import WEIGHT_EXPONENTS, WeightGrid, weight_grid
 from hw_model.description.chip import Chip
-from locsnn_compile.errors import InputError
-from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection, ChipSrm
+from locsnn_compile.errors import InputError, TargetError
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipProjection, ChipSrm
 from locsnn_compile.network.matrices import of_target, row_maxima, row_sums, values_of, with_values
 from locsnn_compile.network.network import Network, Population, Projection
 from locsnn_compile.network.neurons import Cuba, SoftCuba, SrmAlpha
@@ -36,7 +36,7 @@ from locsnn_compile.reference.calibration import Calibration
 def quantize(
     network: Network,
     chip: Chip,
-    weight_bits: int = 8,
+    weight_bits: int | None = None,
     strategy: str = "dendrite",
     rounding: Rounding = NEAREST,
     calibration: Calibration | None = None,
@@ -45,13 +45,14 @@ def quantize(
 
     ``rounding`` says how; without ``calibration`` recordings, what needs them is left out.
     """
-    grid = weight_grid(weight_bits, "excitatory")
+    grid = weight_grid(weight_bits_of(chip, weight_bits), "excitatory")
     populations: list[QuantizedPopulation] = []
     projections: list[ChipProjection] = []
     pruned = 0
     for population in network.populations:
         neuron, incoming = population.neuron, network.into(population.name)
         if isinstance(neuron, ChipSrm | ChipCuba):
+            _check_voltage(population, neuron, chip)
             populations.append(QuantizedPopulation(population, neuron, np.ones(population.size), None))
             kept = [p for p in incoming if isinstance(p, ChipProjection)]
             pruned += sum(_zeros([p]) for p in kept)
@@ -81,6 +82,19 @@ def _holds_grades(incoming: list[Projection], chip: Chip) -> bool:
     return sources * 2 * GRADES <= chip.limits.synapse_words_per_core // 2
 
 
+def _check_voltage(population: Population, neuron: ChipNeuron, chip: Chip) -> None:
+    """Refuse integers that came with a network, and whose threshold no voltage of this chip passes."""
+    threshold, registers = 64 * int(neuron.threshold.max()), chip.registers
+    if registers.voltage_max <= threshold <= 64 * registers.threshold_mantissa_max:
+        raise TargetError(
+            f"population {population.name!r}",
+            "its threshold is beyond every voltage, so it could never spike",
+            measured=f"{threshold} against {registers.voltage_max}; {chip.name} has voltage_bits "
+            f"{registers.voltage_bits}",
+            fix="Train it for this chip.",
+        )
+
+
 def check_quantized(quantized: QuantizedNetwork, chip: Chip) -> None:
     """Every number that was rounded is one that the chip holds; the structure is the network's.
 
@@ -102,12 +116,23 @@ def check_quantized(quantized: QuantizedNetwork, chip: Chip) -> None:
         assert p.exponent in WEIGHT_EXPONENTS
 
 
-def check_weight_bits(weight_bits: int) -> None:
-    """Refuse a width that no synapse format has."""
+def weight_bits_of(chip: Chip, asked: int | None) -> int:
+    """Return the weight bits asked for, or the chip's most; refuse a width that no synapse format of the chip has."""
+    widths = chip.registers.weight_bits
+    if asked is None:
+        return widths[-1]
     try:
-        weight_grid(weight_bits, "excitatory")
+        weight_grid(asked, "excitatory")
     except InputError as error:
         raise InputError("--weight-bits", error.what, fix=error.fix) from None
+    if asked not in widths:
+        raise TargetError(
+            "--weight-bits",
+            f"weights of {asked} bits are too wide",
+            measured=f"{chip.name} has weight_bits_max {chip.registers.weight_bits_max}",
+            fix=f"Ask for {widths[-1]}, or leave it out.",
+        )
+    return asked
 
 
 def _scale(
@@ -174,7 +199,7 @@ def _round(
             return found
     paired = isinstance(scaled.neuron, ChipSrm) and scaled.neuron.dendrites > 1
     if rounding.graded or rounding.split or paired:
-        return scaled, round_apart(incoming, scaled, grid.weight_bits, rounding)
+        return scaled, round_apart(incoming, scaled, grid.weight_bits, chip, rounding)
     return scaled, [[_nearest(p, scaled, grid)] for p in incoming]
 
 

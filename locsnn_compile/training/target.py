@@ -51,7 +51,8 @@ def chip_numbers(
         most = USUAL_LARGEST * neuron.theta if start is None else float(np.abs(start[name]).max())
         largest[name] = np.full(shape, config.weight_room * most, dtype=np.float32)
     network = network_of(Checkpoint(description, largest, recordings=None, training={}, sha256=""))
-    quantized = quantize(network, chip, config.weight_bits, config.strategy)
+    weight_bits = min(config.weight_bits, chip.registers.weight_bits[-1])
+    quantized = quantize(network, chip, weight_bits, config.strategy)
     gain = alpha_kernel(neuron.tau_sr, "neuron: tau_sr")[1]
     populations = {}
     for projection in quantized.projections:
@@ -61,7 +62,7 @@ def chip_numbers(
             found.neuron,
             exponent=projection.exponent,
             refractory=config.refractory,
-            weight_bits=config.weight_bits,
+            weight_bits=weight_bits,
             scale=scale,
             unit=64 * 2**projection.exponent / (gain * scale),
         )

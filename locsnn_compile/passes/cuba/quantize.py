@@ -48,7 +48,7 @@ def quantize_cuba(
     _check_bias(strongest, bias_max / 128, where)
     cap = int(min(bias_max / strongest / 64 - 1, mantissa_max)) if strongest else mantissa_max
     exponent, threshold = exponent_and_threshold(heaviest, grid, chip, cap, over, 1 if bounded else HEADROOM)
-    check_threshold(threshold, heaviest, grid, over, where)
+    check_threshold(threshold, heaviest, grid, chip, over, where)
     scale = (64 * threshold + over) / neuron.threshold
     bias_mantissa, bias_exponent = _bias(bias * scale, chip)
     made = ChipCuba.of(

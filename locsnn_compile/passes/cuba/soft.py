@@ -10,17 +10,19 @@ from __future__ import annotations
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import IntArray
-from hw_model.arithmetic.weights import WeightGrid
+from hw_model.arithmetic.weights import WEIGHT_EXPONENTS, WeightGrid
 from hw_model.description.chip import Chip
 from locsnn_compile.network.chip_neurons import ChipSrm, RefractoryTaps
 from locsnn_compile.network.neurons import FloatArray, SoftCuba
 from locsnn_compile.passes.kernels import best_gain, keeps, nearest_decays
-from locsnn_compile.passes.rounding.scaling import Scaled, check_threshold, exponent_and_threshold
-
-COARSE = 7
-"""Exponent of the self-synapses that hold what one of exponent 0 does not."""
-DROP_MAX = (255 << COARSE) + (1 << COARSE) - 1
-"""The largest charge that two self-synapses hold exactly, in units of the threshold mantissa."""
+from locsnn_compile.passes.rounding.scaling import (
+    Scaled,
+    check_threshold,
+    exponent_and_threshold,
+    exponent_holding,
+    largest_charge,
+    own_grid,
+)
 
 
 def quantize_soft(neuron: SoftCuba, largest: FloatArray, grid: WeightGrid, chip: Chip, where: str) -> Scaled:
@@ -30,21 +32,24 @@ def quantize_soft(neuron: SoftCuba, largest: FloatArray, grid: WeightGrid, chip:
     gain = best_gain(1 - neuron.decay_u, 1 - neuron.decay_v, keeps(decay_u), keeps(decay_v))
     heaviest = float((largest * gain / neuron.threshold).max())
     deepest = float((neuron.drop / neuron.threshold).max())
-    cap = int(DROP_MAX / max(deepest, 1.0))
+    own, coarse = own_grid(chip), _coarse(own_grid(chip))
+    # The largest charge that a coarse and a fine self-synapse hold exactly, in units of the threshold mantissa.
+    held = (own.high // own.step << coarse) + (1 << coarse) - 1
+    cap = int(min(held, largest_charge(chip)) / max(deepest, 1.0))
     exponent, threshold = exponent_and_threshold(heaviest, grid, chip, cap, 0)
-    check_threshold(threshold, heaviest, grid, 0, where)
+    check_threshold(threshold, heaviest, grid, chip, 0, where)
     drop = np.rint(threshold * neuron.drop / neuron.threshold).astype(np.int64)
-    made = ChipSrm(decay_u, decay_v, np.full(len(drop), threshold), _taps(drop, decay_u))
+    made = ChipSrm(decay_u, decay_v, np.full(len(drop), threshold), _taps(drop, decay_u, own))
     return Scaled(made, 64 * threshold / neuron.threshold, gain, exponent)
 
 
-def _taps(drop: IntArray, decay_u: IntArray) -> RefractoryTaps:
+def _taps(drop: IntArray, decay_u: IntArray, grid: WeightGrid) -> RefractoryTaps:
     """Return the self-synapses: coarse and fine, at once and a step later; those of no neuron are left out."""
     back = np.rint(drop * keeps(decay_u)).astype(np.int64)
     rows = [
         (delay, sign * part, exponent)
         for delay, sign, charge in ((0, -1, drop), (1, 1, back))
-        for part, exponent in _parts(charge)
+        for part, exponent in _parts(charge, grid)
         if part.any()
     ]
     delay, mantissa, exponent = zip(*rows, strict=True) if rows else ((), np.zeros((0, len(drop))), ())
@@ -53,7 +58,13 @@ def _taps(drop: IntArray, decay_u: IntArray) -> RefractoryTaps:
     )
 
 
-def _parts(charge: IntArray) -> tuple[tuple[IntArray, int], tuple[IntArray, int]]:
-    """Return mantissas of the coarse exponent and of 0 that add up to charges in units of the threshold mantissa."""
-    coarse = np.where(charge > 255, charge >> COARSE, 0)
-    return (coarse, COARSE), (charge - (coarse << COARSE), 0)
+def _coarse(grid: WeightGrid) -> int:
+    """Return by how much the coarse exponent is above the finest: by all bits of a weight, if exponents go so far."""
+    return min(grid.weight_bits, WEIGHT_EXPONENTS[-1] - exponent_holding(0.0, grid))
+
+
+def _parts(charge: IntArray, grid: WeightGrid) -> tuple[tuple[IntArray, int], tuple[IntArray, int]]:
+    """Return mantissas of a coarse exponent and of the finest; they add up to charges in units of the threshold."""
+    finest, shift = exponent_holding(0.0, grid), _coarse(grid)
+    coarse = np.where(charge > grid.high // grid.step, charge >> shift, 0)
+    return (coarse * grid.step, finest + shift), ((charge - (coarse << shift)) * grid.step, finest)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from hw_model.description.chip import Chip
 from locsnn_compile.network.chip_neurons import ChipProjection, ChipSrm
 from locsnn_compile.network.matrices import of_target, values_of
 from locsnn_compile.network.network import Projection
@@ -16,7 +17,7 @@ from locsnn_compile.passes.rounding.scaling import Scaled
 
 
 def round_apart(
-    incoming: Sequence[Projection], scaled: Scaled, weight_bits: int, rounding: Rounding
+    incoming: Sequence[Projection], scaled: Scaled, weight_bits: int, chip: Chip, rounding: Rounding
 ) -> list[list[ChipProjection]]:
     """Round the weights onto a population to the nearest of the finest format that holds them.
 
@@ -25,7 +26,7 @@ def round_apart(
     dendrites = scaled.neuron.dendrites if isinstance(scaled.neuron, ChipSrm) else 1
     ideal = [values_of(p.weights) * of_target(p.weights, scaled.gain * scaled.scale / 64) for p in incoming]
     largest = max((float(np.abs(part).max(initial=0.0)) for part in ideal), default=0.0)
-    grades = grades_for(largest / dendrites, weight_bits, rounding, scaled.neuron, incoming)
+    grades = grades_for(largest / dendrites, weight_bits, rounding, scaled.neuron, chip, incoming)
     grade = [grades.grade(np.abs(part) / dendrites) for part in ideal]
     split = _coarsest(ideal, rounding.split)
     made = []

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.arithmetic.weights import WEIGHT_EXPONENTS
+from hw_model.description.chip import Chip
 from locsnn_compile.network.chip_neurons import ChipNeuron, ChipProjection, ChipSrm, RefractoryTaps
 from locsnn_compile.network.matrices import with_values
 from locsnn_compile.network.network import Projection
@@ -27,8 +28,8 @@ GRADES, GRADES_IF_SPLIT, GRADES_BESIDE_TAPS = 4, 3, 2
 """Grades of first synapses. Second ones double them at most, and signs double that: at most 12 of a core's 16 formats,
 or 8 beside the 6 of taps."""
 
-FORMATS, FORMATS_OF_TAPS = 16, 6
-"""Synapse formats of a core, and those that the taps of its neurons take at most."""
+FORMATS_OF_TAPS = 6
+"""Synapse formats that the taps of neurons take at most."""
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -84,7 +85,12 @@ class Grades:
 
 
 def grades_for(
-    largest: float, weight_bits: int, rounding: Rounding, neuron: ChipNeuron, incoming: Sequence[Projection] = ()
+    largest: float,
+    weight_bits: int,
+    rounding: Rounding,
+    neuron: ChipNeuron,
+    chip: Chip,
+    incoming: Sequence[Projection] = (),
 ) -> Grades:
     """Return the grades for magnitudes up to ``largest`` quanta onto such neurons.
 
@@ -96,7 +102,7 @@ def grades_for(
     count = GRADES if not split else GRADES_BESIDE_TAPS if taps else GRADES_IF_SPLIT
     kinds = len({int(np.max(p.delay, initial=0)).bit_length() for p in incoming})
     if kinds > 1:
-        left = FORMATS - (FORMATS_OF_TAPS if taps else 0)
+        left = chip.limits.synapse_formats_per_core - (FORMATS_OF_TAPS if taps else 0)
         count = max(1, min(count, left // (2 * kinds * (2 if split else 1))))
     return Grades.holding(largest, weight_bits, count=count if rounding.graded else 1, split=split)
 

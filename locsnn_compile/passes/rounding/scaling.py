@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from hw_model.arithmetic.weights import WEIGHT_EXPONENTS, WeightGrid
+from hw_model.arithmetic.weights import WEIGHT_EXPONENTS, WeightGrid, weight_grid
 from hw_model.description.chip import Chip
 from locsnn_compile.errors import TargetError
 from locsnn_compile.network.chip_neurons import ChipNeuron
@@ -13,8 +13,8 @@ from locsnn_compile.network.neurons import FloatArray
 
 HEADROOM = 16
 """The voltage register holds at least this many thresholds: potentials of trained networks go that far."""
-HEAVIEST = 255 * 2.0 ** WEIGHT_EXPONENTS[-1]
-"""The largest weight of any format, in units of the threshold mantissa."""
+CHARGE_ROOM = 4
+"""The charge register holds at least this many thresholds in a step."""
 WHOLE = 1 + 1e-12
 """A quotient that float rounding left this little below a whole number is that number."""
 
@@ -33,24 +33,56 @@ class Scaled:
     exponent: int
 
 
+def own_grid(chip: Chip) -> WeightGrid:
+    """Return the grid of self-synapses: the chip's finest, since one weight a population costs little."""
+    return weight_grid(chip.registers.weight_bits[-1], "excitatory")
+
+
+def largest_charge(chip: Chip) -> int:
+    """Return the largest charge of a step, in units of the threshold mantissa."""
+    return (1 << chip.registers.charge_bits) // 64 - 1
+
+
+def heaviest_weight(chip: Chip) -> float:
+    """Return the largest weight of any format that the charge register holds, in units of the threshold mantissa."""
+    return min(own_grid(chip).high * 2.0 ** WEIGHT_EXPONENTS[-1], largest_charge(chip))
+
+
+def exponent_holding(largest: float, grid: WeightGrid) -> int:
+    """Return the smallest exponent with which a format holds a weight and no mantissa loses bits."""
+    finest = 1 - grid.step.bit_length()
+    return max(finest, math.ceil(math.log2(largest / grid.high))) if largest > 0 else finest
+
+
 def exponent_and_threshold(
     heaviest: float, grid: WeightGrid, chip: Chip, cap: int, over: int, headroom: int = HEADROOM
 ) -> tuple[int, int]:
     """Return weight exponent and largest threshold mantissa: all weight bits in use, then most of the register.
 
-    ``heaviest``: the largest weight in thresholds. ``cap``: a limit of the mantissa beside that of the register. A
-    threshold stands for ``64 * mantissa + over`` in the register, which holds ``headroom`` of them.
+    ``heaviest``: the largest weight in thresholds. ``cap``: a limit of the mantissa beside those of the registers. A
+    threshold stands for ``64 * mantissa + over`` in the voltage register, which holds ``headroom`` of them, as the
+    current register does; that of a step's charge holds :data:`CHARGE_ROOM` where the others hold :data:`HEADROOM`.
+    Narrow registers hold fewer, but one.
     """
-    cap = min(cap, chip.registers.voltage_max // (64 * headroom))
-    fits = [grid.high * 2**e / heaviest - over / 64 if heaviest else math.inf for e in range(8)]
-    exponent = max((e for e, most in enumerate(fits) if most <= cap), default=0)
-    return exponent, int(min(fits[exponent] * WHOLE, cap))
+    registers = chip.registers
+    room = (
+        registers.voltage_max / headroom,
+        (1 << registers.current_bits) / headroom,
+        (1 << registers.charge_bits) * HEADROOM / CHARGE_ROOM / headroom,
+    )
+    cap = min(cap, max(1, int(min(room) / 64)))
+    most = heaviest_weight(chip)
+    fits = [min(grid.high * 2**e, most) / heaviest - over / 64 if heaviest else math.inf for e in range(8)]
+    exponent = max((e for e, threshold in enumerate(fits) if threshold <= cap), default=None)
+    if exponent is not None:
+        return exponent, int(min(fits[exponent] * WHOLE, cap))
+    return min(0, exponent_holding(heaviest * (cap + over / 64), grid)), cap
 
 
-def check_threshold(threshold: int, heaviest: float, grid: WeightGrid, over: int, where: str) -> None:
+def check_threshold(threshold: int, heaviest: float, grid: WeightGrid, chip: Chip, over: int, where: str) -> None:
     """Refuse a threshold mantissa of less than 1: then a weight is heavier than the grid's largest beside it."""
     if threshold < 1:
-        most = grid.high * 2.0 ** WEIGHT_EXPONENTS[-1] / (1 + over / 64)
+        most = min(grid.high * 2.0 ** WEIGHT_EXPONENTS[-1], heaviest_weight(chip)) / (1 + over / 64)
         raise TargetError(
             where,
             "no scale holds both the threshold and the largest weight",

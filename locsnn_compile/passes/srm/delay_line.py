@@ -19,16 +19,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, IntArray
+from hw_model.arithmetic.weights import WeightGrid
+from hw_model.description.chip import Chip
 from locsnn_compile.errors import TargetError
 from locsnn_compile.network.chip_neurons import ChipSrm
 from locsnn_compile.network.neurons import FloatArray, SrmAlpha
 from locsnn_compile.passes.kernels import kernel, own_charges
+from locsnn_compile.passes.rounding.scaling import exponent_holding, own_grid
 
-TAPS_MAX = 63
-"""Delays are 0..62."""
+TAPS_MAX = 256
+"""Taps that are tried at most, on chips whose delays would allow more."""
 EXPONENTS_MAX = 3
 """Exponents of a population's taps, evenly spread: with both signs six of a core's 16 formats."""
-MANTISSA_MAX = 255
 FINE = 2.0**-11
 """A charge that rounds by more than this share of the kernel's largest value gets a second synapse for the rest."""
 ENOUGH, EXACT = 1.25, 2.0**-12
@@ -51,16 +53,17 @@ class _Rounded:
     error: FloatArray
 
 
-def heaviest_charge(neuron: SrmAlpha, decay: int, where: str) -> float:
+def heaviest_charge(neuron: SrmAlpha, decay: int, chip: Chip, where: str) -> float:
     """Return the largest own charge, in thresholds."""
-    return float(np.abs(own_charges(_response(neuron, 1.0, TAPS_MAX), (DECAY_ONE - decay) / DECAY_ONE)).max())
+    keep = (DECAY_ONE - decay) / DECAY_ONE
+    return float(np.abs(own_charges(_response(neuron, 1.0, _taps(chip)), keep)).max())
 
 
-def lay_out(neuron: SrmAlpha, size: int, decay: int, thresholds: Iterable[int], where: str) -> ChipSrm:
+def lay_out(neuron: SrmAlpha, size: int, decay: int, thresholds: Iterable[int], chip: Chip, where: str) -> ChipSrm:
     """Return the neurons at that of the threshold mantissas whose taps round best."""
     candidates = np.array(list(thresholds))
     # v > 64 * threshold is v >= 64 * threshold + 1 for integers: this value stands for theta.
-    found = _round_taps(neuron, decay, 64.0 * candidates + 1)
+    found = _round_taps(neuron, decay, 64.0 * candidates + 1, _taps(chip), own_grid(chip))
     best = found.error.min(axis=1)
     last = int(np.flatnonzero(best <= max(ENOUGH * best.min(), EXACT))[0])
     chosen = int(found.error[last].argmin())
@@ -68,8 +71,9 @@ def lay_out(neuron: SrmAlpha, size: int, decay: int, thresholds: Iterable[int], 
     if error > ERROR_MAX:
         raise TargetError(
             where,
-            f"no {TAPS_MAX} delayed synapses hold the refractory kernel of tau_ref {neuron.tau_ref:g}",
-            measured=f"an error of {error:.2g} against {ERROR_MAX:g}",
+            f"no {_taps(chip)} delayed synapses hold the refractory kernel of tau_ref {neuron.tau_ref:g}",
+            measured=f"an error of {error:.2g} against {ERROR_MAX:g}; {chip.name} has delay_max "
+            f"{chip.registers.delay_max}",
             fix="Use strategy dendrite.",
         )
     mantissa, exponent = found.mantissa[: last + 1, :, chosen], found.exponent[: last + 1, :, chosen]
@@ -84,20 +88,25 @@ def lay_out(neuron: SrmAlpha, size: int, decay: int, thresholds: Iterable[int], 
     )
 
 
-def _round_taps(neuron: SrmAlpha, decay: int, theta: FloatArray) -> _Rounded:
+def _taps(chip: Chip) -> int:
+    """Return how many delays a chip has, or as many as are tried."""
+    return min(chip.registers.delay_max + 1, TAPS_MAX)
+
+
+def _round_taps(neuron: SrmAlpha, decay: int, theta: FloatArray, taps: int, grid: WeightGrid) -> _Rounded:
     """Round the charges of every lag, one after the other, for thetas (candidates,) in units of the registers."""
     keep = (DECAY_ONE - decay) / DECAY_ONE
     tau = max(neuron.tau_ref, -1.0 / math.log(keep) if keep else 0.0)
-    steps = min(TAPS_MAX + math.ceil(HORIZON * tau), STEPS_MAX)
+    steps = min(taps + math.ceil(HORIZON * tau), STEPS_MAX)
     wanted = _response(neuron, theta, steps)
     energy = np.maximum((wanted**2).sum(axis=0), (FAINT * theta) ** 2)
-    exponents = _exponents(float(np.abs(own_charges(wanted, keep)).max()))
+    exponents = _exponents(float(np.abs(own_charges(wanted, keep)).max()) / 64, grid)
     fine = FINE * np.abs(wanted).max(axis=0) / 64
     current, voltage, passed = np.zeros((3, len(theta)))
     rows = []
-    for lag in range(TAPS_MAX):
+    for lag in range(taps):
         charge = (wanted[lag] - keep * voltage - keep * current) / 64
-        mantissa, exponent = _round(charge, exponents, fine)
+        mantissa, exponent = _round(charge, exponents, fine, grid)
         current = keep * current + 64 * (mantissa * 2.0**exponent).sum(axis=0)
         voltage = keep * voltage + current
         passed = passed + (voltage - wanted[lag]) ** 2
@@ -108,19 +117,19 @@ def _round_taps(neuron: SrmAlpha, decay: int, theta: FloatArray) -> _Rounded:
     return _Rounded(*(np.stack(column) for column in zip(*rows, strict=True)))
 
 
-def _round(charge: FloatArray, exponents: IntArray, fine: FloatArray) -> tuple[IntArray, IntArray]:
+def _round(charge: FloatArray, exponents: IntArray, fine: FloatArray, grid: WeightGrid) -> tuple[IntArray, IntArray]:
     """Return mantissas and exponents (2, candidates) of charges in units of 64; the second is the rest, if not fine."""
-    first = _round_once(charge, exponents)
+    first = _round_once(charge, exponents, grid)
     rest = charge - first[0] * 2.0 ** first[1]
-    second = _round_once(np.where(np.abs(rest) > fine, rest, 0.0), exponents)
+    second = _round_once(np.where(np.abs(rest) > fine, rest, 0.0), exponents, grid)
     return np.stack((first[0], second[0])), np.stack((first[1], second[1]))
 
 
-def _round_once(charge: FloatArray, exponents: IntArray) -> tuple[IntArray, IntArray]:
+def _round_once(charge: FloatArray, exponents: IntArray, grid: WeightGrid) -> tuple[IntArray, IntArray]:
     """Return mantissas and the smallest exponents that hold charges (candidates,), in units of 64."""
-    largest = (MANTISSA_MAX + 0.5) * 2.0**exponents
+    largest = (grid.high + grid.step / 2) * 2.0**exponents
     exponent = exponents[np.minimum(np.searchsorted(largest, np.abs(charge)), len(exponents) - 1)]
-    mantissa = np.clip(np.rint(charge / 2.0**exponent), -MANTISSA_MAX, MANTISSA_MAX).astype(np.int64)
+    mantissa: IntArray = np.sign(charge).astype(np.int64) * grid.round(np.abs(charge) / 2.0**exponent)
     return mantissa, exponent
 
 
@@ -130,8 +139,8 @@ def _response(neuron: SrmAlpha, theta: FloatArray | float, steps: int) -> FloatA
     return -neuron.scale_ref * kernel(neuron.tau_ref, k) * theta
 
 
-def _exponents(largest: float) -> IntArray:
-    """Return the exponents in use, ascending: down to 0 from the one that holds the largest charge."""
-    highest = max(0, math.ceil(math.log2(largest / (64 * MANTISSA_MAX)))) if largest else 0
-    step = max(1, math.ceil(highest / (EXPONENTS_MAX - 1)))
-    return np.unique(np.maximum(highest - step * np.arange(EXPONENTS_MAX), 0)).astype(np.int64)
+def _exponents(largest: float, grid: WeightGrid) -> IntArray:
+    """Return the exponents in use, ascending: down to the finest from the one that holds the largest charge."""
+    finest, highest = exponent_holding(0.0, grid), exponent_holding(largest, grid)
+    step = max(1, math.ceil((highest - finest) / (EXPONENTS_MAX - 1)))
+    return np.unique(np.maximum(highest - step * np.arange(EXPONENTS_MAX), finest)).astype(np.int64)

@@ -2,39 +2,37 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 
 import numpy as np
 import numpy.typing as npt
 
 from hw_model.arithmetic.fixed_point import IntArray
-from hw_model.arithmetic.weights import weight_grid
+from hw_model.arithmetic.weights import WeightGrid
+from hw_model.description.chip import Chip
 from locsnn_compile.network.chip_neurons import ChipSrm
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.passes.kernels import alpha_kernel
-
-OWN_BITS = 8
-"""Bits of a self-synapse, one weight a population: nothing would be saved with fewer."""
+from locsnn_compile.passes.rounding.scaling import exponent_holding, own_grid
 
 
-def heaviest_charge(neuron: SrmAlpha, decay: int, where: str) -> float:
+def heaviest_charge(neuron: SrmAlpha, decay: int, chip: Chip, where: str) -> float:
     """Return the largest own charge, in thresholds."""
     return neuron.scale_ref * alpha_kernel(neuron.tau_ref, f"{where}: tau_ref")[1]
 
 
-def lay_out(neuron: SrmAlpha, size: int, decay: int, thresholds: Iterable[int], where: str) -> ChipSrm:
+def lay_out(neuron: SrmAlpha, size: int, decay: int, thresholds: Iterable[int], chip: Chip, where: str) -> ChipSrm:
     """Return the neurons at that of the threshold mantissas, best first, whose refractory weight rounds best."""
     refractory_decay, gain, _ = alpha_kernel(neuron.tau_ref, f"{where}: tau_ref")
-    grid = weight_grid(OWN_BITS, "inhibitory")
+    grid = own_grid(chip)
 
     def rounded(threshold: int) -> tuple[float, int, int]:
         # v > 64 * threshold is v >= 64 * threshold + 1 for integers: this value stands for theta.
-        wanted = -neuron.scale_ref * gain * (64 * threshold + 1) / 64
-        exponent = max(0, math.ceil(math.log2(-wanted / 255))) if wanted < 0 else 0
-        mantissa = int(grid.round(np.array([wanted / 2**exponent]))[0])
-        error = abs(mantissa * 2**exponent - wanted) / -wanted if wanted < 0 else 0.0
-        return error, mantissa, exponent
+        wanted = neuron.scale_ref * gain * (64 * threshold + 1) / 64
+        exponent = exponent_holding(wanted, grid)
+        mantissa = int(grid.round(np.array([wanted / 2.0**exponent]))[0])
+        error = abs(mantissa * 2.0**exponent - wanted) / wanted if wanted > 0 else 0.0
+        return error, -mantissa, exponent
 
     threshold = min(thresholds, key=lambda t: rounded(t)[0])
     _, mantissa, exponent = rounded(threshold)
@@ -48,10 +46,12 @@ def lay_out(neuron: SrmAlpha, size: int, decay: int, thresholds: Iterable[int], 
     )
 
 
-def whole_mantissas(neuron: SrmAlpha, thresholds: npt.NDArray[np.float64]) -> tuple[IntArray, IntArray, int]:
+def whole_mantissas(
+    neuron: SrmAlpha, thresholds: npt.NDArray[np.float64], grid: WeightGrid
+) -> tuple[IntArray, IntArray, int]:
     """Return threshold mantissas (k,) near those wanted, their refractory mantissas (k,), and the exponent of all.
 
-    A scale is free, so it is chosen for the refractory weight: its mantissa is the largest whole one at which the
+    A scale is free, so it is chosen for the refractory weight: its mantissa is the largest of the grid at which the
     threshold is not above the one wanted, and the threshold follows from it. Where that would be 0, the threshold is
     the one wanted, and the refractory weight is rounded.
     """
@@ -59,9 +59,10 @@ def whole_mantissas(neuron: SrmAlpha, thresholds: npt.NDArray[np.float64]) -> tu
     charge = neuron.scale_ref * gain
     heaviest = charge * (float(thresholds.max()) + 1 / 64)
     if heaviest < 0.5:
-        return np.floor(thresholds).astype(np.int64), np.zeros(len(thresholds), dtype=np.int64), 0
-    exponent = max(0, math.ceil(math.log2(heaviest / 255)))
-    wanted = charge * (thresholds + 1 / 64) / 2**exponent
-    mantissa = np.where(wanted < 1, np.rint(wanted), np.floor(wanted))
-    found = np.where(wanted < 1, np.floor(thresholds), np.rint(mantissa * 2**exponent / charge - 1 / 64))
-    return found.astype(np.int64), -mantissa.astype(np.int64), exponent
+        return np.maximum(np.floor(thresholds), 1).astype(np.int64), np.zeros(len(thresholds), dtype=np.int64), 0
+    exponent = exponent_holding(heaviest, grid)
+    step = grid.step * 2.0**exponent
+    wanted = charge * (thresholds + 1 / 64) / step
+    steps = np.where(wanted < 1, np.rint(wanted), np.floor(wanted))
+    found = np.where(wanted < 1, np.floor(thresholds), np.rint(steps * step / charge - 1 / 64))
+    return np.maximum(found, 1).astype(np.int64), -(steps * grid.step).astype(np.int64), exponent

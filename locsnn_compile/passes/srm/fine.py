@@ -21,7 +21,7 @@ from locsnn_compile.network.neurons import FloatArray, SrmAlpha
 from locsnn_compile.passes.rounding.drive import Drive, drive_of
 from locsnn_compile.passes.rounding.grades import BoolArray, Grades, coarsest, grades_for, in_grades, nearest, shares
 from locsnn_compile.passes.rounding.rounding import Rounding
-from locsnn_compile.passes.rounding.scaling import HEAVIEST, Scaled
+from locsnn_compile.passes.rounding.scaling import Scaled, heaviest_weight, own_grid
 from locsnn_compile.passes.rounding.together import round_together
 from locsnn_compile.passes.srm import dendrite as srm_dendrite
 from locsnn_compile.passes.srm.quantize import of_a_dendrite
@@ -91,7 +91,7 @@ def _scaled_apart(task: _Task, made: ChipSrm) -> ChipSrm:
     assert isinstance(made.refractory, RefractoryDendrite)
     share, dendrites = of_a_dendrite(task.neuron, made.dendrites), made.dendrites
     wanted = np.append(SCALES * _largest_threshold(task, share, dendrites), made.threshold[0])
-    thresholds, mantissas, exponent = srm_dendrite.whole_mantissas(share, wanted)
+    thresholds, mantissas, exponent = srm_dendrite.whole_mantissas(share, wanted, own_grid(task.chip))
     decays = (int(made.decay_u[0]), int(made.decay_v[0]), int(made.refractory.decay[0]))
     size = task.population.size
     candidates = _at(np.repeat(thresholds, size), np.repeat(mantissas, size), exponent, decays, dendrites)
@@ -113,9 +113,9 @@ def _at(
 def _largest_threshold(task: _Task, share: SrmAlpha, dendrites: int) -> float:
     """Return the largest threshold mantissa that registers and own charges, a dendrite's share, leave to any neuron."""
     registers = task.chip.registers
-    own = srm_dendrite.heaviest_charge(share, 0, f"population {task.population.name!r}")
+    own = srm_dendrite.heaviest_charge(share, 0, task.chip, f"population {task.population.name!r}")
     caps = [registers.threshold_mantissa_max, dendrites * registers.voltage_max / (64 * HEADROOM_MIN)]
-    return min(*caps, HEAVIEST / own - 1) if own else min(caps)
+    return min(*caps, heaviest_weight(task.chip) / own - 1) if own else min(caps)
 
 
 def _threshold_limits(task: _Task) -> FloatArray:
@@ -180,7 +180,7 @@ def _rounded(task: _Task, made: ChipSrm, beam: int) -> _Rounded:
     times = len(scale) // task.population.size
     ideal = np.tile(task.drive.ideal, (times, 1)) * scale[:, None] / 64
     magnitude = np.abs(ideal) / made.dendrites
-    grades = grades_for(float(magnitude.max()), task.weight_bits, task.rounding, made, task.incoming)
+    grades = grades_for(float(magnitude.max()), task.weight_bits, task.rounding, made, task.chip, task.incoming)
     grade = grades.grade(magnitude)
     present = np.tile(np.hstack([p.weights for p in task.incoming]) != 0, (times, 1))
     split = _worth_splitting(task, grades, grade, present)

@@ -18,7 +18,7 @@ from locsnn_compile.errors import TargetError
 from locsnn_compile.network.chip_neurons import ChipNeuron, ChipSrm, integers
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.passes.kernels import alpha_kernel, fitted_decays
-from locsnn_compile.passes.rounding.scaling import HEAVIEST, Scaled, check_threshold, exponent_and_threshold
+from locsnn_compile.passes.rounding.scaling import Scaled, check_threshold, exponent_and_threshold, heaviest_weight
 from locsnn_compile.passes.srm import delay_line as srm_delay_line
 from locsnn_compile.passes.srm import dendrite as srm_dendrite
 from locsnn_compile.passes.srm import reset as srm_reset
@@ -32,11 +32,12 @@ class Strategy:
     """How SRM neurons are laid out: both functions are told the decay of the alpha kernel, and where they are.
 
     ``heaviest_charge`` of a neuron's own spike, in thresholds; ``lay_out`` for so many neurons, at one of the threshold
-    mantissas. With several ``dendrites`` of both kinds, each takes its share of every weight, own ones included.
+    mantissas, within the limits of a chip. With several ``dendrites`` of both kinds, each takes its share of every
+    weight, own ones included.
     """
 
-    heaviest_charge: Callable[[SrmAlpha, int, str], float]
-    lay_out: Callable[[SrmAlpha, int, int, Iterable[int], str], ChipNeuron]
+    heaviest_charge: Callable[[SrmAlpha, int, Chip, str], float]
+    lay_out: Callable[[SrmAlpha, int, int, Iterable[int], Chip, str], ChipNeuron]
     dendrites: int = 1
 
 
@@ -66,13 +67,14 @@ def quantize_srm(
     decay, gain, _ = alpha_kernel(neuron.tau_sr, f"{where}: tau_sr")
     heaviest = largest * gain / neuron.theta / layout.dendrites
     share = of_a_dendrite(neuron, layout.dendrites)
-    own = layout.heaviest_charge(share, decay, where)
-    _check_own(own, where)
-    cap = int(min(HEAVIEST / own - 1, mantissa_max)) if own else mantissa_max
+    own = layout.heaviest_charge(share, decay, chip, where)
+    most_own = heaviest_weight(chip)
+    _check_own(own, most_own, where)
+    cap = int(min(most_own / own - 1, mantissa_max)) if own else mantissa_max
     exponent, most = exponent_and_threshold(heaviest, grid, chip, cap, 1)
-    check_threshold(most, heaviest, grid, 1, where)
+    check_threshold(most, heaviest, grid, chip, 1, where)
     candidates = range(most, max(1, math.ceil(SCALE_SLACK * most)) - 1, -1)
-    made = layout.lay_out(share, size, decay, candidates, where)
+    made = layout.lay_out(share, size, decay, candidates, chip, where)
     if isinstance(made, ChipSrm):
         made = replace(made, dendrites=layout.dendrites)
     if fitted and strategy != "delay-line":
@@ -87,12 +89,12 @@ def of_a_dendrite(neuron: SrmAlpha, dendrites: int) -> SrmAlpha:
     return replace(neuron, scale_ref=neuron.scale_ref / dendrites)
 
 
-def _check_own(own: float, where: str) -> None:
+def _check_own(own: float, heaviest: float, where: str) -> None:
     """Refuse own charges, the largest given in thresholds, beside which no threshold mantissa of 1 or more is left."""
-    if own > HEAVIEST / 2:
+    if own > heaviest / 2:
         raise TargetError(
             where,
             "no scale holds both the threshold and the refractory kernel",
-            measured=f"an own spike weighs {own:.3g} thresholds against {HEAVIEST / 2:.0f}",
+            measured=f"an own spike weighs {own:.3g} thresholds against {heaviest / 2:.0f}",
             fix="Use a smaller scale_ref, or strategy reset.",
         )

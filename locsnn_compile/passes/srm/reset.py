@@ -5,24 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-import numpy as np
-
 from hw_model.arithmetic.fixed_point import DECAY_ONE
+from hw_model.description.chip import Chip
 from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.network.neurons import SrmAlpha
-from locsnn_compile.passes.kernels import kernel
-
-REFRACTORY_MAX = 63
 
 
-def heaviest_charge(neuron: SrmAlpha, decay: int, where: str) -> float:
+def heaviest_charge(neuron: SrmAlpha, decay: int, chip: Chip, where: str) -> float:
     """Return 0: there are no self-synapses."""
     return 0.0
 
 
-def lay_out(neuron: SrmAlpha, size: int, decay: int, thresholds: Iterable[int], where: str) -> ChipCuba:
+def lay_out(neuron: SrmAlpha, size: int, decay: int, thresholds: Iterable[int], chip: Chip, where: str) -> ChipCuba:
     """Return the neurons at the largest of the threshold mantissas."""
-    count = refractory_count(neuron, decay)
+    count = min(chip.registers.refractory_max, refractory_count(neuron, decay))
     return ChipCuba.of(size, decay_u=decay, decay_v=decay, threshold=max(thresholds), refractory=count)
 
 
@@ -33,6 +29,6 @@ def refractory_count(neuron: SrmAlpha, decay: int) -> int:
     blocked step one more. At the published time constants the reset alone takes twice what nu takes, and more blocked
     steps only make it worse: on training recordings of both example networks a count of 1 kept most predictions.
     """
-    k = np.arange(1, 12 * REFRACTORY_MAX, dtype=np.float64)
-    taken = neuron.scale_ref * float(kernel(neuron.tau_ref, k).sum())
-    return min(REFRACTORY_MAX, 1 + max(0, math.ceil(taken - DECAY_ONE / decay)))
+    kept = math.exp(-1.0 / neuron.tau_ref)
+    taken = neuron.scale_ref * math.e / neuron.tau_ref * kept / (1.0 - kept) ** 2
+    return 1 + max(0, math.ceil(taken - DECAY_ONE / decay))
