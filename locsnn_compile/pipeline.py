@@ -34,7 +34,7 @@ class Levels:
 def lower(
     network: Network,
     chip: hw.Chip,
-    weight_bits: int,
+    weight_bits: int | None,
     strategy: str = "dendrite",
     rounding: Rounding = NEAREST,
     calibration: Calibration | None = None,

@@ -23,21 +23,21 @@ from locsnn_compile.models.chip_numbers import (
 )
 
 _WRITE_AGAIN = "Write it again with 'locsnn train'."
-#: field -> lowest and highest value of a whole number.
+#: field -> lowest and highest value of a whole number on any chip that networks are trained for.
 _RANGES: dict[str, tuple[int, int]] = {
-    "threshold": (0, (1 << 17) - 1),
+    "threshold": (0, (1 << 24) - 1),
     "decay": (1, DECAY_ONE),
     "refractory_decay": (0, DECAY_ONE),
-    "refractory": (1, 63),
-    "exponent": (0, WEIGHT_EXPONENTS[-1]),
+    "refractory": (1, 65_535),
+    "exponent": (WEIGHT_EXPONENTS[0], WEIGHT_EXPONENTS[-1]),
     "weight_bits": (WEIGHT_BITS[0], WEIGHT_BITS[-1]),
 }
 _OWN_RANGES: dict[str, tuple[int, int]] = {
     "mantissa": (-255, 255),
     "exponent": (WEIGHT_EXPONENTS[0], WEIGHT_EXPONENTS[-1]),
-    "delay": (0, 62),
+    "delay": (0, 65_534),
 }
-_OWN_MOST = 126
+_OWN_MOST = 512
 #: strategy -> fewest and most synapses of a neuron to itself.
 _OWN_COUNT: dict[str, tuple[int, int]] = {"dendrite": (0, 1), "delay-line": (0, _OWN_MOST), "reset": (0, 0)}
 

@@ -113,7 +113,9 @@ class ChipLayer(DenseLayer[NeuronParameters]):
     def steps(self, drive: NDArray[Any]) -> tuple[NDArray[np.uint8], NDArray[np.int32], NDArray[np.uint8]]:
         """Return spikes, potentials and live marks, (batch, steps, n), of sums of mantissas of that shape."""
         n = self.numbers
-        charge = np.left_shift(drive.astype(np.int32, order="C"), n.exponent)
+        whole = drive.astype(np.int32, order="C")
+        # Weights of few bits are multiples of a power of two: a negative exponent loses none.
+        charge = np.left_shift(whole, n.exponent) if n.exponent >= 0 else np.right_shift(whole, -n.exponent)
         spikes, live = np.empty(charge.shape, np.uint8), np.empty(charge.shape, np.uint8)
         potential = np.empty(charge.shape, np.int32)
         out = (potential, spikes, live, self.events)

@@ -26,8 +26,8 @@ from locsnn_compile.models.windows import BIAS, MAX_WINDOW_NEURONS, WEIGHT, Wind
 MAX_CHANNELS = 4_096
 MAX_UNITS = 4_096
 MAX_THRESHOLD = 20_000_000
-#: Longest delay of a synapse, in steps: what the chip holds.
-MAX_DELAY = 62
+#: Longest delay of a synapse, in steps, that any chip file allows.
+MAX_DELAY = 65_534
 
 
 @dataclass(frozen=True)

@@ -82,7 +82,7 @@ _RANGES: dict[str, tuple[float, float]] = {
     "features": (1, 1024),
     "step_features": (1, 1024),
     "weight_room": (1e-3, 1e3),
-    "refractory": (1, 63),
+    "refractory": (1, 65_535),
     "pruned": (0.0, 0.999),
     "spike_cost": (0.0, 1e3),
 }

@@ -45,6 +45,7 @@ def chip_numbers(
     """
     chip = hw.chip(config.target)
     registers = _registers(chip)
+    _check_limits(chip, config, description)
     neuron = description.srm
     largest = {}
     for name, shape in description.weight_shapes.items():
@@ -80,6 +81,21 @@ def _registers(chip: hw.Chip) -> RegisterWidths:
                 fix="Train for a chip of narrower registers.",
             )
     return RegisterWidths(**widths)
+
+
+def _check_limits(chip: hw.Chip, config: TrainingConfig, description: NetworkDescription) -> None:
+    """Refuse settings of the network that its chip does not hold."""
+    for what, value, key in (
+        ("a delay", max(description.delays), "delay_max"),
+        ("the refractory count", config.refractory, "refractory_max"),
+    ):
+        if value > getattr(chip.registers, key):
+            raise TargetError(
+                f"target {chip.name!r}",
+                f"{what} is longer than the chip holds",
+                measured=f"{value} against {key} {getattr(chip.registers, key)}",
+                fix="Shorten it.",
+            )
 
 
 def _population(

@@ -113,7 +113,7 @@ PLACE = "chip.populations.time_hidden"
         ),
         pytest.param(
             put(*HIDDEN, "threshold", value=True),
-            f": entry '{PLACE}.threshold' must be a whole number in range (got True against 0..131071). {AGAIN}",
+            f": entry '{PLACE}.threshold' must be a whole number in range (got True against 0..16777215). {AGAIN}",
             id="no number",
         ),
         pytest.param(
@@ -132,8 +132,8 @@ PLACE = "chip.populations.time_hidden"
             id="own synapses",
         ),
         pytest.param(
-            put(*HIDDEN, "own", value=[[1, 2, 63]]),
-            f": entry '{PLACE}.own' must be a whole number in range (got 63 against 0..62). {AGAIN}",
+            put(*HIDDEN, "own", value=[[1, 2, 65_535]]),
+            f": entry '{PLACE}.own' must be a whole number in range (got 65535 against 0..65534). {AGAIN}",
             id="delay",
         ),
         pytest.param(

@@ -119,20 +119,20 @@ def test_the_command_trains_with_delays_and_goes_on(tmp_path: Path, monkeypatch:
     ("values", "message"),
     [
         pytest.param(
-            {"delays": (0, 63)},
-            "delays: they must be whole numbers of steps, each larger than the one before (got [0, 63] against 0..62). "
+            {"delays": (0, 65_535)},
+            "delays: they must be whole numbers of steps, each larger than the one before (got [0, 65535] against 0..65534). "
             "Give, for example, 0 20 40 60.",
-            id="longer than the chip holds",
+            id="longer than any chip holds",
         ),
         pytest.param(
             {"delays": (3, 3)},
-            "delays: they must be whole numbers of steps, each larger than the one before (got [3, 3] against 0..62). "
+            "delays: they must be whole numbers of steps, each larger than the one before (got [3, 3] against 0..65534). "
             "Give, for example, 0 20 40 60.",
             id="twice the same",
         ),
         pytest.param(
             {"delays": ()},
-            "delays: they must be whole numbers of steps, each larger than the one before (got [] against 0..62). "
+            "delays: they must be whole numbers of steps, each larger than the one before (got [] against 0..65534). "
             "Give, for example, 0 20 40 60.",
             id="none",
         ),

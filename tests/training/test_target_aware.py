@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -56,7 +57,7 @@ def check_program_spikes_alike(folder: Path, start: Checkpoint, config: Training
     export_checkpoint(path, result, config, touches(), touches(), start=start)
 
     network = load(path)
-    program = lower(network, chip, 8).program
+    program = lower(network, chip, None).program
     test = touches(30).spikes
     with torch.no_grad():
         wanted = result.network(torch.from_numpy(test.copy()).double())
@@ -217,3 +218,39 @@ def test_training_follows_the_widths_of_the_chip(tmp_path: Path, start: Checkpoi
     trained = check_program_spikes_alike(tmp_path, start, replace(ON_CHIP, target=target), hw.chip(target))
     assert trained.chip is not None
     assert trained.chip.registers == RegisterWidths(charge_bits=15, current_bits=17, voltage_bits=16)
+
+
+@pytest.mark.parametrize("strategy", STRATEGIES)
+def test_training_for_few_weight_bits_and_narrow_voltages(tmp_path: Path, start: Checkpoint, strategy: str) -> None:
+    """Weight exponents go below 0, so that the few bits are those that the register resolves."""
+    target = chip_file(tmp_path, voltage_bits=16, weight_bits_max=4, delay_max=20)
+    config = replace(ON_CHIP, target=target, strategy=strategy, epochs=1)
+    trained = check_program_spikes_alike(tmp_path, start, config, hw.chip(target))
+    assert trained.chip is not None
+    assert {numbers.weight_bits for numbers in trained.chip.populations.values()} == {4}
+    assert min(numbers.exponent for numbers in trained.chip.populations.values()) < 0
+
+
+@pytest.mark.parametrize(
+    ("options", "registers", "message"),
+    [
+        (
+            {"refractory": 9},
+            {"refractory_max": 7},
+            "target 'other': the refractory count is longer than the chip holds (9 against refractory_max 7). Shorten it.",
+        ),
+        (
+            {"delays": "0 20"},
+            {"delay_max": 10},
+            "target 'other': a delay is longer than the chip holds (20 against delay_max 10). Shorten it.",
+        ),
+    ],
+    ids=["refractory", "delays"],
+)
+def test_training_within_the_limits_of_the_chip(
+    tmp_path: Path, options: dict[str, Any], registers: dict[str, int], message: str
+) -> None:
+    target = chip_file(tmp_path, **registers)
+    with pytest.raises(TargetError) as caught:
+        train(touches(), replace(ON_CHIP, target=target, strategy="reset", **options))
+    assert str(caught.value) == message
