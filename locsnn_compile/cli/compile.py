@@ -147,7 +147,7 @@ def run(args: Namespace) -> int:
             network,
             args.target,
             strategy=args.strategy,
-            weight_bits=8 if args.weight_bits is None else args.weight_bits,
+            weight_bits=args.weight_bits,
             events=recordings,
             progress=progress,
             calibration=args.calibration,
