@@ -16,7 +16,7 @@ from pathlib import Path
 from measure_run import make
 from result_pictures import draw
 from result_rows import DATASETS, ROW_NAMES, ROWS, SEEDS
-from results_page import page, read
+from results_page import page, read, write_tables
 
 ROOT = Path(__file__).parents[2]
 
@@ -42,6 +42,7 @@ def main() -> None:
     pictures = args.page.parent / "images"
     draw(found, pictures)
     args.page.write_text(page(found), encoding="utf-8")
+    write_tables(found, args.page.with_suffix(""))
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """``locsnn stress`` end to end: verdicts, JSON, the page between its marks; and the rows that the short run has."""
 
+import csv
 import json
 from xml.etree import ElementTree
 
@@ -135,7 +136,9 @@ def test_the_page_is_written_between_its_marks(few, tmp_path, capsys):
     assert text.startswith(f"# Ours\n\nbefore\n\n{BEGIN}\n3 rows on loihi-sim.\n")
     assert text.endswith(f"{END}\n\nafter\n")
     assert "old" not in text
-    assert "| one spike | native | ok | 0, 0 | - | 0 of 800 |" in text
+    rows = list(csv.DictReader(page.with_suffix(".csv").read_text().splitlines()))
+    assert [row["verdict"] for row in rows if (row["case"], row["strategy"]) == ("one spike", "native")] == ["ok"]
+    assert len(rows) == 3
     assert main(["stress", "-o", str(page)]) == 0
     assert page.read_text() == text
 
@@ -150,7 +153,7 @@ def test_a_new_page_and_its_pictures(rows, monkeypatch, tmp_path, capsys):
     for name in ("time-constants", "weights", "long-runs"):
         assert f"(images/numbers-{name}.svg)" in text
         ElementTree.parse(page.parent / "images" / f"numbers-{name}.svg")
-    assert sum(line.startswith("| ") for line in text.splitlines()) > len(rows)
+    assert len(page.with_suffix(".csv").read_text().splitlines()) == 1 + len(rows)
 
 
 @pytest.mark.parametrize(
@@ -183,3 +186,11 @@ def test_help_shows_an_example(capsys):
         main(["stress", "--help"])
     assert caught.value.code == 0
     assert "example:\n  locsnn stress --quick\n" in capsys.readouterr().out
+
+
+def test_a_page_of_the_name_of_its_table_is_refused(tmp_path, capsys):
+    assert main(["stress", "-o", str(tmp_path / "p.csv")]) == 2
+    assert capsys.readouterr().err == (
+        "page 'p.csv': the table next to the page has this name. Give the page another, such as .md.\n"
+    )
+    assert list(tmp_path.iterdir()) == []
