@@ -59,7 +59,6 @@ def report_document(
             **_match(match, counts, None if diagnosis is None else cause_entry(diagnosis.cause)),
             "readout": _readout(network, match),
         },
-        "gates": [],
         "accuracy": match.accuracy,
         "operations": {
             "per_sample": _per_sample(counts, match.samples),
@@ -86,6 +85,7 @@ def report_document(
             - sum(core.compartments for core in program.cores),
         },
         "assumptions": list(grounds.assumptions),
+        "gates": [],
         "quantization": _quantization(levels),
         "range": _range(program),
         **({} if diagnosis is None else _diagnosis(diagnosis)),
