@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 import hw_model as hw
 from hw_model.io.given import checked
+from hw_model.streaming.session import check_psi
 from locsnn_compile.choose_strategy import Choice, Setting, choose_strategy, lower_as
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import Recordings
@@ -76,7 +77,7 @@ def compile(
     diagnosis: bool = True,
     calibration: Events | None = None,
     budget: ErrorBudget | None = None,
-    psi: float = PSI,
+    psi: float | None = None,
     split_weights: float | None = None,
     profile: str | Path | None = None,
 ) -> CompiledModel:
@@ -87,7 +88,7 @@ def compile(
     a file, archive or folder, or an array (samples, steps, channels) of 0 and 1; by default those that the model
     carries, else synthetic touches. ``labels`` (samples,) where ``events`` is an array. ``diagnosis``: take the error
     apart too, follow predictions over time, on some of the recordings, and keep an excerpt of one to look at; ``psi``
-    is that of the time-weighted prediction. ``strategy``: how SRM neurons are lowered; ``auto`` takes the cheapest.
+    is that of the time-weighted prediction, by default the model's own or 10; a program keeps what was said. ``strategy``: how SRM neurons are lowered; ``auto`` takes the cheapest.
     ``split_weights``: the share, 0 to 1, of their weights that get a second synapse. A ``budget`` is kept by the
     cheapest setting of strategy, split weights and at most ``weight_bits``, by default the chip's most, that keeps it
     on ``calibration``. Weights are rounded for these recordings, too. They are given like ``events``, of a divided
@@ -103,6 +104,9 @@ def compile(
     weight_bits = weight_bits_of(chip, weight_bits)
     _check_share(split_weights)
     check_network(network)
+    if psi is not None:
+        check_psi(psi)
+        network = replace(network, psi=psi if len(network.axes) > 1 else None)
     recordings = recordings_for(network, events, labels)
     if network.any_length:
         network = replace(network, steps=recordings.spikes.shape[1])
@@ -117,7 +121,7 @@ def compile(
     )
     match = _compare(levels, recordings, progress)
     found = _diagnose(levels, recordings, match) if diagnosis else None
-    followed = _follow(levels, recordings, psi) if diagnosis else None
+    followed = _follow(levels, recordings, PSI if network.psi is None else network.psi) if diagnosis else None
     grounds = grounds_of(network, recordings, calibrated)
     report = report_document(levels, match, grounds, found, followed) | {"strategy_choice": choice_document(choice)}
     return CompiledModel(levels, match, report, choice, _excerpt(levels, recordings, match) if diagnosis else None)

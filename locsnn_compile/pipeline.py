@@ -45,5 +45,6 @@ def lower(
     compartments = lower_neurons(quantized, chip)
     placed = arrange_cores(place_cores(compartments, chip))
     routed = route_axons(placed)
-    program = replace(assemble(routed), step_seconds=network.step_seconds, event_threshold=network.event_threshold)
+    kept = {name: getattr(network, name) for name in ("step_seconds", "event_threshold", "psi")}
+    program = replace(assemble(routed), **kept)
     return Levels(network, quantized, compartments, placed, routed, program)

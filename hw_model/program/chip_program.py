@@ -97,6 +97,8 @@ class ChipProgram:
     """Seconds of a time step; None where nothing says it."""
     event_threshold: int | None = None
     """Events that a bin of a recording must exceed to be 1; None where nothing says it."""
+    psi: float | None = None
+    """How late a time-weighted prediction turns to the location branch; None where nothing says it."""
 
     def cores_of(self, phase: str) -> tuple[Core, ...]:
         """Return the cores that run in a phase."""

@@ -155,11 +155,11 @@ def _program(document: dict[str, Any], arrays: dict[str, IntArray]) -> ChipProgr
 
 
 def _known(document: dict[str, Any], name: str, kind: type[int] | type[float]) -> Any:
-    """Return an entry that may be missing: seconds above 0, or a whole number from 0 on."""
+    """Return an entry that may be missing: a number from 0 on, whole where the kind is, and seconds above 0."""
     value = document.get(name)
     if value is None:
         return None
-    if type(value) not in (kind, int) or not 0 <= value < math.inf or (kind is float and value == 0):
+    if type(value) not in (kind, int) or not 0 <= value < math.inf or (name == "step_seconds" and value == 0):
         raise ValueError(name)
     return value
 

@@ -42,7 +42,9 @@ _SPLIT = (
     "what --min-agreement and --max-spike-error need)"
 )
 _PROFILE = "costs of the report: a profile of the chip, or a YAML file like one (default: the chip's first)"
-_PSI = "how late the time-weighted prediction of the report turns to the location branch (default 10)"
+_PSI = (
+    "how late the time-weighted prediction of the report turns to the location branch (default: the model's own, or 10)"
+)
 OF_RECORDING = ("vectors", "vcd", "trace", "sanafe")
 
 
@@ -124,7 +126,6 @@ def run(args: Namespace) -> int:
     from locsnn_compile.frontends import load
     from locsnn_compile.report.sections.choice import unmet_budget
     from locsnn_compile.verification.error_bounds import ErrorBudget
-    from locsnn_compile.verification.over_time import PSI
 
     network = load(
         args.model,
@@ -153,7 +154,7 @@ def run(args: Namespace) -> int:
             calibration=args.calibration,
             budget=ErrorBudget(args.min_agreement, args.max_spike_error),
             split_weights=args.split_weights,
-            psi=PSI if args.psi is None else args.psi,
+            psi=args.psi,
             profile=args.profile,
         )
     gates = check_gates(compiled.report, _bounds(args))

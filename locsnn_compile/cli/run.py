@@ -44,7 +44,12 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add("--profile", metavar="NAME|FILE", help="costs to show: a profile of the chip, or a YAML file like one")
     add("--engine", default="fast", metavar="NAME", help="fast or reference (default fast); equal integers")
     add("--stream", action="store_true", help="play step by step; show each change of the prediction, and the pace")
-    add("--psi", type=float, metavar="X", help="with --stream or --stop margin: weigh the branches by time, such as 10")
+    add(
+        "--psi",
+        type=float,
+        metavar="X",
+        help="with --stream or --stop margin: weigh the branches by time, such as 10 (default: the program's)",
+    )
     add("--stop", metavar="HOW", help="stop early: proven, or margin")
     add("--calibrate", metavar="FILE", help="recordings to find the margin on")
     add("--min-agreement", type=float, metavar="X", help="of stops with the end, on those recordings (default 0.99)")
@@ -72,6 +77,7 @@ def run(args: argparse.Namespace) -> int:
     result: dict[str, Any] = {"program": program.name, "recordings": rows, "counts": dict(counts), "energy_pj": totals}
     if recordings.binned is not None:
         result["binning"] = recordings.binned.document()
+    args.psi = program.psi if args.psi is None else args.psi
     margin = known_margin(args, program) if args.stop == "margin" else None
     if args.stream:
         result["stream"] = stream_all(args, program, recordings, rows, margin)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
@@ -52,6 +53,7 @@ def network_of(checkpoint: Checkpoint) -> Network:
         step_seconds=layout.step_seconds,
         fingertips=layout.fingertips,
         event_threshold=layout.event_threshold,
+        psi=_psi(checkpoint),
         views=tuple(views),
         populations=tuple(populations),
         projections=tuple(projections),
@@ -59,6 +61,12 @@ def network_of(checkpoint: Checkpoint) -> Network:
         sha256=checkpoint.sha256,
         recordings=checkpoint.recordings,
     )
+
+
+def _psi(checkpoint: Checkpoint) -> float | None:
+    """Return what the training said of the time-weighted prediction, which checkpoints before it did not."""
+    psi = checkpoint.training.get("psi")
+    return float(psi) if isinstance(psi, int | float) and 0 <= psi < math.inf else None
 
 
 def _branches(checkpoint: Checkpoint) -> Parts:

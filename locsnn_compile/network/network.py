@@ -140,6 +140,8 @@ class Network:
     """What had to be assumed to read its file, in sentences."""
     event_threshold: int | None = None
     """Events that a bin must exceed to be 1; None where nothing says it."""
+    psi: float | None = None
+    """How late its time-weighted prediction turns to the location branch; None where nothing says it."""
 
     @property
     def own_populations(self) -> tuple[Population, ...]:

@@ -51,6 +51,7 @@ _RANGES: dict[str, tuple[float, float]] = {
     "step_seconds": (1e-6, 1e3),
     "steps": (1, 20_000),
     "event_threshold": (0, 20_000_000),
+    "psi": (0.0, 1e6),
     "learning_rate": (1e-9, 1e3),
     "weight_decay": (0.0, 1e3),
     "location_weight": (0.0, 1e3),
@@ -108,7 +109,8 @@ class TrainingConfig:
     - ``device``: where matrix products run; the steps of spiking layers run on the processor.
     - ``step_seconds``: width of a time bin, where the data do not say it; None: single events have 0.02 s, of bins it
       is not known. ``event_threshold``: a bin is 1 where it has more single events (None: 0). ``steps`` of a recording:
-      silence follows a shorter one, a longer one is cut (None: the longest one's).
+      silence follows a shorter one, a longer one is cut (None: the longest one's). ``psi``: how late the time-weighted
+      prediction turns to the location branch, which the checkpoint keeps (None: not said).
     - time constants in steps; ``theta`` to ``scale_rho`` are those of spike response neurons, ``decay``, ``threshold``
       and ``window`` those of integrate-and-fire ones.
     - ``delays``: of the synapses from the recording onto the time branch, in steps, separated by spaces: a neuron has a
@@ -158,6 +160,7 @@ class TrainingConfig:
     step_seconds: float | None = None
     steps: int | None = None
     event_threshold: int | None = None
+    psi: float | None = None
     theta: float = 10.0
     tau_sr: float = 10.0
     tau_ref: float = 1.0

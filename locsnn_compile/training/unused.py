@@ -30,7 +30,7 @@ _RULES = (
     ),
     _Rule(("refractory",), lambda c, _: c.strategy == "reset", "only strategy reset has it", "Add strategy reset."),
     _Rule(("order",), lambda _, a: "location" in a.branches, "the network has no location branch", _LEAVE),
-    _Rule(("location_weight",), lambda _, a: len(a.branches) == 2, "the network has no second branch", _LEAVE),
+    _Rule(("location_weight", "psi"), lambda _, a: len(a.branches) == 2, "the network has no second branch", _LEAVE),
     _Rule(("hidden",), lambda _, a: a.neurons != "windows", "events and windows decide the hidden neurons", _LEAVE),
     _Rule(
         ("graph", "neighbours", "nearer_mm", "hops", "features", "step_features"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import shlex
 from pathlib import Path
 
@@ -127,11 +128,10 @@ def test_the_configurations_that_ship_hold_no_unused_keys(path):
 
 
 def commands_of_the_results():
-    """Return the commands that train a network from scratch, as the page of results has them."""
-    lines = (ROOT / "docs/results.md").read_text().splitlines()
-    found = [line.split()[1:] for line in lines if line.startswith("    locsnn train ") and " --from " not in line]
-    assert len(found) > 20
-    return found
+    with (ROOT / "docs/results/commands.csv").open(encoding="utf-8", newline="") as file:
+        commands = [shlex.split(row["command"])[1:] for row in csv.DictReader(file)]
+    assert len(commands) > 20
+    return commands
 
 
 def test_the_commands_of_the_results_hold_no_unused_options(monkeypatch):
