@@ -88,13 +88,14 @@ def compile(
     a file, archive or folder, or an array (samples, steps, channels) of 0 and 1; by default those that the model
     carries, else synthetic touches. ``labels`` (samples,) where ``events`` is an array. ``diagnosis``: take the error
     apart too, follow predictions over time, on some of the recordings, and keep an excerpt of one to look at; ``psi``
-    is that of the time-weighted prediction, by default the model's own or 10; a program keeps what was said. ``strategy``: how SRM neurons are lowered; ``auto`` takes the cheapest.
-    ``split_weights``: the share, 0 to 1, of their weights that get a second synapse. A ``budget`` is kept by the
-    cheapest setting of strategy, split weights and at most ``weight_bits``, by default the chip's most, that keeps it
-    on ``calibration``. Weights are rounded for these recordings, too. They are given like ``events``, of a divided
-    archive the train part; by default they are what the model carries, else synthetic touches, so that the program does
-    not depend on the recordings that it is checked on; else ``events``. Raises ``InputError`` for what cannot be used
-    and ``TargetError`` for a model that the chip cannot hold.
+    is that of the time-weighted prediction, by default the model's own or 10; a program keeps what was said.
+    ``strategy``: how SRM neurons are lowered; ``auto`` takes the cheapest. ``split_weights``: the share, 0 to 1, of
+    their weights that get a second synapse. A ``budget`` is kept by the cheapest setting of strategy, split weights and
+    at most ``weight_bits``, by default the chip's most, that keeps it on ``calibration``. Weights are rounded for these
+    recordings, too. They are given like ``events``, of a divided archive the train part; by default they are what the
+    model carries, else synthetic touches, so that the program does not depend on the recordings that it is checked on;
+    else ``events``. Raises ``InputError`` for what cannot be used and ``TargetError`` for a model that the chip cannot
+    hold.
     """
     if strategy not in STRATEGIES:
         raise InputError(

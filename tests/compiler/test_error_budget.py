@@ -27,10 +27,10 @@ from locsnn_compile.verification.error_budget.stages import STAGES, lines_of, ph
 from locsnn_compile.verification.error_budget.tail import kept_taps, with_cut_tails
 from locsnn_compile.verification.error_budget.twin import run_twin
 from locsnn_compile.verification.matching import compare
+from tests.real_recordings import REAL, on_real_recordings
 
 CHIP = hw.chip("loihi-sim")
 ROOT = Path(__file__).parents[2]
-REAL = ROOT.parent / "shared/data/neutouch"
 SRM = SrmAlpha(10.0, 10.0, 2.0, 2.0)
 ROUNDED = ("weights", "decays", "states", "thresholds", "wraps_clips")
 
@@ -338,7 +338,7 @@ def test_diagnose_takes_all_recordings_or_as_many_as_asked(network, played):
     assert lc.diagnose(compiled, played, samples=2).recordings == (0, 5)
 
 
-@pytest.mark.skipif(not REAL.is_dir(), reason="the real recordings are not beside the repository")
+@on_real_recordings
 @pytest.mark.parametrize(
     ("name", "strategy"),
     [("objects", "dendrite"), ("objects", "delay-line"), ("containers", "dendrite"), ("containers", "reset")],

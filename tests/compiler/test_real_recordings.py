@@ -14,12 +14,12 @@ from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
+from tests.real_recordings import REAL, on_real_recordings
 
 ROOT = Path(__file__).parents[2]
-REAL = ROOT.parent / "shared/data/neutouch"
 SETS = {"objects": 144, "containers": 60}
 
-pytestmark = pytest.mark.skipif(not REAL.is_dir(), reason="the real recordings are not beside the repository")
+pytestmark = on_real_recordings
 
 
 @pytest.fixture(scope="module", params=SETS)

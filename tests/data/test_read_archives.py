@@ -13,8 +13,8 @@ import pytest
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import Binned
 from locsnn_compile.errors import InputError
+from tests.real_recordings import REAL, on_real_recordings
 
-REAL = Path(__file__).parents[2].parent / "shared/data/neutouch"
 RNG = np.random.default_rng(7)
 ONE = [RNG.integers(0, 2, size=(39, 2, 12)).astype(np.float32) for _ in range(12)]
 
@@ -209,7 +209,7 @@ def test_parts_that_do_not_exist(tmp_path: Path, split: str, message: str) -> No
     assert str(caught.value) == message
 
 
-@pytest.mark.skipif(not REAL.is_dir(), reason="the real recordings are not beside the repository")
+@on_real_recordings
 @pytest.mark.parametrize(
     ("name", "steps", "classes", "train", "test"),
     [

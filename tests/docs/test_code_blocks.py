@@ -23,12 +23,12 @@ from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.compile import parser as compile_parser
 from locsnn_compile.cli.main import main as locsnn_main
 from locsnn_compile.cli.main import parser as locsnn_parser
+from tests.real_recordings import REAL, on_real_recordings
 
 BLOCKS = [fence for page in PAGES for fence in fences(page)]
 RUN = [fence for fence in BLOCKS if fence.language in ("python", "sh") and "ci" not in fence.words]
 COMMANDS = {"locsnn-compile": compile_main, "locsnn": locsnn_main}
 PARSERS = {"locsnn-compile": compile_parser, "locsnn": locsnn_parser}
-REAL = ROOT.parent / "shared/data/neutouch"
 
 
 @pytest.fixture
@@ -109,7 +109,7 @@ def test_what_ci_runs_is_a_target_of_make(fence):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not REAL.is_dir(), reason="the real recordings are not beside the repository")
+@on_real_recordings
 @pytest.mark.parametrize("fence", [fence for fence in BLOCKS if fence.language == "console"], ids=str)
 def test_a_session_prints_what_the_page_shows(fence, folder):
     """The first line is the command, the rest its output; archives are those of the real recordings."""

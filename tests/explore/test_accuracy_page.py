@@ -9,15 +9,15 @@ import pytest
 from locsnn_compile.cli.compile import main
 from locsnn_compile.explore.point import Figures
 from locsnn_compile.report.format import energy, share, time
+from tests.real_recordings import REAL, on_real_recordings
 
 ROOT = Path(__file__).parents[2]
-REAL = ROOT.parent / "shared/data/neutouch"
 PAGE = (ROOT / "docs/accuracy.md").read_text()
 SECTION = PAGE[PAGE.index("<!-- pareto: begin -->") : PAGE.index("<!-- pareto: end -->")]
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(not REAL.is_dir(), reason="the real recordings are not beside the repository"),
+    on_real_recordings,
 ]
 
 

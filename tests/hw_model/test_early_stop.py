@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 import hw_model as hw
 from hw_model.description.counts import BY_CORE
 from hw_model.mapping.graph import Readout
+from tests.real_recordings import REAL, on_real_recordings
 
 ROOT = Path(__file__).parents[2]
-REAL = ROOT.parent / "shared/data/neutouch"
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -401,7 +401,7 @@ def test_messages(use, line):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not REAL.is_dir(), reason="the real recordings are not beside the repository")
+@on_real_recordings
 @pytest.mark.parametrize("name", ["objects", "containers"])
 def test_no_future_changes_the_winner_of_a_real_recording(name):
     from locsnn_compile.data.read import read_recordings

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 
 import hw_model as hw
 from hw_model.mapping.graph import Readout
+from tests.real_recordings import REAL, on_real_recordings
 
 ROOT = Path(__file__).parents[2]
-REAL = ROOT.parent / "shared/data/neutouch"
 
 SEEDS = st.integers(0, 2**32 - 1)
 TOGETHER = st.integers(1, 3)
@@ -235,12 +235,7 @@ def example(request):
     return program, read_recordings(REAL / f"Ev-{request.param.title()}.zip").spikes
 
 
-beside_real_recordings = pytest.mark.skipif(
-    not REAL.is_dir(), reason="the real recordings are not beside the repository"
-)
-
-
-@beside_real_recordings
+@on_real_recordings
 def test_real_recordings(example):
     program, recordings = example
     session = hw.Session(program)
@@ -250,7 +245,7 @@ def test_real_recordings(example):
 
 
 @pytest.mark.slow
-@beside_real_recordings
+@on_real_recordings
 def test_all_real_recordings(example):
     program, recordings = example
     session = hw.Session(program)

@@ -10,9 +10,9 @@ import pytest
 import hw_model as hw
 from locsnn_compile.baselines.ann_energy import ARITHMETICS
 from locsnn_compile.report.words import words
+from tests.real_recordings import REAL, on_real_recordings
 
 ROOT = Path(__file__).parents[2]
-REAL = ROOT.parent / "shared/data/neutouch"
 PAGE = (ROOT / "docs/energy.md").read_text(encoding="utf-8")
 
 
@@ -32,7 +32,7 @@ def test_the_bound_of_the_buffer_is_that_of_the_chip_file():
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not REAL.is_dir(), reason="the real recordings are not beside the repository")
+@on_real_recordings
 @pytest.mark.parametrize("name", ["objects-hybrid-loihi", "containers-hybrid-loihi"])
 def test_the_tables_are_what_the_command_writes(name):
     """Of the networks whose integers are their own: no change of the rounding moves them."""

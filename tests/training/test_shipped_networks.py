@@ -22,12 +22,11 @@ from locsnn_compile.network.network import Network
 from locsnn_compile.pipeline import lower
 from locsnn_compile.training.config import TrainingConfig, config_from_mapping, read_config
 from locsnn_compile.training.target import chip_numbers
+from tests.real_recordings import REAL, on_real_recordings
 
 ROOT = Path(__file__).parents[2]
-REAL = ROOT.parent / "shared/data/neutouch"
 NAMES = ("objects", "containers")
 CHIP = hw.chip("loihi-sim")
-real = pytest.mark.skipif(not REAL.is_dir(), reason="the real recordings are not beside the repository")
 
 
 def model(name: str) -> Path:
@@ -83,7 +82,7 @@ def test_model_cards_agree_with_their_networks(name: str) -> None:
     assert f"mean {tests.mean():.3f}, sample standard deviation {tests.std(ddof=1):.3f}" in card
 
 
-@real
+@on_real_recordings
 @pytest.mark.parametrize("name", NAMES)
 def test_shipped_networks_reach_their_test_accuracy(name: str) -> None:
     found = read_checkpoint(ROOT / f"examples/models/{name}-hybrid.pt")
@@ -144,7 +143,7 @@ def test_programs_of_shipped_networks_spike_as_trained(name: str) -> None:
     assert spikes > 10_000
 
 
-@real
+@on_real_recordings
 @pytest.mark.parametrize("name", NAMES)
 def test_shipped_networks_on_the_chip_reach_their_test_accuracy(name: str) -> None:
     found, network = read_checkpoint(model(f"{name}-hybrid-loihi")), load(model(f"{name}-hybrid-loihi"))
@@ -154,7 +153,7 @@ def test_shipped_networks_on_the_chip_reach_their_test_accuracy(name: str) -> No
     assert float((prediction == test.labels).mean()) == found.training["test_accuracy"]
 
 
-@real
+@on_real_recordings
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("strategy", STRATEGIES)
