@@ -71,7 +71,7 @@ def update(registers, at, charge, row, slot, widths):  # type: ignore[no-untyped
         busy = (arrived != 0) | (u != 0) | (v != 0) | (bias != 0) | (added != 0)
 
         q = wrap(arrived, half_charge)
-        unwrapped = fit(rz(u, registers[k + _KEEP_U]) + fit(q << fit(WEIGHT_SHIFT, q), q), q)
+        unwrapped = fit(rz(u, registers[k + _KEEP_U]) + fit(q << WEIGHT_SHIFT, q), q)
         u = wrap(unwrapped, half_current)
         drive = fit(u + bias, u)
         wrapped = wrap(drive, half_current)
@@ -130,7 +130,7 @@ def add_up(registers, at):  # type: ignore[no-untyped-def]
 def _respond(registers, k, charge, added, half_charge, half_current):  # type: ignore[no-untyped-def]
     """Take charge and what children add into u and v, and count nothing; return v before any threshold."""
     q = wrap(charge, half_charge)
-    u = fit(rz(registers[k + _U], registers[k + _KEEP_U]) + fit(q << fit(WEIGHT_SHIFT, q), q), q)
+    u = fit(rz(registers[k + _U], registers[k + _KEEP_U]) + fit(q << WEIGHT_SHIFT, q), q)
     u = wrap(u, half_current)
     wrapped = wrap(fit(u + registers[k + _BIAS], u), half_current)
     v = fit(fit(rz(registers[k + _V], registers[k + _KEEP_V]) + wrapped, u) + added, u)

@@ -30,15 +30,15 @@ def fit(typing: Any, value: Any, like: Any) -> Any:
 def rz(x, keep):  # type: ignore[no-untyped-def]
     """Return sign(x) * ((|x| * keep) >> 12): with |x| = 4096 a + b no product is wider than x, or than 24 bits."""
     magnitude = fit(-x if x < 0 else x, x)
-    low = fit(fit(fit(magnitude & fit(4095, x), x) * keep, x) >> fit(12, x), x)
-    left = fit(fit(fit(magnitude >> fit(12, x), x) * keep, x) + low, x)
+    low = fit(fit(fit(magnitude & 4095, x) * keep, x) >> 12, x)
+    left = fit(fit(fit(magnitude >> 12, x) * keep, x) + low, x)
     return fit(-left if x < 0 else left, x)
 
 
 @inlined
 def wrap(x, half):  # type: ignore[no-untyped-def]
     """Return x in two's complement: its low bits, of which the highest, worth half, counts as negative."""
-    return fit((fit(x & fit(2 * half - 1, x), x) ^ half) - half, x)
+    return fit(((x & (2 * half - 1)) ^ half) - half, x)
 
 
 @inlined
