@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from html import escape
+from importlib.resources import files
 from typing import TYPE_CHECKING
 
 from locsnn_compile.report.compose import compose
@@ -34,12 +35,13 @@ from locsnn_compile.report.pictures.patterns import patterns
 from locsnn_compile.report.pictures.plot import curve_mark, plot
 from locsnn_compile.report.pictures.raster import raster, stroke_mark
 from locsnn_compile.report.pictures.span import mark, span
-from locsnn_compile.report.renderers.html_style import STYLE
 from locsnn_compile.report.words import ASSUMED
 
 if TYPE_CHECKING:
     from locsnn_compile.verification.excerpt import Excerpt
 
+_STYLE = files(__package__).joinpath("style.css").read_text("utf-8")
+"""Light and dark, narrow and wide, screen and paper; local fonts only."""
 _SIGNS = {"yes": "✓", "nearly": "≈", "no": "✗", "unknown": "?", "modelled": "~"}
 _MANY_COLUMNS = 7
 """A table with more of them is set smaller."""
@@ -66,7 +68,8 @@ def render_page(report: Report, kind: str, footer: str) -> str:
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{text(report.title)} - {text(kind)}</title>
-<style>{STYLE}</style>
+<style>
+{_STYLE}</style>
 </head>
 <body>
 <a class="skip" href="#main">Skip to the verdict</a>
