@@ -9,7 +9,7 @@ import tomllib
 
 from fences import ROOT
 
-NAMES = {"pyyaml": {"yaml"}, "dask": {"distributed"}}
+NAMES = {"pyyaml": {"yaml"}, "dask": {"distributed"}, "lazy-loader": {"lazy_loader"}}
 """Modules of a distribution, where they are not called as it is."""
 OURS = {"hw_model", "locsnn_compile"}
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]

@@ -1,0 +1,12 @@
+from .api import CompiledModel as CompiledModel
+from .api import compile as compile
+from .api import diagnose as diagnose
+from .api import verify as verify
+from .data.read import read_recordings as read_recordings
+from .errors import InputError as InputError
+from .errors import LocsnnError as LocsnnError
+from .errors import TargetError as TargetError
+from .frontends import load as load
+from .network.network import Network as Network
+from .verification.diagnosis import Diagnosis as Diagnosis
+from .verification.matching import Match as Match
