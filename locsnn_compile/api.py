@@ -12,7 +12,7 @@ import numpy.typing as npt
 import hw_model as hw
 from hw_model.io.given import checked
 from hw_model.streaming.session import check_psi
-from locsnn_compile.choose_strategy import Choice, Setting, choose_strategy, lower_as
+from locsnn_compile.choose_strategy import Choice, choose_strategy, lower_as
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.synthetic import synthetic_touches
@@ -21,11 +21,12 @@ from locsnn_compile.network.check import check_network
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.recordings import fit_recordings
 from locsnn_compile.passes.quantize import weight_bits_of
-from locsnn_compile.passes.srm.quantize import STRATEGIES as SRM_STRATEGIES
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.calibration import calibrate
 from locsnn_compile.report.figures.choice import choice_document
 from locsnn_compile.report.figures.document import report_document
+from locsnn_compile.settings import Setting
+from locsnn_compile.strategies import AUTO, NATIVE, STRATEGIES
 from locsnn_compile.verification.diagnosis import SAMPLE, Diagnosis
 from locsnn_compile.verification.diagnosis import diagnose as find_diagnosis
 from locsnn_compile.verification.error_bounds import ErrorBudget
@@ -36,7 +37,6 @@ from locsnn_compile.verification.over_time import PSI, LeftOut, OverTime, over_t
 
 Events = str | Path | Recordings | npt.ArrayLike
 
-STRATEGIES = ("auto", *SRM_STRATEGIES)
 SYNTHETIC_SAMPLES = 16
 SYNTHETIC_SEED = 0
 
@@ -69,7 +69,7 @@ class CompiledModel:
 def compile(
     network: Network,
     target: str | Path = "loihi-sim",
-    strategy: str = "auto",
+    strategy: str = AUTO,
     weight_bits: int | None = None,
     events: Events | None = None,
     labels: npt.ArrayLike | None = None,
@@ -97,10 +97,9 @@ def compile(
     else ``events``. Raises ``InputError`` for what cannot be used and ``TargetError`` for a model that the chip cannot
     hold.
     """
-    if strategy not in STRATEGIES:
-        raise InputError(
-            f"strategy {strategy!r}", "SRM neurons are not lowered so", fix=did_you_mean(strategy, STRATEGIES)
-        )
+    known = (AUTO, *STRATEGIES)
+    if strategy not in known:
+        raise InputError(f"strategy {strategy!r}", "SRM neurons are not lowered so", fix=did_you_mean(strategy, known))
     chip = hw.chip(target) if profile is None else hw.priced_by(hw.chip(target), profile)
     weight_bits = weight_bits_of(chip, weight_bits)
     _check_share(split_weights)
@@ -207,23 +206,23 @@ def _lower(
 
     ``settled``: the share of split weights is asked for, and not to be chosen.
     """
-    if asked.strategy == "auto" or budget.given:
+    if asked.strategy == AUTO or budget.given:
         choice = choose_strategy(
             network,
             chip,
             asked.weight_bits,
             calibration,
             budget,
-            tuple(SRM_STRATEGIES) if asked.strategy == "auto" else (asked.strategy,),
+            tuple(STRATEGIES) if asked.strategy == AUTO else (asked.strategy,),
             asked.split_weights if settled else None,
         )
         if choice:
             return choice.levels, choice
-    fixed = replace(asked, strategy="dendrite") if asked.strategy == "auto" else asked
+    fixed = replace(asked, strategy=next(iter(STRATEGIES))) if asked.strategy == AUTO else asked
     levels = lower_as(network, chip, fixed, calibrate(network, calibration, chip.registers))
     found = {population.strategy for population in levels.quantized.populations}
     # Neurons that have a reset of their own are what ``reset`` makes of others.
-    if asked.strategy not in {"auto", *found} and not (asked.strategy == "reset" and found == {"native"}):
+    if asked.strategy not in {AUTO, *found} and not (asked.strategy == "reset" and found == {NATIVE}):
         raise InputError(
             f"strategy {asked.strategy!r}",
             "no neuron of this model is lowered so",

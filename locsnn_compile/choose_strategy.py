@@ -15,27 +15,16 @@ from hw_model.description.counts import total
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import TargetError
 from locsnn_compile.network.network import Network
-from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.passes.rounding.rounding import FINE
-from locsnn_compile.passes.srm.quantize import STRATEGIES
 from locsnn_compile.pipeline import Levels, lower
 from locsnn_compile.reference.calibration import Calibration, calibrate
+from locsnn_compile.settings import Setting, has_srm_neurons
+from locsnn_compile.strategies import STRATEGIES
 from locsnn_compile.verification.error_bounds import ErrorBudget, Losses, default_budget
 from locsnn_compile.verification.matching import compare
 
-LAST_RESORT = ("paired-dendrite",)
-"""Strategies that cost more than any other, split or not: tried where no other keeps the budget, or where asked for."""
 SHARES = (0.0, 0.25, 1.0)
 """Shares of weights that are split in turn, until a budget is kept."""
-
-
-@dataclass(frozen=True)
-class Setting:
-    """How a network is lowered: a strategy, bits a weight, and the share of weights in two synapses."""
-
-    strategy: str
-    weight_bits: int
-    split_weights: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -82,11 +71,11 @@ def choose_strategy(
     keeps the budget. A setting that this chip cannot hold is passed over; if that is all of them, the first
     ``TargetError`` is raised. Returns None for a network with no float SRM neurons: there is nothing to choose.
     """
-    if not any(isinstance(population.neuron, SrmAlpha) for population in network.populations):
+    if not has_srm_neurons(network):
         return None
     trial = _Trial(network, chip, recordings, calibrate(network, recordings, chip.registers))
     firsts = [Setting(strategy, weight_bits, split_weights or 0.0) for strategy in strategies]
-    usual = [setting for setting in firsts if setting.strategy not in LAST_RESORT] or firsts
+    usual = [setting for setting in firsts if not STRATEGIES[setting.strategy].last_resort] or firsts
     for setting in usual:
         trial.measure(setting)
     if not trial.candidates:

@@ -16,6 +16,7 @@ from locsnn_compile.cli.completion import answer_shell
 from locsnn_compile.cli.shell import EXIT_GATE, Parser, guarded, progress_bar
 from locsnn_compile.cli.step_options import add_step_options, asked_steps, with_steps
 from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.strategies import AUTO, STRATEGIES
 from locsnn_compile.verification.gates import GATES, Gate, check_gates, gates_entry, junit_file
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ Without --events the check plays recordings that the model carries, else synthet
 Exit codes: 0 done; 1 the chip cannot hold the model; 2 wrong usage or unreadable input; 3 a gate failed.
 """
 _STRATEGY = (
-    "lowering of SRM neurons: dendrite, delay-line, reset, paired-dendrite, or auto, the cheapest within "
+    f"lowering of SRM neurons: {', '.join(STRATEGIES)}, or auto, the cheapest within "
     "--min-agreement and --max-spike-error, by default what dendrite keeps (default auto)"
 )
 _CALIBRATION = (
@@ -62,7 +63,7 @@ def parser() -> Parser:
     add("--profile", metavar="NAME|FILE", help=_PROFILE)
     add("-o", "--output", metavar="DIR", help="folder to write (default build/<model name>)")
     add("--events", metavar="FILE", help="recordings to check on: .zip, folder, .npy, .npz, .pt, .tact")
-    add("--strategy", default="auto", metavar="NAME", help=_STRATEGY)
+    add("--strategy", default=AUTO, metavar="NAME", help=_STRATEGY)
     add("--calibration", metavar="FILE", help=_CALIBRATION)
     add("--split-weights", type=part, metavar="SHARE", help=_SPLIT)
     add(
@@ -122,9 +123,9 @@ def run(args: Namespace) -> int:
     from hw_model.io.files import replace_file
     from locsnn_compile.api import compile, recordings_for
     from locsnn_compile.data.read import read_recordings
-    from locsnn_compile.explore.grid import check_matters
     from locsnn_compile.frontends import load
     from locsnn_compile.report.sections.choice import unmet_budget
+    from locsnn_compile.settings import check_matters
     from locsnn_compile.verification.error_bounds import ErrorBudget
 
     network = load(

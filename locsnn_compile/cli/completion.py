@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from locsnn_compile.backends import EMIT_KINDS
+from locsnn_compile.cli.explore import ENGINES, PARTS
+from locsnn_compile.cli.run import STOPS
 from locsnn_compile.errors import InputError, did_you_mean
-from locsnn_compile.explore.grid import AXES
+from locsnn_compile.strategies import AUTO, STRATEGIES
 
 _EXAMPLE = """\
 example:
@@ -64,8 +66,8 @@ def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
                 yield from _actions(below)
 
 
-def _completer(values: Callable[[str], Iterable[str]]) -> Callable[..., list[str]]:
-    return lambda prefix, **_: list(values(prefix))
+def _completer(values: Sequence[str] | Callable[[str], Iterable[str]]) -> Callable[..., list[str]]:
+    return lambda prefix, **_: list(values(prefix) if callable(values) else values)
 
 
 def _chips(prefix: str) -> Iterable[str]:
@@ -76,41 +78,15 @@ def _chips(prefix: str) -> Iterable[str]:
     return *hw.chip_names(), *FilesCompleter((".yaml", ".yml"))(prefix)
 
 
-def _emit_kinds(prefix: str) -> Iterable[str]:
-    return EMIT_KINDS
-
-
-def _stops(prefix: str) -> Iterable[str]:
-    from locsnn_compile.cli.run import STOPS
-
-    return STOPS
-
-
-def _engines(prefix: str) -> Iterable[str]:
-    from locsnn_compile.cli.explore import ENGINES
-
-    return ENGINES
-
-
-def _parts(prefix: str) -> Iterable[str]:
-    from locsnn_compile.cli.explore import PARTS
-
-    return PARTS
-
-
-def _strategies(prefix: str) -> Iterable[str]:
-    return next(map(str, axis.values) for axis in AXES if axis.name == "strategy")
-
-
-_VALUES: dict[str, Callable[[str], Iterable[str]]] = {
+_VALUES: dict[str, Sequence[str] | Callable[[str], Iterable[str]]] = {
     "--target": _chips,
     "--show": _chips,
-    "--emit": _emit_kinds,
-    "--stop": _stops,
-    "--engine": _engines,
-    "--engines": _engines,
-    "--part": _parts,
-    "--strategy": lambda prefix: ("auto", *_strategies(prefix)),
-    "shell": lambda prefix: SHELLS,
+    "--emit": EMIT_KINDS,
+    "--stop": STOPS,
+    "--engine": ENGINES,
+    "--engines": ENGINES,
+    "--part": PARTS,
+    "--strategy": (AUTO, *STRATEGIES),
+    "shell": SHELLS,
 }
 """What an option, or an argument, may be; all others are completed as files, if they take a value at all."""

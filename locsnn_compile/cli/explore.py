@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from locsnn_compile.cli.shell import EXIT_GATE, EXIT_INTERRUPTED, progress_bar
 from locsnn_compile.errors import InputError, did_you_mean
-from locsnn_compile.explore.grid import AXES, Value, check_matters, check_values, settings
+from locsnn_compile.settings import AXES, Value, check_matters, check_values, settings
 
 if TYPE_CHECKING:
     from locsnn_compile.explore.executors import Executor

@@ -13,6 +13,7 @@ from hw_model.io.given import check_path
 from locsnn_compile.cli.step_options import add_step_options
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.architectures import ARCHITECTURES
+from locsnn_compile.strategies import TRAINABLE
 
 if TYPE_CHECKING:
     from locsnn_compile.data.recordings import Recordings
@@ -70,7 +71,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     add("--recordings", type=int, default=8, metavar="N", help="recordings to keep in the checkpoint (default 8)")
     add("--target", metavar="CHIP", help="train on the integers of this chip (default: float)")
-    add("--strategy", metavar="NAME", help="with --target: dendrite (default), delay-line or reset")
+    usual, *others, last = TRAINABLE
+    add("--strategy", metavar="NAME", help=f"with --target: {usual} (default), {', '.join(others)} or {last}")
     add(
         "--weight-bits",
         type=int,

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 from locsnn_compile.errors import TargetError
 from locsnn_compile.explore.executors import Executor
-from locsnn_compile.explore.grid import Setting, usual_settings
 from locsnn_compile.explore.point import Figures, Point
 from locsnn_compile.explore.store import Store
 from locsnn_compile.explore.study import Study
 from locsnn_compile.explore.sweep import sweep
+from locsnn_compile.settings import Setting, usual_settings
 from locsnn_compile.verification.error_bounds import ErrorBudget, default_budget
 
 

@@ -11,9 +11,9 @@ from typing import Any
 from locsnn_compile.errors import InputError
 from locsnn_compile.explore.code import check_code, code_version
 from locsnn_compile.explore.executors import Executor, Points
-from locsnn_compile.explore.grid import Setting
 from locsnn_compile.explore.point import measure_packed
 from locsnn_compile.explore.study import Study
+from locsnn_compile.settings import Setting
 
 PATIENCE_SECONDS = 30
 """For the scheduler to answer, and for its first worker."""

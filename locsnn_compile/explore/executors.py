@@ -14,9 +14,9 @@ from functools import partial
 from multiprocessing import active_children, get_context
 
 from locsnn_compile.errors import InputError
-from locsnn_compile.explore.grid import Setting
 from locsnn_compile.explore.point import Point, measure, measure_packed
 from locsnn_compile.explore.study import Study
+from locsnn_compile.settings import Setting
 
 Points = Generator[Point, None, None]
 Executor = Callable[[Study, Sequence[Setting]], Points]

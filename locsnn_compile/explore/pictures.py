@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from locsnn_compile.explore.exploration import Exploration
-from locsnn_compile.explore.grid import AXES, Setting, Value
 from locsnn_compile.explore.point import Figures, Point
 from locsnn_compile.report.format import agreed, energy, time
 from locsnn_compile.report.pictures.scatter import Mark, Panel, draw
+from locsnn_compile.settings import AXES, Setting, Value
 
 X_LABEL = "spikes that differ from the float network's"
 
@@ -40,7 +40,7 @@ def timings_picture(found: Exploration) -> bytes:
 
 def _picture(found: Exploration, what: str, panels: tuple[Panel, ...] | list[Panel]) -> bytes:
     title = f"{found.study.network.name} on {found.study.chip.name}: {what}"
-    return draw(title, found.events.words(), [AXES[0].text.format(kind) for kind in _kinds(found)], panels)
+    return draw(title, found.events.words(), [str(kind) for kind in _kinds(found)], panels)
 
 
 def _panel(found: Exploration, title: str, text: Callable[[float], str], y: Callable[[Point, Figures], float]) -> Panel:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +17,9 @@ from hw_model.simulation import Engine
 from locsnn_compile.api import CompiledModel, compile
 from locsnn_compile.errors import InputError, LocsnnError, TargetError
 from locsnn_compile.explore.code import code_version
-from locsnn_compile.explore.grid import Setting
 from locsnn_compile.explore.study import Study, unpacked
 from locsnn_compile.network.recordings import fit_recordings
+from locsnn_compile.settings import Setting
 from locsnn_compile.verification.error_bounds import Losses
 
 ENGINE_CALLS: dict[Engine, tuple[int, int]] = {"fast": (16, 10), "reference": (1, 2)}
@@ -121,7 +121,6 @@ def measure_packed(packed: bytes, setting: Setting) -> Point:
 
 
 def _compile(study: Study, setting: Setting) -> CompiledModel:
-    options: dict[str, Any] = setting.options()
     with tempfile.TemporaryDirectory() as folder:
         # The chip's file may lie on another machine.
         chip_file = Path(folder) / "chip.yaml"
@@ -132,7 +131,7 @@ def _compile(study: Study, setting: Setting) -> CompiledModel:
             events=study.recordings,
             calibration=study.calibration,
             diagnosis=False,
-            **options,
+            **asdict(setting),
         )
 
 

@@ -17,9 +17,9 @@ from locsnn_compile.explore.code import code_version
 from locsnn_compile.explore.events import Chosen
 from locsnn_compile.explore.exploration import Exploration
 from locsnn_compile.explore.front import FRONT_RULE, OBJECTIVES
-from locsnn_compile.explore.grid import AXES
 from locsnn_compile.explore.pictures import figures_picture, timings_picture
 from locsnn_compile.explore.point import Figures
+from locsnn_compile.settings import AXES
 
 SCHEMA = "locsnn-explore/1"
 Document = dict[str, Any]
@@ -38,7 +38,7 @@ def document(found: Exploration) -> Document:
         "objectives": [objective.figure for objective in OBJECTIVES],
         "front_rule": FRONT_RULE,
         "recommended": {
-            "setting": taken and taken.setting.options(),
+            "setting": taken and asdict(taken.setting),
             "why": found.recommendation.why,
             "command": taken and found.command(taken.setting),
             **asdict(found.budget),
@@ -62,7 +62,7 @@ def exploration_files(found: Exploration) -> dict[str, bytes]:
 def timing_rows(found: Exploration) -> list[Document]:
     """Return a row for each point and engine: seconds of a recording, over how many recordings."""
     return [
-        point.setting.options()
+        asdict(point.setting)
         | {"engine": engine, "recordings": timing.recordings, "seconds_per_recording": timing.seconds}
         for point in found.points
         for engine, timing in point.timings.items()
@@ -73,7 +73,7 @@ def _points(found: Exploration) -> list[Document]:
     reported = {point.setting: point.figures for point in found.reported}
     return [
         {
-            "setting": point.setting.options(),
+            "setting": asdict(point.setting),
             "figures": point.figures and _figures(point.figures),
             "refused": point.refusal and str(point.refusal.error()),
             "on_front": mark,

@@ -17,8 +17,8 @@ from typing import Any
 from hw_model.io.files import replace_file
 from locsnn_compile.errors import InputError
 from locsnn_compile.explore.code import code_version
-from locsnn_compile.explore.grid import Setting
 from locsnn_compile.explore.point import Figures, Point, Refusal, Timing
+from locsnn_compile.settings import Setting
 
 SCHEMA = "locsnn-explore-point/1"
 MAX_BYTES = 1 << 20
@@ -56,7 +56,7 @@ class Store:
                 measured=error.strerror or "",
                 fix="Choose a folder with -o.",
             ) from None
-        entry = _entry(point)
+        entry = asdict(point)
         document = {"schema": SCHEMA, "sha256": _digest(entry), "point": entry}
         replace_file(self._path(key), (json.dumps(document, indent=1) + "\n").encode(), where=f"point {key[:12]}")
 
@@ -68,19 +68,9 @@ def _digest(entry: object) -> str:
     return hashlib.sha256(json.dumps(entry, sort_keys=True).encode()).hexdigest()
 
 
-def _entry(point: Point) -> dict[str, Any]:
-    return {
-        "setting": point.setting.options(),
-        "figures": point.figures and asdict(point.figures),
-        "refusal": point.refusal and asdict(point.refusal),
-        "timings": {engine: asdict(timing) for engine, timing in point.timings.items()},
-        "code": point.code,
-    }
-
-
 def _point(entry: Mapping[str, Any], setting: Setting) -> Point:
     """Return the point of an entry; one of another setting is a ``ValueError``."""
-    if entry["setting"] != setting.options():
+    if entry["setting"] != asdict(setting):
         raise ValueError(entry["setting"])
     return Point(
         setting=setting,

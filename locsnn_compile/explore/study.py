@@ -6,15 +6,15 @@ import hashlib
 import json
 import pickle
 import zlib
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property, lru_cache
 
 import hw_model as hw
 from hw_model.simulation import Engine
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.explore.code import code_version
-from locsnn_compile.explore.grid import Setting
 from locsnn_compile.network.network import Network
+from locsnn_compile.settings import Setting
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ class Study:
 
     def key(self, setting: Setting) -> str:
         """Return the name of a point: a hash of model, recordings, chip, engines, setting and code."""
-        parts = [self._digest, setting.options(), code_version()]
+        parts = [self._digest, asdict(setting), code_version()]
         return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
 
     def packed(self) -> bytes:

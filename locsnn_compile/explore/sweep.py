@@ -8,10 +8,10 @@ from contextlib import closing
 from locsnn_compile.errors import InputError
 from locsnn_compile.explore.code import check_code
 from locsnn_compile.explore.executors import Executor
-from locsnn_compile.explore.grid import Setting
 from locsnn_compile.explore.point import Point
 from locsnn_compile.explore.store import Store
 from locsnn_compile.explore.study import Study
+from locsnn_compile.settings import Setting
 
 Progress = Callable[[int, int], None]
 """Called with (settings done, settings in all)."""

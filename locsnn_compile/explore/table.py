@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from locsnn_compile.explore.exploration import Exploration
 from locsnn_compile.explore.front import FRONT_RULE
-from locsnn_compile.explore.grid import AXES
 from locsnn_compile.explore.point import Figures, Point
 from locsnn_compile.report.format import NONE, agreed, count, energy, plain, share, time
+from locsnn_compile.settings import AXES
 
 FIGURES = ("spike error", "class error", "accuracy", "energy", "chip time", "synapses")
 

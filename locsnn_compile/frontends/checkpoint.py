@@ -16,7 +16,7 @@ from locsnn_compile.frontends.window_network import Parts, window_parts
 from locsnn_compile.models.branch_graph import branch_graph, spread_weights
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
-from locsnn_compile.models.chip_numbers import ChipPopulation, OwnSynapse, Strategy
+from locsnn_compile.models.chip_numbers import ChipPopulation, OwnSynapse
 from locsnn_compile.models.description import LifParameters
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipProjection, ChipSrm
 from locsnn_compile.network.matrices import Matrix, matrix
@@ -132,7 +132,7 @@ def _neuron(checkpoint: Checkpoint, size: int) -> SrmAlpha | Cuba:
     return SrmAlpha(theta=n.theta, tau_sr=n.tau_sr, tau_ref=n.tau_ref, scale_ref=n.scale_ref)
 
 
-def _chip_neuron(numbers: ChipPopulation, strategy: Strategy, size: int) -> ChipNeuron:
+def _chip_neuron(numbers: ChipPopulation, strategy: str, size: int) -> ChipNeuron:
     n = numbers
     if strategy == "reset":
         return ChipCuba.of(size, decay_u=n.decay, decay_v=n.decay, threshold=n.threshold, refractory=n.refractory)

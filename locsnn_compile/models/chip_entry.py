@@ -14,13 +14,13 @@ from hw_model.arithmetic.fixed_point import DECAY_ONE
 from hw_model.arithmetic.weights import WEIGHT_BITS, WEIGHT_EXPONENTS
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.chip_numbers import (
-    STRATEGIES,
     TRAINED_BITS,
     ChipNumbers,
     ChipPopulation,
     OwnSynapse,
     RegisterWidths,
 )
+from locsnn_compile.strategies import TRAINABLE
 
 _WRITE_AGAIN = "Write it again with 'locsnn train'."
 #: field -> lowest and highest value of a whole number on any chip that networks are trained for.
@@ -60,7 +60,7 @@ def parse_chip_entry(where: str, entry: object, populations: Collection[str]) ->
     whole = _mapping(where, "chip", entry, ("target", "strategy", "registers", "populations"))
     if not isinstance(whole["target"], str) or not whole["target"].isprintable() or len(whole["target"]) > 200:
         raise InputError(where, "entry 'chip.target' is no plain name", fix=_WRITE_AGAIN)
-    if whole["strategy"] not in STRATEGIES:
+    if whole["strategy"] not in TRAINABLE:
         raise InputError(
             where, "entry 'chip.strategy' is not known", measured=_seen(whole["strategy"]), fix=_WRITE_AGAIN
         )

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT
-from locsnn_compile.models.chip_numbers import USUAL_REGISTERS, ChipPopulation, RegisterWidths, Strategy
+from locsnn_compile.models.chip_numbers import USUAL_REGISTERS, ChipPopulation, RegisterWidths
 from locsnn_compile.models.chip_scan import charge_gradient, register_ends, scan_delay_line, scan_dendrite, scan_reset
 from locsnn_compile.models.dense_layer import DenseLayer
 from locsnn_compile.models.description import NeuronParameters
@@ -79,7 +79,7 @@ class ChipLayer(DenseLayer[NeuronParameters]):
         out_features: int,
         neuron: NeuronParameters,
         numbers: ChipPopulation,
-        strategy: Strategy,
+        strategy: str,
         *,
         generator: torch.Generator,
         initial_scale: float,

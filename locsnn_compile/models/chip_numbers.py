@@ -7,15 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, get_args
 
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT, effective_weight
 from hw_model.arithmetic.weights import weight_grid
-
-Strategy = Literal["dendrite", "delay-line", "reset"]
-STRATEGIES: tuple[Strategy, ...] = get_args(Strategy)
 
 
 @dataclass(frozen=True)
@@ -85,6 +81,6 @@ class ChipNumbers:
     """A network's numbers by population, the strategy they are for, and the chip whose arithmetic they follow."""
 
     target: str
-    strategy: Strategy
+    strategy: str
     populations: Mapping[str, ChipPopulation]
     registers: RegisterWidths = USUAL_REGISTERS

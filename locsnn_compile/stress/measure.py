@@ -17,8 +17,9 @@ from locsnn_compile.network.neurons import Cuba
 from locsnn_compile.network.recordings import fit_recordings
 from locsnn_compile.pipeline import Levels, lower
 from locsnn_compile.reference.calibration import calibrate
+from locsnn_compile.strategies import NATIVE
 from locsnn_compile.stress.bounds import SOURCES, error_bound
-from locsnn_compile.stress.cases.case import NATIVE, POPULATION, SEED, Case, random_input
+from locsnn_compile.stress.cases.case import POPULATION, SEED, Case, random_input
 from locsnn_compile.stress.engines import odd_one_out
 from locsnn_compile.stress.row import Lost, Measured
 from locsnn_compile.stress.sides import Sides

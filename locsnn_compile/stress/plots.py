@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from locsnn_compile.report.pictures.curves import Curve, Panel, draw
-from locsnn_compile.stress.cases.case import NATIVE
+from locsnn_compile.strategies import NATIVE
 from locsnn_compile.stress.row import Drift, Measured, Row
 
 

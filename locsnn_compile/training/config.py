@@ -15,7 +15,7 @@ from hw_model.io.yaml_text import load_yaml
 from locsnn_compile.data.taxel_graph import GRAPHS
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.models.architectures import ARCHITECTURES
-from locsnn_compile.models.chip_numbers import STRATEGIES
+from locsnn_compile.strategies import TRAINABLE
 
 LOSSES = ("cross-entropy", "spike-count")
 OPTIMIZERS = ("adamw", "rmsprop", "sgd")
@@ -38,7 +38,7 @@ _CHOICES: dict[str, tuple[str | int, ...]] = {
     "optimizer": OPTIMIZERS,
     "schedule": SCHEDULES,
     "device": DEVICES,
-    "strategy": STRATEGIES,
+    "strategy": TRAINABLE,
     "weight_bits": WEIGHT_BITS,
 }
 #: field -> (smallest, largest) accepted; whole numbers for fields annotated int.

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +21,6 @@ from locsnn_compile.models.chip_numbers import (
     ChipPopulation,
     OwnSynapse,
     RegisterWidths,
-    Strategy,
 )
 from locsnn_compile.models.description import NetworkDescription
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, RefractoryDendrite
@@ -67,7 +65,7 @@ def chip_numbers(
             scale=scale,
             unit=64 * 2**projection.exponent / (gain * scale),
         )
-    return ChipNumbers(config.target, cast(Strategy, config.strategy), populations, registers)
+    return ChipNumbers(config.target, config.strategy, populations, registers)
 
 
 def _registers(chip: hw.Chip) -> RegisterWidths:

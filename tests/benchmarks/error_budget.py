@@ -17,7 +17,7 @@ from page_section import put_section
 
 import hw_model as hw
 import locsnn_compile as lc
-from locsnn_compile.choose_strategy import Setting, lower_as
+from locsnn_compile.choose_strategy import lower_as
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.reference.calibration import calibrate
 from locsnn_compile.report.figures.diagnosis import cause_entry
@@ -25,6 +25,8 @@ from locsnn_compile.report.figures.document import report_document
 from locsnn_compile.report.format import count, share, short
 from locsnn_compile.report.sections.accuracy import cause
 from locsnn_compile.report.words import STAGES, stage_words
+from locsnn_compile.settings import Setting
+from locsnn_compile.strategies import STRATEGIES
 from locsnn_compile.verification.diagnosis import diagnose
 from locsnn_compile.verification.error_budget.budget import Deviation
 from locsnn_compile.verification.grounds import Grounds
@@ -32,7 +34,6 @@ from locsnn_compile.verification.matching import Match, compare
 
 ROOT = Path(__file__).parents[2]
 DATASETS = ("objects", "containers")
-STRATEGIES = ("dendrite", "delay-line", "reset", "paired-dendrite")
 WEIGHT_BITS = 8
 
 

@@ -21,8 +21,8 @@ from page_section import put_section
 
 from locsnn_compile.cli.main import main as locsnn
 from locsnn_compile.cli.shell import EXIT_GATE
-from locsnn_compile.explore.grid import AXES
 from locsnn_compile.report.format import NONE, energy, share, time
+from locsnn_compile.settings import AXES
 
 ROOT = Path(__file__).parents[2]
 DATASETS = ("objects", "containers")

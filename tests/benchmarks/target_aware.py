@@ -29,7 +29,7 @@ from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.models.checkpoint import Checkpoint, save_checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
-from locsnn_compile.models.chip_numbers import STRATEGIES
+from locsnn_compile.strategies import TRAINABLE
 from locsnn_compile.training.config import TrainingConfig, config_from_mapping, read_config
 from locsnn_compile.training.export import export_checkpoint, training_entry
 from locsnn_compile.training.fine_tuning import FINE_TUNING, fine_tuning_config
@@ -182,7 +182,7 @@ def compare_epochs(args: argparse.Namespace, repeats: int = 8) -> None:
     recordings = recordings.subset(np.arange(0, len(recordings), 3))
     base = fine_tuning_config(TrainingConfig(epochs=1, validation_fraction=0.0), start.description)
     configs = {"float": base} | {
-        strategy: replace(base, target="loihi-sim", strategy=strategy) for strategy in STRATEGIES
+        strategy: replace(base, target="loihi-sim", strategy=strategy) for strategy in TRAINABLE
     }
     best = dict.fromkeys(configs, float("inf"))
     for _ in range(repeats):

@@ -10,8 +10,8 @@ import pytest
 import hw_model as hw
 from locsnn_compile.backends import LEVEL_KINDS
 from locsnn_compile.backends.levels import LEVEL_TEXTS
-from locsnn_compile.passes.srm.quantize import STRATEGIES
 from locsnn_compile.pipeline import lower
+from locsnn_compile.strategies import STRATEGIES
 
 GOLDEN = Path(__file__).parent / "golden"
 OWN_LEVELS = ("network", "quantized", "compartments")

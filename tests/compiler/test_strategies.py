@@ -11,14 +11,16 @@ from networks import NEURON, hybrid, recordings, single
 
 import hw_model as hw
 from locsnn_compile.errors import TargetError
+from locsnn_compile.models.chip_entry import _OWN_COUNT
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.passes.quantize import quantize
-from locsnn_compile.passes.srm.quantize import STRATEGIES
+from locsnn_compile.passes.srm.quantize import LAYOUTS
 from locsnn_compile.passes.srm.reset import refractory_count
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.reference.integer_neurons import input_response, own_spike_response
+from locsnn_compile.strategies import STRATEGIES, TRAINABLE
 
 CHIP = hw.chip("loihi-sim")
 
@@ -191,3 +193,9 @@ def test_refractory_counts(neuron, decay, count):
 def test_every_strategy_has_its_kind_of_neuron():
     kinds = {strategy: type(quantized(strategy).neuron) for strategy in STRATEGIES}
     assert kinds == {"dendrite": ChipSrm, "delay-line": ChipSrm, "reset": ChipCuba, "paired-dendrite": ChipSrm}
+
+
+def test_every_table_of_strategies_has_all_of_them():
+    assert list(LAYOUTS) == list(STRATEGIES)
+    assert list(_OWN_COUNT) == list(TRAINABLE)
+    assert [quantized(strategy).strategy for strategy in STRATEGIES] == list(STRATEGIES)

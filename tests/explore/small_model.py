@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from locsnn_compile.cli.main import main
-from locsnn_compile.explore.grid import AXES, Setting
 from locsnn_compile.explore.point import Figures, Point
 from locsnn_compile.models.checkpoint import save_checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
+from locsnn_compile.settings import AXES, Setting
 
 STEPS = 40
 
@@ -61,7 +61,7 @@ def narrow(*strategies, bits=(8,)):
 
 def setting(strategy, bits):
     """A setting whose other values are neutral."""
-    return Setting((strategy, bits, *(axis.neutral for axis in AXES[2:])))
+    return Setting(strategy, bits, *(axis.neutral for axis in AXES[2:]))
 
 
 def explored(folder):

@@ -17,11 +17,11 @@ from locsnn_compile.explore import code, dask_cluster, executors
 from locsnn_compile.explore.dask_cluster import on_dask
 from locsnn_compile.explore.events import choose_events
 from locsnn_compile.explore.executors import here, in_processes
-from locsnn_compile.explore.grid import AXES, settings
 from locsnn_compile.explore.point import measure, measure_packed
 from locsnn_compile.explore.store import Store
 from locsnn_compile.explore.study import Study
 from locsnn_compile.explore.sweep import sweep
+from locsnn_compile.settings import AXES, settings
 
 GRID = narrow("dendrite", "reset", bits=(2, 4, 6, 8))
 

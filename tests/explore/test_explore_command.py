@@ -18,8 +18,8 @@ from locsnn_compile.cli import explore as explore_cli
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.data.archives import PARTS
 from locsnn_compile.explore import point as point_module
-from locsnn_compile.explore.grid import AXES
 from locsnn_compile.explore.point import Figures
+from locsnn_compile.settings import AXES
 
 FILES = {"explore.json", "explore.csv", "explore.svg", "timings.csv", "timings.svg"}
 

@@ -1,18 +1,20 @@
 """The grid of settings is a table that agrees with the compiler."""
 
 import inspect
+from dataclasses import asdict, dataclass
 
 import pytest
 from small_model import explore, explored, narrow
 
 import locsnn_compile as lc
 from hw_model.arithmetic.weights import WEIGHT_BITS
-from locsnn_compile.api import STRATEGIES
+from locsnn_compile import settings as grid
 from locsnn_compile.cli import explore as explore_cli
 from locsnn_compile.cli.compile import parser
 from locsnn_compile.errors import InputError
-from locsnn_compile.explore import grid, pictures, result, table
-from locsnn_compile.explore.grid import AXES, Axis, Setting, settings
+from locsnn_compile.explore import pictures, result, table
+from locsnn_compile.settings import AXES, Axis, Setting, settings
+from locsnn_compile.strategies import STRATEGIES
 
 
 @pytest.mark.parametrize("axis", AXES, ids=lambda axis: axis.name)
@@ -25,13 +27,13 @@ def test_an_axis_is_an_option_of_the_compiler(axis):
 
 def test_all_strategies_and_widths_are_there():
     strategy, bits = AXES[:2]
-    assert (*strategy.values, "auto") == (*STRATEGIES[1:], STRATEGIES[0])
+    assert (*strategy.values, strategy.neutral) == (*STRATEGIES, "auto")
     assert bits.values == WEIGHT_BITS
 
 
 def test_a_setting_says_itself_three_ways(model):
-    setting = Setting(tuple(axis.values[0] for axis in AXES))
-    assert setting.options() == {axis.name: axis.values[0] for axis in AXES}
+    setting = Setting(*(axis.values[0] for axis in AXES))
+    assert asdict(setting) == {axis.name: axis.values[0] for axis in AXES}
     assert setting.arguments(lc.load(model))[:4] == ["--strategy", "dendrite", "--weight-bits", "1"]
     assert str(setting).startswith("dendrite, 1-bit")
 
@@ -57,10 +59,16 @@ def test_options_that_change_nothing_are_not_tried():
 PSI = Axis("psi", (5.0, 10.0), 10.0, lambda network: True, "late predictions", "psi {:g}", bounds=(0.0, 99.0))
 
 
-def test_one_row_adds_an_axis(model, events, tmp_path, monkeypatch):
+@dataclass(frozen=True)
+class Late(Setting):
+    psi: float = 10.0
+
+
+def test_a_row_and_its_field_add_an_axis(model, events, tmp_path, monkeypatch):
     """Option, grid, compilation, files and commands follow the table; ``psi`` is an option that changes no figure."""
     for module in (grid, explore_cli, pictures, result, table):
         monkeypatch.setattr(module, "AXES", (*AXES, PSI))
+    monkeypatch.setattr(grid, "Setting", Late)
     options = (*narrow("reset"), "--psi", 5, 10, "--engines", "--quiet")
     assert explore(model, "--events", events, *options, "-o", tmp_path / "out") == 0
     five, ten = explored(tmp_path / "out")["points"]

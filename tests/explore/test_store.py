@@ -8,9 +8,9 @@ from small_model import explore, figures, lasting, point
 from locsnn_compile.errors import TargetError
 from locsnn_compile.explore import store as store_module
 from locsnn_compile.explore.code import code_version
-from locsnn_compile.explore.grid import Setting
 from locsnn_compile.explore.point import Refusal, Timing
 from locsnn_compile.explore.store import Store
+from locsnn_compile.settings import Setting
 
 KEY = "0" * 64
 POINTS = {
@@ -79,7 +79,7 @@ def test_a_damaged_point_is_none(store, damage):
 def test_a_point_of_another_setting_or_code_is_none(store, monkeypatch):
     kept = POINTS["figures"]
     store.write(KEY, kept)
-    assert store.read(KEY, Setting(("reset", *kept.setting.values[1:]))) is None
+    assert store.read(KEY, Setting("reset", *kept.setting.values[1:])) is None
     monkeypatch.setattr(store_module, "code_version", lambda: "2+code")
     assert store.read(KEY, kept.setting) is None
 

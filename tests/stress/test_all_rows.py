@@ -13,8 +13,8 @@ from locsnn_compile.errors import LocsnnError
 from locsnn_compile.passes.rounding.rounding import FINE
 from locsnn_compile.report.renderers.html import render_html
 from locsnn_compile.report.renderers.markdown import render_markdown
+from locsnn_compile.strategies import NATIVE
 from locsnn_compile.stress.cases import cases
-from locsnn_compile.stress.cases.case import NATIVE
 from locsnn_compile.stress.run import run_stress
 
 pytestmark = pytest.mark.slow

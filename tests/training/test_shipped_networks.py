@@ -16,10 +16,10 @@ from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.frontends import load
 from locsnn_compile.models.checkpoint import Checkpoint, save_checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
-from locsnn_compile.models.chip_numbers import STRATEGIES
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.network.network import Network
 from locsnn_compile.pipeline import lower
+from locsnn_compile.strategies import TRAINABLE
 from locsnn_compile.training.config import TrainingConfig, config_from_mapping, read_config
 from locsnn_compile.training.target import chip_numbers
 from tests.real_recordings import REAL, on_real_recordings
@@ -156,7 +156,7 @@ def test_shipped_networks_on_the_chip_reach_their_test_accuracy(name: str) -> No
 @on_real_recordings
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("strategy", STRATEGIES)
+@pytest.mark.parametrize("strategy", TRAINABLE)
 @pytest.mark.parametrize("bits", [8, 4])
 def test_every_strategy_spikes_as_trained_on_all_recordings(
     tmp_path: Path, name: str, strategy: str, bits: int

@@ -18,9 +18,10 @@ from locsnn_compile.errors import InputError, TargetError
 from locsnn_compile.frontends import load
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
-from locsnn_compile.models.chip_numbers import STRATEGIES, RegisterWidths
+from locsnn_compile.models.chip_numbers import RegisterWidths
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.pipeline import lower
+from locsnn_compile.strategies import TRAINABLE
 from locsnn_compile.training.config import TrainingConfig
 from locsnn_compile.training.export import export_checkpoint
 from locsnn_compile.training.fine_tuning import check_fits_start, fine_tuning_config
@@ -44,7 +45,7 @@ def start(tmp_path_factory: pytest.TempPathFactory) -> Checkpoint:
     return read_checkpoint(path)
 
 
-@pytest.mark.parametrize("strategy", STRATEGIES)
+@pytest.mark.parametrize("strategy", TRAINABLE)
 @pytest.mark.parametrize("bits", [8, 4])
 def test_the_program_spikes_as_the_network_did(tmp_path: Path, start: Checkpoint, strategy: str, bits: int) -> None:
     check_program_spikes_alike(tmp_path, start, replace(ON_CHIP, strategy=strategy, weight_bits=bits), CHIP)
@@ -76,7 +77,7 @@ def check_program_spikes_alike(folder: Path, start: Checkpoint, config: Training
     return read_checkpoint(path)
 
 
-@pytest.mark.parametrize("strategy", STRATEGIES)
+@pytest.mark.parametrize("strategy", TRAINABLE)
 def test_training_from_scratch_learns(strategy: str) -> None:
     config = replace(ON_CHIP, strategy=strategy, epochs=30, validation_fraction=0.25)
     result = train(touches(24), replace(config, refit=False))
@@ -220,7 +221,7 @@ def test_training_follows_the_widths_of_the_chip(tmp_path: Path, start: Checkpoi
     assert trained.chip.registers == RegisterWidths(charge_bits=15, current_bits=17, voltage_bits=16)
 
 
-@pytest.mark.parametrize("strategy", STRATEGIES)
+@pytest.mark.parametrize("strategy", TRAINABLE)
 def test_training_for_few_weight_bits_and_narrow_voltages(tmp_path: Path, start: Checkpoint, strategy: str) -> None:
     """Weight exponents go below 0, so that the few bits are those that the register resolves."""
     target = chip_file(tmp_path, voltage_bits=16, weight_bits_max=4, delay_max=20)

@@ -7,8 +7,9 @@ makes up for its rounded decay.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
@@ -19,33 +20,31 @@ from locsnn_compile.network.chip_neurons import ChipNeuron, ChipSrm, integers
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.passes.kernels import alpha_kernel, fitted_decays
 from locsnn_compile.passes.rounding.scaling import Scaled, check_threshold, exponent_and_threshold, heaviest_weight
-from locsnn_compile.passes.srm import delay_line as srm_delay_line
-from locsnn_compile.passes.srm import dendrite as srm_dendrite
-from locsnn_compile.passes.srm import reset as srm_reset
+from locsnn_compile.passes.srm import delay_line, dendrite, reset
+from locsnn_compile.strategies import STRATEGIES
 
 SCALE_SLACK = 0.99
 """A scale may be up to one percent below the largest, if own weights round better there."""
 
 
-@dataclass(frozen=True)
-class Strategy:
-    """How SRM neurons are laid out: both functions are told the decay of the alpha kernel, and where they are.
+class Layout(Protocol):
+    """How SRM neurons are laid out: both functions are told the decay of the alpha kernel, and where they are."""
 
-    ``heaviest_charge`` of a neuron's own spike, in thresholds; ``lay_out`` for so many neurons, at one of the threshold
-    mantissas, within the limits of a chip. With several ``dendrites`` of both kinds, each takes its share of every
-    weight, own ones included.
-    """
+    def heaviest_charge(self, neuron: SrmAlpha, decay: int, chip: Chip, where: str, /) -> float:
+        """Return the heaviest charge of a neuron's own spike, in thresholds."""
 
-    heaviest_charge: Callable[[SrmAlpha, int, Chip, str], float]
-    lay_out: Callable[[SrmAlpha, int, int, Iterable[int], Chip, str], ChipNeuron]
-    dendrites: int = 1
+    def lay_out(
+        self, neuron: SrmAlpha, size: int, decay: int, candidates: Iterable[int], chip: Chip, where: str, /
+    ) -> ChipNeuron:
+        """Return so many neurons, at one of the threshold mantissas, within the limits of a chip."""
 
 
-STRATEGIES: dict[str, Strategy] = {
-    "dendrite": Strategy(srm_dendrite.heaviest_charge, srm_dendrite.lay_out),
-    "delay-line": Strategy(srm_delay_line.heaviest_charge, srm_delay_line.lay_out),
-    "reset": Strategy(srm_reset.heaviest_charge, srm_reset.lay_out),
-    "paired-dendrite": Strategy(srm_dendrite.heaviest_charge, srm_dendrite.lay_out, dendrites=2),
+LAYOUTS: dict[str, Layout] = {
+    "dendrite": dendrite,
+    "delay-line": delay_line,
+    "reset": reset,
+    # Each dendrite takes its share of every weight, own ones included.
+    "paired-dendrite": dendrite,
 }
 
 
@@ -63,10 +62,11 @@ def quantize_srm(
 
     With ``fitted``, two decays instead of one, where the strategy can have them: taps are made for one.
     """
-    layout, mantissa_max = STRATEGIES[strategy], chip.registers.threshold_mantissa_max
+    layout, dendrites = LAYOUTS[strategy], STRATEGIES[strategy].dendrites
+    mantissa_max = chip.registers.threshold_mantissa_max
     decay, gain, _ = alpha_kernel(neuron.tau_sr, f"{where}: tau_sr")
-    heaviest = largest * gain / neuron.theta / layout.dendrites
-    share = of_a_dendrite(neuron, layout.dendrites)
+    heaviest = largest * gain / neuron.theta / dendrites
+    share = of_a_dendrite(neuron, dendrites)
     own = layout.heaviest_charge(share, decay, chip, where)
     most_own = heaviest_weight(chip)
     _check_own(own, most_own, where)
@@ -76,7 +76,7 @@ def quantize_srm(
     candidates = range(most, max(1, math.ceil(SCALE_SLACK * most)) - 1, -1)
     made = layout.lay_out(share, size, decay, candidates, chip, where)
     if isinstance(made, ChipSrm):
-        made = replace(made, dendrites=layout.dendrites)
+        made = replace(made, dendrites=dendrites)
     if fitted and strategy != "delay-line":
         decay_u, decay_v, gain, _ = fitted_decays(neuron.tau_sr, f"{where}: tau_sr")
         made = replace(made, decay_u=integers(decay_u, size), decay_v=integers(decay_v, size))

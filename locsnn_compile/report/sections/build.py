@@ -7,14 +7,8 @@ from locsnn_compile.report.format import NONE, any_value, count, memory, share
 from locsnn_compile.report.sections.choice import choice_blocks
 from locsnn_compile.report.sections.verdict import fullness
 from locsnn_compile.report.words import words
+from locsnn_compile.strategies import LAYOUTS
 
-_STRATEGIES = {
-    "dendrite": "three joined compartments a neuron: alpha dendrite, refractory dendrite, memoryless soma",
-    "delay-line": "two joined compartments a neuron, the refractory kernel through delayed self-synapses",
-    "reset": "one compartment a neuron with the chip's own reset, an approximation",
-    "paired-dendrite": "five joined compartments a neuron: dendrite with two dendrites of each kind, at a finer scale",
-    "native": "one compartment a neuron, as the model has it",
-}
 _WITHOUT_JOINED = {"reset", "native"}
 
 
@@ -117,7 +111,7 @@ def ranges(document: Document) -> Section:
 def provenance(document: Document) -> Section:
     """What was compiled for what, with which options, checked on what; what is assumed."""
     strategies = document["strategy"].split(", ")
-    meaning = "; ".join(f"{name}: {_STRATEGIES[name]}" if name in _STRATEGIES else name for name in strategies)
+    meaning = "; ".join(f"{name}: {LAYOUTS[name]}" if name in LAYOUTS else name for name in strategies)
     facts = (
         Fact("model", document["model"]["name"]),
         Fact("model sha256", document["model"]["sha256"] or NONE),

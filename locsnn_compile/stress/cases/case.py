@@ -17,11 +17,7 @@ from locsnn_compile.network.matrices import matrix
 from locsnn_compile.network.network import InputView, Network, Neuron, Population, Projection
 from locsnn_compile.network.neurons import Cuba, FloatArray, SrmAlpha
 from locsnn_compile.passes.rounding.rounding import FINE, Rounding
-
-SRM_STRATEGIES = ("dendrite", "delay-line", "reset")
-NATIVE = "native"
-"""The way of integrate-and-fire neurons, which have a reset of their own: one compartment each."""
-STRATEGIES = (*SRM_STRATEGIES, NATIVE)
+from locsnn_compile.strategies import NATIVE, USUAL
 
 POPULATION, TOUCH = "n", "touch"
 NEURONS, CHANNELS, STEPS, SAMPLES, RATE = 4, 6, 200, 2, 0.3
@@ -65,10 +61,8 @@ def srm_cases(
 
     The published neuron, random weights and random input where nothing else is given; ``more`` as in :func:`case_of`.
     """
-    made = case_of(
-        group, name, SRM_STRATEGIES[0], neuron or srm(), weights() if given is None else given, played, **more
-    )
-    for strategy in SRM_STRATEGIES:
+    made = case_of(group, name, USUAL[0], neuron or srm(), weights() if given is None else given, played, **more)
+    for strategy in USUAL:
         yield replace(made, strategy=strategy, quick=quick and strategy in quick_as)
 
 

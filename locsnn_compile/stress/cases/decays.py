@@ -8,7 +8,8 @@ from itertools import product
 import numpy as np
 
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
-from locsnn_compile.stress.cases.case import CHANNELS, NATIVE, NEURONS, SEED, Case, chip_network, random_input
+from locsnn_compile.strategies import NATIVE
+from locsnn_compile.stress.cases.case import CHANNELS, NEURONS, SEED, Case, chip_network, random_input
 
 ENDS = (0, 1, 4095, 4096)
 THRESHOLD = 400

@@ -8,9 +8,9 @@ import numpy as np
 
 from hw_model.arithmetic.weights import WEIGHT_BITS, WEIGHT_EXPONENTS
 from locsnn_compile.network.chip_neurons import ChipCuba, Signs
+from locsnn_compile.strategies import NATIVE
 from locsnn_compile.stress.cases.case import (
     CHANNELS,
-    NATIVE,
     NEURONS,
     SEED,
     Case,

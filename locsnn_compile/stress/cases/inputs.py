@@ -8,16 +8,8 @@ import numpy as np
 
 from hw_model.engine.trace import ByteArray
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
-from locsnn_compile.stress.cases.case import (
-    CHANNELS,
-    NATIVE,
-    STEPS,
-    Case,
-    chip_network,
-    lif_case,
-    random_input,
-    srm_cases,
-)
+from locsnn_compile.strategies import NATIVE
+from locsnn_compile.stress.cases.case import CHANNELS, STEPS, Case, chip_network, lif_case, random_input, srm_cases
 
 CROWD = 4096
 """Input axons that a core has; a neuron with a self-synapse takes one for itself."""

@@ -9,12 +9,11 @@ import numpy as np
 
 from hw_model.engine.trace import ByteArray
 from locsnn_compile.network.neurons import Cuba, FloatArray
+from locsnn_compile.strategies import NATIVE, USUAL
 from locsnn_compile.stress.cases.case import (
     CHANNELS,
-    NATIVE,
     NEURONS,
     SEED,
-    SRM_STRATEGIES,
     THETA,
     Case,
     float_network,
@@ -49,7 +48,7 @@ def long_runs() -> Iterator[LongRun]:
     given = weights()
     given[:2] *= 0.1
     network = float_network(srm(), given, steps=len(played[0]))
-    for strategy in SRM_STRATEGIES:
+    for strategy in USUAL:
         case = Case("a million steps", "tau_sr 10", strategy, network, played, quick=strategy == "dendrite")
         yield LongRun(case, block)
     given = weights(response="leak")

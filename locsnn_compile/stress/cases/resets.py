@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from locsnn_compile.network.chip_neurons import ChipCuba
+from locsnn_compile.strategies import NATIVE
 from locsnn_compile.stress.cases.case import (
-    NATIVE,
     NEURONS,
     THETA,
     Case,

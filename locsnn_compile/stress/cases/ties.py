@@ -10,19 +10,8 @@ import numpy as np
 from hw_model.engine.trace import ByteArray
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
 from locsnn_compile.network.neurons import Rule
-from locsnn_compile.stress.cases.case import (
-    NATIVE,
-    SRM_STRATEGIES,
-    STEPS,
-    THETA,
-    Case,
-    case_of,
-    chip_network,
-    lif,
-    lif_case,
-    random_input,
-    srm,
-)
+from locsnn_compile.strategies import NATIVE, USUAL
+from locsnn_compile.stress.cases.case import STEPS, THETA, Case, case_of, chip_network, lif, lif_case, random_input, srm
 
 PARTS = (1, 2, 3, 4, 7)
 """A threshold in so many spikes."""
@@ -38,7 +27,7 @@ def exact_thresholds() -> Iterator[Case]:
             yield lif_case(group, name, neuron, [[THETA / parts]], one, quick=parts == 3)
         name, neuron = f"memoryless, 1/4 and 3/4, rule {rule}", lif(size=1, decay_v=1.0, rule=rule)
         yield lif_case(group, name, neuron, [[0.25 * THETA, 0.75 * THETA]], random_input(channels=2))
-    for strategy, tau in product(SRM_STRATEGIES, (1.0, 10.0)):
+    for strategy, tau in product(USUAL, (1.0, 10.0)):
         name, quick = f"peak of a kernel of {tau:g}", strategy == "dendrite"
         yield case_of(group, name, strategy, srm(tau_sr=tau), [[THETA]], _apart(one), quick=quick)
     for over, word in ((0, "at"), (1, "a unit above")):

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from locsnn_compile.stress.cases.case import SRM_STRATEGIES, Case, lif, lif_case, random_input, srm, srm_cases, weights
+from locsnn_compile.strategies import USUAL
+from locsnn_compile.stress.cases.case import Case, lif, lif_case, random_input, srm, srm_cases, weights
 
 STEPS_OF_TAU = (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 8000, 10_000)
 QUICK = (0.5, 10, 10_000)
@@ -22,7 +23,7 @@ def time_constants() -> Iterator[Case]:
         played, quick = random_input(steps, samples=1), tau in QUICK
         kernel, given = srm(tau_sr=tau), weights(tau)
         yield from srm_cases(
-            group, f"tau_sr {tau:g}", kernel, given, played, steps=steps, x=tau, quick=quick, quick_as=SRM_STRATEGIES
+            group, f"tau_sr {tau:g}", kernel, given, played, steps=steps, x=tau, quick=quick, quick_as=USUAL
         )
         name, leaky = f"leak of {tau:g} steps", weights(tau, response="leak")
         yield lif_case(group, name, lif(tau), leaky, played, steps=steps, x=tau, quick=quick or tau == 1000)

@@ -1,13 +1,14 @@
-"""The grid of settings: one row of :data:`AXES` for each option of the compiler that is explored."""
+"""How a network can be compiled: settings, the axes they lie on, and the grid of those that are explored."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import astuple, dataclass
+from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.strategies import AUTO, STRATEGIES
 
 if TYPE_CHECKING:
     from locsnn_compile.network.network import Network
@@ -70,13 +71,7 @@ class Axis:
 
 
 AXES = (
-    Axis(
-        "strategy",
-        ("dendrite", "delay-line", "reset", "paired-dendrite"),
-        "auto",
-        has_srm_neurons,
-        "lowerings of SRM neurons",
-    ),
+    Axis("strategy", tuple(STRATEGIES), AUTO, has_srm_neurons, "lowerings of SRM neurons"),
     Axis("weight_bits", (1, 2, 3, 4, 5, 6, 8), 8, has_float_weights, "bits of a weight", "{}-bit"),
     Axis(
         "split_weights",
@@ -93,13 +88,16 @@ AXES = (
 
 @dataclass(frozen=True)
 class Setting:
-    """One value of each axis, in the order of :data:`AXES`."""
+    """How a network is compiled: keyword arguments of ``compile``, one of each axis, in the order of :data:`AXES`."""
 
-    values: tuple[Value, ...]
+    strategy: str
+    weight_bits: int
+    split_weights: float = 0.0
 
-    def options(self) -> dict[str, Value]:
-        """Return the keyword arguments of ``compile``."""
-        return {axis.name: value for axis, value in zip(AXES, self.values, strict=True)}
+    @property
+    def values(self) -> tuple[Any, ...]:
+        """The values in the order of the axes."""
+        return astuple(self)
 
     def arguments(self, network: Network) -> list[str]:
         """Return the options of ``locsnn-compile`` that matter to a network."""
@@ -125,14 +123,13 @@ def settings(network: Network, wanted: Mapping[str, Sequence[Value]]) -> tuple[S
     of_weights = [axis for axis in AXES if axis.matters is has_float_weights and wanted.get(axis.name)]
     check_matters(network, {axis.name: axis.option for axis in of_weights})
     tried = [tuple(dict.fromkeys(wanted.get(axis.name) or _default(axis, network))) for axis in AXES]
-    return tuple(Setting(values) for values in itertools.product(*tried))
+    return tuple(itertools.starmap(Setting, itertools.product(*tried)))
 
 
 def usual_settings(network: Network) -> tuple[Setting, ...]:
     """Return what ``auto`` tries where no bound is given: each strategy, all else as it is by default."""
-    strategy, *others = AXES
-    neutral = tuple(axis.neutral for axis in others)
-    return tuple(Setting((value, *neutral)) for value in _default(strategy, network))
+    neutral: list[Any] = [axis.neutral for axis in AXES[1:]]
+    return tuple(Setting(strategy, *neutral) for strategy in map(str, _default(AXES[0], network)))
 
 
 def check_matters(network: Network, given: Mapping[str, str]) -> None:
