@@ -48,7 +48,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--psi",
         type=float,
         metavar="X",
-        help="with --stream or --stop margin: weigh the branches by time, such as 10 (default: the program's)",
+        help="with --stream or --stop margin: weigh the branches by time, such as 10",
     )
     add("--stop", metavar="HOW", help="stop early: proven, or margin")
     add("--calibrate", metavar="FILE", help="recordings to find the margin on")
@@ -77,7 +77,6 @@ def run(args: argparse.Namespace) -> int:
     result: dict[str, Any] = {"program": program.name, "recordings": rows, "counts": dict(counts), "energy_pj": totals}
     if recordings.binned is not None:
         result["binning"] = recordings.binned.document()
-    args.psi = program.psi if args.psi is None else args.psi
     margin = known_margin(args, program) if args.stop == "margin" else None
     if args.stream:
         result["stream"] = stream_all(args, program, recordings, rows, margin)

@@ -107,7 +107,8 @@ def _shown(line: LiveLine, recording: int, steps: int, step_seconds: float | Non
             return
         shown = (prediction, lead)
         moment = "" if step_seconds is None else f"  {_seconds(step, step_seconds)}"
-        line.show(f"recording {recording}  step {step} of {steps}{moment}  class {prediction}  lead {lead:.3g}")
+        place = f"recording {recording}  step {step} of {steps}{moment}"
+        line.show(f"{place}  class {prediction}  lead {lead_text(lead)}")
 
     return on_step
 
@@ -115,6 +116,13 @@ def _shown(line: LiveLine, recording: int, steps: int, step_seconds: float | Non
 def _seconds(step: int, step_seconds: float) -> str:
     """Return the time after a step, with as many decimals as it takes to tell steps apart."""
     return f"{step * step_seconds:.{max(0, math.ceil(-math.log10(step_seconds)))}f} s"
+
+
+def lead_text(lead: float) -> str:
+    """Return a lead in spikes; time-weighted ones begin far below one."""
+    if 0 < lead < 0.01:
+        return "under 0.01"
+    return f"{lead:.3g}" if lead < 1000 else f"{lead:,.0f}"
 
 
 def _settled(row: Row, found: Streamed, *, stopped: bool) -> str:

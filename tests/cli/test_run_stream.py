@@ -19,7 +19,7 @@ import hw_model as hw
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.live import LiveLine
 from locsnn_compile.cli.main import main
-from locsnn_compile.cli.run_stream import stream_lines
+from locsnn_compile.cli.run_stream import lead_text, stream_lines
 from locsnn_compile.verification.streaming import Streamed, right_over_time, step_latency
 
 ROOT = Path(__file__).parents[2]
@@ -398,3 +398,10 @@ def test_ctrl_c_leaves_no_build(build, tmp_path):
     assert error in ("Interrupted.\n", "Interrupted; nothing was written.\n")
     assert seconds < 5
     assert sorted(path.name for path in tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("lead", "shown"), [(0.0, "0"), (3.45e-07, "under 0.01"), (0.01, "0.01"), (2.5, "2.5"), (12345.0, "12,345")]
+)
+def test_a_lead_is_shown_as_people_read_it(lead, shown):
+    assert lead_text(lead) == shown
