@@ -10,11 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from hw_model.accounting.mesh_routes import PER_PACKET, Routes, routes_of
-from hw_model.accounting.pieces import Pieces, pieces_of
 from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.description.counts import BY_CORE, COUNTED
 from hw_model.engine.trace import EVENTS, ByteArray, Int32Array, PhaseInput, PhaseTrace
 from hw_model.program.chip_program import ChipProgram
+from hw_model.program.pieces import Pieces, pieces_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,48 +167,27 @@ def _due_after_end(played: PhaseInput, spikes: ByteArray, due_late: IntArray) ->
 def fan_out(program: ChipProgram, phase: str) -> FanOut:
     """Follow every axon of a phase. Programs are hashed by identity."""
     cores, pieces = program.cores_of(phase), pieces_of(program, phase)
-    place = {core.number: i for i, core in enumerate(cores)}
-    columns = {core.number: program.columns_of_core(core) for core in cores}
-    inputs = program.inputs_of(phase)
-    lines = sum(item.size for item in inputs)
+    lines = sum(item.size for item in program.inputs_of(phase))
     count = lines + sum(core.compartments for core in cores)
     longest = max((int(core.axons.delay.max(initial=0)) for core in cores), default=0)
     synapses = np.zeros((count, len(pieces.group)), dtype=np.int32)
     due_late = np.zeros((longest + 1, count), dtype=np.int64)
     packets = np.zeros((count, len(PER_PACKET)), dtype=np.int64)
     input_packets = np.zeros((lines, len(cores)), dtype=np.int64)
-
-    # How many synapses of each delay, and at each piece, an axon has, for every core.
-    by_delay, by_piece = {}, {}
-    for core in cores:
-        axons = core.axons
-        axon = axons.axon_of_synapse
-        by_delay[core.number] = _tally(axon, axons.delay, (axons.input_axons, longest + 1))
-        piece = core.slice_of_compartment[axons.target]
-        by_piece[core.number] = _tally(axon, piece, (axons.input_axons, len(core.slices)))
-
-    def arrive(sources: IntArray, to_core: IntArray, to_axon: IntArray) -> None:
-        for number in np.unique(to_core).tolist():
-            mine, index = to_core == number, place[number]
-            here = slice(pieces.of_core[index], pieces.of_core[index + 1])
-            np.add.at(synapses[:, here], sources[mine], by_piece[number][to_axon[mine]])
-            late = by_delay[number][to_axon[mine]]
-            np.add.at(due_late.T, sources[mine], late[:, ::-1].cumsum(axis=1)[:, ::-1])
-
-    first = 0
-    for item in inputs:
-        route = program.route_of(item.name)
-        arrive(route.line + first, route.core, route.axon)
-        to = np.array([place[number] for number in route.core.tolist()], dtype=np.int64)
-        np.add.at(input_packets, (route.line + first, to), 1)
-        first += item.size
-    for core in cores:
-        axons, mine = core.axons, columns[core.number]
-        sources = lines + mine[axons.out_compartment]
-        arrive(sources, axons.out_core, axons.out_axon)
+    for index, core in enumerate(cores):
+        # What arrives: each input axon of a core has a sender of its own.
+        axons, source = core.axons, program.senders[core.number]
+        axon, piece = axons.axon_of_synapse, core.slice_of_compartment[axons.target]
+        here = slice(pieces.of_core[index], pieces.of_core[index + 1])
+        synapses[source, here] = _tally(axon, piece, (axons.input_axons, len(core.slices)))
+        by_delay = _tally(axon, axons.delay, (axons.input_axons, longest + 1))
+        due_late[:, source] += by_delay[:, ::-1].cumsum(axis=1)[:, ::-1].T
+        input_packets[source[source < lines], index] = 1
+        # What is sent.
         hops = {int(to): program.chip.hops(core.slot, program.cores[to].slot) for to in np.unique(axons.out_core)}
         ways = [(1, int(hops[to] == (0, 0)), *hops[to]) for to in axons.out_core.tolist()]
-        np.add.at(packets, sources, np.array(ways, dtype=np.int64).reshape(-1, len(PER_PACKET)))
+        sender = lines + program.columns_of_core(core)[axons.out_compartment]
+        np.add.at(packets, sender, np.array(ways, dtype=np.int64).reshape(-1, len(PER_PACKET)))
     return FanOut(synapses, due_late, packets, input_packets)
 
 

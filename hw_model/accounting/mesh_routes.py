@@ -9,10 +9,10 @@ from functools import cached_property, lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from hw_model.accounting.pieces import pieces_of
 from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.engine.trace import ByteArray
 from hw_model.program.chip_program import ChipProgram, Core
+from hw_model.program.pieces import pieces_of
 
 Tile = tuple[int, int]
 PER_PACKET = ("axon_packets", "packets_within_tile", "hops_x", "hops_y")
@@ -23,7 +23,7 @@ PER_PACKET = ("axon_packets", "packets_within_tile", "hops_x", "hops_y")
 class Routes:
     """The ways that packets of a phase can take, sorted by the piece that sends them.
 
-    Way r goes from ``piece[r]`` of the phase (:mod:`hw_model.accounting.pieces`), on core ``source[r]``, to core
+    Way r goes from ``piece[r]`` of the phase (:mod:`hw_model.program.pieces`), on core ``source[r]``, to core
     ``target[r]`` (indices of the phase's cores), ``hops[r]`` (east-west, north-south) far, over the links ``over[r]``
     (longest way,),
     -1 behind the last. ``links[l]``: (column, row) of the tile that a link leaves and of the one that it enters;

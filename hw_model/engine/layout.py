@@ -10,6 +10,7 @@ quicker, else as lists.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -19,7 +20,8 @@ import numpy as np
 import numpy.typing as npt
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT, IntArray
-from hw_model.program.chip_program import ChipProgram
+from hw_model.program.chip_program import ChipProgram, Core
+from hw_model.program.pieces import Pieces, pieces_of
 
 Int32Array = npt.NDArray[np.int32]
 Lanes = npt.NDArray[np.int32] | npt.NDArray[np.int64]
@@ -62,7 +64,7 @@ USUAL_WIDTHS = Widths(1 << (21 - WEIGHT_SHIFT), 1 << 23)
 class Chunks(NamedTuple):
     """Chunk k holds columns ``first_column[k]`` on, ``width[k]`` of them; its slots are ``LANES * k`` on.
 
-    ``node`` and ``piece`` (of the phase, :mod:`hw_model.accounting.pieces`) say where it is; ``parent``: the chunk that
+    ``node`` and ``piece`` (of the phase, :mod:`hw_model.program.pieces`) say where it is; ``parent``: the chunk that
     its voltages are added to, or -1; ``sums``: it keeps nothing and no synapse reaches it, so that it only adds up its
     children. ``registers`` (chunks, FIELDS, LANES) are its parameters, with a state of 0, in 32 bits, or in 64 where a
     sum might need them. Bundle i is
@@ -153,42 +155,44 @@ class FastLayout:
 def fast_layout(program: ChipProgram, phase: str) -> FastLayout:
     """Follow every axon to its synapses and lay them out by node. Programs are hashed by identity."""
     nodes = _Numbering(program, phase)
+    cut = _cut(pieces_of(program, phase), nodes)
     synapses = _synapses(program, phase, nodes)
-    blocks = _blocks(program, phase, nodes, synapses)
-    pieces = _pieces(program, phase, nodes)
-    slot, chunk_first = _slots(pieces, nodes)
-    links = _links(nodes, synapses, blocks, slot, chunk_first)
+    blocks = _blocks(nodes, synapses)
+    links = _links(nodes, synapses, blocks, cut)
     return FastLayout(
         inputs=nodes.inputs,
-        pieces=sum(map(len, pieces.values())),
-        nodes=Nodes(nodes.first, nodes.size, chunk_first),
-        chunks=_chunks(program, phase, nodes, synapses, blocks, pieces, links),
+        pieces=len(pieces_of(program, phase).group),
+        nodes=Nodes(nodes.first, nodes.size, cut.of_node),
+        chunks=_chunks(program, phase, nodes, synapses, blocks, cut, links),
         links=links,
-        slot=slot,
+        slot=cut.slot,
         longest_delay=int(synapses.delay.max(initial=0)),
     )
 
 
 class _Numbering:
-    """Inputs, then groups, with their names, first lines or columns, and sizes."""
+    """Inputs, then groups, with their names and sizes; ``first``: first lines or columns; ``parent``, or -1."""
 
     def __init__(self, program: ChipProgram, phase: str) -> None:
-        inputs = program.inputs_of(phase)
-        columns = program.columns_of(phase)
-        self.inputs = len(inputs)
-        self.names = [item.name for item in inputs] + list(columns)
-        self.size = np.array([i.size for i in inputs] + [c.stop - c.start for c in columns.values()], dtype=np.int64)
-        lines = np.cumsum([0, *(item.size for item in inputs)])
-        self.first = np.array([*lines[:-1], *(c.start for c in columns.values())], dtype=np.int64)
-        self.lines, self.columns = int(lines[-1]), int(self.size[self.inputs :].sum())
+        places = {**program.lines_of(phase), **program.columns_of(phase)}
+        self.inputs = len(program.inputs_of(phase))
+        self.names = list(places)
+        self.first = np.array([place.start for place in places.values()], dtype=np.int64)
+        self.size = np.array([place.stop - place.start for place in places.values()], dtype=np.int64)
+        self.lines = int(self.size[: self.inputs].sum())
+        self._begin = np.cumsum(self.size) - self.size
+        number = {name: node for node, name in enumerate(self.names)}
+        parents = [program.joined_to.get(name, "") for name in self.names]
+        self.parent = np.array([number.get(name, -1) for name in parents], dtype=np.int64)
 
-    def of_line(self, line: IntArray) -> IntArray:
-        """Return the nodes of lines."""
-        return np.asarray(np.searchsorted(self.first[: self.inputs], line, side="right") - 1)
+    def of_source(self, source: IntArray) -> tuple[IntArray, IntArray]:
+        """Return the nodes of sources, lines and then columns, and the numbers of these on them."""
+        node = np.asarray(np.searchsorted(self._begin, source, side="right") - 1)
+        return node, source - self._begin[node]
 
     def of_column(self, column: IntArray) -> IntArray:
         """Return the nodes of columns."""
-        return np.asarray(np.searchsorted(self.first[self.inputs :], column, side="right") - 1 + self.inputs)
+        return self.of_source(self.lines + column)[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,112 +208,64 @@ class _Synapses:
 
 
 def _synapses(program: ChipProgram, phase: str, nodes: _Numbering) -> _Synapses:
-    cores = program.cores_of(phase)
-    columns = {core.number: program.columns_of_core(core) for core in cores}
-    source, to_core, to_axon = [], [], []
-    first = 0
-    for item in program.inputs_of(phase):
-        route = program.route_of(item.name)
-        source.append(route.line + first)
-        to_core.append(route.core)
-        to_axon.append(route.axon)
-        first += item.size
-    for core in cores:
-        source.append(nodes.lines + columns[core.number][core.axons.out_compartment])
-        to_core.append(core.axons.out_core)
-        to_axon.append(core.axons.out_axon)
-    sources, targets, axons_there = (np.concatenate(parts) for parts in (source, to_core, to_axon))
-    order = np.argsort(targets, kind="stable")
-    starts = np.searchsorted(targets[order], [[core.number, core.number + 1] for core in cores])
     parts = []
-    for core, (low, high) in zip(cores, starts, strict=True):
-        axons, mine = core.axons, order[low:high]
-        of_axon = np.full(axons.input_axons, -1, dtype=np.int64)
-        of_axon[axons_there[mine]] = sources[mine]
-        weight = core.effective_weights >> WEIGHT_SHIFT
-        global_source = np.repeat(of_axon, np.diff(axons.list_start))
-        parts.append((global_source, columns[core.number][axons.target], weight, axons.delay))
-    flat, column, weight, delay = (np.concatenate(part) for part in zip(*parts, strict=True))
-    is_line = flat < nodes.lines
-    node = np.where(is_line, nodes.of_line(flat), nodes.of_column(flat - nodes.lines))
-    source_there = np.where(is_line, flat, flat - nodes.lines) - nodes.first[node]
-    return _Synapses(node, source_there, nodes.of_column(column), column, weight, delay)
+    for core in program.cores_of(phase):
+        axons = core.axons
+        source = program.senders[core.number][axons.axon_of_synapse]
+        column = program.columns_of_core(core)[axons.target]
+        parts.append((source, column, core.effective_weights >> WEIGHT_SHIFT, axons.delay))
+    source, column, weight, delay = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return _Synapses(*nodes.of_source(source), nodes.of_column(column), column, weight, delay)
 
 
-def _blocks(program: ChipProgram, phase: str, nodes: _Numbering, synapses: _Synapses) -> list[list[int]]:
+def _blocks(nodes: _Numbering, synapses: _Synapses) -> list[list[int]]:
     """Return the groups' nodes block by block, sources before targets, children before parents."""
     graph = nx.DiGraph()
     graph.add_nodes_from(range(nodes.inputs, len(nodes.names)))
     pairs = np.unique(np.stack((synapses.node, synapses.target_node)), axis=1).T
     graph.add_edges_from((int(a), int(b)) for a, b in pairs if a >= nodes.inputs)
-    parents = _parents(program, phase, nodes)
     # Both ways, for what is joined is updated together.
-    graph.add_edges_from(parents.items())
-    graph.add_edges_from((parent, child) for child, parent in parents.items())
+    joined = [(child, int(parent)) for child, parent in enumerate(nodes.parent) if parent >= 0]
+    graph.add_edges_from(joined + [(parent, child) for child, parent in joined])
     whole = nx.condensation(graph)
     order = nx.lexicographical_topological_sort(whole, key=lambda block: min(whole.nodes[block]["members"]))
 
     def depth(node: int) -> int:
         above = 0
-        while node in parents:
-            node, above = parents[node], above + 1
+        while (node := nodes.parent[node]) >= 0:
+            above += 1
         return above
 
     return [sorted(whole.nodes[block]["members"], key=lambda node: (-depth(node), node)) for block in order]
 
 
-def _parents(program: ChipProgram, phase: str, nodes: _Numbering) -> dict[int, int]:
-    """Return the node that each joined node is joined to."""
-    number = {name: i for i, name in enumerate(nodes.names)}
-    found = {}
-    for core in program.cores_of(phase):
-        group_of = {piece.offset: piece.group for piece in core.slices}
-        for piece in core.slices:
-            parent = int(core.parent[piece.offset])
-            if parent >= 0:
-                found[number[piece.group]] = number[group_of[parent]]
-    return found
+@dataclass(frozen=True, eq=False)
+class _Cut:
+    """Pieces cut into chunks: node, piece, first column and width of each chunk, the slot of every column.
 
-
-@dataclass(frozen=True)
-class _Piece:
-    """What one core holds of a group: columns ``first..stop``; ``parent``: the node it is joined to, or -1.
-
-    ``number`` counts the pieces of the phase as :mod:`hw_model.accounting.pieces` does.
+    ``of_node``: the first chunk of each node, with the end.
     """
 
-    first: int
-    stop: int
-    number: int
-    parent: int
+    node: IntArray
+    piece: IntArray
+    first_column: IntArray
+    width: IntArray
+    slot: IntArray
+    of_node: IntArray
 
 
-def _pieces(program: ChipProgram, phase: str, nodes: _Numbering) -> dict[int, list[_Piece]]:
-    """Return the pieces of every group's node, in the order of their columns."""
-    first_column = {name: columns.start for name, columns in program.columns_of(phase).items()}
-    number = {name: i for i, name in enumerate(nodes.names)}
-    parents = _parents(program, phase, nodes)
-    found: dict[int, list[_Piece]] = {node: [] for node in range(nodes.inputs, len(nodes.names))}
-    slices = (part for core in program.cores_of(phase) for part in core.slices)
-    for index, part in enumerate(slices):
-        node = number[part.group]
-        first = first_column[part.group] + part.start
-        found[node].append(_Piece(first, first + part.size, index, parents.get(node, -1)))
-    return {node: sorted(pieces, key=lambda piece: piece.first) for node, pieces in found.items()}
-
-
-def _slots(pieces: dict[int, list[_Piece]], nodes: _Numbering) -> tuple[IntArray, IntArray]:
-    """Return the slot of every column, and the first chunk of every node, with the end."""
-    slot = np.empty(nodes.columns, dtype=np.int64)
-    chunk_first = np.zeros(len(nodes.names) + 1, dtype=np.int64)
-    chunk = 0
-    for node, parts in pieces.items():
-        chunk_first[node] = chunk
-        for piece in parts:
-            slot[piece.first : piece.stop] = LANES * chunk + np.arange(piece.stop - piece.first)
-            chunk += -(-(piece.stop - piece.first) // LANES)
-    chunk_first[len(nodes.names)] = chunk
-    return slot, chunk_first
+def _cut(pieces: Pieces, nodes: _Numbering) -> _Cut:
+    """Cut the pieces in the order of their columns, which is that of their nodes."""
+    order = np.argsort(pieces.first)
+    size, chunks = pieces.size[order], -(-pieces.size[order] // LANES)
+    begin = np.cumsum(chunks) - chunks
+    slot = np.arange(size.sum()) + np.repeat(LANES * begin - pieces.first[order], size)
+    piece = np.repeat(order, chunks)
+    first_column = pieces.first[piece] + LANES * (np.arange(len(piece)) - np.repeat(begin, chunks))
+    width = np.minimum(LANES, pieces.stop[piece] - first_column)
+    node = nodes.of_column(first_column)
+    of_node = np.searchsorted(node, np.arange(len(nodes.names) + 1))
+    return _Cut(node, piece, first_column, width, slot, of_node)
 
 
 def _chunks(
@@ -318,11 +274,10 @@ def _chunks(
     nodes: _Numbering,
     synapses: _Synapses,
     blocks: list[list[int]],
-    pieces: dict[int, list[_Piece]],
+    cut: _Cut,
     links: Links,
 ) -> Chunks:
-    slot, chunk_first = _slots(pieces, nodes)
-    count = int(chunk_first[-1])
+    slot, count = cut.slot, len(cut.node)
     limits = program.chip.registers
     widths = Widths(1 << (limits.charge_bits - WEIGHT_SHIFT), 1 << limits.current_bits)
     fits = widths == USUAL_WIDTHS and _largest_sum(program, phase, synapses) <= np.iinfo(np.int32).max
@@ -335,18 +290,11 @@ def _chunks(
     reached = np.zeros(count, dtype=np.bool_)
     reached[slot[synapses.column] // LANES] = True
     keeps = registers[:, [KEEP_U, KEEP_V, BIAS]].any(axis=(1, 2))
-    rows = [
-        (node, piece.number, first, min(LANES, piece.stop - first), piece.parent)
-        for node, parts in pieces.items()
-        for piece in parts
-        for first in range(piece.first, piece.stop, LANES)
-    ]
-    node, piece_number, first_column, width, parent_node = np.array(rows, dtype=np.int64).reshape(-1, 5).T.copy()
     # A child lies beside its parent on the same core, so both are cut into chunks at the same places.
-    joined = parent_node >= 0
+    joined = nodes.parent[cut.node] >= 0
     parent = np.full(count, -1, dtype=np.int64)
-    beside = (nodes.first[parent_node] + first_column - nodes.first[node])[joined]
-    parent[joined] = slot[beside] // LANES
+    beside = nodes.first[nodes.parent[cut.node]] + cut.first_column - nodes.first[cut.node]
+    parent[joined] = slot[beside[joined]] // LANES
     children: dict[int, list[int]] = {}
     for chunk in np.flatnonzero(joined).tolist():
         children.setdefault(int(parent[chunk]), []).append(chunk)
@@ -359,19 +307,18 @@ def _chunks(
         return found[::-1]
 
     bundles = [
-        [bundle(c) for n in block for c in range(chunk_first[n], chunk_first[n + 1]) if parent[c] < 0]
+        [bundle(c) for n in block for c in range(cut.of_node[n], cut.of_node[n + 1]) if parent[c] < 0]
         for block in blocks
     ]
     member = [chunk for block in bundles for each in block for chunk in each]
     starts = np.cumsum([0, *(len(each) for block in bundles for each in block)])
-    parents = _parents(program, phase, nodes)
-    spiking = [[n for n in block if n not in parents] for block in blocks]
+    spiking = [[n for n in block if nodes.parent[n] < 0] for block in blocks]
     return Chunks(
-        node=node,
-        piece=piece_number,
+        node=cut.node,
+        piece=cut.piece,
         parent=parent,
-        first_column=first_column,
-        width=width,
+        first_column=cut.first_column,
+        width=cut.width,
         sums=(~keeps & ~reached).astype(np.uint8),
         registers=registers,
         member=np.array(member, dtype=np.int64),
@@ -402,10 +349,8 @@ def _largest_sum(program: ChipProgram, phase: str, synapses: _Synapses) -> int:
     return max(found)
 
 
-def _links(
-    nodes: _Numbering, synapses: _Synapses, blocks: list[list[int]], slot: IntArray, chunk_first: IntArray
-) -> Links:
-    count = len(nodes.names)
+def _links(nodes: _Numbering, synapses: _Synapses, blocks: list[list[int]], cut: _Cut) -> Links:
+    count, slot = len(nodes.names), cut.slot
     pair = synapses.node * count + synapses.target_node
     order = np.lexsort((synapses.column, synapses.source, pair))
     pairs, starts = np.unique(pair[order], return_index=True)
@@ -422,7 +367,7 @@ def _links(
     for i in listed:
         mine = order[bounds[i] : bounds[i + 1]]
         node, to = divmod(int(pairs[i]), count)
-        low, high = LANES * int(chunk_first[to]), LANES * int(chunk_first[to + 1])
+        low, high = LANES * int(cut.of_node[to]), LANES * int(cut.of_node[to + 1])
         matrix = _matrix(synapses, mine, slot[synapses.column[mine]] - low, (int(nodes.size[node]), high - low))
         if matrix is not None:
             late = int(synapses.delay[mine[0]])
@@ -495,14 +440,13 @@ def _matrix(
 
 def _parameters(program: ChipProgram, phase: str, never: int) -> dict[int, IntArray]:
     """Return the parameters of every column by field; ``never`` is the threshold of what cannot spike."""
-    n = sum(core.compartments for core in program.cores_of(phase))
-    found = {field: np.zeros(n, dtype=np.int64) for field in range(KEEP_U, VMAX + 1)}
-    for core in program.cores_of(phase):
-        here = program.columns_of_core(core)
-        found[KEEP_U][here] = DECAY_ONE - core.setting("decay_u")
-        found[KEEP_V][here] = DECAY_ONE - core.setting("decay_v")
-        found[THRESHOLD][here] = np.where(core.setting("joined") == 0, core.threshold_voltage, never)
-        found[BIAS][here] = core.bias
-        found[REFRACTORY][here] = core.setting("refractory")
-        found[VMIN][here], found[VMAX][here] = core.vmin, core.vmax
-    return found
+    values: dict[int, Callable[[Core], IntArray | int]] = {
+        KEEP_U: lambda core: DECAY_ONE - core.setting("decay_u"),
+        KEEP_V: lambda core: DECAY_ONE - core.setting("decay_v"),
+        THRESHOLD: lambda core: np.where(core.setting("joined") == 0, core.threshold_voltage, never),
+        BIAS: lambda core: core.bias,
+        REFRACTORY: lambda core: core.setting("refractory"),
+        VMIN: lambda core: core.vmin,
+        VMAX: lambda core: core.vmax,
+    }
+    return {field: program.by_column(phase, value) for field, value in values.items()}

@@ -99,7 +99,7 @@ class PhaseTrace:
     """What a batch did in a phase of n columns.
 
     ``spikes`` (batch, steps, n); ``sent`` (batch, lines + n): spikes of every source over all steps, input lines first;
-    ``active`` (batch, steps, pieces): compartments of each piece (:mod:`hw_model.accounting.pieces`) with anything to
+    ``active`` (batch, steps, pieces): compartments of each piece (:mod:`hw_model.program.pieces`) with anything to
     work on;
     ``events`` (batch, 3, n): how often each compartment met each of :data:`EVENTS`; ``skipped`` (batch,): steps in
     which no compartment had to be updated; ``registers``: the windows asked for.

@@ -123,15 +123,23 @@ def _limit_rules(core: Core, chip: Chip) -> list[tuple[str, bool]]:
 
 
 def _check_ways(program: ChipProgram) -> None:
-    """Every core has a place of its own on the board, and every spike goes to an axon that exists."""
+    """Every core has a place of its own on the board, and every input axon one sender, in the phase of its core."""
     slots = [core.slot for core in program.cores]
     _check("cores", [("slots", len(set(slots)) == len(slots) and _whole(slots, 0, program.chip.cores - 1))])
     input_axons = np.array([core.axons.input_axons for core in program.cores], dtype=np.int64)
-    ways = [(f"core {core.number}", core.axons.out_core, core.axons.out_axon) for core in program.cores]
-    ways += [(f"input {route.input!r}", route.core, route.axon) for route in program.input_routes]
-    for where, core, axon in ways:
+    begin = np.cumsum([0, *input_axons])
+    phases = [phase.name for phase in program.phases]
+    phase_of = np.array([phases.index(core.phase) for core in program.cores], dtype=np.int64)
+    ways = [(f"core {core.number}", core.phase, core.axons.out_core, core.axons.out_axon) for core in program.cores]
+    for item, route in zip(program.inputs, program.input_routes, strict=True):
+        ways.append((f"input {route.input!r}", item.phase, route.core, route.axon))
+    senders = np.zeros(begin[-1], dtype=np.int64)
+    for where, phase, core, axon in ways:
         exists = _within(core, 0, len(input_axons) - 1) and bool(((axon >= 0) & (axon < input_axons[core])).all())
-        _check(where, [("destinations", exists)])
+        _check(where, [("destinations", exists and bool((phase_of[core] == phases.index(phase)).all()))])
+        np.add.at(senders, begin[core] + axon, 1)
+    for there, many in zip(program.cores, np.split(senders, begin[1:-1]), strict=True):
+        _check(f"core {there.number}", [("input axons", bool((many == 1).all()))])
 
 
 def _check_groups(program: ChipProgram) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -127,6 +128,35 @@ class ChipProgram:
         joined: IntArray = np.concatenate(parts)
         return joined
 
+    def by_column(self, phase: str, values: Callable[[Core], IntArray | int]) -> IntArray:
+        """Return what ``values`` gives for the compartments of each core of a phase, (columns,)."""
+        found = np.empty(sum(core.compartments for core in self.cores_of(phase)), dtype=np.int64)
+        for core in self.cores_of(phase):
+            found[self.columns_of_core(core)] = values(core)
+        return found
+
+    def lines_of(self, phase: str) -> dict[str, slice]:
+        """Return the lines of every input in arrays over a phase's input lines, inputs one after the other."""
+        ends = np.cumsum([0, *(item.size for item in self.inputs_of(phase))]).tolist()
+        return {item.name: slice(*ends[i : i + 2]) for i, item in enumerate(self.inputs_of(phase))}
+
+    @cached_property
+    def senders(self) -> tuple[IntArray, ...]:
+        """For every core the source of each of its input axons, counted in its phase: lines first, then columns."""
+        begin = np.cumsum([0, *(core.axons.input_axons for core in self.cores)])
+        source = np.full(begin[-1], -1, dtype=np.int64)
+        for phase in self.phases:
+            lines = self.lines_of(phase.name)
+            for name, here in lines.items():
+                route = self.route_of(name)
+                source[begin[route.core] + route.axon] = here.start + route.line
+            count = max((here.stop for here in lines.values()), default=0)
+            for core in self.cores_of(phase.name):
+                axons = core.axons
+                sent = count + self.columns_of_core(core)[axons.out_compartment]
+                source[begin[axons.out_core] + axons.out_axon] = sent
+        return tuple(np.split(source, begin[1:-1]))
+
     @property
     def streams(self) -> dict[str, int]:
         """Recordings that the program expects, by name, with their channels."""
@@ -141,6 +171,17 @@ class ChipProgram:
             for piece in core.slices
             if not core.profiles[core.profile[piece.offset]].joined
         )
+
+    @cached_property
+    def joined_to(self) -> dict[str, str]:
+        """Names of the groups that add their voltage to another, each with that group's name."""
+        found = {}
+        for core in self.cores:
+            group_of = {piece.offset: piece.group for piece in core.slices}
+            for piece in core.slices:
+                if (parent := int(core.parent[piece.offset])) >= 0:
+                    found[piece.group] = group_of[parent]
+        return found
 
     @cached_property
     def populations(self) -> dict[str, int]:

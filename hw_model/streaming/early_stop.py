@@ -302,48 +302,28 @@ class _Voter:
 
 def _members(program: ChipProgram, name: str) -> list[str]:
     """Return the groups joined to a group, children first, and the group itself last."""
-    children: dict[str, dict[str, None]] = {}
-    for core in program.cores:
-        group_of = {piece.offset: piece.group for piece in core.slices}
-        for piece in core.slices:
-            parent = int(core.parent[piece.offset])
-            if parent >= 0:
-                children.setdefault(group_of[parent], {})[piece.group] = None
     found, begun = [], [name]
     while begun:
         found.append(begun.pop())
-        begun += children.get(found[-1], {})
+        begun += [child for child, parent in program.joined_to.items() if parent == found[-1]]
     return found[::-1]
 
 
-def _parts(program: ChipProgram, phase: str, name: str) -> list[tuple[Core, slice]]:
-    """Return where the compartments of a group are, in their order: cores, and places on them."""
-    pieces = [
-        (piece.start, core, slice(piece.offset, piece.offset + piece.size))
-        for core in program.cores_of(phase)
-        for piece in core.slices
-        if piece.group == name
-    ]
-    return [(core, place) for _, core, place in sorted(pieces, key=lambda piece: piece[0])]
-
-
-def _each(program: ChipProgram, phase: str, name: str, values: Callable[[Core], IntArray]) -> IntArray:
-    """Return what ``values`` gives for every compartment of a core, for those of a group, (n,)."""
-    return np.concatenate([values(core)[place] for core, place in _parts(program, phase, name)])
+def _each(program: ChipProgram, phase: str, name: str, values: Callable[[Core], IntArray | int]) -> IntArray:
+    """Return what ``values`` gives for the compartments of a core, for those of a group, (n,)."""
+    return program.by_column(phase, values)[program.columns_of(phase)[name]]
 
 
 def _member(program: ChipProgram, phase: str, name: str) -> _Member:
-    core, place = _parts(program, phase, name)[0]
-    parent = int(core.parent[place.start])
     return _Member(
         name=name,
         decay_u=_each(program, phase, name, lambda core: core.setting("decay_u")),
         decay_v=_each(program, phase, name, lambda core: core.setting("decay_v")),
         charge=_each(program, phase, name, _largest_charge),
         bias=_each(program, phase, name, lambda core: core.bias),
-        vmin=_each(program, phase, name, lambda core: np.full(core.compartments, core.vmin)),
-        vmax=_each(program, phase, name, lambda core: np.full(core.compartments, core.vmax)),
-        parent=next((piece.group for piece in core.slices if piece.offset == parent), None) if parent >= 0 else None,
+        vmin=_each(program, phase, name, lambda core: core.vmin),
+        vmax=_each(program, phase, name, lambda core: core.vmax),
+        parent=program.joined_to.get(name),
     )
 
 
@@ -359,4 +339,4 @@ def _proof(program: ChipProgram) -> dict[int, npt.NDArray[np.bool_]]:
 
 
 def _cannot_wrap(program: ChipProgram, phase: str, name: str) -> bool:
-    return all(_proof(program)[core.number][place].all() for core, place in _parts(program, phase, name))
+    return bool(_each(program, phase, name, lambda core: _proof(program)[core.number].astype(np.int64)).all())

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 import hw_model as hw
 from hw_model.arithmetic.fixed_point import IntArray
-from hw_model.engine.playing import Spikes, read_streams
+from hw_model.engine.playing import Player, Spikes, list_events, play, read_streams
 from hw_model.engine.trace import ByteArray, Register
 from hw_model.mapping.graph import Phase
 from hw_model.program.chip_program import Core
@@ -51,33 +51,30 @@ class Played:
 
     def spikes(self, core: Core) -> ByteArray:
         """Return the spikes of every compartment of a core, (steps, compartments); joined ones never spike."""
-        silent = np.zeros((self.steps(core.phase), 1), dtype=np.uint8)
-        of_group = self.result.spikes
-        parts = [
-            of_group[p.group][:, p.start : p.stop] if p.group in of_group else np.repeat(silent, p.size, axis=1)
-            for p in core.slices
-        ]
-        return np.concatenate(parts, axis=1)
+        lines = self.lines[core.phase].shape[1]
+        return self._sent[core.phase][:, lines + self.program.columns_of_core(core)]
 
     def input_axons(self, core: Core) -> ByteArray:
         """Return the spikes that input lines send to a core, (steps, input axons of the core)."""
-        arriving = np.zeros((self.steps(core.phase), core.axons.input_axons), dtype=np.uint8)
-        first = 0
-        for item in self.program.inputs_of(core.phase):
-            route = self.program.route_of(item.name)
-            here = route.core == core.number
-            arriving[:, route.axon[here]] = self.lines[core.phase][:, first + route.line[here]]
-            first += item.size
-        return arriving
+        lines = self.lines[core.phase].shape[1]
+        from_lines: ByteArray = self.axons(core) * (self.program.senders[core.number] < lines)
+        return from_lines
 
     def axons(self, core: Core) -> ByteArray:
         """Return all spikes that reach a core, from input lines and from compartments, (steps, input axons)."""
-        arriving = self.input_axons(core)
-        for sender in self.program.cores_of(core.phase):
-            axons = sender.axons
-            here = axons.out_core == core.number
-            arriving[:, axons.out_axon[here]] = self.spikes(sender)[:, axons.out_compartment[here]]
-        return arriving
+        return self._sent[core.phase][:, self.program.senders[core.number]]
+
+    @cached_property
+    def _sent(self) -> dict[str, ByteArray]:
+        """The spikes of all sources of each phase, (steps, lines + columns)."""
+        found = {}
+        for phase, lines in self.lines.items():
+            count = sum(core.compartments for core in self.program.cores_of(phase))
+            spikes = np.zeros((len(lines), count), dtype=np.uint8)
+            for name, here in self.program.columns_of(phase).items():
+                spikes[:, here] = self.result.spikes.get(name, 0)
+            found[phase] = np.concatenate((lines, spikes), axis=1)
+        return found
 
 
 def play_recording(program: hw.ChipProgram, spikes: Spikes, title: str = "recording 0") -> Played:
@@ -87,28 +84,6 @@ def play_recording(program: hw.ChipProgram, spikes: Spikes, title: str = "record
         raise InputError("recording", "several recordings were given", fix="Give one, of shape (steps, channels).")
     recording = {name: array[0] for name, array in streams.items()}
     result = hw.simulate(program, recording, probe=("spikes", "u", "v", "potential", "activity"))
-    rows = len(next(iter(recording.values())))
-    lines = {
-        phase.name: _lines(program, phase.name, recording, rows if phase.steps is None else phase.steps)
-        for phase in program.phases
-    }
+    events = {name: list_events(array) for name, array in streams.items()}
+    lines = {phase.name: play(program, phase, events, None, Player()).lines(0) for phase in program.phases}
     return Played(program, title, lines, result)
-
-
-def _lines(program: hw.ChipProgram, phase: str, recording: Mapping[str, ByteArray], steps: int) -> ByteArray:
-    """Return the spikes of a phase's input lines, (steps, lines), inputs one after the other."""
-    parts = [np.zeros((steps, 0), dtype=np.uint8)]
-    for item in program.inputs_of(phase):
-        events = np.argwhere(recording[item.stream])
-        if item.positions is None:
-            at, line = events[:, 0], events[:, 1]
-        else:  # the transpose buffer: an event (step t, channel c) is played as line first_lines[c] + t at positions[c]
-            events = events[events[:, 0] < item.rows]
-            at, line = item.positions[events[:, 1]], events[:, 0]
-            if item.first_lines is not None:
-                line = line + item.first_lines[events[:, 1]]
-        kept = (at < steps) & (line < item.size)
-        part = np.zeros((steps, item.size), dtype=np.uint8)
-        part[at[kept], line[kept]] = 1
-        parts.append(part)
-    return np.concatenate(parts, axis=1)

@@ -31,22 +31,12 @@ def probed(played: Played, probes: Sequence[str]) -> tuple[Compartment, ...]:
     chosen = [compartment for probe in probes for compartment in _read(program, probe)]
     if not probes:
         chosen = [Compartment(name, int(spikes.sum(axis=0).argmax())) for name, spikes in played.result.spikes.items()]
-    parents = parent_groups(program)
     for compartment in chosen:
-        chosen += [Compartment(name, compartment.index) for name, to in parents.items() if to == compartment.group]
+        chosen += [
+            Compartment(name, compartment.index) for name, to in program.joined_to.items() if to == compartment.group
+        ]
     order = list(program.populations)
     return tuple(sorted(set(chosen), key=lambda c: (order.index(c.group), c.index)))
-
-
-def parent_groups(program: hw.ChipProgram) -> dict[str, str]:
-    """Return the group that each joined group adds its voltage to."""
-    found = {}
-    for core in program.cores:
-        for piece in core.slices:
-            parent = core.parent[piece.offset]
-            if parent >= 0:
-                found[piece.group] = core.slices[core.slice_of_compartment[parent]].group
-    return found
 
 
 def _read(program: hw.ChipProgram, probe: str) -> list[Compartment]:

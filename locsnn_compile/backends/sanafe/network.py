@@ -69,12 +69,7 @@ class PhaseNetwork:
 
     def _spikes_of(self, item: Input) -> ByteArray:
         """Return the spikes of an input's lines, (steps, lines)."""
-        first = 0
-        for other in self._program.inputs_of(self._phase):
-            if other.name == item.name:
-                break
-            first += other.size
-        return self._played.lines[self._phase][:, first : first + item.size]
+        return self._played.lines[self._phase][:, self._program.lines_of(self._phase)[item.name]]
 
     def _tile(self, core: Core) -> int:
         return tile_number(self._program.chip, core.slot)

@@ -11,11 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 import hw_model as hw
-from hw_model.accounting.pieces import pieces_of
 from hw_model.accounting.usage import PhaseUsage
 from hw_model.description.counts import BY_CORE, Counts, total
 from hw_model.description.profile import Profile, Range
 from hw_model.program.chip_program import ChipProgram
+from hw_model.program.pieces import pieces_of
 from locsnn_compile.network.network import Network
 from locsnn_compile.report.figures.spread import Document, FloatArray, by_class, course, spread, tile, worst
 from locsnn_compile.verification.matching import Match
