@@ -18,7 +18,7 @@ from locsnn_compile.network.network import Network
 from locsnn_compile.passes.rounding.rounding import FINE
 from locsnn_compile.pipeline import Levels, lower
 from locsnn_compile.reference.calibration import Calibration, calibrate
-from locsnn_compile.settings import Setting, has_srm_neurons
+from locsnn_compile.settings import Setting
 from locsnn_compile.strategies import STRATEGIES
 from locsnn_compile.verification.error_bounds import ErrorBudget, Losses, default_budget
 from locsnn_compile.verification.matching import compare
@@ -71,7 +71,7 @@ def choose_strategy(
     keeps the budget. A setting that this chip cannot hold is passed over; if that is all of them, the first
     ``TargetError`` is raised. Returns None for a network with no float SRM neurons: there is nothing to choose.
     """
-    if not has_srm_neurons(network):
+    if not network.by_strategy:
         return None
     trial = _Trial(network, chip, recordings, calibrate(network, recordings, chip.registers))
     firsts = [Setting(strategy, weight_bits, split_weights or 0.0) for strategy in strategies]

@@ -18,9 +18,7 @@ Value = str | int | float
 
 def has_srm_neurons(network: Network) -> bool:
     """Tell whether some neurons are float SRM neurons, which a strategy lays out."""
-    from locsnn_compile.network.neurons import SrmAlpha
-
-    return any(isinstance(population.neuron, SrmAlpha) for population in network.populations)
+    return network.by_strategy
 
 
 def has_float_weights(network: Network) -> bool:

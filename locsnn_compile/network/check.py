@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,36 +9,16 @@ import numpy.typing as npt
 
 from hw_model.mapping.graph import Axis
 from locsnn_compile.errors import InputError
-from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection, ChipSrm, RefractoryDendrite
+from locsnn_compile.network.chip_neurons import ChipProjection
 from locsnn_compile.network.matrices import values_of
 from locsnn_compile.network.network import InputView, Network, Population, Projection
-from locsnn_compile.network.neurons import Cuba, SoftCuba, SrmAlpha
+from locsnn_compile.network.neurons import POSITIVE
 
 _Array = npt.NDArray[Any]
 _Ends = dict[str, tuple[Axis, int]]
 
-_POSITIVE: tuple[Callable[[_Array], Any], str] = (lambda v: v > 0, "above 0")
-_NOT_NEGATIVE: tuple[Callable[[_Array], Any], str] = (lambda v: v >= 0, "at least 0")
-_FRACTION: tuple[Callable[[_Array], Any], str] = (lambda v: (v >= 0) & (v <= 1), "a fraction from 0 to 1")
-_AT_LEAST_ONE: tuple[Callable[[_Array], Any], str] = (lambda v: v >= 1, "at least 1")
-_FINITE: tuple[Callable[[_Array], Any], str] = (np.isfinite, "a finite number")
-
-_RULES: dict[type, dict[str, tuple[Callable[[_Array], Any], str]]] = {
-    SrmAlpha: {"theta": _POSITIVE, "tau_sr": _POSITIVE, "tau_ref": _POSITIVE, "scale_ref": _NOT_NEGATIVE},
-    Cuba: {
-        "decay_u": _FRACTION,
-        "decay_v": _FRACTION,
-        "threshold": _POSITIVE,
-        "bias": _FINITE,
-        "refractory": _AT_LEAST_ONE,
-    },
-    SoftCuba: {"decay_u": _FRACTION, "decay_v": _FRACTION, "threshold": _POSITIVE, "drop": _NOT_NEGATIVE},
-}
-"""What a float parameter must be; integers are checked against the chip that they are compiled for."""
-
 _LEAST, _MOST = 1e-100, 1e100
 """Magnitudes that float numbers may have, those below 1 only where they divide: products of three stay in float64."""
-_DIVISORS = ("theta", "tau_sr", "tau_ref", "threshold")
 
 
 def check_network(network: Network) -> None:
@@ -62,12 +41,11 @@ def check_network(network: Network) -> None:
         )
     if not network.projections:
         raise InputError(f"model {network.name!r}", "it has no weights", fix="Connect an input to a population.")
-    on_grid = {population.name: population.on_grid for population in network.populations}
-    dendrites = {p.name: p.neuron.dendrites for p in network.populations if isinstance(p.neuron, ChipSrm)}
+    neurons = {population.name: population.neuron for population in network.populations}
     for projection in network.projections:
         _check_ends(projection, ends)
-        _check_kind(projection, on_grid[projection.target])
-        _check_dendrite(projection, dendrites.get(projection.target, 1))
+        _check_kind(projection, neurons[projection.target].on_grid)
+        _check_dendrite(projection, neurons[projection.target].dendrites)
         _check_values(projection, (ends[projection.target][1], ends[projection.source][1]))
 
 
@@ -97,8 +75,9 @@ def _check_view(view: InputView, network: Network) -> None:
 
 
 def _check_neuron(population: Population) -> None:
-    where = f"population {population.name!r}"
-    for key, values, shape in _parameters(population):
+    where, neuron = f"population {population.name!r}", population.neuron
+    parameters = neuron.parameters(population.size)
+    for key, values, shape, _ in parameters:
         if values.shape not in ((), shape):
             raise InputError(
                 where,
@@ -106,16 +85,15 @@ def _check_neuron(population: Population) -> None:
                 measured=f"{values.shape} against {shape}",
                 fix="Give one number a neuron.",
             )
-    if isinstance(population.neuron, ChipSrm) and population.neuron.dendrites < 1:
-        raise InputError(
-            where, "neurons without a dendrite", measured=f"{population.neuron.dendrites}", fix="Give 1 or more."
-        )
-    for key, (holds, words) in _RULES.get(type(population.neuron), {}).items():
-        values = np.asarray(getattr(population.neuron, key))
-        bad = values[~(np.isfinite(values) & holds(values))]
+    if neuron.dendrites < 1:
+        raise InputError(where, "neurons without a dendrite", measured=f"{neuron.dendrites}", fix="Give 1 or more.")
+    for key, values, _, must in parameters:
+        if must is None:
+            continue
+        bad = values[~(np.isfinite(values) & must.holds(values))]
         if bad.size:
-            raise InputError(where, f"{key} must be {words}", measured=f"{bad.flat[0]}", fix="Correct it.")
-        _check_magnitude(where, key, values, _LEAST if key in _DIVISORS else 0.0)
+            raise InputError(where, f"{key} must be {must.words}", measured=f"{bad.flat[0]}", fix="Correct it.")
+        _check_magnitude(where, key, values, _LEAST if must is POSITIVE else 0.0)
 
 
 def _check_magnitude(where: str, key: str, values: _Array, least: float) -> None:
@@ -131,21 +109,6 @@ def _check_magnitude(where: str, key: str, values: _Array, least: float) -> None
         )
 
 
-def _parameters(population: Population) -> list[tuple[str, _Array, tuple[int, ...]]]:
-    """Return rows of (name, values, shape that they should have)."""
-    neuron, each = population.neuron, (population.size,)
-    if isinstance(neuron, ChipSrm):
-        found = [(key, getattr(neuron, key), each) for key in ("decay_u", "decay_v", "threshold")]
-        ref = neuron.refractory
-        if isinstance(ref, RefractoryDendrite):
-            return [*found, ("refractory decay", ref.decay, each), ("refractory mantissa", ref.mantissa, each)]
-        taps = (len(ref.delay),)
-        return [*found, ("tap exponent", ref.exponent, taps), ("tap mantissa", ref.mantissa, (*taps, *each))]
-    if isinstance(neuron, ChipCuba):
-        return [(key, values, each) for key, values in vars(neuron).items()]
-    return [(key, np.asarray(getattr(neuron, key)), each) for key in _RULES[type(neuron)]]
-
-
 def _check_ends(projection: Projection | ChipProjection, ends: _Ends) -> None:
     where = _where(projection)
     if projection.source not in ends or projection.target not in ends:
@@ -156,7 +119,7 @@ def _check_ends(projection: Projection | ChipProjection, ends: _Ends) -> None:
 
 
 def _check_kind(projection: Projection | ChipProjection, on_grid: bool) -> None:
-    if isinstance(projection, ChipProjection) != on_grid:
+    if projection.on_grid != on_grid:
         raise InputError(
             _where(projection),
             "float weights reach integer neurons" if on_grid else "integer weights reach float neurons",
@@ -165,7 +128,7 @@ def _check_kind(projection: Projection | ChipProjection, on_grid: bool) -> None:
 
 
 def _check_dendrite(projection: Projection | ChipProjection, dendrites: int) -> None:
-    if isinstance(projection, ChipProjection) and not 0 <= projection.dendrite < dendrites:
+    if not 0 <= projection.dendrite < dendrites:
         raise InputError(
             _where(projection),
             "the target has no such dendrite",
@@ -176,7 +139,7 @@ def _check_dendrite(projection: Projection | ChipProjection, dendrites: int) -> 
 
 def _check_values(projection: Projection | ChipProjection, shape: tuple[int, int]) -> None:
     where = _where(projection)
-    weights = projection.mantissa if isinstance(projection, ChipProjection) else projection.weights
+    weights = projection.held
     if weights.shape != shape:
         raise InputError(
             where,

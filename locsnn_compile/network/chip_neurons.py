@@ -10,21 +10,57 @@ int64 array (n,).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from hw_model.arithmetic.fixed_point import IntArray
 from locsnn_compile.network.matrices import Matrix, fan_out, matrix
-from locsnn_compile.network.neurons import spread
+from locsnn_compile.network.neurons import Neuron, Parameter, spread
 
 Signs = Literal["apart", "mixed"]
 """``apart``: positive and negative weights in formats of their own, all bits magnitude; ``mixed``: both in one."""
 
 
 @dataclass(frozen=True, eq=False)
-class ChipCuba:
+class ChipNeuron(Neuron):
+    """What all neurons in the chip's integers have; see those that derive from it."""
+
+    decay_u: IntArray
+    decay_v: IntArray
+    threshold: IntArray
+
+    on_grid = True
+
+    @property
+    def spikes_at(self) -> IntArray:
+        """The register's threshold."""
+        return 64 * self.threshold
+
+    @property
+    def strategy(self) -> str:
+        """The strategy that lays this neuron out; ``native`` where it is one compartment."""
+        return "native"
+
+    @property
+    def registers(self) -> dict[str, IntArray]:
+        """What its soma has beside decays and threshold, by the names of ``Compartments``; else nothing."""
+        return {}
+
+    @property
+    def parts(self) -> dict[str, tuple[IntArray, IntArray]]:
+        """Both decays of each kind of dendrite beside a memoryless soma, inputs onto the first; none of ``native``."""
+        return {}
+
+    @property
+    def own(self) -> dict[str, RefractoryTaps]:
+        """Self-synapses by the kind of dendrite that they reach."""
+        return {}
+
+
+@dataclass(frozen=True, eq=False)
+class ChipCuba(ChipNeuron):
     """One compartment a neuron, with the chip's own reset.
 
         u(t) = rz(u(t - 1), decay_u) + q(t)
@@ -33,12 +69,19 @@ class ChipCuba:
     It spikes where ``v(t) > 64 * threshold``; then v = 0, and stays so without a spike for ``refractory - 1`` steps.
     """
 
-    decay_u: IntArray
-    decay_v: IntArray
-    threshold: IntArray
     bias_mantissa: IntArray
     bias_exponent: IntArray
     refractory: IntArray
+
+    @property
+    def biased(self) -> npt.NDArray[np.bool_]:
+        """Which neurons have a bias."""
+        return np.asarray(self.bias_mantissa != 0)
+
+    @property
+    def registers(self) -> dict[str, IntArray]:
+        """Bias and refractory count."""
+        return {key: getattr(self, key) for key in ("bias_mantissa", "bias_exponent", "refractory")}
 
     @classmethod
     def of(
@@ -69,6 +112,23 @@ class RefractoryDendrite:
     mantissa: IntArray
     exponent: int
 
+    @property
+    def taps(self) -> RefractoryTaps:
+        """The self-synapses that reach it."""
+        return RefractoryTaps(np.zeros(1, np.int64), self.mantissa[None], np.array([self.exponent]))
+
+    @property
+    def parts(self) -> dict[str, tuple[IntArray, IntArray]]:
+        """Itself."""
+        return {"refractory": (self.decay, self.decay)}
+
+    def parameters(self, size: int) -> list[Parameter]:
+        """Return its arrays."""
+        return [
+            Parameter("refractory decay", self.decay, (size,)),
+            Parameter("refractory mantissa", self.mantissa, (size,)),
+        ]
+
 
 @dataclass(frozen=True, eq=False)
 class RefractoryTaps:
@@ -82,9 +142,27 @@ class RefractoryTaps:
     mantissa: IntArray
     exponent: IntArray
 
+    @property
+    def taps(self) -> RefractoryTaps:
+        """Itself."""
+        return self
+
+    @property
+    def parts(self) -> dict[str, tuple[IntArray, IntArray]]:
+        """No dendrite."""
+        return {}
+
+    def parameters(self, size: int) -> list[Parameter]:
+        """Return its arrays."""
+        taps = len(self.delay)
+        return [
+            Parameter("tap exponent", self.exponent, (taps,)),
+            Parameter("tap mantissa", self.mantissa, (taps, size)),
+        ]
+
 
 @dataclass(frozen=True, eq=False)
-class ChipSrm:
+class ChipSrm(ChipNeuron):
     """A neuron without reset: a memoryless soma to which dendrites add their voltages.
 
         u(t) = rz(u(t - 1), decay_u) + q(t)                  the alpha dendrite
@@ -96,9 +174,6 @@ class ChipSrm:
     refractory weight: the potential is the sum of all, and may be as many times as large.
     """
 
-    decay_u: IntArray
-    decay_v: IntArray
-    threshold: IntArray
     refractory: RefractoryDendrite | RefractoryTaps
     dendrites: int = 1
 
@@ -146,8 +221,19 @@ class ChipSrm:
             return "delay-line"
         return "dendrite" if self.dendrites == 1 else "paired-dendrite"
 
+    @property
+    def parts(self) -> dict[str, tuple[IntArray, IntArray]]:
+        """The alpha dendrite, and the refractory one if there is any."""
+        return {"dendrite": (self.decay_u, self.decay_v), **self.refractory.parts}
 
-ChipNeuron = ChipCuba | ChipSrm
+    @property
+    def own(self) -> dict[str, RefractoryTaps]:
+        """Self-synapses onto the last kind of dendrite."""
+        return {[*self.parts][-1]: self.refractory.taps}
+
+    def parameters(self, size: int) -> list[Parameter]:
+        """Return its arrays, those of the refractory part included."""
+        return super().parameters(size) + self.refractory.parameters(size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,6 +252,13 @@ class ChipProjection:
     signs: Signs = "apart"
     delay: int | IntArray = 0
     dendrite: int = 0
+
+    on_grid: ClassVar[bool] = True
+
+    @property
+    def held(self) -> Matrix:
+        """What it holds: its mantissas."""
+        return self.mantissa
 
     def fan_out(self) -> IntArray:
         """Return the synapses that each source has, (n_source,)."""

@@ -7,6 +7,7 @@ Network -> QuantizedNetwork -> CompartmentGraph -> PlacedGraph -> RoutedGraph ->
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -15,12 +16,9 @@ from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.mapping.graph import Axis, Readout
 from locsnn_compile.data.expected import Expected
 from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection, ChipSrm
+from locsnn_compile.network.chip_neurons import ChipProjection
 from locsnn_compile.network.matrices import Matrix, fan_out
-from locsnn_compile.network.neurons import Cuba, SoftCuba, SrmAlpha
-
-Neuron = SrmAlpha | Cuba | SoftCuba | ChipSrm | ChipCuba
-"""Float models, which ``quantize`` rounds, and on-grid ones, which every pass keeps exactly."""
+from locsnn_compile.network.neurons import FloatArray, Neuron
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,14 +82,12 @@ class Population:
     @property
     def on_grid(self) -> bool:
         """Whether its parameters, and the weights onto it, are integers of the chip already."""
-        return isinstance(self.neuron, ChipSrm | ChipCuba)
+        return self.neuron.on_grid
 
-    def threshold_of(self, i: int) -> float:
-        """Return the threshold of neuron i, in the units of its potential."""
-        neuron = self.neuron
-        if isinstance(neuron, SrmAlpha):
-            return neuron.theta
-        return float(neuron.threshold[i]) if isinstance(neuron, Cuba | SoftCuba) else 64.0 * int(neuron.threshold[i])
+    @property
+    def thresholds(self) -> FloatArray:
+        """The threshold of each neuron in the units of its potential, (n,)."""
+        return np.broadcast_to(np.asarray(self.neuron.spikes_at, dtype=np.float64), (self.size,))
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +102,14 @@ class Projection:
     target: str
     weights: Matrix
     delay: int | IntArray = 0
+
+    on_grid: ClassVar[bool] = False
+    dendrite: ClassVar[int] = 0
+
+    @property
+    def held(self) -> Matrix:
+        """What it holds: its weights."""
+        return self.weights
 
     def fan_out(self) -> IntArray:
         """Return the weights other than 0 that each source has, (n_source,)."""
@@ -147,6 +151,11 @@ class Network:
     def own_populations(self) -> tuple[Population, ...]:
         """The populations of the model itself, without helpers."""
         return tuple(population for population in self.populations if not population.helper)
+
+    @property
+    def by_strategy(self) -> bool:
+        """Whether there are neurons that a strategy lays out."""
+        return any(population.neuron.by_strategy for population in self.populations)
 
     @property
     def axes(self) -> tuple[Axis, ...]:

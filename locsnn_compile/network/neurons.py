@@ -1,10 +1,18 @@
-"""Neuron models of the first level, in float, as their authors think of them; on-grid ones are in ``on_grid``."""
+"""What a neuron model is to every level, and the models in float, as their authors think of them.
+
+A model is a frozen dataclass that derives from :class:`Neuron`, and may come from outside the package. Here are the
+facts that it knows of itself. What it does is registered with the functions that ask, each in its own room: its steps
+with ``reference.evaluate.steps_of``, its integers with ``passes.quantize.integers_of``, its text with
+``network.text.neuron_text``.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Literal, TypeVar
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Literal, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -16,9 +24,79 @@ FloatArray = npt.NDArray[np.float64]
 Number = TypeVar("Number", np.float64, np.int64)
 Rule = Literal[">", ">="]
 
+SMALLEST = 0.01
+"""slayerPytorch ends a kernel at the first lag beyond tau at which its magnitude is below this."""
+MAX_TAPS = 100_000
+
+
+class Must(NamedTuple):
+    """What every number of a parameter must be, and the words that say it."""
+
+    holds: Callable[[npt.NDArray[Any]], Any]
+    words: str
+
+
+Musts = Mapping[str, Must]
+POSITIVE = Must(lambda v: v > 0, "above 0")
+NOT_NEGATIVE = Must(lambda v: v >= 0, "at least 0")
+FRACTION = Must(lambda v: (v >= 0) & (v <= 1), "a fraction from 0 to 1")
+AT_LEAST_ONE = Must(lambda v: v >= 1, "at least 1")
+FINITE = Must(np.isfinite, "a finite number")
+
+
+class Parameter(NamedTuple):
+    """A parameter of ``size`` neurons: its numbers, the shape of one number each, and what they must be."""
+
+    name: str
+    values: npt.NDArray[Any]
+    shape: tuple[int, ...]
+    must: Must | None = None
+
+
+class Neuron(ABC):
+    """Neurons of one model, all parameters included."""
+
+    on_grid: ClassVar[bool] = False
+    """Whether its parameters, and the weights onto it, are integers of the chip already."""
+    by_strategy: ClassVar[bool] = False
+    """Whether there are several ways to lay it out on a chip."""
+    musts: ClassVar[Musts] = {}
+    """What parameters must be; of integers, the chip that they are compiled for says it."""
+    needs: ClassVar[str] = ""
+    """What a chip would have to have to hold it; by default, the model."""
+    way_out: ClassVar[str] = "Use neurons that the chip has: SrmAlpha, Cuba or SoftCuba."
+    """What to do where a chip has not what it needs."""
+    dendrites: int = 1
+
+    def whole(self) -> Neuron:
+        """Return it with the tails of its kernels, where it has kernels."""
+        return self
+
+    def cut(self) -> Neuron:
+        """Return it with its kernels cut where slayerPytorch cuts them, where it has kernels."""
+        return self
+
+    @property
+    @abstractmethod
+    def spikes_at(self) -> npt.ArrayLike:
+        """The threshold in the units of its potential, at rest: one for all, or (n,)."""
+
+    @property
+    def biased(self) -> npt.NDArray[np.bool_]:
+        """Which neurons have a bias: one answer for all, or (n,)."""
+        return np.array(False)
+
+    def parameters(self, size: int) -> list[Parameter]:
+        """Return its arrays, and its numbers that must be something."""
+        return [
+            Parameter(name, np.asarray(values), (size,), self.musts.get(name))
+            for name, values in vars(self).items()
+            if name in self.musts or isinstance(values, np.ndarray)
+        ]
+
 
 @dataclass(frozen=True)
-class SrmAlpha:
+class SrmAlpha(Neuron):
     """A spike response neuron with alpha kernels; time constants in steps of its own axis.
 
         u(t) = sum over inputs j and their spikes s:  w_j * eps(t - s)   +   sum over own spikes f:  nu(t - f)
@@ -37,9 +115,43 @@ class SrmAlpha:
     eps_taps: float = math.inf
     nu_taps: float = math.inf
 
+    by_strategy = True
+    musts: ClassVar[Musts] = {"theta": POSITIVE, "tau_sr": POSITIVE, "tau_ref": POSITIVE, "scale_ref": NOT_NEGATIVE}
+
+    @property
+    def spikes_at(self) -> float:
+        """``theta``."""
+        return self.theta
+
+    def whole(self) -> SrmAlpha:
+        """Return it with the tails of its kernels."""
+        return replace(self, eps_taps=math.inf, nu_taps=math.inf)
+
+    def cut(self) -> SrmAlpha:
+        """Return it with its kernels cut where slayerPytorch cuts them."""
+        eps = alpha_taps(self.tau_sr, 1.0)
+        nu = alpha_taps(self.tau_ref, -self.scale_ref * self.theta)
+        return replace(self, eps_taps=len(eps), nu_taps=len(nu))
+
 
 @dataclass(frozen=True, eq=False)
-class Cuba:
+class Leaky(Neuron):
+    """What all leaky integrate-and-fire neurons have; see those that derive from it."""
+
+    decay_u: FloatArray
+    decay_v: FloatArray
+    threshold: FloatArray
+
+    musts: ClassVar[Musts] = {"decay_u": FRACTION, "decay_v": FRACTION, "threshold": POSITIVE}
+
+    @property
+    def spikes_at(self) -> FloatArray:
+        """``threshold``."""
+        return self.threshold
+
+
+@dataclass(frozen=True, eq=False)
+class Cuba(Leaky):
     """Leaky integrate-and-fire neurons with a current; every parameter an array (n,), decays as fractions lost.
 
         i(t) = (1 - decay_u) * i(t - 1) + sum over inputs j and their spikes s = t - 1 - delay_j:  w_j
@@ -50,12 +162,16 @@ class Cuba:
     kept: plain leaky integrate-and-fire (TLIF, LLIF); with ``decay_v`` 0 as well, integrate-and-fire.
     """
 
-    decay_u: FloatArray
-    decay_v: FloatArray
-    threshold: FloatArray
     bias: FloatArray
     refractory: IntArray
     rule: Rule = ">"
+
+    musts: ClassVar[Musts] = {**Leaky.musts, "bias": FINITE, "refractory": AT_LEAST_ONE}
+
+    @property
+    def biased(self) -> npt.NDArray[np.bool_]:
+        """Which neurons have a bias."""
+        return np.asarray(self.bias != 0)
 
     @classmethod
     def of(
@@ -75,7 +191,7 @@ class Cuba:
 
 
 @dataclass(frozen=True, eq=False)
-class SoftCuba:
+class SoftCuba(Leaky):
     """Like :class:`Cuba`, but a spike takes ``drop`` from the voltage, a step later, and leaves the rest.
 
         i(t) = (1 - decay_u) * i(t - 1) + sum over inputs j and their spikes s = t - 1 - delay_j:  w_j
@@ -85,10 +201,17 @@ class SoftCuba:
     ``(1 - decay_v) * threshold``. Every parameter is an array (n,).
     """
 
-    decay_u: FloatArray
-    decay_v: FloatArray
-    threshold: FloatArray
     drop: FloatArray
+
+    musts: ClassVar[Musts] = {**Leaky.musts, "drop": NOT_NEGATIVE}
+
+
+def alpha_taps(tau: float, factor: float, steps: int = MAX_TAPS) -> FloatArray:
+    """Return the taps that slayerPytorch keeps of ``factor * k / tau * exp(1 - k / tau)``, k from 0."""
+    k = np.arange(min(steps, MAX_TAPS))
+    values = np.asarray(factor * k / tau * np.exp(1 - k / tau), dtype=np.float64)
+    small = np.flatnonzero((np.abs(values) < SMALLEST) & (k > tau))
+    return values[: small[0]] if small.size else values
 
 
 def spread(value: npt.ArrayLike, size: int, dtype: type[Number]) -> npt.NDArray[Number]:

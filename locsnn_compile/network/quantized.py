@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from hw_model.mapping.graph import Readout
-from locsnn_compile.network.chip_neurons import ChipNeuron, ChipProjection, ChipSrm
+from locsnn_compile.network.chip_neurons import ChipNeuron, ChipProjection
 from locsnn_compile.network.network import Network, Population
-from locsnn_compile.network.neurons import FloatArray, SrmAlpha
+from locsnn_compile.network.neurons import FloatArray
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,8 @@ class QuantizedPopulation:
     """A population of the network in the chip's integers.
 
     A potential of 1 in the float network is ``scale[i]`` in the registers of neuron i, (n,). ``fit`` is None where the
-    population was on the grid from the start: nothing was rounded then, and the scale is 1.
+    population was on the grid from the start: nothing was rounded then, and the scale is 1; or where nothing is known
+    of how the neuron fits.
     """
 
     population: Population
@@ -42,9 +43,13 @@ class QuantizedPopulation:
     @property
     def strategy(self) -> str:
         """How neurons become compartments: a strategy for SRM neurons, or ``native``, one compartment each."""
-        if isinstance(self.neuron, ChipSrm):
-            return self.neuron.strategy
-        return "reset" if isinstance(self.population.neuron, SrmAlpha) else "native"
+        own = self.neuron.strategy
+        return "reset" if own == "native" and self.population.neuron.by_strategy else own
+
+    @property
+    def biases_lost(self) -> int:
+        """Biases other than 0 that round to 0."""
+        return int((self.population.neuron.biased & ~self.neuron.biased).sum())
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import math
+from functools import singledispatch
 
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.mapping.graph import Axis
 from hw_model.program.text import array_text
-from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection, RefractoryDendrite, RefractoryTaps
+from locsnn_compile.network.chip_neurons import (
+    ChipCuba,
+    ChipNeuron,
+    ChipProjection,
+    ChipSrm,
+    RefractoryDendrite,
+    RefractoryTaps,
+)
 from locsnn_compile.network.matrices import values_of
-from locsnn_compile.network.network import Network, Neuron, Projection
-from locsnn_compile.network.neurons import Cuba, FloatArray, SoftCuba, SrmAlpha
+from locsnn_compile.network.network import Network, Projection
+from locsnn_compile.network.neurons import Cuba, FloatArray, Leaky, Neuron, SoftCuba, SrmAlpha
 from locsnn_compile.network.quantized import KernelFit, QuantizedNetwork
 
 
@@ -28,7 +36,7 @@ def network_text(network: Network) -> str:
             f"  input {view.name}: {view.lines} lines over {network.steps_of(view.axis)} {view.axis} steps{walk}"
         )
     for p in network.populations:
-        lines.append(f"  population {p.name}: {p.size} {_neuron_text(p.neuron, p.axis)}")
+        lines.append(f"  population {p.name}: {p.size} {neuron_text(p.neuron, p.axis)}")
     for projection in network.projections:
         lines.append(f"  weights {_projection_text(projection)}")
     return "\n".join(lines) + "\n"
@@ -39,7 +47,7 @@ def quantized_text(quantized: QuantizedNetwork) -> str:
     lines = [f"quantized {quantized.network.name}"]
     for q in quantized.populations:
         lines.append(
-            f"  population {q.population.name}: {_neuron_text(q.neuron, q.population.axis)}, "
+            f"  population {q.population.name}: {neuron_text(q.neuron, q.population.axis)}, "
             f"scale {_number_text(q.scale)}"
         )
         if q.fit is not None:
@@ -49,36 +57,57 @@ def quantized_text(quantized: QuantizedNetwork) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _neuron_text(n: Neuron, axis: Axis) -> str:
-    if isinstance(n, SrmAlpha):
-        cut = "" if math.isinf(n.eps_taps) else f", kernels cut after {n.eps_taps:g} and {n.nu_taps:g}"
-        return (
-            f"SRM neurons along {axis}, theta {n.theta:g}, tau_sr {n.tau_sr:g}, tau_ref {n.tau_ref:g}, "
-            f"scale_ref {n.scale_ref:g}{cut}"
-        )
-    decays = f"decay_u {_number_text(n.decay_u)}, decay_v {_number_text(n.decay_v)}"
-    if isinstance(n, Cuba):
-        bias = f"bias {_number_text(n.bias)}, " if n.bias.any() else ""
-        return (
-            f"LIF neurons along {axis}, {decays}, threshold {n.rule} {_number_text(n.threshold)}, {bias}"
-            f"refractory {array_text(n.refractory)}"
-        )
-    if isinstance(n, SoftCuba):
-        return (
-            f"LIF neurons along {axis}, {decays}, threshold > {_number_text(n.threshold)}, a spike takes "
-            f"{_number_text(n.drop)}"
-        )
-    if isinstance(n, ChipCuba):
-        mantissa, exponent = array_text(n.bias_mantissa), array_text(n.bias_exponent)
-        bias = f"bias {mantissa} * 2^{exponent}, " if n.bias_mantissa.any() else ""
-        return (
-            f"integer LIF neurons along {axis}, {decays}, threshold {array_text(n.threshold)}, {bias}"
-            f"refractory {array_text(n.refractory)}"
-        )
+@singledispatch
+def neuron_text(n: Neuron, axis: Axis) -> str:
+    """Return the text of neurons along an axis: of a model that has none of its own, the name and its numbers."""
+    rows = (f"{name} {_number_text(values)}" for name, values, *_ in n.parameters(1))
+    return f"{type(n).__name__} neurons along {axis}, {', '.join(rows)}"
+
+
+@neuron_text.register
+def _(n: SrmAlpha, axis: Axis) -> str:
+    cut = "" if math.isinf(n.eps_taps) else f", kernels cut after {n.eps_taps:g} and {n.nu_taps:g}"
     return (
-        f"integer SRM neurons along {axis}, {decays}, threshold {array_text(n.threshold)}, "
+        f"SRM neurons along {axis}, theta {n.theta:g}, tau_sr {n.tau_sr:g}, tau_ref {n.tau_ref:g}, "
+        f"scale_ref {n.scale_ref:g}{cut}"
+    )
+
+
+@neuron_text.register
+def _(n: Cuba, axis: Axis) -> str:
+    bias = f"bias {_number_text(n.bias)}, " if n.bias.any() else ""
+    return (
+        f"LIF neurons along {axis}, {_decays_text(n)}, threshold {n.rule} {_number_text(n.threshold)}, {bias}"
+        f"refractory {array_text(n.refractory)}"
+    )
+
+
+@neuron_text.register
+def _(n: SoftCuba, axis: Axis) -> str:
+    threshold, drop = _number_text(n.threshold), _number_text(n.drop)
+    return f"LIF neurons along {axis}, {_decays_text(n)}, threshold > {threshold}, a spike takes {drop}"
+
+
+@neuron_text.register
+def _(n: ChipCuba, axis: Axis) -> str:
+    mantissa, exponent = array_text(n.bias_mantissa), array_text(n.bias_exponent)
+    bias = f"bias {mantissa} * 2^{exponent}, " if n.bias_mantissa.any() else ""
+    return (
+        f"integer LIF neurons along {axis}, {_decays_text(n)}, threshold {array_text(n.threshold)}, {bias}"
+        f"refractory {array_text(n.refractory)}"
+    )
+
+
+@neuron_text.register
+def _(n: ChipSrm, axis: Axis) -> str:
+    return (
+        f"integer SRM neurons along {axis}, {_decays_text(n)}, threshold {array_text(n.threshold)}, "
         f"{_refractory_text(n.refractory)}{f', {n.dendrites} dendrites of each kind' if n.dendrites > 1 else ''}"
     )
+
+
+def _decays_text(n: Leaky | ChipNeuron) -> str:
+    return f"decay_u {_number_text(n.decay_u)}, decay_v {_number_text(n.decay_v)}"
 
 
 def _refractory_text(part: RefractoryDendrite | RefractoryTaps) -> str:
@@ -100,13 +129,12 @@ def _fit_text(fit: KernelFit) -> str:
 
 
 def _projection_text(p: Projection | ChipProjection) -> str:
-    held = p.mantissa if isinstance(p, ChipProjection) else p.weights
-    entries = f"{len(values_of(held))} entries " if values_of(held).ndim == 1 else ""
-    text = entries + array_text(values_of(held))
+    values = values_of(p.held)
+    text = (f"{len(values)} entries " if values.ndim == 1 else "") + array_text(values)
     if isinstance(p, ChipProjection):
         text = f"{p.weight_bits}-bit, signs {p.signs}, exponent {p.exponent}, mantissa {text}"
     delay = f", delay {array_text(np.asarray(p.delay))}" if np.any(p.delay) else ""
-    entrance = f", dendrite {p.dendrite}" if isinstance(p, ChipProjection) and p.dendrite else ""
+    entrance = f", dendrite {p.dendrite}" if p.dendrite else ""
     return f"{p.source} -> {p.target}: {text}{delay}{entrance}"
 
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, IntArray
 from locsnn_compile.errors import TargetError
-from locsnn_compile.network.neurons import FloatArray
+from locsnn_compile.network.neurons import FloatArray, Leaky
 
 FADED = 1e-100
 """A kernel whose first value is smaller has faded before any step; its squares would not be numbers."""
@@ -80,6 +80,13 @@ def nearest_decays(fractions: FloatArray, where: str) -> IntArray:
     if len(lost):
         raise _never_fades(where, f"{lost[0]:g} lost in a step against at least {0.5 / DECAY_ONE:.3g}")
     return decays
+
+
+def rounded_decays(neuron: Leaky, where: str) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return the nearest ``decay_u`` and ``decay_v``, and the gain that fits best with them; each (n,)."""
+    decay_u = nearest_decays(neuron.decay_u, f"{where}: decay_u")
+    decay_v = nearest_decays(neuron.decay_v, f"{where}: decay_v")
+    return decay_u, decay_v, best_gain(1 - neuron.decay_u, 1 - neuron.decay_v, keeps(decay_u), keeps(decay_v))
 
 
 def best_gain(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> FloatArray:

@@ -12,6 +12,8 @@ After:  a CompartmentGraph, one phase an axis. A population's spikes are those o
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import numpy.typing as npt
 
@@ -19,7 +21,7 @@ from hw_model.arithmetic.fixed_point import DECAY_ONE, IntArray
 from hw_model.arithmetic.weights import WEIGHT_BITS, SignMode, weight_grid
 from hw_model.description.chip import Chip
 from hw_model.mapping.graph import CompartmentGraph, Compartments, Input, Phase, Synapses, check_graph, read_only
-from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection, ChipSrm, RefractoryDendrite, RefractoryTaps
+from locsnn_compile.network.chip_neurons import ChipProjection, RefractoryTaps, integers
 from locsnn_compile.network.matrices import connections, values_of
 from locsnn_compile.network.quantized import QuantizedNetwork, QuantizedPopulation
 
@@ -58,9 +60,9 @@ def _read_only(array: IntArray | None) -> IntArray | None:
 
 
 def _entrance(q: QuantizedPopulation, dendrite: int) -> str:
-    """Return the group that a population's inputs reach."""
-    name = q.population.name
-    return dendrite_name(name, "dendrite", dendrite) if isinstance(q.neuron, ChipSrm) else name
+    """Return the group that a population's inputs reach: the first kind of dendrite, or the soma."""
+    kind = next(iter(q.neuron.parts), None)
+    return dendrite_name(q.population.name, kind, dendrite) if kind else q.population.name
 
 
 def dendrite_name(population: str, kind: str, number: int) -> str:
@@ -70,49 +72,37 @@ def dendrite_name(population: str, kind: str, number: int) -> str:
 
 def _compartments(q: QuantizedPopulation, chip: Chip) -> list[Compartments]:
     """A soma beside dendrites keeps nothing (decays 4096), so that the chip's reset changes nothing either."""
-    name, neuron = q.population.name, q.neuron
-    if isinstance(neuron, ChipCuba):
-        return [_group(name, q, chip, neuron.decay_u, neuron.decay_v)]
-    all_lost = np.full(q.population.size, DECAY_ONE)
-    kinds = {"dendrite": (neuron.decay_u, neuron.decay_v)}
-    if isinstance(neuron.refractory, RefractoryDendrite):
-        kinds["refractory"] = (neuron.refractory.decay, neuron.refractory.decay)
+    name, neuron, all_lost = q.population.name, q.neuron, np.full(q.population.size, DECAY_ONE)
+    soma = (all_lost, all_lost) if neuron.parts else (neuron.decay_u, neuron.decay_v)
     dendrites = [
-        _group(dendrite_name(name, kind, number), q, chip, *decays, joined_to=name)
+        _group(dendrite_name(name, kind, number), q, chip, decays, {}, joined_to=name)
         for number in range(neuron.dendrites)
-        for kind, decays in kinds.items()
+        for kind, decays in neuron.parts.items()
     ]
-    return [_group(name, q, chip, all_lost, all_lost), *dendrites]
+    return [_group(name, q, chip, soma, neuron.registers), *dendrites]
 
 
 def _group(
     name: str,
     q: QuantizedPopulation,
     chip: Chip,
-    decay_u: IntArray,
-    decay_v: IntArray,
+    decays: tuple[IntArray, IntArray],
+    own: Mapping[str, IntArray],
     joined_to: str | None = None,
 ) -> Compartments:
-    size, neuron, last = q.population.size, q.neuron, chip.registers.voltage_max
-    none, one = np.zeros(size), np.ones(size)
-    own = (
-        (neuron.bias_mantissa, neuron.bias_exponent, neuron.refractory)
-        if isinstance(neuron, ChipCuba)
-        else (none, none, one)
-    )
-    bias_mantissa, bias_exponent, refractory = map(read_only, own)
+    size, last = q.population.size, chip.registers.voltage_max
     return Compartments(
         name=name,
         phase=q.population.axis,
         size=size,
-        decay_u=read_only(decay_u),
-        decay_v=read_only(decay_v),
-        threshold=read_only(neuron.threshold),
-        bias_mantissa=bias_mantissa,
-        bias_exponent=bias_exponent,
-        refractory=refractory,
-        vmin=read_only(-last * one),
-        vmax=read_only(last * one),
+        decay_u=integers(decays[0], size),
+        decay_v=integers(decays[1], size),
+        threshold=integers(q.neuron.threshold, size),
+        bias_mantissa=integers(own.get("bias_mantissa", 0), size),
+        bias_exponent=integers(own.get("bias_exponent", 0), size),
+        refractory=integers(own.get("refractory", 1), size),
+        vmin=integers(-last, size),
+        vmax=integers(last, size),
         joined_to=joined_to,
     )
 
@@ -122,16 +112,11 @@ def _self_synapses(q: QuantizedPopulation, chip: Chip) -> list[Synapses]:
 
     They are few a neuron and have the chip's widest weights: nothing would be saved with fewer bits.
     """
-    if not isinstance(q.neuron, ChipSrm):
-        return []
-    part, name = q.neuron.refractory, q.population.name
-    if isinstance(part, RefractoryDendrite):
-        taps, kind = RefractoryTaps(np.zeros(1, np.int64), part.mantissa[None], np.array([part.exponent])), "refractory"
-    else:
-        taps, kind = part, "dendrite"
+    name = q.population.name
     signs: tuple[tuple[SignMode, int], ...] = (("excitatory", 1), ("inhibitory", -1))
     return [
         _own_synapses(name, dendrite_name(name, kind, number), taps, here, mode, chip)
+        for kind, taps in q.neuron.own.items()
         for number in range(q.neuron.dendrites)
         for e in np.unique(taps.exponent)
         for mode, sign in signs

@@ -7,7 +7,9 @@ After:  a QuantizedNetwork. Thresholds are exact, rule included; weights and dec
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import singledispatch
 
 import numpy as np
 
@@ -15,10 +17,10 @@ from hw_model.arithmetic.fixed_point import DECAY_ONE
 from hw_model.arithmetic.weights import WEIGHT_EXPONENTS, WeightGrid, weight_grid
 from hw_model.description.chip import Chip
 from locsnn_compile.errors import InputError, TargetError
-from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipProjection, ChipSrm
-from locsnn_compile.network.matrices import of_target, row_maxima, row_sums, values_of, with_values
+from locsnn_compile.network.chip_neurons import ChipNeuron, ChipProjection
+from locsnn_compile.network.matrices import of_target, values_of, with_values
 from locsnn_compile.network.network import Network, Population, Projection
-from locsnn_compile.network.neurons import Cuba, SoftCuba, SrmAlpha
+from locsnn_compile.network.neurons import Cuba, Neuron, SoftCuba, SrmAlpha
 from locsnn_compile.network.quantized import QuantizedNetwork, QuantizedPopulation
 from locsnn_compile.passes.check_heard import check_heard
 from locsnn_compile.passes.cuba.quantize import quantize_cuba
@@ -26,7 +28,8 @@ from locsnn_compile.passes.cuba.soft import quantize_soft
 from locsnn_compile.passes.rounding.apart import round_apart
 from locsnn_compile.passes.rounding.grades import GRADES
 from locsnn_compile.passes.rounding.rounding import NEAREST, Rounding
-from locsnn_compile.passes.rounding.scaling import Scaled
+from locsnn_compile.passes.rounding.scaling import Rounded, Scaled
+from locsnn_compile.passes.rounding.task import Task
 from locsnn_compile.passes.srm.fine import fine_srm
 from locsnn_compile.passes.srm.kernel_fit import kernel_fit
 from locsnn_compile.passes.srm.quantize import quantize_srm
@@ -51,29 +54,53 @@ def quantize(
     pruned = 0
     for population in network.populations:
         neuron, incoming = population.neuron, network.into(population.name)
-        if isinstance(neuron, ChipSrm | ChipCuba):
+        if isinstance(neuron, ChipNeuron):
             _check_voltage(population, neuron, chip)
             populations.append(QuantizedPopulation(population, neuron, np.ones(population.size), None))
-            kept = [p for p in incoming if isinstance(p, ChipProjection)]
-            pruned += sum(_zeros([p]) for p in kept)
-            projections += kept
-            continue
-        floats = [p for p in incoming if isinstance(p, Projection)]
-        scaled = _scale(population, neuron, floats, grid, chip, strategy, rounding)
-        here = rounding if _holds_grades(floats, chip) else replace(rounding, graded=False)
-        scaled, rounded = _round(population, neuron, floats, scaled, chip, grid, here, calibration)
-        fit = kernel_fit(neuron, scaled, chip.registers)
-        populations.append(QuantizedPopulation(population, scaled.neuron, scaled.scale, fit))
-        parts = [part for of_one in rounded for part in of_one]
-        check_heard(population, neuron, floats, parts, network.steps_of(population.axis))
+            rounded = [[p] for p in incoming if isinstance(p, ChipProjection)]
+        else:
+            floats = tuple(p for p in incoming if isinstance(p, Projection))
+            here = rounding if _holds_grades(floats, chip) else replace(rounding, graded=False)
+            task = Task(population, floats, chip, grid, strategy, here, calibration)
+            scaled, rounded = round_onto(neuron, task, integers_of(neuron, task))
+            fit = kernel_fit(neuron, scaled, chip.registers)
+            populations.append(QuantizedPopulation(population, scaled.neuron, scaled.scale, fit))
+            check_heard(task, rounded, network.steps_of(population.axis))
         pruned += sum(_zeros(of_one) for of_one in rounded)
-        projections += parts
+        projections += [part for of_one in rounded for part in of_one]
     result = QuantizedNetwork(network, tuple(populations), tuple(projections), pruned)
     check_quantized(result, chip)
     return result
 
 
-def _holds_grades(incoming: list[Projection], chip: Chip) -> bool:
+@singledispatch
+def integers_of(neuron: Neuron, task: Task) -> Scaled:
+    """Return neurons of a task in integers, and how weights onto them are rounded, as their model has registered it."""
+    raise TargetError(
+        task.where, f"{task.chip.name} does not have {neuron.needs or type(neuron).__name__}", fix=neuron.way_out
+    )
+
+
+integers_of.register(SrmAlpha, quantize_srm)
+integers_of.register(Cuba, quantize_cuba)
+integers_of.register(SoftCuba, quantize_soft)
+
+
+@singledispatch
+def round_onto(neuron: Neuron, task: Task, scaled: Scaled) -> Rounded:
+    """Return neurons, and the projections that each incoming one becomes: weights rounded each by itself."""
+    if task.rounding.graded or task.rounding.split or scaled.neuron.dendrites > 1:
+        return scaled, round_apart(task, scaled)
+    return scaled, [[_nearest(p, scaled, task.grid)] for p in task.incoming]
+
+
+@round_onto.register
+def _(neuron: SrmAlpha, task: Task, scaled: Scaled) -> Rounded:
+    """Round weights together where there is something to round them for."""
+    return fine_srm(neuron, task, scaled) or round_onto.dispatch(Neuron)(neuron, task, scaled)
+
+
+def _holds_grades(incoming: Sequence[Projection], chip: Chip) -> bool:
     """Whether weights in several formats leave a core room: the list of a source takes a word at least in each.
 
     With that alone, both signs apart, half of a core's synapse memory may be taken.
@@ -133,74 +160,6 @@ def weight_bits_of(chip: Chip, asked: int | None) -> int:
             fix=f"Ask for {widths[-1]}, or leave it out.",
         )
     return asked
-
-
-def _scale(
-    population: Population,
-    neuron: SrmAlpha | Cuba | SoftCuba,
-    incoming: list[Projection],
-    grid: WeightGrid,
-    chip: Chip,
-    strategy: str,
-    rounding: Rounding,
-) -> Scaled:
-    where = f"population {population.name!r}"
-    largest = np.max([np.zeros(population.size), *(row_maxima(p.weights) for p in incoming)], axis=0)
-    if isinstance(neuron, SrmAlpha):
-        heaviest = float(largest.max())
-        return quantize_srm(neuron, population.size, heaviest, grid, chip, strategy, where, rounding.fitted_decays)
-    if isinstance(neuron, SoftCuba):
-        return quantize_soft(neuron, largest, grid, chip, where)
-    room, bounded = _room(neuron, incoming, chip), _stays_below(neuron, incoming)
-    return quantize_cuba(neuron, largest, grid, chip, where, room, bounded=bounded)
-
-
-def _stays_below(neuron: Cuba, incoming: list[Projection]) -> bool:
-    """Whether no input moves a potential past the threshold, to either side: outputs without memory that are read."""
-    reached = np.abs(neuron.bias) + np.sum([row_sums(p.weights) for p in incoming], axis=0)
-    return bool(((neuron.decay_u == 1) & (neuron.decay_v == 1) & (reached <= neuron.threshold)).all())
-
-
-def _room(neuron: Cuba, incoming: list[Projection], chip: Chip) -> float:
-    """Return the threshold mantissa up to which no register wraps, whatever comes: a voltage is clipped, these are not.
-
-    The charge of a step, where all inputs of one sign come at once; and the current of neurons whose voltage is their
-    current, a potential that no spike resets.
-    """
-    none, registers = np.zeros(len(neuron.threshold)), chip.registers
-    charge = np.sum([none, *(row_sums(p.weights) for p in incoming)], axis=0) / neuron.threshold
-    held = (neuron.decay_v == 1) & (neuron.decay_u < 1)
-    total = np.sum([none, *(abs(p.weights).sum(axis=1) for p in incoming)], axis=0)
-    lost = np.maximum(neuron.decay_u, 1.0 / DECAY_ONE)
-    current = np.where(held, total / lost / neuron.threshold, 0.0)
-    return min(
-        (1 << bits) / (64 * max(float(most.max()), 1.0))
-        for bits, most in ((registers.charge_bits, charge), (registers.current_bits, current))
-    )
-
-
-def _round(
-    population: Population,
-    neuron: SrmAlpha | Cuba | SoftCuba,
-    incoming: list[Projection],
-    scaled: Scaled,
-    chip: Chip,
-    grid: WeightGrid,
-    rounding: Rounding,
-    calibration: Calibration | None,
-) -> tuple[Scaled, list[list[ChipProjection]]]:
-    """Round the weights onto a population, together where there is something to round them for, else each by itself.
-
-    Returns the projections that each of ``incoming`` becomes.
-    """
-    if calibration is not None and isinstance(neuron, SrmAlpha) and (rounding.error_aware or rounding.scaled_apart):
-        found = fine_srm(population, neuron, incoming, scaled, chip, grid.weight_bits, rounding, calibration)
-        if found is not None:
-            return found
-    paired = isinstance(scaled.neuron, ChipSrm) and scaled.neuron.dendrites > 1
-    if rounding.graded or rounding.split or paired:
-        return scaled, round_apart(incoming, scaled, grid.weight_bits, chip, rounding)
-    return scaled, [[_nearest(p, scaled, grid)] for p in incoming]
 
 
 def _nearest(p: Projection, scaled: Scaled, grid: WeightGrid) -> ChipProjection:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import singledispatch
 from typing import Any, Protocol
 
 import networkx as nx
@@ -16,15 +17,40 @@ import numpy.typing as npt
 import hw_model as hw
 from hw_model.description.chip import Registers
 from hw_model.engine.trace import ByteArray
+from locsnn_compile.errors import InputError
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection, ChipSrm
-from locsnn_compile.network.matrices import Matrix, charge, values_of, with_values
+from locsnn_compile.network.matrices import Matrix, by_delay, charge
 from locsnn_compile.network.network import Network, Population, Projection
-from locsnn_compile.network.neurons import Cuba, FloatArray, SoftCuba, SrmAlpha
+from locsnn_compile.network.neurons import Cuba, FloatArray, Neuron, SoftCuba, SrmAlpha
 from locsnn_compile.reference.float_neurons import CubaSteps, SoftCubaSteps, SrmSteps
 from locsnn_compile.reference.integer_neurons import ChipCubaSteps, ChipSrmSteps, effective_weights
 
 Potentials = npt.NDArray[Any]
 """float64 of float neurons; of on-grid ones int64, in units of the registers."""
+
+
+class NeuronSteps(Protocol):
+    """The state of a population's neurons, (batch, n)."""
+
+    def step(self, arriving: Any) -> tuple[npt.NDArray[np.bool_], Potentials]:
+        """Take the weights that arrive; return spikes and the potential that decided them."""
+
+
+@singledispatch
+def steps_of(neuron: Neuron, batch: int, size: int, registers: Registers | None = None) -> NeuronSteps:
+    """Return neurons at rest, as their model has registered them; on-grid ones wrap and clip in ``registers``."""
+    raise InputError(
+        f"neuron {type(neuron).__name__}",
+        "nothing says how it steps",
+        fix="Register its state with locsnn_compile.reference.evaluate.steps_of.",
+    )
+
+
+steps_of.register(SrmAlpha, lambda neuron, batch, size, _=None: SrmSteps(neuron, batch, size))
+steps_of.register(Cuba, lambda neuron, batch, size, _=None: CubaSteps(neuron, batch, size))
+steps_of.register(SoftCuba, lambda neuron, batch, size, _=None: SoftCubaSteps(neuron, batch, size))
+steps_of.register(ChipCuba, lambda neuron, batch, _, registers: ChipCubaSteps(neuron, registers, batch))
+steps_of.register(ChipSrm, lambda neuron, batch, _, registers: ChipSrmSteps(neuron, registers, batch))
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,13 +72,6 @@ def decided(scores: FloatArray) -> npt.NDArray[np.int64]:
     """Return the class with the highest score, the first of equals; -1 where all scores (..., classes) tie."""
     tied = (scores == scores[..., :1]).all(axis=-1)
     return np.where(tied, -1, scores.argmax(axis=-1))
-
-
-class NeuronSteps(Protocol):
-    """The state of a population's neurons, (batch, n)."""
-
-    def step(self, arriving: Any) -> tuple[npt.NDArray[np.bool_], Potentials]:
-        """Take the weights that arrive; return spikes and the potential that decided them."""
 
 
 def evaluate(
@@ -110,18 +129,18 @@ def _evaluate_together(
     inner: list[tuple[str, Potentials, int, Matrix]] = []
     for population in together:
         dtype = np.int64 if population.on_grid else np.float64
-        dendrites = population.neuron.dendrites if isinstance(population.neuron, ChipSrm) else 1
-        arriving[population.name] = np.zeros((batch, steps, dendrites * population.size), dtype=dtype)
+        entrances = population.neuron.dendrites * population.size
+        arriving[population.name] = np.zeros((batch, steps, entrances), dtype=dtype)
         for projection in network.into(population.name):
-            first = population.size * (projection.dendrite if isinstance(projection, ChipProjection) else 0)
+            first = population.size * projection.dendrite
             entrance = arriving[population.name][:, :, first : first + population.size]
-            for delay, weights in _by_delay(projection):
+            for delay, weights in by_delay(_effective(projection), projection.delay):
                 if projection.source in names:
                     inner.append((projection.source, entrance, delay, weights))
                 elif delay + 1 < steps:
                     sent = charge(spikes[projection.source], weights)
                     entrance[:, delay + 1 :] += sent[:, : steps - delay - 1]
-    state = {p.name: _steps(p, registers, batch) for p in together}
+    state = {p.name: steps_of(p.neuron, batch, p.size, registers) for p in together}
     for p in together:
         spikes[p.name] = np.zeros((batch, steps, p.size), dtype=np.uint8)
         if potential is not None:
@@ -137,24 +156,6 @@ def _evaluate_together(
                 potential[name][:, step] = seen
 
 
-def _by_delay(projection: Projection | ChipProjection) -> list[tuple[int, Matrix]]:
-    """Return a projection's weights in parts of one delay each; integers as effective weights."""
-    weights = effective_weights(projection) if isinstance(projection, ChipProjection) else projection.weights
-    delay = np.asarray(projection.delay)
-    if delay.ndim == 0:
-        return [(int(delay), weights)]
-    values = values_of(weights)
-    return [(int(d), with_values(weights, np.where(delay == d, values, 0))) for d in np.unique(delay)]
-
-
-def _steps(population: Population, registers: Registers, batch: int) -> NeuronSteps:
-    neuron = population.neuron
-    if isinstance(neuron, SrmAlpha):
-        return SrmSteps(neuron, batch, population.size)
-    if isinstance(neuron, Cuba):
-        return CubaSteps(neuron, batch, population.size)
-    if isinstance(neuron, SoftCuba):
-        return SoftCubaSteps(neuron, batch, population.size)
-    if isinstance(neuron, ChipCuba):
-        return ChipCubaSteps(neuron, registers, batch)
-    return ChipSrmSteps(neuron, registers, batch)
+def _effective(projection: Projection | ChipProjection) -> Matrix:
+    """Return a projection's weights; integers as effective weights."""
+    return effective_weights(projection) if isinstance(projection, ChipProjection) else projection.weights

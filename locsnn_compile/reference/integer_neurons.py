@@ -6,12 +6,20 @@ It shares no arithmetic with ``hw_model``, so that agreement of the two means so
 from __future__ import annotations
 
 from collections import deque
+from functools import singledispatch
 
 import numpy as np
 import numpy.typing as npt
 
 from hw_model.description.chip import Registers
-from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection, ChipSrm, RefractoryDendrite, RefractoryTaps
+from locsnn_compile.network.chip_neurons import (
+    ChipCuba,
+    ChipNeuron,
+    ChipProjection,
+    ChipSrm,
+    RefractoryDendrite,
+    RefractoryTaps,
+)
 from locsnn_compile.network.matrices import Matrix, values_of, with_values
 
 IntArray = npt.NDArray[np.int64]
@@ -51,12 +59,12 @@ class Filter:
         return self.v
 
 
-def input_response(neuron: ChipSrm | ChipCuba, charge: IntArray, registers: Registers, steps: int) -> IntArray:
+def input_response(neuron: ChipNeuron, charge: IntArray, registers: Registers, steps: int) -> IntArray:
     """Return the voltage, without bias or spikes, after a charge (n,) in the first step alone; (steps, n).
 
     Of several dendrites each takes its share, and their voltages are added up.
     """
-    dendrites = neuron.dendrites if isinstance(neuron, ChipSrm) else 1
+    dendrites = neuron.dendrites
     parts = np.stack([(charge + number) // dendrites for number in range(dendrites)])
     state = Filter(neuron.decay_u, neuron.decay_v, registers, dendrites)
     charges = [parts, *[np.zeros_like(parts)] * (steps - 1)]
@@ -86,16 +94,24 @@ class ChipSrmSteps:
         return self.fired, potential
 
 
-def own_spike_response(neuron: ChipSrm, registers: Registers, steps: int) -> IntArray:
-    """Return what a spike adds to the potential of neurons at rest in the steps after it, (steps, n)."""
+@singledispatch
+def own_spike_response(neuron: ChipNeuron, registers: Registers, steps: int) -> IntArray:
+    """Return what a spike adds to the potential of neurons in the steps after it, (steps, n)."""
+    raise NotImplementedError(type(neuron).__name__)
+
+
+@own_spike_response.register
+def _at_rest(neuron: ChipSrm, registers: Registers, steps: int) -> IntArray:
+    """Return what it adds at rest."""
     state = ChipSrmSteps(neuron, registers, 1)
     state.fired[:] = True
     silence = np.zeros((1, neuron.dendrites * len(neuron.threshold)), dtype=np.int64)
     return np.concatenate([state.step(silence)[1] for _ in range(steps)])
 
 
-def reset_response(neuron: ChipCuba, registers: Registers, steps: int) -> IntArray:
-    """Return what the reset of a spike takes from neurons that a steady current holds at the threshold, (steps, n)."""
+@own_spike_response.register
+def _by_reset(neuron: ChipCuba, registers: Registers, steps: int) -> IntArray:
+    """Return what the reset takes from neurons that a steady current holds at the threshold."""
     held = 64 * neuron.threshold
     state = ChipCubaSteps(neuron, registers, 1)
     state.u[:] = held - kept(held, neuron.decay_v)

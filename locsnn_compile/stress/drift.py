@@ -15,8 +15,7 @@ import hw_model as hw
 from hw_model.engine.trace import ByteArray
 from locsnn_compile.network.matrices import charge
 from locsnn_compile.network.network import Network, Projection
-from locsnn_compile.network.neurons import Cuba, SrmAlpha
-from locsnn_compile.reference.float_neurons import CubaSteps, SrmSteps
+from locsnn_compile.reference.evaluate import steps_of
 from locsnn_compile.report.format import share, short
 from locsnn_compile.stress.bounds import error_bound
 from locsnn_compile.stress.cases.case import POPULATION
@@ -53,7 +52,7 @@ def measure_drift(run: LongRun, chip: hw.Chip, wanted: Float) -> tuple[Drift, st
     found = hw.simulate(levels.program, played, probe=("spikes", hw.Probe("potential", (POPULATION,))))
     spikes, potential = found.spikes[POPULATION], found.potential[POPULATION]
     scale = levels.quantized.population(POPULATION).scale
-    theta = np.array([run.case.network.populations[0].threshold_of(i) for i in range(len(scale))])
+    theta = run.case.network.populations[0].thresholds
     quiet: BoolArray = ~np.asarray(wanted.spikes.any(axis=0) | spikes.any(axis=0))
     parts = [slice(part[0], part[-1] + 1) for part in np.array_split(np.arange(steps), TENTHS)]
     error = [
@@ -72,12 +71,11 @@ def measure_drift(run: LongRun, chip: hw.Chip, wanted: Float) -> tuple[Drift, st
 def play_float(network: Network, block: ByteArray, steps: int) -> Float:
     """Step a float population on a block (steps, channels) that repeats; return (steps, n), in its own units."""
     (population,), (projection,) = network.populations, network.projections
-    neuron, n = population.neuron, population.size
+    n = population.size
     assert isinstance(projection, Projection)  # long runs are of float networks
-    assert isinstance(neuron, SrmAlpha | Cuba)
     # A spike of the last row of a block arrives in the first step of the next.
     arriving = np.roll(charge(block, projection.weights), 1, axis=0)
-    state = SrmSteps(neuron, 1, n) if isinstance(neuron, SrmAlpha) else CubaSteps(neuron, 1, n)
+    state = steps_of(population.neuron, 1, n)
     spikes, potential = np.empty((steps, n), dtype=np.uint8), np.empty((steps, n))
     silence = np.zeros((1, n))
     for step in range(steps):

@@ -10,10 +10,7 @@ import hw_model as hw
 from hw_model.arithmetic.fixed_point import DECAY_ONE
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.network.check import check_network
-from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection
-from locsnn_compile.network.matrices import Matrix, values_of
-from locsnn_compile.network.network import Projection
-from locsnn_compile.network.neurons import Cuba
+from locsnn_compile.network.matrices import values_of
 from locsnn_compile.network.recordings import fit_recordings
 from locsnn_compile.pipeline import Levels, lower
 from locsnn_compile.reference.calibration import calibrate
@@ -86,23 +83,14 @@ def measure(case: Case, chip: hw.Chip) -> Measured:
 
 def _lost_weights(levels: Levels, sides: Sides) -> Lost:
     """Count the weights other than 0 that the chip has as 0, whatever they were rounded to in how many synapses."""
-    of = sum(int((values_of(_given(p)) != 0).sum()) for p in levels.network.projections)
+    of = sum(int((values_of(p.held) != 0).sum()) for p in levels.network.projections)
     inputs = [pair for pair in sides.phase.program_neurons.synapses if pair.exact.source in sides.lines]
     return Lost(of - sum(int((values_of(pair.chip) != 0).sum()) for pair in inputs), of)
 
 
-def _given(projection: Projection | ChipProjection) -> Matrix:
-    return projection.mantissa if isinstance(projection, ChipProjection) else projection.weights
-
-
 def _lost_biases(levels: Levels) -> Lost:
-    lost = of = 0
-    for q in levels.quantized.populations:
-        if isinstance(q.population.neuron, Cuba) and isinstance(q.neuron, ChipCuba):
-            there = q.population.neuron.bias != 0
-            of += int(there.sum())
-            lost += int((there & (q.neuron.bias_mantissa == 0)).sum())
-    return Lost(lost, of)
+    rounded = [q for q in levels.quantized.populations if not q.population.on_grid]
+    return Lost(sum(q.biases_lost for q in rounded), sum(int(q.population.neuron.biased.sum()) for q in rounded))
 
 
 def _coarse_decays(sides: Sides) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hw_model.engine.trace import ByteArray
-from locsnn_compile.network.neurons import Cuba, FloatArray, SrmAlpha
+from locsnn_compile.network.neurons import FloatArray
 from locsnn_compile.network.quantized import QuantizedPopulation
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import evaluate
@@ -66,13 +66,8 @@ class Sides:
 
 def thresholds(q: QuantizedPopulation) -> FloatArray:
     """Return what a threshold is in the registers, (n,); of a mantissa of 0, one unit of it."""
-    neuron = q.population.neuron
-    if isinstance(neuron, SrmAlpha):
-        return neuron.theta * q.scale
-    if isinstance(neuron, Cuba):
-        return neuron.threshold * q.scale
-    found: FloatArray = 64.0 * np.maximum(q.neuron.threshold, 1)
-    return found
+    found: FloatArray = q.population.thresholds * q.scale
+    return np.maximum(found, 64.0) if q.population.on_grid else found
 
 
 def _with_real_numbers(phase: Phase) -> Phase:

@@ -23,7 +23,7 @@ from locsnn_compile.models.chip_numbers import (
     RegisterWidths,
 )
 from locsnn_compile.models.description import NetworkDescription
-from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, RefractoryDendrite
+from locsnn_compile.network.chip_neurons import ChipNeuron
 from locsnn_compile.passes.kernels import alpha_kernel
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.training.config import TrainingConfig
@@ -100,24 +100,17 @@ def _population(
     neuron: ChipNeuron, *, exponent: int, refractory: int, weight_bits: int, scale: float, unit: float
 ) -> ChipPopulation:
     """Return a population's numbers; all neurons of it have the same."""
-    refractory_decay = 0
-    own: tuple[OwnSynapse, ...] = ()
-    if isinstance(neuron, ChipCuba):
-        pass
-    elif isinstance(neuron.refractory, RefractoryDendrite):
-        dendrite = neuron.refractory
-        refractory_decay = int(dendrite.decay[0])
-        own = (OwnSynapse(int(dendrite.mantissa[0]), dendrite.exponent),)
-    else:
-        taps = neuron.refractory
-        rows = zip(taps.mantissa[:, 0].tolist(), taps.exponent.tolist(), taps.delay.tolist(), strict=True)
-        own = tuple(OwnSynapse(*row) for row in rows)
+    own = [
+        OwnSynapse(int(mantissa), int(exponent), int(delay))
+        for taps in neuron.own.values()
+        for mantissa, exponent, delay in zip(taps.mantissa[:, 0], taps.exponent, taps.delay, strict=True)
+    ]
     return ChipPopulation(
         threshold=int(neuron.threshold[0]),
         decay=int(neuron.decay_u[0]),
-        refractory_decay=refractory_decay,
-        refractory=refractory if isinstance(neuron, ChipCuba) else 1,
-        own=own,
+        refractory_decay=int(neuron.parts["refractory"][0][0]) if "refractory" in neuron.parts else 0,
+        refractory=refractory if neuron.strategy == "native" else 1,
+        own=tuple(own),
         exponent=exponent,
         weight_bits=weight_bits,
         scale=scale,

@@ -200,7 +200,7 @@ def _potential(
         first_step=steps.start,
         reference=wanted.potential[name][0, here, neuron].astype(np.float64),
         chip=chip / quantized.scale[neuron],
-        threshold=quantized.population.threshold_of(neuron),
+        threshold=float(quantized.population.thresholds[neuron]),
         reference_spikes=wanted.spikes[name][0, here, neuron].astype(bool),
         chip_spikes=found[name][0, here, neuron].astype(bool),
     )

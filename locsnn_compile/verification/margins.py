@@ -118,7 +118,7 @@ def margins(levels: Levels, recordings: ByteArray) -> Margins:
 
 def _thresholds(population: Population) -> FloatArray:
     """Return the thresholds (n,), in the units of the potential; one of 0 counts as a weight of 1."""
-    thresholds = np.array([population.threshold_of(neuron) for neuron in range(population.size)])
+    thresholds = population.thresholds
     return np.where(thresholds == 0, float(1 << WEIGHT_SHIFT), thresholds)
 
 

@@ -281,5 +281,5 @@ def _explain(
         step,
         float(wanted),
         float(found / population.scale[neuron]),
-        population.population.threshold_of(neuron),
+        float(population.population.thresholds[neuron]),
     )

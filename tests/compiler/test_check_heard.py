@@ -5,11 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import hw_model as hw
+from hw_model.arithmetic.weights import weight_grid
 from locsnn_compile.errors import TargetError
 from locsnn_compile.network.chip_neurons import ChipProjection
 from locsnn_compile.network.network import Population, Projection
 from locsnn_compile.network.neurons import Cuba, SoftCuba, SrmAlpha
 from locsnn_compile.passes.check_heard import check_heard
+from locsnn_compile.passes.rounding.rounding import NEAREST
+from locsnn_compile.passes.rounding.task import Task
 
 STEPS = 4
 SRM = SrmAlpha(tau_sr=1.0, theta=4.0, tau_ref=1.0, scale_ref=1.0)
@@ -30,7 +34,9 @@ def check(neuron, weight, mantissa=0):
     population = Population("n", "time", 1, neuron)
     weights = np.array([[0.0, weight]])
     rounded = ChipProjection("x", "n", np.array([[0, mantissa]]), 0, 8)
-    check_heard(population, neuron, [Projection("x", "n", weights)], [rounded], STEPS)
+    grid = weight_grid(8, "excitatory")
+    task = Task(population, (Projection("x", "n", weights),), hw.chip("loihi-sim"), grid, "dendrite", NEAREST, None)
+    check_heard(task, [[rounded]], STEPS)
 
 
 @pytest.mark.parametrize(("name", "neuron", "answer"), NEURONS, ids=[row[0] for row in NEURONS])

@@ -16,7 +16,7 @@ from hw_model.arithmetic.fixed_point import effective_weight
 from hw_model.mapping.graph import Readout
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection
 from locsnn_compile.network.network import InputView, Network, Population, Projection
-from locsnn_compile.network.neurons import Cuba, SrmAlpha
+from locsnn_compile.network.neurons import Cuba, SrmAlpha, alpha_taps
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.report.renderers.markdown import render_markdown
@@ -24,7 +24,6 @@ from locsnn_compile.verification.diagnosis import SAMPLE, diagnose, spread_sampl
 from locsnn_compile.verification.error_budget.budget import error_budget
 from locsnn_compile.verification.error_budget.cause import find_cause
 from locsnn_compile.verification.error_budget.stages import STAGES, lines_of, phases_of, twin_with
-from locsnn_compile.verification.error_budget.tail import kept_taps, with_cut_tails
 from locsnn_compile.verification.error_budget.twin import run_twin
 from locsnn_compile.verification.matching import compare
 from tests.real_recordings import REAL, on_real_recordings
@@ -229,17 +228,15 @@ def test_clips_alone_are_found():
     ("tau", "peak", "taps"), [(10.0, 1.0, 77), (1.0, 20.0, 11)], ids=["published kernel", "published refractory"]
 )
 def test_taps_are_those_of_slayer(tau, peak, taps):
-    assert kept_taps(tau, peak) == taps
+    assert len(alpha_taps(tau, peak)) == taps
 
 
 @pytest.mark.parametrize("neuron", [SRM, SrmAlpha(10.0, 3.0, 1.0, 2.0)], ids=["tau 10", "tau 3"])
 def test_cut_kernels_are_the_sums_over_their_taps(neuron):
     network = hybrid(3, steps=120, channels=12, neuron=neuron)
-    levels, played = lower(network, CHIP, 8), recordings(network, samples=2, seed=5)
-    phase = next(phase for phase in phases_of(levels) if phase.axis == "time")
-    twin = with_cut_tails(twin_with(phase, ()), network)
-    found = run_twin(twin, lines_of(network, phase, played), potentials=("time_hidden",))
-    scale = levels.quantized.population("time_hidden").scale
+    played = recordings(network, samples=2, seed=5)
+    populations = tuple(replace(p, neuron=p.neuron.cut()) for p in network.populations)
+    found = evaluate(replace(network, populations=populations), played, potentials=True)
 
     def cut(tau, peak, lag):
         value = peak * lag / tau * np.exp(1 - lag / tau)
@@ -253,7 +250,7 @@ def test_cut_kernels_are_the_sums_over_their_taps(neuron):
             + spikes[:, s] * cut(neuron.tau_ref, -neuron.scale_ref * neuron.theta, t - s)
             for s in range(t)
         )
-        np.testing.assert_allclose(found.potential["time_hidden"][:, t] / scale, wanted, atol=1e-9)
+        np.testing.assert_allclose(found.potential["time_hidden"][:, t], wanted, atol=1e-9)
 
 
 def test_a_network_without_kernels_has_no_tail():

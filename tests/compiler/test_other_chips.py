@@ -191,12 +191,16 @@ def test_taps_that_a_chips_delays_do_not_hold(tmp_path, delay_max):
 def test_a_drop_of_any_weight_bits(bits):
     """Two self-synapses hold what a spike takes, exactly, whatever the chip's widest weights."""
     from hw_model.arithmetic.weights import weight_grid
+    from locsnn_compile.network.network import Population, Projection
     from locsnn_compile.passes.cuba.soft import quantize_soft
+    from locsnn_compile.passes.rounding.rounding import NEAREST
+    from locsnn_compile.passes.rounding.task import Task
 
     chip = parse_chip(chip_text(weight_bits_max=bits), "other.yaml")
     neuron = SoftCuba(*(np.full(5, value) for value in (0.5, 0.1, 1.0)), drop=np.linspace(0.2, 1.0, 5))
     grid = weight_grid(bits, "excitatory")
-    made = quantize_soft(neuron, np.full(5, 0.5), grid, chip, "population 'n'").neuron
+    population, weights = Population("n", "time", 5, neuron), Projection("touch", "n", np.full((5, 1), 0.5))
+    made = quantize_soft(neuron, Task(population, (weights,), chip, grid, "dendrite", NEAREST, None)).neuron
     taps = made.refractory
     assert not grid.off_grid(np.abs(taps.mantissa)).any()
     charge = (taps.mantissa * 2.0 ** taps.exponent[:, None])[taps.delay == 0].sum(axis=0)

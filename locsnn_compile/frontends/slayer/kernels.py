@@ -8,35 +8,22 @@ dendrites hold the whole tail, and a chip's delays (62 steps) could not cut it.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.slayer.config import LoihiNeuron, SlayerConfig
-from locsnn_compile.network.neurons import FloatArray, SrmAlpha
+from locsnn_compile.network.neurons import SrmAlpha, alpha_taps
 
-SMALLEST = 0.01
-MAX_TAPS = 100_000
 _CLOSE = 1e-3
-
-
-def alpha_taps(tau: float, factor: float, steps: int = MAX_TAPS) -> FloatArray:
-    """Return the taps that slayerPytorch keeps of ``factor * k / tau * exp(1 - k / tau)``, k from 0."""
-    k = np.arange(min(steps, MAX_TAPS))
-    values = np.asarray(factor * k / tau * np.exp(1 - k / tau), dtype=np.float64)
-    small = np.flatnonzero((np.abs(values) < SMALLEST) & (k > tau))
-    return values[: small[0]] if small.size else values
 
 
 def cut(neuron: SrmAlpha | LoihiNeuron) -> SrmAlpha:
     """Return neurons whose kernels end where slayerPytorch ends them; others have none, an ``InputError``."""
     if not isinstance(neuron, SrmAlpha):
         raise InputError("kernels 'cut'", "LOIHI neurons have no kernels", fix="Leave the option out.")
-    taps = (neuron.tau_sr, 1.0), (neuron.tau_ref, -neuron.scale_ref * neuron.theta)
-    eps, nu = (len(alpha_taps(*row)) for row in taps)
-    return replace(neuron, eps_taps=eps, nu_taps=nu)
+    return neuron.cut()
 
 
 def check_kernels(tensors: Mapping[str, Any], config: SlayerConfig, where: str) -> None:

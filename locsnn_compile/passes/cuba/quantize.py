@@ -3,44 +3,38 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import IntArray
-from hw_model.arithmetic.weights import WeightGrid
+from hw_model.arithmetic.fixed_point import DECAY_ONE, IntArray
 from hw_model.description.chip import Chip
 from locsnn_compile.errors import TargetError
 from locsnn_compile.network.chip_neurons import ChipCuba
+from locsnn_compile.network.matrices import row_sums
+from locsnn_compile.network.network import Projection
 from locsnn_compile.network.neurons import Cuba, FloatArray
-from locsnn_compile.passes.kernels import best_gain, keeps, nearest_decays
+from locsnn_compile.passes.kernels import rounded_decays
 from locsnn_compile.passes.rounding.scaling import HEADROOM, Scaled, check_threshold, exponent_and_threshold
+from locsnn_compile.passes.rounding.task import Task
 
 
-def quantize_cuba(
-    neuron: Cuba,
-    largest: FloatArray,
-    grid: WeightGrid,
-    chip: Chip,
-    where: str,
-    room: float = math.inf,
-    *,
-    bounded: bool = False,
-) -> Scaled:
-    """Return the neurons in integers, given the largest weight (n,) onto each.
+def quantize_cuba(neuron: Cuba, task: Task) -> Scaled:
+    """Return the neurons in integers.
 
     All get the threshold mantissa T and the scale ``64 T / threshold``, or ``(64 T + 1) / threshold`` for the rule
     ``>=``: the comparison is then exact for every neuron, and a core needs one threshold profile for all. T is at most
-    ``room``, unless the weights would lose bits by it. Potentials that are ``bounded`` by the threshold need no more
-    than one threshold of the voltage register, and T is at most ``room`` whatever it costs in bits.
+    what no register wraps at, unless the weights would lose bits by it. Potentials that are bounded by the threshold
+    need no more than one threshold of the voltage register, and keep to that T whatever it costs in bits.
     """
+    chip, grid, where = task.chip, task.grid, task.where
+    room, bounded = _room(neuron, task.incoming, chip), _stays_below(neuron, task.incoming)
     size = len(neuron.threshold)
-    decay_u = nearest_decays(neuron.decay_u, f"{where}: decay_u")
-    decay_v = nearest_decays(neuron.decay_v, f"{where}: decay_v")
-    gain = best_gain(1 - neuron.decay_u, 1 - neuron.decay_v, keeps(decay_u), keeps(decay_v))
+    decay_u, decay_v, gain = rounded_decays(neuron, where)
     # A bias acts on the voltage alone; what it settles at is kept.
     bias = neuron.bias * np.divide(decay_v / 4096, neuron.decay_v, out=np.ones(size), where=neuron.decay_v > 0)
     over = 1 if neuron.rule == ">=" else 0
-    heaviest = float((largest * gain / neuron.threshold).max())
+    heaviest = float((task.largest * gain / neuron.threshold).max())
     strongest = float((np.abs(bias) / neuron.threshold).max())
     bias_max = ((1 << chip.registers.bias_mantissa_bits) - 1) << chip.registers.bias_exponent_max
     lossless = 0.0 if bounded else grid.high / max(heaviest, 1e-9)
@@ -61,6 +55,30 @@ def quantize_cuba(
         refractory=neuron.refractory,
     )
     return Scaled(made, scale, gain, exponent)
+
+
+def _stays_below(neuron: Cuba, incoming: Sequence[Projection]) -> bool:
+    """Whether no input moves a potential past the threshold, to either side: outputs without memory that are read."""
+    reached = np.abs(neuron.bias) + np.sum([row_sums(p.weights) for p in incoming], axis=0)
+    return bool(((neuron.decay_u == 1) & (neuron.decay_v == 1) & (reached <= neuron.threshold)).all())
+
+
+def _room(neuron: Cuba, incoming: Sequence[Projection], chip: Chip) -> float:
+    """Return the threshold mantissa up to which no register wraps, whatever comes: a voltage is clipped, these are not.
+
+    The charge of a step, where all inputs of one sign come at once; and the current of neurons whose voltage is their
+    current, a potential that no spike resets.
+    """
+    none, registers = np.zeros(len(neuron.threshold)), chip.registers
+    charge = np.sum([none, *(row_sums(p.weights) for p in incoming)], axis=0) / neuron.threshold
+    held = (neuron.decay_v == 1) & (neuron.decay_u < 1)
+    total = np.sum([none, *(abs(p.weights).sum(axis=1) for p in incoming)], axis=0)
+    lost = np.maximum(neuron.decay_u, 1.0 / DECAY_ONE)
+    current = np.where(held, total / lost / neuron.threshold, 0.0)
+    return min(
+        (1 << bits) / (64 * max(float(most.max()), 1.0))
+        for bits, most in ((registers.charge_bits, charge), (registers.current_bits, current))
+    )
 
 
 def _check_bias(strongest: float, limit: float, where: str) -> None:

@@ -11,10 +11,9 @@ import numpy as np
 
 from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.arithmetic.weights import WEIGHT_EXPONENTS, WeightGrid
-from hw_model.description.chip import Chip
 from locsnn_compile.network.chip_neurons import ChipSrm, RefractoryTaps
-from locsnn_compile.network.neurons import FloatArray, SoftCuba
-from locsnn_compile.passes.kernels import best_gain, keeps, nearest_decays
+from locsnn_compile.network.neurons import SoftCuba
+from locsnn_compile.passes.kernels import keeps, rounded_decays
 from locsnn_compile.passes.rounding.scaling import (
     Scaled,
     check_threshold,
@@ -23,14 +22,14 @@ from locsnn_compile.passes.rounding.scaling import (
     largest_charge,
     own_grid,
 )
+from locsnn_compile.passes.rounding.task import Task
 
 
-def quantize_soft(neuron: SoftCuba, largest: FloatArray, grid: WeightGrid, chip: Chip, where: str) -> Scaled:
-    """Return the neurons in integers, given the largest weight (n,) onto each; one threshold mantissa for all."""
-    decay_u = nearest_decays(neuron.decay_u, f"{where}: decay_u")
-    decay_v = nearest_decays(neuron.decay_v, f"{where}: decay_v")
-    gain = best_gain(1 - neuron.decay_u, 1 - neuron.decay_v, keeps(decay_u), keeps(decay_v))
-    heaviest = float((largest * gain / neuron.threshold).max())
+def quantize_soft(neuron: SoftCuba, task: Task) -> Scaled:
+    """Return the neurons in integers, one threshold mantissa for all."""
+    chip, grid, where = task.chip, task.grid, task.where
+    decay_u, decay_v, gain = rounded_decays(neuron, where)
+    heaviest = float((task.largest * gain / neuron.threshold).max())
     deepest = float((neuron.drop / neuron.threshold).max())
     own, coarse = own_grid(chip), _coarse(own_grid(chip))
     # The largest charge that a coarse and a fine self-synapse hold exactly, in units of the threshold mantissa.

@@ -6,29 +6,25 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hw_model.description.chip import Chip
-from locsnn_compile.network.chip_neurons import ChipProjection, ChipSrm
+from locsnn_compile.network.chip_neurons import ChipProjection
 from locsnn_compile.network.matrices import of_target, values_of
-from locsnn_compile.network.network import Projection
 from locsnn_compile.network.neurons import FloatArray
 from locsnn_compile.passes.rounding.grades import BoolArray, grades_for, in_grades, nearest
-from locsnn_compile.passes.rounding.rounding import Rounding
 from locsnn_compile.passes.rounding.scaling import Scaled
+from locsnn_compile.passes.rounding.task import Task
 
 
-def round_apart(
-    incoming: Sequence[Projection], scaled: Scaled, weight_bits: int, chip: Chip, rounding: Rounding
-) -> list[list[ChipProjection]]:
+def round_apart(task: Task, scaled: Scaled) -> list[list[ChipProjection]]:
     """Round the weights onto a population to the nearest of the finest format that holds them.
 
-    The share that is split is the coarsest one. Returns the projections that each of ``incoming`` becomes.
+    The share that is split is the coarsest one. Returns the projections that each incoming one becomes.
     """
-    dendrites = scaled.neuron.dendrites if isinstance(scaled.neuron, ChipSrm) else 1
+    incoming, dendrites = task.incoming, scaled.neuron.dendrites
     ideal = [values_of(p.weights) * of_target(p.weights, scaled.gain * scaled.scale / 64) for p in incoming]
     largest = max((float(np.abs(part).max(initial=0.0)) for part in ideal), default=0.0)
-    grades = grades_for(largest / dendrites, weight_bits, rounding, scaled.neuron, chip, incoming)
+    grades = grades_for(largest / dendrites, task, scaled.neuron)
     grade = [grades.grade(np.abs(part) / dendrites) for part in ideal]
-    split = _coarsest(ideal, rounding.split)
+    split = _coarsest(ideal, task.rounding.split)
     made = []
     for p, part, k, two in zip(incoming, ideal, grade, split, strict=True):
         step = 1 << np.where(two, grades.second_grade(k), k)

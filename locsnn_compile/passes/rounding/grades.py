@@ -8,7 +8,7 @@ leaves.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,12 +16,11 @@ import numpy.typing as npt
 
 from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.arithmetic.weights import WEIGHT_EXPONENTS
-from hw_model.description.chip import Chip
-from locsnn_compile.network.chip_neurons import ChipNeuron, ChipProjection, ChipSrm, RefractoryTaps
+from locsnn_compile.network.chip_neurons import ChipNeuron, ChipProjection
 from locsnn_compile.network.matrices import with_values
 from locsnn_compile.network.network import Projection
 from locsnn_compile.network.neurons import FloatArray
-from locsnn_compile.passes.rounding.rounding import Rounding
+from locsnn_compile.passes.rounding.task import Task
 
 MANTISSA_BITS = 8
 GRADES, GRADES_IF_SPLIT, GRADES_BESIDE_TAPS = 4, 3, 2
@@ -84,27 +83,20 @@ class Grades:
                 yield sign * (here >> k << (MANTISSA_BITS - self.weight_bits)), self.exponent(k)
 
 
-def grades_for(
-    largest: float,
-    weight_bits: int,
-    rounding: Rounding,
-    neuron: ChipNeuron,
-    chip: Chip,
-    incoming: Sequence[Projection] = (),
-) -> Grades:
+def grades_for(largest: float, task: Task, neuron: ChipNeuron) -> Grades:
     """Return the grades for magnitudes up to ``largest`` quanta onto such neurons.
 
     Weights whose delays take other numbers of bits are in formats of their own: the more there are, the fewer grades.
     What is left too many, the format of own spikes among it, is made to share delay fields when cores are filled.
     """
-    split = rounding.split > 0
-    taps = isinstance(neuron, ChipSrm) and isinstance(neuron.refractory, RefractoryTaps)
+    split = task.rounding.split > 0
+    taps = neuron.strategy == "delay-line"
     count = GRADES if not split else GRADES_BESIDE_TAPS if taps else GRADES_IF_SPLIT
-    kinds = len({int(np.max(p.delay, initial=0)).bit_length() for p in incoming})
+    kinds = len({int(np.max(p.delay, initial=0)).bit_length() for p in task.incoming})
     if kinds > 1:
-        left = chip.limits.synapse_formats_per_core - (FORMATS_OF_TAPS if taps else 0)
+        left = task.chip.limits.synapse_formats_per_core - (FORMATS_OF_TAPS if taps else 0)
         count = max(1, min(count, left // (2 * kinds * (2 if split else 1))))
-    return Grades.holding(largest, weight_bits, count=count if rounding.graded else 1, split=split)
+    return Grades.holding(largest, task.grid.weight_bits, count=count if task.rounding.graded else 1, split=split)
 
 
 def nearest(quanta: FloatArray, step: IntArray, most: IntArray) -> IntArray:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from hw_model.arithmetic.weights import WEIGHT_EXPONENTS, WeightGrid, weight_grid
 from hw_model.description.chip import Chip
 from locsnn_compile.errors import TargetError
-from locsnn_compile.network.chip_neurons import ChipNeuron
+from locsnn_compile.network.chip_neurons import ChipNeuron, ChipProjection
 from locsnn_compile.network.neurons import FloatArray
 
 HEADROOM = 16
@@ -31,6 +31,10 @@ class Scaled:
     scale: FloatArray
     gain: FloatArray
     exponent: int
+
+
+Rounded = tuple[Scaled, list[list[ChipProjection]]]
+"""Neurons in integers, and the projections that each projection onto them becomes."""
 
 
 def own_grid(chip: Chip) -> WeightGrid:

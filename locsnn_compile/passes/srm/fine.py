@@ -7,21 +7,18 @@ scales, the one with which its potential errs least on the calibration recording
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import IntArray
-from hw_model.description.chip import Chip
 from locsnn_compile.network.chip_neurons import ChipProjection, ChipSrm, RefractoryDendrite, integers
 from locsnn_compile.network.matrices import charge as charge_of
-from locsnn_compile.network.network import Population, Projection
 from locsnn_compile.network.neurons import FloatArray, SrmAlpha
 from locsnn_compile.passes.rounding.drive import Drive, drive_of
 from locsnn_compile.passes.rounding.grades import BoolArray, Grades, coarsest, grades_for, in_grades, nearest, shares
-from locsnn_compile.passes.rounding.rounding import Rounding
-from locsnn_compile.passes.rounding.scaling import Scaled, heaviest_weight, own_grid
+from locsnn_compile.passes.rounding.scaling import Rounded, Scaled, heaviest_weight, own_grid
+from locsnn_compile.passes.rounding.task import Task
 from locsnn_compile.passes.rounding.together import round_together
 from locsnn_compile.passes.srm import dendrite as srm_dendrite
 from locsnn_compile.passes.srm.quantize import of_a_dendrite
@@ -42,38 +39,28 @@ BEAM, BEAM_TO_COMPARE = 8, 1
 
 
 @dataclass(frozen=True, eq=False)
-class _Task:
-    """A population to round, and what is known of it."""
+class _Task(Task):
+    """A population to round, the recordings to round it for, and what its inputs do on them."""
 
-    population: Population
-    neuron: SrmAlpha
-    incoming: Sequence[Projection]
-    drive: Drive
     calibration: Calibration
-    chip: Chip
-    weight_bits: int
-    rounding: Rounding
+    neuron: SrmAlpha
+    drive: Drive
 
 
-def fine_srm(
-    population: Population,
-    neuron: SrmAlpha,
-    incoming: Sequence[Projection],
-    plain: Scaled,
-    chip: Chip,
-    weight_bits: int,
-    rounding: Rounding,
-    calibration: Calibration,
-) -> tuple[Scaled, list[list[ChipProjection]]] | None:
-    """Return neurons and weights, given the plain integers of a strategy; None where there is no drive to round for."""
-    made = plain.neuron
-    if not isinstance(made, ChipSrm):
+def fine_srm(neuron: SrmAlpha, known: Task, plain: Scaled) -> Rounded | None:
+    """Return neurons and weights, given the plain integers of a strategy; None where there is nothing to round for."""
+    made, rounding = plain.neuron, known.rounding
+    if (
+        known.calibration is None
+        or not (rounding.error_aware or rounding.scaled_apart)
+        or not isinstance(made, ChipSrm)
+    ):
         return None
     decays = (int(made.decay_u[0]), int(made.decay_v[0]))
-    drive = drive_of(neuron, incoming, decays, float(plain.gain[0]), calibration)
+    drive = drive_of(neuron, known.incoming, decays, float(plain.gain[0]), known.calibration)
     if drive is None:
         return None
-    task = _Task(population, neuron, incoming, drive, calibration, chip, weight_bits, rounding)
+    task = _Task(**vars(known), neuron=neuron, drive=drive)
     if rounding.scaled_apart and isinstance(made.refractory, RefractoryDendrite):
         made = _scaled_apart(task, made)
     rounded = _rounded(task, made, BEAM)
@@ -113,7 +100,7 @@ def _at(
 def _largest_threshold(task: _Task, share: SrmAlpha, dendrites: int) -> float:
     """Return the largest threshold mantissa that registers and own charges, a dendrite's share, leave to any neuron."""
     registers = task.chip.registers
-    own = srm_dendrite.heaviest_charge(share, 0, task.chip, f"population {task.population.name!r}")
+    own = srm_dendrite.heaviest_charge(share, 0, task.chip, task.where)
     caps = [registers.threshold_mantissa_max, dendrites * registers.voltage_max / (64 * HEADROOM_MIN)]
     return min(*caps, heaviest_weight(task.chip) / own - 1) if own else min(caps)
 
@@ -126,7 +113,7 @@ def _threshold_limits(task: _Task) -> FloatArray:
     one_sign = np.maximum(np.maximum(ideal, 0).sum(axis=1), np.maximum(-ideal, 0).sum(axis=1))
     # A neuron without weights, or with none to speak of, has no limit.
     with np.errstate(divide="ignore", over="ignore"):
-        heaviest = float((1 << task.weight_bits) - 1 << coarsest(task.weight_bits)) / largest
+        heaviest = float((1 << task.grid.weight_bits) - 1 << coarsest(task.grid.weight_bits)) / largest
         charge = (1 << registers.charge_bits) / 64 / one_sign
         current = (1 << registers.current_bits) / 64 / CURRENT_ROOM / task.drive.peak_current
         limits: FloatArray = np.minimum(np.minimum(heaviest, charge), current) * theta - 1
@@ -164,7 +151,7 @@ def _errors(task: _Task, candidates: ChipSrm, count: int) -> FloatArray:
 
 
 @dataclass(frozen=True, eq=False)
-class _Rounded:
+class _Quanta:
     """Weights in quanta (k, n), onto so many dendrites together; the grade of each share, and which are split."""
 
     quanta: IntArray
@@ -174,13 +161,13 @@ class _Rounded:
     grades: Grades
 
 
-def _rounded(task: _Task, made: ChipSrm, beam: int) -> _Rounded:
+def _rounded(task: _Task, made: ChipSrm, beam: int) -> _Quanta:
     """Round the ideal weights onto neurons: those of the population, or these several times over."""
     scale = _scale(task, made)
     times = len(scale) // task.population.size
     ideal = np.tile(task.drive.ideal, (times, 1)) * scale[:, None] / 64
     magnitude = np.abs(ideal) / made.dendrites
-    grades = grades_for(float(magnitude.max()), task.weight_bits, task.rounding, made, task.chip, task.incoming)
+    grades = grades_for(float(magnitude.max()), task, made)
     grade = grades.grade(magnitude)
     present = np.tile(np.hstack([p.weights for p in task.incoming]) != 0, (times, 1))
     split = _worth_splitting(task, grades, grade, present)
@@ -190,7 +177,7 @@ def _rounded(task: _Task, made: ChipSrm, beam: int) -> _Rounded:
         quanta = round_together(task.drive.gram, ideal, step, most, beam)
     else:
         quanta = nearest(ideal, step, most)
-    return _Rounded(quanta, made.dendrites, grade, split, grades)
+    return _Quanta(quanta, made.dendrites, grade, split, grades)
 
 
 def _worth_splitting(task: _Task, grades: Grades, grade: IntArray, present: BoolArray) -> BoolArray:
@@ -204,7 +191,7 @@ def _worth_splitting(task: _Task, grades: Grades, grade: IntArray, present: Bool
     return chosen & (value > 0)
 
 
-def _projections(task: _Task, rounded: _Rounded) -> list[list[ChipProjection]]:
+def _projections(task: _Task, rounded: _Quanta) -> list[list[ChipProjection]]:
     made, start = [], 0
     for p in task.incoming:
         here = slice(start, start + p.weights.shape[1])

@@ -6,17 +6,17 @@ One input spike, and one own spike, are played to the integer neurons, and what 
 from __future__ import annotations
 
 import math
+from functools import singledispatch
 
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.description.chip import Registers
-from locsnn_compile.network.chip_neurons import ChipSrm
-from locsnn_compile.network.neurons import Cuba, FloatArray, SoftCuba, SrmAlpha
+from locsnn_compile.network.neurons import Cuba, FloatArray, Leaky, Neuron, SoftCuba, SrmAlpha
 from locsnn_compile.network.quantized import KernelFit
 from locsnn_compile.passes.kernels import kernel
 from locsnn_compile.passes.rounding.scaling import Scaled
-from locsnn_compile.reference.integer_neurons import input_response, own_spike_response, reset_response
+from locsnn_compile.reference.integer_neurons import input_response, own_spike_response
 
 LENGTHS = 12
 """Responses are compared over so many time constants: what comes later is below 2e-4 of a kernel's largest value."""
@@ -25,39 +25,47 @@ FAINT = 0.5
 """A kernel whose largest value is less than half a unit of the registers is none to them."""
 
 
-def kernel_fit(neuron: SrmAlpha | Cuba | SoftCuba, scaled: Scaled, registers: Registers) -> KernelFit:
-    """Return the fit of the neuron that fits worst."""
-    if isinstance(neuron, Cuba):
-        return KernelFit(*_cuba_input(neuron, scaled, registers), None, None)
-    if isinstance(neuron, SoftCuba):
-        return KernelFit(*_cuba_input(neuron, scaled, registers), *_soft_drop(neuron, scaled, registers))
+@singledispatch
+def kernel_fit(neuron: Neuron, scaled: Scaled, registers: Registers) -> KernelFit | None:
+    """Return the fit of the neuron that fits worst; None of a model that has not registered any."""
+    return None
+
+
+@kernel_fit.register
+def _(neuron: Cuba, scaled: Scaled, registers: Registers) -> KernelFit:
+    return KernelFit(*_leaky_input(neuron, scaled, registers), None, None)
+
+
+@kernel_fit.register
+def _(neuron: SoftCuba, scaled: Scaled, registers: Registers) -> KernelFit:
+    return KernelFit(*_leaky_input(neuron, scaled, registers), *_soft_drop(neuron, scaled, registers))
+
+
+@kernel_fit.register
+def _(neuron: SrmAlpha, scaled: Scaled, registers: Registers) -> KernelFit:
     theta = neuron.theta * scaled.scale
     k = np.arange(1, _steps(neuron.tau_sr) + 1, dtype=np.float64)[:, None]
     # The weight whose response peaks at the threshold: eps has its largest value, 1, at tau_sr.
     found = input_response(scaled.neuron, _whole(scaled.gain * theta), registers, len(k))
     input_errors = _errors(found, theta * kernel(neuron.tau_sr, k), theta)
-    if isinstance(scaled.neuron, ChipSrm) and neuron.scale_ref == 0:
+    if neuron.scale_ref == 0 and scaled.neuron.strategy != "native":
         return KernelFit(*input_errors, None, None)
     # Taps and resets leave something in the input's own filters, which outlasts nu.
     k = np.arange(1, _steps(max(neuron.tau_sr, neuron.tau_ref)) + 1, dtype=np.float64)[:, None]
     wanted = -neuron.scale_ref * theta * kernel(neuron.tau_ref, k)
-    if isinstance(scaled.neuron, ChipSrm):
-        taken = own_spike_response(scaled.neuron, registers, len(k))
-    else:
-        taken = reset_response(scaled.neuron, registers, len(k))
+    taken = own_spike_response(scaled.neuron, registers, len(k))
     return KernelFit(*input_errors, *_errors(taken, wanted, theta))
 
 
 def _soft_drop(neuron: SoftCuba, scaled: Scaled, registers: Registers) -> tuple[float, float]:
     """Return the errors of what a spike takes from the potential of neurons at rest."""
-    assert isinstance(scaled.neuron, ChipSrm)
     slowest = float((1 - neuron.decay_v).max())
     lags = np.arange(_steps(-1.0 / math.log(slowest)) if 0 < slowest < 1 else _steps(slowest * STEPS_MAX))[:, None]
     wanted = -neuron.drop * scaled.scale * (1 - neuron.decay_v) ** lags
     return _errors(own_spike_response(scaled.neuron, registers, len(lags)), wanted, neuron.threshold * scaled.scale)
 
 
-def _cuba_input(neuron: Cuba | SoftCuba, scaled: Scaled, registers: Registers) -> tuple[float, float]:
+def _leaky_input(neuron: Leaky, scaled: Scaled, registers: Registers) -> tuple[float, float]:
     """Return the errors of the response to one input spike that brings each neuron to its threshold."""
     slowest = float(np.maximum(1 - neuron.decay_u, 1 - neuron.decay_v).max())
     steps = _steps(-1.0 / math.log(slowest)) if 0 < slowest < 1 else _steps(slowest * STEPS_MAX)

@@ -13,13 +13,13 @@ from typing import Protocol
 
 import numpy as np
 
-from hw_model.arithmetic.weights import WeightGrid
 from hw_model.description.chip import Chip
 from locsnn_compile.errors import TargetError
 from locsnn_compile.network.chip_neurons import ChipNeuron, ChipSrm, integers
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.passes.kernels import alpha_kernel, fitted_decays
 from locsnn_compile.passes.rounding.scaling import Scaled, check_threshold, exponent_and_threshold, heaviest_weight
+from locsnn_compile.passes.rounding.task import Task
 from locsnn_compile.passes.srm import delay_line, dendrite, reset
 from locsnn_compile.strategies import STRATEGIES
 
@@ -48,24 +48,16 @@ LAYOUTS: dict[str, Layout] = {
 }
 
 
-def quantize_srm(
-    neuron: SrmAlpha,
-    size: int,
-    largest: float,
-    grid: WeightGrid,
-    chip: Chip,
-    strategy: str,
-    where: str,
-    fitted: bool = False,
-) -> Scaled:
-    """Return neurons in integers, given the largest weight onto any of them.
+def quantize_srm(neuron: SrmAlpha, task: Task) -> Scaled:
+    """Return neurons in integers.
 
-    With ``fitted``, two decays instead of one, where the strategy can have them: taps are made for one.
+    Where decays are to be fitted, two instead of one, where the strategy can have them: taps are made for one.
     """
+    size, chip, grid, strategy, where = task.population.size, task.chip, task.grid, task.strategy, task.where
     layout, dendrites = LAYOUTS[strategy], STRATEGIES[strategy].dendrites
     mantissa_max = chip.registers.threshold_mantissa_max
     decay, gain, _ = alpha_kernel(neuron.tau_sr, f"{where}: tau_sr")
-    heaviest = largest * gain / neuron.theta / dendrites
+    heaviest = float(task.largest.max()) * gain / neuron.theta / dendrites
     share = of_a_dendrite(neuron, dendrites)
     own = layout.heaviest_charge(share, decay, chip, where)
     most_own = heaviest_weight(chip)
@@ -77,7 +69,7 @@ def quantize_srm(
     made = layout.lay_out(share, size, decay, candidates, chip, where)
     if isinstance(made, ChipSrm):
         made = replace(made, dendrites=dendrites)
-    if fitted and strategy != "delay-line":
+    if task.rounding.fitted_decays and strategy != "delay-line":
         decay_u, decay_v, gain, _ = fitted_decays(neuron.tau_sr, f"{where}: tau_sr")
         made = replace(made, decay_u=integers(decay_u, size), decay_v=integers(decay_v, size))
     scale = (64 * made.threshold + 1) / neuron.theta

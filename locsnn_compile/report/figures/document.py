@@ -13,9 +13,7 @@ from hw_model.description.counts import Counts, total
 from hw_model.program.chip_program import ChipProgram, Core
 from locsnn_compile.baselines.ann_energy import ANN_ENERGY_SOURCE, ANN_NOT_INCLUDED, ann_energy_pj
 from locsnn_compile.baselines.operations import ANN_NAMES, ann_counts
-from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.network.network import Network
-from locsnn_compile.network.neurons import Cuba
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.report.figures.diagnosis import budget_entry, cause_entry, margins_entry
 from locsnn_compile.report.figures.energy import energy_entry
@@ -271,11 +269,7 @@ def _quantization(levels: Levels) -> Document:
 
 def _biases_lost(levels: Levels) -> int:
     """Count the biases other than 0 that round to 0."""
-    return sum(
-        int(((q.population.neuron.bias != 0) & (q.neuron.bias_mantissa == 0)).sum())
-        for q in levels.quantized.populations
-        if isinstance(q.population.neuron, Cuba) and isinstance(q.neuron, ChipCuba)
-    )
+    return sum(q.biases_lost for q in levels.quantized.populations)
 
 
 def _spread(values: npt.NDArray[Any]) -> Any:

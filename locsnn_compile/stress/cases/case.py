@@ -14,8 +14,8 @@ from hw_model.engine.trace import ByteArray
 from hw_model.mapping.graph import Readout
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection, ChipSrm, Signs
 from locsnn_compile.network.matrices import matrix
-from locsnn_compile.network.network import InputView, Network, Neuron, Population, Projection
-from locsnn_compile.network.neurons import Cuba, FloatArray, SrmAlpha
+from locsnn_compile.network.network import InputView, Network, Population, Projection
+from locsnn_compile.network.neurons import Cuba, FloatArray, Neuron, SrmAlpha
 from locsnn_compile.passes.rounding.rounding import FINE, Rounding
 from locsnn_compile.strategies import NATIVE, USUAL
 

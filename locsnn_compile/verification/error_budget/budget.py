@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import attrgetter, methodcaller
 
 import hw_model as hw
 from hw_model.engine.trace import ByteArray
 from hw_model.mapping.graph import Readout
-from locsnn_compile.network.network import Network, Neuron
-from locsnn_compile.network.neurons import FloatArray, SrmAlpha
+from locsnn_compile.network.network import Network
+from locsnn_compile.network.neurons import FloatArray, Neuron
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import ReferenceResult, decided, evaluate
 from locsnn_compile.verification.error_budget.stages import (
@@ -24,7 +24,6 @@ from locsnn_compile.verification.error_budget.stages import (
     twin_with,
     working,
 )
-from locsnn_compile.verification.error_budget.tail import has_tails, with_cut_tails
 from locsnn_compile.verification.error_budget.twin import Twin, run_twin
 from locsnn_compile.verification.matching import PopulationMatch, Progress
 
@@ -66,19 +65,24 @@ class StageErrors:
 
 def error_budget(levels: Levels, recordings: ByteArray, progress: Progress | None = None) -> StageErrors:
     """Take the difference apart over recordings (samples, steps, channels), of the network's own steps and channels."""
-    network, phases = _whole(levels.network), phases_of(levels)
+    network, phases = _each(levels.network, methodcaller("whole")), phases_of(levels)
+    cut, registers = _each(network, methodcaller("cut")), levels.program.chip.registers
     stages = [stage for stage in STAGES if working(phases, stage)]
-    tally_of = partial(_Tally, network, levels.quantized.readout, phases)
-    alone = {stage: tally_of(_with(stage)) for stage in stages}
-    without = {stage: tally_of(_with(*(other for other in stages if other != stage))) for stage in stages}
-    none, together = tally_of(_with()), tally_of(_with(*stages))
-    tail = tally_of(lambda phase: with_cut_tails(twin_with(phase, ()), network))
-    others = [*alone.values(), *without.values(), *([tail] if has_tails(network) else [])]
+
+    def tally_of(*stages: Stage) -> _Tally:
+        twins = [(phase, twin_with(phase, stages)) for phase in phases]
+        return _Tally(network, partial(_play, network, levels.quantized.readout, twins))
+
+    alone = {stage: tally_of(stage) for stage in stages}
+    without = {stage: tally_of(*(other for other in stages if other != stage)) for stage in stages}
+    none, together = tally_of(), tally_of(*stages)
+    tail = _Tally(network, lambda chunk: attrgetter("spikes", "scores")(evaluate(cut, chunk, registers=registers)))
+    others = [*alone.values(), *without.values(), *([tail] if network.by_strategy else [])]
     unexplained = 0
     at_once = max(1, NEURON_STEPS_AT_ONCE // neuron_steps(network))
     for start in range(0, len(recordings), at_once):
         chunk = recordings[start : start + at_once]
-        wanted = evaluate(network, chunk, registers=levels.program.chip.registers)
+        wanted = evaluate(network, chunk, registers=registers)
         unexplained += _different(none.add(chunk, wanted), wanted.spikes)
         unexplained += _different(together.add(chunk, wanted), hw.simulate(levels.program, chunk).spikes)
         for tally in others:
@@ -91,52 +95,50 @@ def error_budget(levels: Levels, recordings: ByteArray, progress: Progress | Non
         without={stage: tally.result() for stage, tally in without.items()},
         together=together.result(),
         unexplained=unexplained,
-        kernel_tail=tail.result() if has_tails(network) else None,
+        kernel_tail=tail.result() if network.by_strategy else None,
     )
 
 
-def _whole(network: Network) -> Network:
-    """Return the network with the tails of its kernels, which the program has."""
-    return replace(network, populations=tuple(replace(p, neuron=_tails(p.neuron)) for p in network.populations))
+def _each(network: Network, changed: Callable[[Neuron], Neuron]) -> Network:
+    """Return a network with other neurons."""
+    return replace(network, populations=tuple(replace(p, neuron=changed(p.neuron)) for p in network.populations))
 
 
-def _tails(neuron: Neuron) -> Neuron:
-    return replace(neuron, eps_taps=math.inf, nu_taps=math.inf) if isinstance(neuron, SrmAlpha) else neuron
+_Played = tuple[Mapping[str, ByteArray], FloatArray]
+"""Spikes by population, and class scores."""
 
 
 class _Tally:
-    """Runs one variant chunk by chunk, and adds up how it differs; ``readout`` is that of potentials in registers."""
+    """Plays one variant chunk by chunk, and adds up how it differs."""
 
-    def __init__(
-        self, network: Network, readout: Readout, phases: tuple[Phase, ...], variant: Callable[[Phase], Twin]
-    ) -> None:
-        self._network, self._readout = network, readout
-        self._twins = [(phase, variant(phase)) for phase in phases]
+    def __init__(self, network: Network, play: Callable[[ByteArray], _Played]) -> None:
+        self._play = play
         self._by_population = {p.name: PopulationMatch() for p in network.own_populations}
         self._changed = 0
 
-    def add(self, recordings: ByteArray, wanted: ReferenceResult) -> dict[str, ByteArray]:
+    def add(self, recordings: ByteArray, wanted: ReferenceResult) -> Mapping[str, ByteArray]:
         """Play a chunk; return the variant's spikes."""
-        spikes: dict[str, ByteArray] = {}
-        potential: dict[str, FloatArray] = {}
-        readout = self._readout
-        for phase, twin in self._twins:
-            read = {group.name for group in twin.groups} & set(readout.populations)
-            kept = tuple(sorted(read)) if readout.potentials_from is not None else ()
-            trace = run_twin(twin, lines_of(self._network, phase, recordings), potentials=kept)
-            spikes |= trace.spikes
-            potential |= trace.potential
+        spikes, scores = self._play(recordings)
         for name in self._by_population:
             self._by_population[name] += PopulationMatch.of(wanted.spikes[name], spikes[name])
-        self._changed += int((decided(readout.scores(spikes, potential)) != decided(wanted.scores)).sum())
+        self._changed += int((decided(scores) != decided(wanted.scores)).sum())
         return spikes
 
     def result(self) -> Deviation:
         return Deviation(dict(self._by_population), self._changed)
 
 
-def _with(*stages: Stage) -> Callable[[Phase], Twin]:
-    return lambda phase: twin_with(phase, stages)
+def _play(network: Network, readout: Readout, twins: Sequence[tuple[Phase, Twin]], recordings: ByteArray) -> _Played:
+    """Play a chunk to twins; ``readout`` is that of potentials in registers."""
+    spikes: dict[str, ByteArray] = {}
+    potential: dict[str, FloatArray] = {}
+    for phase, twin in twins:
+        read = {group.name for group in twin.groups} & set(readout.populations)
+        kept = tuple(sorted(read)) if readout.potentials_from is not None else ()
+        trace = run_twin(twin, lines_of(network, phase, recordings), potentials=kept)
+        spikes |= trace.spikes
+        potential |= trace.potential
+    return spikes, readout.scores(spikes, potential)
 
 
 def _different(spikes: Mapping[str, ByteArray], others: Mapping[str, ByteArray]) -> int:

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import singledispatch
 
 import numpy as np
 
 from hw_model.mapping.graph import CompartmentGraph
-from locsnn_compile.network.chip_neurons import ChipSrm, RefractoryDendrite
 from locsnn_compile.network.matrices import Matrix
-from locsnn_compile.network.neurons import Cuba, SoftCuba, SrmAlpha
+from locsnn_compile.network.neurons import Cuba, Neuron, SoftCuba, SrmAlpha
 from locsnn_compile.network.quantized import QuantizedPopulation
 from locsnn_compile.passes.kernels import alpha_recursion, kernel, own_charges
 from locsnn_compile.passes.lower_neurons import dendrite_name
@@ -37,25 +37,38 @@ DENSE_ENTRIES = 1 << 22
 """A matrix of no more entries is kept dense."""
 
 
-def forms_of(levels: Levels, q: QuantizedPopulation) -> tuple[Numbers, Numbers]:
-    """Return the numbers of the float neuron, and of the program's; the same object where they do not differ."""
-    neuron = q.population.neuron
-    if isinstance(neuron, SrmAlpha):
-        if isinstance(q.neuron, ChipSrm) and isinstance(q.neuron.refractory, RefractoryDendrite):
-            same = _dendrite(levels, q, neuron)
-            return same, same
-        program = _delay_line if q.strategy == "delay-line" else _reset
-        return program(levels, q, neuron)
-    if isinstance(neuron, SoftCuba):
-        same = _soft(levels, q, neuron)
-    else:
-        same = _native(levels, q, neuron) if isinstance(neuron, Cuba) else _on_grid(levels, q)
+@singledispatch
+def forms_of(neuron: Neuron, levels: Levels, q: QuantizedPopulation) -> tuple[Numbers, Numbers]:
+    """Return the numbers of the float neuron, and of the program's; the same object where they do not differ.
+
+    On-grid neurons have the chip's own arithmetic for reference. So has a model that has registered no numbers: all
+    that it does otherwise is left unexplained.
+    """
+    graph, name = levels.compartments, q.population.name
+    parts = [g for g in graph.groups if g.joined_to == name] + [graph.group(name)]
+    groups, synapses = [], []
+    for part in parts:
+        same = chip_group(part)
+        groups.append(GroupNumbers(same, same))
+        for (source, delay), held in chip_weights(graph, part.name).items():
+            weights = _plain(held)
+            synapses.append(SynapseNumbers(TwinSynapses(source, part.name, weights, delay), weights, weights, weights))
+    numbers = Numbers(tuple(groups), tuple(synapses))
+    return numbers, numbers
+
+
+@forms_of.register
+def _(neuron: SrmAlpha, levels: Levels, q: QuantizedPopulation) -> tuple[Numbers, Numbers]:
+    if q.strategy == "delay-line":
+        return _delay_line(levels, q, neuron)
+    if q.strategy == "reset":
+        return _reset(levels, q, neuron)
+    same = _dendrite(levels, q, neuron)
     return same, same
 
 
 def _dendrite(levels: Levels, q: QuantizedPopulation, neuron: SrmAlpha) -> Numbers:
     """As many pairs of dendrites as the chip has; of the float weights each has an equal share."""
-    assert isinstance(q.neuron, ChipSrm)
     graph, name, count = levels.compartments, q.population.name, q.neuron.dendrites
     soma = chip_group(graph.group(name))
     pairs = []
@@ -161,7 +174,8 @@ def _srm(
     )
 
 
-def _native(levels: Levels, q: QuantizedPopulation, neuron: Cuba) -> Numbers:
+@forms_of.register
+def _(neuron: Cuba, levels: Levels, q: QuantizedPopulation) -> tuple[Numbers, Numbers]:
     """A leaky integrate-and-fire neuron in one compartment."""
     name = q.population.name
     chip = chip_group(levels.compartments.group(name))
@@ -174,10 +188,12 @@ def _native(levels: Levels, q: QuantizedPopulation, neuron: Cuba) -> Numbers:
     )
     group = GroupNumbers(exact, chip)
     synapses = exact_synapses(levels.network, name, name, q.scale)
-    return Numbers((group,), beside_chip(levels.compartments, synapses, group, name))
+    same = Numbers((group,), beside_chip(levels.compartments, synapses, group, name))
+    return same, same
 
 
-def _soft(levels: Levels, q: QuantizedPopulation, neuron: SoftCuba) -> Numbers:
+@forms_of.register
+def _(neuron: SoftCuba, levels: Levels, q: QuantizedPopulation) -> tuple[Numbers, Numbers]:
     """A dendrite that is never reset, from which own spikes take the drop, and a soma without memory."""
     graph, name = levels.compartments, q.population.name
     dendrite, soma = (chip_group(graph.group(part)) for part in (f"{name}/dendrite", name))
@@ -192,21 +208,8 @@ def _soft(levels: Levels, q: QuantizedPopulation, neuron: SoftCuba) -> Numbers:
         beside = next((s for s in synapses if (s.source, s.delay) == (name, delay)), None)
         weights = taken if beside is None else beside.weights + np.diag(taken)
         synapses = [s for s in synapses if s is not beside] + [TwinSynapses(name, dendrite.name, weights, delay)]
-    return Numbers((membrane, top), beside_chip(graph, synapses, membrane, dendrite.name))
-
-
-def _on_grid(levels: Levels, q: QuantizedPopulation) -> Numbers:
-    """A population whose reference is the chip's own arithmetic: both sides are the same."""
-    graph, name = levels.compartments, q.population.name
-    parts = [g for g in graph.groups if g.joined_to == name] + [graph.group(name)]
-    groups, synapses = [], []
-    for part in parts:
-        same = chip_group(part)
-        groups.append(GroupNumbers(same, same))
-        for (source, delay), held in chip_weights(graph, part.name).items():
-            weights = _plain(held)
-            synapses.append(SynapseNumbers(TwinSynapses(source, part.name, weights, delay), weights, weights, weights))
-    return Numbers(tuple(groups), tuple(synapses))
+    same = Numbers((membrane, top), beside_chip(graph, synapses, membrane, dendrite.name))
+    return same, same
 
 
 def _real(group: TwinGroup) -> TwinGroup:

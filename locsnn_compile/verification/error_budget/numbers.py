@@ -14,7 +14,7 @@ from scipy import sparse
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, effective_weight
 from hw_model.mapping.graph import CompartmentGraph, Compartments
-from locsnn_compile.network.matrices import Matrix, of_target, values_of, with_values
+from locsnn_compile.network.matrices import Matrix, by_delay, of_target, values_of, with_values
 from locsnn_compile.network.network import Network, Projection
 from locsnn_compile.network.neurons import FloatArray
 from locsnn_compile.passes.kernels import best_gain
@@ -92,18 +92,10 @@ def exact_synapses(network: Network, population: str, target: str, gain: FloatAr
     found: dict[tuple[str, int], Matrix] = {}
     for projection in network.into(population):
         assert isinstance(projection, Projection)  # the network's own check: float weights reach float neurons
-        for delay, weights in _by_delay(projection):
+        for delay, weights in by_delay(projection.weights, projection.delay):
             key, scaled = (projection.source, delay), times(weights, gain)
             found[key] = found[key] + scaled if key in found else scaled
     return [TwinSynapses(source, target, weights, delay) for (source, delay), weights in found.items()]
-
-
-def _by_delay(projection: Projection) -> list[tuple[int, Matrix]]:
-    weights, delay = projection.weights, np.asarray(projection.delay)
-    if delay.ndim == 0:
-        return [(int(delay), weights)]
-    values = values_of(weights)
-    return [(int(d), with_values(weights, np.where(delay == d, values, 0.0))) for d in np.unique(delay)]
 
 
 def chip_weights(graph: CompartmentGraph, target: str) -> dict[tuple[str, int], Matrix]:

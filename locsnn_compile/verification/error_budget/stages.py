@@ -46,7 +46,9 @@ def phases_of(levels: Levels) -> tuple[Phase, ...]:
     registers = levels.program.chip.registers
     phases = []
     for axis in levels.network.axes:
-        forms = [forms_of(levels, q) for q in levels.quantized.populations if q.population.axis == axis]
+        forms = [
+            forms_of(q.population.neuron, levels, q) for q in levels.quantized.populations if q.population.axis == axis
+        ]
         numbers = _joined([float_neurons for float_neurons, _ in forms])
         exact = all(float_neurons is program_neurons for float_neurons, program_neurons in forms)
         program = numbers if exact else _joined([program_neurons for _, program_neurons in forms])
