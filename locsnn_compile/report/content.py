@@ -8,6 +8,7 @@ The words and numbers are chosen once, in ``verdict.py`` and the section files; 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -76,6 +77,9 @@ class Bar:
     pattern: int = 0
 
 
+Cell = str | Bar
+
+
 @dataclass(frozen=True)
 class Table:
     """A table whose first column names the rows; a column without a name is drawn, every other one holds numbers.
@@ -86,7 +90,7 @@ class Table:
 
     caption: str
     columns: tuple[str, ...]
-    rows: tuple[tuple[str | Bar, ...], ...]
+    rows: tuple[tuple[Cell, ...], ...]
     total: bool = False
     folded: bool = False
 
@@ -104,11 +108,8 @@ class Span:
     """Least, median, mean and most of a quantity over the recordings; ``values`` are the same four as numbers."""
 
     title: str
-    least: Fact
-    median: Fact
-    mean: Fact
-    most: Fact
-    values: tuple[float, float, float, float]
+    facts: tuple[Fact, ...]
+    values: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -210,3 +211,35 @@ class Report:
     sections: tuple[Section, ...]
     assumptions: tuple[str, ...] = ()
     """Sentences, before anything else that limits the figures."""
+
+
+def section(key: str, title: str, lead: str, *blocks: Block | None) -> Section:
+    """Return a section of those of the blocks that there are."""
+    return Section(key, title, lead, tuple(block for block in blocks if block))
+
+
+def facts(*named: tuple[str, str | None]) -> Facts:
+    """Return a list of names and values; a name without a value is left out."""
+    return Facts(tuple(Fact(label, value) for label, value in named if value is not None))
+
+
+def table(
+    caption: str,
+    rows: Iterable[Any],
+    *columns: tuple[str, Callable[[Any], Cell]],
+    total: bool = False,
+    folded: bool = False,
+) -> Table:
+    """Return a table of ``rows``: each of ``columns`` is a heading, and what stands under it for a row."""
+    names = tuple(name for name, _ in columns)
+    return Table(caption, names, tuple(tuple(shown(row) for _, shown in columns) for row in rows), total, folded)
+
+
+def of(key: str, shown: Callable[[Any], Cell]) -> Callable[[Document], Cell]:
+    """Return what shows the value that a row has under ``key``."""
+    return lambda row: shown(row[key])
+
+
+def part(value: float, whole: float) -> float:
+    """Return a part as a share of its whole, 0 of nothing."""
+    return value / whole if whole else 0.0

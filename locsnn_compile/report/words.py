@@ -79,3 +79,8 @@ def words(key: str) -> str:
 def listed(items: Sequence[str]) -> str:
     """Return ``a, b and c``."""
     return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}"
+
+
+def core_words(row: Mapping[str, Any]) -> str:
+    """Return a core of the document by its number and its branch."""
+    return f"core {row['core']}, {words(row['phase'])}"

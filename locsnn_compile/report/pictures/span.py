@@ -11,10 +11,9 @@ _FIRST, _LENGTH = 1.0, 98.0
 
 def span(drawn: Span) -> str:
     """Return an axis from 0 to the largest value: a band from least to most, the median a stroke, the mean a dot."""
-    facts = (drawn.least, drawn.median, drawn.mean, drawn.most)
     top = max(drawn.values)
     least, median, mean, most = (percent(_FIRST + _LENGTH * (value / top if top else 0.0)) for value in drawn.values)
-    label = words_of(f"{drawn.title}: {', '.join(f'{fact.label} {fact.value}' for fact in facts)}; drawn from 0")
+    label = words_of(f"{drawn.title}: {', '.join(f'{fact.label} {fact.value}' for fact in drawn.facts)}; drawn from 0")
     return (
         f'<svg class="span" width="100%" height="34" role="img" aria-label="{label}">'
         f'<line class="axis" x1="{_FIRST:.0f}%" x2="{_FIRST + _LENGTH:.0f}%" y1="17" y2="17"/>'

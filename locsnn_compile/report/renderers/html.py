@@ -7,27 +7,8 @@ from html import escape
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
+from locsnn_compile.report import content
 from locsnn_compile.report.compose import compose
-from locsnn_compile.report.content import (
-    MANY_ROWS,
-    Bar,
-    Block,
-    Bullets,
-    Document,
-    Fact,
-    Facts,
-    Mesh,
-    Notice,
-    Paragraph,
-    Plot,
-    Raster,
-    Report,
-    Section,
-    Span,
-    Stack,
-    Table,
-    Verdict,
-)
 from locsnn_compile.report.format import plain, shortened
 from locsnn_compile.report.pictures.bars import bar, stack
 from locsnn_compile.report.pictures.mesh import mesh
@@ -54,13 +35,13 @@ MAX_ROWS = 200
 """A table with more of them is cut: a network may have any number of populations, and a program of cores."""
 
 
-def render_html(document: Document, excerpt: Excerpt | None = None) -> str:
+def render_html(document: content.Document, excerpt: Excerpt | None = None) -> str:
     """Return the page of a report; the same document and excerpt give the same bytes."""
     footer = "Per recording means the mean over the recordings of the check, unless a range is given."
     return render_page(compose(document, excerpt), "locsnn-compile report", footer)
 
 
-def render_page(report: Report, kind: str, footer: str) -> str:
+def render_page(report: content.Report, kind: str, footer: str) -> str:
     """Return a page of this content; ``kind`` stands above its title, ``footer`` at its end."""
     return f"""<!DOCTYPE html>
 <html lang="en">
@@ -98,7 +79,7 @@ def text(value: str) -> str:
     return escape(shortened(plain(value), _LONGEST))
 
 
-def _verdicts(report: Report) -> str:
+def _verdicts(report: content.Report) -> str:
     summary = "".join(f"<p>{text(verdict.sentence)}</p>" for verdict in report.verdicts)
     cards = "".join(_verdict(verdict) for verdict in report.verdicts)
     return (
@@ -108,7 +89,7 @@ def _verdicts(report: Report) -> str:
     )
 
 
-def _verdict(verdict: Verdict) -> str:
+def _verdict(verdict: content.Verdict) -> str:
     return (
         f'<div class="verdict"><h3>{text(verdict.question)}</h3>'
         f'<p class="status {verdict.status}"><i aria-hidden="true">{_SIGNS[verdict.status]}</i>'
@@ -123,16 +104,16 @@ def _assumptions(sentences: tuple[str, ...]) -> str:
     return f'<div class="notice" role="note"><strong>{text(ASSUMED)}</strong><ul>{items}</ul></div>' if items else ""
 
 
-def _notice(notice: Notice) -> str:
+def _notice(notice: content.Notice) -> str:
     return f'<div class="notice" role="note"><strong>{text(notice.title)}</strong> {text(notice.text)}</div>'
 
 
-def _contents(report: Report) -> str:
+def _contents(report: content.Report) -> str:
     links = "".join(f'<li><a href="#{section.key}">{text(section.title)}</a></li>' for section in report.sections)
     return f'<nav aria-label="Sections"><ul>{links}</ul></nav>'
 
 
-def _section(section: Section) -> str:
+def _section(section: content.Section) -> str:
     blocks = "".join(_block(block) for block in section.blocks)
     return (
         f'<section class="section" aria-labelledby="{section.key}"><div><h2 id="{section.key}">{text(section.title)}'
@@ -140,25 +121,25 @@ def _section(section: Section) -> str:
     )
 
 
-def _block(block: Block) -> str:
+def _block(block: content.Block) -> str:
     match block:
-        case Paragraph():
+        case content.Paragraph():
             return f"<p>{text(block.text)}</p>"
-        case Facts():
+        case content.Facts():
             return f'<div class="facts">{_facts(block.facts)}</div>'
-        case Bullets():
+        case content.Bullets():
             return _bullets(block)
-        case Table():
+        case content.Table():
             return _table(block)
-        case Stack():
+        case content.Stack():
             return _figure(block.label, stack(block))
-        case Span():
+        case content.Span():
             return _span(block)
-        case Plot():
+        case content.Plot():
             return _plot(block)
-        case Raster():
+        case content.Raster():
             return _raster(block)
-        case Mesh():
+        case content.Mesh():
             return _figure(block.title, mesh(block), f'<p class="said">{text(block.description)}</p>')
 
 
@@ -166,31 +147,30 @@ def _figure(title: str, drawn: str, below: str = "") -> str:
     return f"<figure><figcaption>{text(title)}</figcaption>{drawn}{below}</figure>"
 
 
-def _facts(facts: tuple[Fact, ...]) -> str:
+def _facts(facts: tuple[content.Fact, ...]) -> str:
     rows = "".join(f"<div><dt>{text(fact.label)}</dt><dd>{text(fact.value)}</dd></div>" for fact in facts)
     return f"<dl>{rows}</dl>"
 
 
-def _bullets(block: Bullets) -> str:
+def _bullets(block: content.Bullets) -> str:
     items = "".join(f"<li>{text(item)}</li>" for item in block.items)
     return f'<div class="bullets"><h3>{text(block.title)}</h3><ul>{items}</ul></div>'
 
 
-def _span(block: Span) -> str:
+def _span(block: content.Span) -> str:
     facts = "".join(
-        f"<div><dt>{mark(fact.label)}{text(fact.label)}</dt><dd>{text(fact.value)}</dd></div>"
-        for fact in (block.least, block.median, block.mean, block.most)
+        f"<div><dt>{mark(fact.label)}{text(fact.label)}</dt><dd>{text(fact.value)}</dd></div>" for fact in block.facts
     )
     return _figure(block.title, span(block), f'<dl class="stats">{facts}</dl>')
 
 
-def _plot(block: Plot) -> str:
+def _plot(block: content.Plot) -> str:
     return _figure(
         block.title, plot(block), _legend((curve_mark(i), curve.label) for i, curve in enumerate(block.curves))
     )
 
 
-def _raster(block: Raster) -> str:
+def _raster(block: content.Raster) -> str:
     return _figure(block.title, raster(block), _legend((stroke_mark(one.kind), one.label) for one in block.strokes))
 
 
@@ -199,7 +179,7 @@ def _legend(entries: Iterable[tuple[str, str]]) -> str:
     return f'<dl class="curves">{rows}</dl>'
 
 
-def _table(table: Table) -> str:
+def _table(table: content.Table) -> str:
     """Return a table that scrolls inside its place where it is wider; by keyboard, too, where that may be."""
     last = len(table.rows) - 1
     shown = [*range(min(MAX_ROWS, last)), last] if table.rows else []
@@ -215,13 +195,13 @@ def _table(table: Table) -> str:
         f'<div class="scroll"{reached}><table class="{" ".join(look)}"><caption><span>{caption}</span></caption>'
         f"<thead><tr>{heads}</tr></thead><tbody>{body}</tbody></table></div>"
     )
-    if len(table.rows) <= MANY_ROWS and not table.folded:
+    if len(table.rows) <= content.MANY_ROWS and not table.folded:
         return made
     cut = "" if len(shown) == len(table.rows) else f", {len(shown)} of them here and all in report.json"
     return f"<details><summary>{caption} ({len(table.rows)} rows{cut})</summary>{made}</details>"
 
 
-def _column_kinds(table: Table) -> list[str]:
+def _column_kinds(table: content.Table) -> list[str]:
     """Return the class of each column: drawn, of texts that are folded, or of numbers, which are not."""
     kinds = []
     for i, name in enumerate(table.columns):
@@ -235,16 +215,16 @@ def _head(name: str, kind: str) -> str:
     return f'<th scope="col"{kind}>{text(name) or _DRAWN}</th>'
 
 
-def _row(kinds: list[str], row: tuple[str | Bar, ...], total: bool) -> str:
+def _row(kinds: list[str], row: tuple[str | content.Bar, ...], total: bool) -> str:
     name, *cells = row
-    head = name.label if isinstance(name, Bar) else name
+    head = name.label if isinstance(name, content.Bar) else name
     made = "".join(_cell(kind, cell) for kind, cell in zip(kinds[1:], cells, strict=True))
     line = ' class="total"' if total else ""
     return f'<tr{line}><th scope="row">{_breakable(head)}</th>{made}</tr>'
 
 
-def _cell(kind: str, cell: str | Bar) -> str:
-    return f"<td{kind}>{bar(cell) if isinstance(cell, Bar) else text(cell)}</td>"
+def _cell(kind: str, cell: str | content.Bar) -> str:
+    return f"<td{kind}>{bar(cell) if isinstance(cell, content.Bar) else text(cell)}</td>"
 
 
 def _breakable(name: str) -> str:

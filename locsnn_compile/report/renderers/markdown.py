@@ -6,23 +6,8 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from locsnn_compile.report import content
 from locsnn_compile.report.compose import compose
-from locsnn_compile.report.content import (
-    Bar,
-    Block,
-    Bullets,
-    Document,
-    Fact,
-    Facts,
-    Mesh,
-    Paragraph,
-    Plot,
-    Raster,
-    Span,
-    Stack,
-    Table,
-    Verdict,
-)
 from locsnn_compile.report.format import plain
 from locsnn_compile.report.words import ASSUMED
 
@@ -33,7 +18,7 @@ _SPECIAL = re.compile(r"[\\`*\[\]|~#$]|(?<![^\W_])_|_(?![^\W_])")
 """What Markdown may read as markup anywhere in a line; an underscore inside a word is text."""
 
 
-def render_markdown(document: Document, excerpt: Excerpt | None = None) -> str:
+def render_markdown(document: content.Document, excerpt: Excerpt | None = None) -> str:
     """Return the report as Markdown; the same document and excerpt give the same bytes."""
     report = compose(document, excerpt)
     parts = [f"# {text(report.title)}", text(report.subtitle)]
@@ -53,34 +38,34 @@ def text(value: str) -> str:
     return escaped.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
 
 
-def _verdict(verdict: Verdict) -> str:
+def _verdict(verdict: content.Verdict) -> str:
     head = f"**{text(verdict.question)} {text(verdict.answer)}.** {text(verdict.sentence)}"
     return f"{head}\n\n{_facts(verdict.facts)}"
 
 
-def _block(block: Block) -> str:
+def _block(block: content.Block) -> str:
     match block:
-        case Paragraph():
+        case content.Paragraph():
             return text(block.text)
-        case Facts():
+        case content.Facts():
             return _facts(block.facts)
-        case Bullets():
+        case content.Bullets():
             return f"{text(block.title)}:\n\n" + "\n".join(f"- {text(item)}" for item in block.items)
-        case Table():
+        case content.Table():
             return _table(block)
-        case Span():
-            return f"{text(block.title)}:\n\n{_facts((block.least, block.median, block.mean, block.most))}"
-        case Mesh():
+        case content.Span():
+            return f"{text(block.title)}:\n\n{_facts(block.facts)}"
+        case content.Mesh():
             return text(f"{block.title}: {block.description}.")
-        case Stack() | Plot() | Raster():
+        case content.Stack() | content.Plot() | content.Raster():
             return ""  # a table of the section has the same figures
 
 
-def _facts(facts: tuple[Fact, ...]) -> str:
+def _facts(facts: tuple[content.Fact, ...]) -> str:
     return "\n".join(f"- {text(fact.label)}: {text(fact.value)}" for fact in facts)
 
 
-def _table(table: Table) -> str:
+def _table(table: content.Table) -> str:
     """Return the table without its drawn columns, the caption above it."""
     kept = [i for i, name in enumerate(table.columns) if name]
     rows = [[_cell(row[i]) for i in kept] for row in table.rows]
@@ -89,8 +74,8 @@ def _table(table: Table) -> str:
     return f"**{text(table.caption)}**\n\n" + "\n".join(lines)
 
 
-def _cell(cell: str | Bar) -> str:
-    return text(cell.label if isinstance(cell, Bar) else cell)
+def _cell(cell: str | content.Bar) -> str:
+    return text(cell.label if isinstance(cell, content.Bar) else cell)
 
 
 def line(cells: Sequence[str]) -> str:

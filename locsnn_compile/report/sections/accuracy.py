@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import accumulate
 
-from locsnn_compile.report.content import Bar, Block, Curve, Document, Fact, Facts, Paragraph, Plot, Section, Table
+from locsnn_compile.report.content import Bar, Curve, Document, Paragraph, Plot, Section, Table, facts, section, table
 from locsnn_compile.report.format import NONE, SILENT, agreed, any_value, count, plural, share, short
 from locsnn_compile.report.words import STAGES, listed, stage_words
 
@@ -24,16 +25,24 @@ def error_budget(document: Document) -> Section | None:
         lead = (
             "Nothing was rounded: every number of the network is an integer of the chip. There is no error to divide."
         )
-        return Section("error-budget", title, lead, ())
+        return section("error-budget", title, lead)
     lead = (
         "What each stage changes alone: the float network, with only this stage as on the chip. And what is equal "
         "without it: the chip, with only this stage exact. Differences are carried along, from spike to spike."
     )
-    blocks: list[Block] = [Paragraph(_checked(budget)), _stages(budget), _by_population(budget)]
-    if budget["kernel_tail"] is not None:
-        blocks.append(Paragraph(_kernel_tail(budget["kernel_tail"])))
-    blocks.append(Facts((Fact("recordings", sample(budget)),)))
-    return Section("error-budget", title, lead, tuple(blocks))
+    variants = {stage_words(stage): found for stage, found in budget["alone"].items()}
+    variants["all together"] = budget["together"]
+    without = [agreed(found["spike_agreement"]) for found in budget["all_but"].values()]
+    return section(
+        "error-budget",
+        title,
+        lead,
+        Paragraph(_checked(budget)),
+        _stages(variants, [*without, NONE], len(budget["recordings"])),
+        _by_population(variants),
+        Paragraph(_kernel_tail(budget["kernel_tail"])) if budget["kernel_tail"] else None,
+        facts(("recordings", sample(budget))),
+    )
 
 
 def margins(document: Document) -> Section | None:
@@ -46,11 +55,16 @@ def margins(document: Document) -> Section | None:
         "The distance of every neuron's potential to its threshold at every step, in thresholds, beside the error of "
         "the chip's arithmetic where all earlier spikes are equal. A spike can differ only where the error is larger."
     )
-    edges = found["histogram_edges"]
-    blocks: list[Block] = [_distances(populations), _errors(populations)]
-    blocks += [_plot(name, one, edges) for name, one in list(populations.items())[:_DRAWN]]
-    blocks += [_registers(found["registers"]), Facts((Fact("recordings", sample(found)),))]
-    return Section("margins", "Margins", lead, tuple(blocks))
+    return section(
+        "margins",
+        "Margins",
+        lead,
+        _distances(populations),
+        _errors(populations),
+        *(_plot(name, one, found["histogram_edges"]) for name, one in list(populations.items())[:_DRAWN]),
+        _registers(found["registers"]),
+        facts(("recordings", sample(found))),
+    )
 
 
 def cause(document: Document) -> str | None:
@@ -62,22 +76,21 @@ def cause(document: Document) -> str | None:
     parts = [f"{stage_words(stage)} {_signed(moved)}" for stage, moved in found["moved_by"].items() if moved]
     parts.append(f"their interplay {_signed(found['moved_by_interaction'])}")
     distance = first["reference_potential"] - first["threshold"]
-    where = (
-        f"{abs(distance):.3g} {'below' if distance < 0 else 'above'} the threshold" if distance else "at the threshold"
-    )
+    side = f"{abs(distance):.3g} {'below' if distance < 0 else 'above'}" if distance else "at"
     enough = listed([stage_words(stage) for stage in found["enough_alone"]] or ["no stage"])
     return (
-        f"Cause: the float potential lies {where}, and the chip's arithmetic moves it by "
+        f"Cause: the float potential lies {side} the threshold, and the chip's arithmetic moves it by "
         f"{_signed(found['moved_together'])}: {listed(parts)}. Enough alone: {enough}."
     )
 
 
-def sample(entry: Document) -> str:
-    """Return which recordings a diagnosis was made on."""
+def sample(entry: Document, *, named: bool = True) -> str:
+    """Return on how many recordings a diagnosis was made, and, ``named``, on which."""
     numbers, available = entry["recordings"], entry["recordings_available"]
     if len(numbers) == available:
         return f"all {count(available)}"
-    return f"{count(len(numbers))} of {count(available)}, evenly spread: {any_value(numbers)}"
+    which = f": {any_value(numbers)}" if named else ""
+    return f"{count(len(numbers))} of {count(available)}, evenly spread{which}"
 
 
 def _checked(budget: Document) -> str:
@@ -92,28 +105,19 @@ def _checked(budget: Document) -> str:
     )
 
 
-def _stages(budget: Document) -> Table:
-    rows = [
-        _stage_row(stage_words(stage), alone, agreed(budget["all_but"][stage]["spike_agreement"]))
-        for stage, alone in budget["alone"].items()
-    ]
-    rows.append(_stage_row("all together", budget["together"], NONE))
-    return Table(
-        f"Each stage alone, over {plural(len(budget['recordings']), 'recording')}",
-        ("stage", "", "spikes equal", "only on one side", "predictions changed", "equal without it"),
-        tuple(rows),
-        total=True,
+def _stages(variants: Document, without: Sequence[str], recordings: int) -> Table:
+    rows = tuple(
+        (
+            name,
+            *equal_spikes(found["spike_agreement"]),
+            count(found["spike_mismatches"]),
+            count(found["predictions_changed"]),
+            left,
+        )
+        for (name, found), left in zip(variants.items(), without, strict=True)
     )
-
-
-def _stage_row(name: str, found: Document, without: str) -> tuple[str | Bar, ...]:
-    return (
-        name,
-        *equal_spikes(found["spike_agreement"]),
-        count(found["spike_mismatches"]),
-        count(found["predictions_changed"]),
-        without,
-    )
+    columns = ("stage", "", "spikes equal", "only on one side", "predictions changed", "equal without it")
+    return Table(f"Each stage alone, over {plural(recordings, 'recording')}", columns, rows, total=True)
 
 
 def equal_spikes(agreement: float | None, none: str = SILENT) -> tuple[Bar, str]:
@@ -123,12 +127,10 @@ def equal_spikes(agreement: float | None, none: str = SILENT) -> tuple[Bar, str]
     return Bar(agreement, f"{share(agreement)} of spikes equal"), share(agreement)
 
 
-def _by_population(budget: Document) -> Table:
-    variants = {stage_words(stage): found for stage, found in budget["alone"].items()}
-    variants["all together"] = budget["together"]
+def _by_population(variants: Document) -> Table:
     rows = tuple(
         (name, *(agreed(found["by_population"][name]["spike_agreement"]) for found in variants.values()))
-        for name in budget["together"]["by_population"]
+        for name in variants["all together"]["by_population"]
     )
     return Table("Spikes equal by population, each stage alone", ("population", *variants), rows)
 
@@ -155,18 +157,15 @@ def _distances(populations: Document) -> Table:
 
 
 def _errors(populations: Document) -> Table:
-    return Table(
+    return table(
         "Error of the chip's arithmetic, in thresholds, and what comes within it",
-        ("population", "median error", "95 % below", "largest", "nearer than the error", "decided otherwise"),
-        tuple(
-            (
-                name,
-                *(short(one["error"][key]) for key in ("0.5", "0.95", "1")),
-                share(one["within_error"]),
-                share(one["decided_otherwise"]),
-            )
-            for name, one in populations.items()
-        ),
+        populations.items(),
+        ("population", lambda row: row[0]),
+        ("median error", lambda row: short(row[1]["error"]["0.5"])),
+        ("95 % below", lambda row: short(row[1]["error"]["0.95"])),
+        ("largest", lambda row: short(row[1]["error"]["1"])),
+        ("nearer than the error", lambda row: share(row[1]["within_error"])),
+        ("decided otherwise", lambda row: share(row[1]["decided_otherwise"])),
     )
 
 
@@ -178,13 +177,11 @@ def _plot(name: str, one: Document, edges: Sequence[float]) -> Plot:
     first, last = math.log10(edges[0]), math.log10(edges[-1])
     x = [(math.log10(edge) - first) / (last - first) for edge in edges]
     floor = math.log10(_LEAST_SHARE)
-    decades = [(power - first) / (last - first) for power in range(round(first), round(last) + 1)]
+    decades = range(round(first), round(last) + 1)
     return Plot(
         title=f"{name}: distance to the threshold, and error",
         x_label="thresholds",
-        x_ticks=tuple(
-            (at, _power(power)) for at, power in zip(decades, range(round(first), round(last) + 1), strict=True)
-        ),
+        x_ticks=tuple(((power - first) / (last - first), _power(power)) for power in decades),
         y_ticks=tuple(((power - floor) / -floor, f"{100 * 10.0**power:g} %") for power in range(round(floor) + 1, 1)),
         curves=tuple(
             Curve(f"neurons and steps {label} than that", points)
@@ -196,18 +193,12 @@ def _plot(name: str, one: Document, edges: Sequence[float]) -> Plot:
 
 def _power(exponent: int) -> str:
     """Return a power of ten; a small one with its exponent above."""
-    if exponent >= -3:
-        return f"{10.0**exponent:g}"
-    return f"10⁻{'⁰¹²³⁴⁵⁶⁷⁸⁹'[-exponent]}"
+    return f"{10.0**exponent:g}" if exponent >= -3 else f"10⁻{'⁰¹²³⁴⁵⁶⁷⁸⁹'[-exponent]}"
 
 
 def _running(counts: Sequence[int], total: int) -> list[float]:
     """Return the shares that come before each edge, and all."""
-    shares, so_far = [0.0], 0
-    for n in counts:
-        so_far += n
-        shares.append(so_far / total)
-    return shares
+    return [so_far / total for so_far in accumulate(counts, initial=0)]
 
 
 def _points(x: Sequence[float], shares: Sequence[float], floor: float) -> list[tuple[float, float]]:
@@ -216,23 +207,17 @@ def _points(x: Sequence[float], shares: Sequence[float], floor: float) -> list[t
 
 
 def _registers(groups: Document) -> Table:
-    return Table(
+    rows = [(name, max(one["share_u"], one["share_v"]), one) for name, one in groups.items()]
+    return table(
         "Registers of the chip: largest magnitudes against what they hold",
-        ("compartments", "", "current u", "voltage v", "headroom in bits", "wraps", "clips"),
-        tuple(
-            (
-                name,
-                Bar(
-                    min(1.0, max(one["share_u"], one["share_v"])), f"{share(max(one['share_u'], one['share_v']))} used"
-                ),
-                share(one["share_u"]),
-                share(one["share_v"]),
-                NONE if one["headroom_bits"] is None else f"{one['headroom_bits']:.1f}",
-                count(one["wraps"]),
-                count(one["clips"]),
-            )
-            for name, one in groups.items()
-        ),
+        rows,
+        ("compartments", lambda row: row[0]),
+        ("", lambda row: Bar(min(1.0, row[1]), f"{share(row[1])} used")),
+        ("current u", lambda row: share(row[2]["share_u"])),
+        ("voltage v", lambda row: share(row[2]["share_v"])),
+        ("headroom in bits", lambda row: NONE if row[2]["headroom_bits"] is None else f"{row[2]['headroom_bits']:.1f}"),
+        ("wraps", lambda row: count(row[2]["wraps"])),
+        ("clips", lambda row: count(row[2]["clips"])),
     )
 
 

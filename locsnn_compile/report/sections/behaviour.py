@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from locsnn_compile.report.content import Bar, Block, Document, Paragraph, Section, Table
+from locsnn_compile.report.content import Bar, Block, Document, Paragraph, Section, Table, part, section
 from locsnn_compile.report.format import NONE, any_value, count, energy, plural, ratio, share, told_apart
 from locsnn_compile.report.sections.accuracy import cause, equal_spikes
 from locsnn_compile.report.words import listed, no_spikes, words
@@ -16,48 +16,52 @@ _SCORE = 1.959964
 def agreement(document: Document) -> Section:
     """Agreement by population, the first spike that differs, wraps and clips."""
     match = document["match"]
-    blocks: list[Block] = [Paragraph(_first_divergence(document))]
-    why = cause(document)
-    if why:
-        blocks.append(Paragraph(why))
-    blocks += [Paragraph(_interval(document)), _populations(document)]
-    if match["helper_neurons"]:
-        blocks.append(Paragraph(_helpers(match["helper_neurons"])))
-    events = match["wraps_and_clips_by_population"]
-    if any(n for counts in events.values() for n in counts.values()):
-        blocks.append(_wraps_and_clips(document))
     lead = (
         "A spike is equal where the same neuron fires at the same step in both: twice the common spikes over the sum "
         "of both sides, with no tolerance. Where a neuron has no reset, one early difference shifts later spikes."
     )
-    return Section("agreement", "Agreement by population", lead, tuple(blocks))
+    why, helpers = cause(document), match["helper_neurons"]
+    return section(
+        "agreement",
+        "Agreement by population",
+        lead,
+        Paragraph(_first_divergence(document)),
+        Paragraph(why) if why else None,
+        Paragraph(_interval(document)),
+        _populations(document),
+        Paragraph(_helpers(helpers)) if helpers else None,
+        _wraps_and_clips(match["wraps_and_clips_by_population"]),
+    )
 
 
 def operations(document: Document) -> Section:
     """Counts of the chip, by branch, beside the published way of counting."""
     found = document["operations"]
     branches, total = found["by_branch"], found["per_sample"]
-    chip = Table(
-        "Counted on the chip, mean per recording",
-        ("operation", *(words(name) for name in branches), "all"),
-        tuple((words(key), *(count(branch[key]) for branch in branches.values()), count(total[key])) for key in total),
-    )
     paper = found["published_method"]
-    rows = [(f"additions, {words(name)}", n) for name, n in paper["additions_by_branch"].items()]
-    rows += [(words("transpose_events"), paper["transpose_events"]), ("operations", paper["operations"])]
-    published = Table(
-        "Counted as published, mean per recording",
-        ("operation", "all"),
-        tuple((name, count(n)) for name, n in rows),
-        total=True,
-    )
-    return Section(
-        "operations",
-        "Operations",
+    published = {f"additions, {words(name)}": n for name, n in paper["additions_by_branch"].items()}
+    published |= {words(key): paper[key] for key in ("transpose_events", "operations")}
+    columns = {words(name): counts for name, counts in branches.items()} | {"all": total}
+    lead = (
         "The chip's counts include what it adds to the network: joined compartments, their self-synapses, updates at "
         "rest. The published method counts on paper: spikes of the float network times their fan-out, and the events "
-        "that are transposed for the location branch.",
-        (chip, published),
+        "that are transposed for the location branch."
+    )
+    return section(
+        "operations",
+        "Operations",
+        lead,
+        Table(
+            "Counted on the chip, mean per recording",
+            ("operation", *columns),
+            tuple((words(key), *(count(counts[key]) for counts in columns.values())) for key in total),
+        ),
+        Table(
+            "Counted as published, mean per recording",
+            ("operation", "all"),
+            tuple((name, count(n)) for name, n in published.items()),
+            total=True,
+        ),
     )
 
 
@@ -72,7 +76,7 @@ def comparison(document: Document) -> Section:
     )
     if not entries:
         text = "No comparison: the published networks are not defined for this network's input."
-        return Section("comparison", "Conventional networks", lead, (Paragraph(text),))
+        return section("comparison", "Conventional networks", lead, Paragraph(text))
     chip = document["operations"]["per_sample"]["synaptic_ops"]
     rows = [
         ("the float network, on paper", own, "1" if own else NONE, NONE),
@@ -82,12 +86,12 @@ def comparison(document: Document) -> Section:
         times = (NONE if entry[key] is None else ratio(entry[key]) for key in ("ratio", "chip_ratio"))
         rows.append((words(name), entry["operations"], *times))
     most = max(row[1] for row in rows)
-    table = Table(
+    its = Table(
         "Operations per recording",
         ("network", "", "operations", "times the float network", "times the program"),
-        tuple((name, Bar(n / most if most else 0.0, f"{count(n)} operations"), count(n), *by) for name, n, *by in rows),
+        tuple((name, Bar(part(n, most), f"{count(n)} operations"), count(n), *by) for name, n, *by in rows),
     )
-    return Section("comparison", "Conventional networks", lead, (table, *_ann_energy(document)))
+    return section("comparison", "Conventional networks", lead, its, *_ann_energy(document))
 
 
 def _ann_energy(document: Document) -> tuple[Block, ...]:
@@ -142,18 +146,12 @@ def _helpers(helpers: Document) -> str:
     return f"Not counted, as the model has no such neurons and the compiler needs them: {listed(spikes)}."
 
 
-def _wraps_and_clips(document: Document) -> Table:
-    events = document["match"]["wraps_and_clips_by_population"]
+def _wraps_and_clips(events: Document) -> Table | None:
     kinds = sorted({kind for counts in events.values() for kind in counts})
-    return Table(
-        "Wraps and clips over all recordings, where there are any",
-        ("compartments", *(words(kind) for kind in kinds)),
-        tuple(
-            (name, *(count(counts.get(kind, 0)) for kind in kinds))
-            for name, counts in events.items()
-            if any(counts.values())
-        ),
-    )
+    found = [(name, counts) for name, counts in events.items() if any(counts.values())]
+    rows = tuple((name, *(count(counts.get(kind, 0)) for kind in kinds)) for name, counts in found)
+    columns = ("compartments", *(words(kind) for kind in kinds))
+    return Table("Wraps and clips over all recordings, where there are any", columns, rows) if rows else None
 
 
 def _first_divergence(document: Document) -> str:

@@ -2,125 +2,95 @@
 
 from __future__ import annotations
 
-from locsnn_compile.report.content import Bar, Bullets, Document, Fact, Facts, Paragraph, Section, Table
+from locsnn_compile.report.content import Bar, Bullets, Document, Paragraph, Section, Table, facts, of, section, table
 from locsnn_compile.report.format import NONE, any_value, count, memory, share
-from locsnn_compile.report.sections.choice import choice_blocks
+from locsnn_compile.report.sections.choice import settings_compared
 from locsnn_compile.report.sections.verdict import fullness
 from locsnn_compile.report.words import words
 from locsnn_compile.strategies import LAYOUTS
 
 _WITHOUT_JOINED = {"reset", "native"}
+_GATE_FIGURES = tuple((key, of(key, any_value)) for key in ("bound", "measured", "passed"))
 
 
 def resources(document: Document) -> Section:
     """Use against every limit, fullest core first, then core by core."""
     found = document["resources"]
-    limits = sorted(found["limits"].items(), key=lambda item: -fullness(item[1]))
-    table = Table(
-        "Limits, the fullest first; of a core's limits its fullest core",
-        ("limit", "", "used", "of", "share"),
-        tuple(
-            (
-                words(name),
-                Bar(min(1.0, fullness(entry)), f"{share(fullness(entry))} used"),
-                count(entry["used"]),
-                count(entry["limit"]),
-                share(fullness(entry)),
-            )
-            for name, entry in limits
-        ),
-    )
-    totals = Facts(
-        (
-            Fact("compartments", count(found["compartments"])),
-            Fact("synapses", f"{count(found['synapses'])}, {memory(found['synapse_bits'])} of synapse memory"),
-            Fact("axons", f"{count(found['axons_in'])} in, {count(found['axons_out'])} out"),
-        )
-    )
-    return Section(
+    limits = [(words(name), entry, fullness(entry)) for name, entry in found["limits"].items()]
+    return section(
         "resources",
         "Resources",
         f"What the program takes of {document['target']}.",
-        (totals, table, _by_core(document)),
+        facts(
+            ("compartments", count(found["compartments"])),
+            ("synapses", f"{count(found['synapses'])}, {memory(found['synapse_bits'])} of synapse memory"),
+            ("axons", f"{count(found['axons_in'])} in, {count(found['axons_out'])} out"),
+        ),
+        table(
+            "Limits, the fullest first; of a core's limits its fullest core",
+            sorted(limits, key=lambda row: -row[2]),
+            ("limit", lambda row: row[0]),
+            ("", lambda row: Bar(min(1.0, row[2]), f"{share(row[2])} used")),
+            ("used", lambda row: count(row[1]["used"])),
+            ("of", lambda row: count(row[1]["limit"])),
+            ("share", lambda row: share(row[2])),
+        ),
+        _by_core(document),
     )
 
 
 def left_out(document: Document) -> Section:
     """Steps skipped, events dropped, synapses and compartments pruned."""
     found = document["skipped"]
-    facts = (
-        Fact("steps skipped", f"{count(found['steps'])}, of all recordings; nothing could change in them"),
-        Fact("events dropped", f"{count(found['events_dropped'])}, of all recordings; after the last step"),
-        *([Fact("binning", found["binning"]["words"])] if "binning" in found else []),
-        Fact("synapses pruned", f"{count(found['synapses_pruned'])}, whose weight rounds to 0"),
-        Fact("compartments pruned", count(found["compartments_pruned"])),
-        *(
-            [Fact("biases lost", f"{count(found['biases_lost'])}, which round to 0")]
-            if found.get("biases_lost")
-            else []
-        ),
+    lost = found.get("biases_lost")
+    its = facts(
+        ("steps skipped", f"{count(found['steps'])}, of all recordings; nothing could change in them"),
+        ("events dropped", f"{count(found['events_dropped'])}, of all recordings; after the last step"),
+        ("binning", found["binning"]["words"] if "binning" in found else None),
+        ("synapses pruned", f"{count(found['synapses_pruned'])}, whose weight rounds to 0"),
+        ("compartments pruned", count(found["compartments_pruned"])),
+        ("biases lost", f"{count(lost)}, which round to 0" if lost else None),
     )
-    return Section("left-out", "Left out", "What the program does not have or do.", (Facts(facts),))
+    return section("left-out", "Left out", "What the program does not have or do.", its)
 
 
 def quantization(document: Document) -> Section:
     """Scales, decays and rounding errors by population."""
     populations = document["quantization"]
     keys = list(dict.fromkeys(key for entry in populations.values() for key in entry))
-    table = Table(
-        "Numbers of the chip by population",
-        ("population", *(words(key) for key in keys)),
-        tuple((name, *(_number(key, entry.get(key)) for key in keys)) for name, entry in populations.items()),
-    )
-    return Section(
-        "quantization",
-        "Quantisation",
+    lead = (
         "A potential of 1 in the float network is the scale in the chip's registers. Decays are of 4096. Two numbers "
         "are the least and the largest of the population. The kernel fit is measured on the chip's integers: how far "
         "the response to an input spike, and what an own spike takes away, are from the kernels, as shares of them: at "
-        "most, and as root mean square (rms).",
-        (table,),
+        "most, and as root mean square (rms)."
     )
+    rows = tuple((name, *(_number(key, entry.get(key)) for key in keys)) for name, entry in populations.items())
+    its = Table("Numbers of the chip by population", ("population", *(words(key) for key in keys)), rows)
+    return section("quantization", "Quantisation", lead, its)
 
 
 def ranges(document: Document) -> Section:
     """What is proven of the registers, whatever the input, and up to which input rate."""
-    table = Table(
-        "Compartments that are safe, whatever the input",
-        ("compartments", "number", "cannot wrap", "cannot clip", "all safe if no source spikes twice within"),
-        tuple(
-            (
-                name,
-                count(row["compartments"]),
-                count(row["cannot_wrap"]),
-                count(row["cannot_clip"]),
-                _period(row["safe_period_steps"]),
-            )
-            for name, row in document["range"].items()
-        ),
-    )
-    return Section(
-        "range",
-        "Proof of range",
+    lead = (
         "Bounds of every register from weights, decays and thresholds alone. What is not proven safe was watched: the "
-        "wraps and clips above are all there were.",
-        (table,),
+        "wraps and clips above are all there were."
     )
+    its = table(
+        "Compartments that are safe, whatever the input",
+        ({"name": name, **row} for name, row in document["range"].items()),
+        ("compartments", of("name", str)),
+        ("number", of("compartments", count)),
+        ("cannot wrap", of("cannot_wrap", count)),
+        ("cannot clip", of("cannot_clip", count)),
+        ("all safe if no source spikes twice within", of("safe_period_steps", _period)),
+    )
+    return section("range", "Proof of range", lead, its)
 
 
 def provenance(document: Document) -> Section:
     """What was compiled for what, with which options, checked on what; what is assumed."""
     strategies = document["strategy"].split(", ")
     meaning = "; ".join(f"{name}: {LAYOUTS[name]}" if name in LAYOUTS else name for name in strategies)
-    facts = (
-        Fact("model", document["model"]["name"]),
-        Fact("model sha256", document["model"]["sha256"] or NONE),
-        Fact("target", document["target"]),
-        Fact("strategy", meaning),
-        Fact("weight bits", any_value(document["weight_bits"])),
-        Fact("recordings", f"{count(document['match']['samples'])} of {document['match']['events_source']}"),
-        Fact("schema", document["schema"]),
-    )
     notes = ["Energy and latency are models: counts times published costs. No board was used."]
     if not _WITHOUT_JOINED.issuperset(strategies):
         notes.append(
@@ -129,22 +99,24 @@ def provenance(document: Document) -> Section:
         )
     notes.append("Where public sources on the chip are silent or disagree, the target's description decides.")
     lead = "Enough to make this report again; the same input gives the same bytes."
-    blocks = (
-        Facts(facts),
-        *_gates(document),
-        *choice_blocks(document),
+    gates, choice = document["gates"], document.get("strategy_choice")
+    return section(
+        "provenance",
+        "Provenance",
+        lead,
+        facts(
+            ("model", document["model"]["name"]),
+            ("model sha256", document["model"]["sha256"] or NONE),
+            ("target", document["target"]),
+            ("strategy", meaning),
+            ("weight bits", any_value(document["weight_bits"])),
+            ("recordings", f"{count(document['match']['samples'])} of {document['match']['events_source']}"),
+            ("schema", document["schema"]),
+        ),
+        table("Gates", gates, ("gate", of("name", any_value)), *_GATE_FIGURES) if gates else None,
+        settings_compared(choice) if choice else None,
         Bullets("To be read with these figures", tuple(notes)),
     )
-    return Section("provenance", "Provenance", lead, blocks)
-
-
-def _gates(document: Document) -> tuple[Table, ...]:
-    """What the build had to keep; nothing where no bound was given."""
-    rows = [
-        (gate["name"], any_value(gate["bound"]), any_value(gate["measured"]), any_value(gate["passed"]))
-        for gate in document["gates"]
-    ]
-    return (Table("Gates", ("gate", "bound", "measured", "passed"), tuple(rows)),) if rows else ()
 
 
 def _by_core(document: Document) -> Table | Paragraph:

@@ -5,35 +5,25 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from locsnn_compile.report.content import Block, Document, Table
-from locsnn_compile.report.format import agreed, energy, plural, share
+from locsnn_compile.report.content import Document, Table, of, table
+from locsnn_compile.report.format import agreed, any_value, energy, plural, share
 
 if TYPE_CHECKING:
     from locsnn_compile.choose_strategy import Candidate, Choice
 
 
-def choice_blocks(document: Document) -> tuple[Block, ...]:
-    """Return a table of the settings that were compared; nothing where none were."""
-    choice = document.get("strategy_choice")
-    if choice is None:
-        return ()
+def settings_compared(choice: Document) -> Table:
+    """Return a table of the settings that were compared."""
     taken = {**choice, "strategy": choice["taken"]}
-    return (
-        Table(
-            f"Settings compared on {plural(choice['calibration_samples'], 'recording')} of "
-            f"{choice['calibration_source']}; taken: {setting_words(taken, 'taken_')}, {_reason(choice)}",
-            ("setting", "same prediction", "spikes that differ", "energy", "within the error budget"),
-            tuple(
-                (
-                    setting_words(row),
-                    agreed(row["prediction_agreement"], "all tie"),
-                    agreed(row["spike_error"]),
-                    energy(row["energy_pj"]),
-                    "yes" if row["within_budget"] else "no",
-                )
-                for row in choice["candidates"]
-            ),
-        ),
+    return table(
+        f"Settings compared on {plural(choice['calibration_samples'], 'recording')} of "
+        f"{choice['calibration_source']}; taken: {setting_words(taken, 'taken_')}, {_reason(choice)}",
+        choice["candidates"],
+        ("setting", setting_words),
+        ("same prediction", of("prediction_agreement", lambda share: agreed(share, "all tie"))),
+        ("spikes that differ", of("spike_error", agreed)),
+        ("energy", of("energy_pj", energy)),
+        ("within the error budget", of("within_budget", any_value)),
     )
 
 

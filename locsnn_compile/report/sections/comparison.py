@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from locsnn_compile.errors import InputError
-from locsnn_compile.report.content import Bar, Document, Fact, Notice, Report, Section, Status, Table, Verdict
+from locsnn_compile.report.content import Bar, Document, Fact, Notice, Report, Section, Status, Table, Verdict, section
 from locsnn_compile.report.figures.flat import Figures, flatten
 from locsnn_compile.report.format import NONE, agreed, any_value, count, energy, plural, points, share, shortened, time
 from locsnn_compile.report.words import words
@@ -53,6 +53,22 @@ class Build:
         return value
 
 
+_OPERATIONS = (
+    ("synaptic operations", "operations.per_sample.synaptic_ops", count),
+    ("neuron updates", "operations.per_sample.neuron_updates", count),
+)
+_SIZES = (("compartments", "resources.compartments", count), ("synapses", "resources.synapses", count))
+_COSTS = (("latency", "latency.per_sample_ns", time), *_OPERATIONS)
+_ROOM = (*_SIZES, ("synapse bits", "resources.synapse_bits", count))
+_KEY_FIGURES = (
+    ("dynamic energy per recording", "energy.per_sample_pj", energy),
+    ("time per recording", "latency.per_sample_ns", time),
+    *_OPERATIONS,
+    ("spikes on the chip", "operations.per_sample.spikes", count),
+    ("spikes on one side only", "match.spike_mismatches", count),
+    *_SIZES,
+)
+"""Figures of the report: their name, their key there and how they are written."""
 _LARGEST = 1e200
 """Numbers of a report are smaller; shares of these can be taken."""
 Change = tuple[Any, Any]
@@ -143,11 +159,7 @@ def _costs(before: Build, after: Build) -> Verdict:
         figure=energy(b),
         figure_label=f"dynamic energy per recording, profile {after.text('energy', 'profile')}; {energy(a)} before",
         sentence=f"In the model, a recording takes {energy(b)} of dynamic energy, {energy(a)} before.",
-        facts=(
-            Fact("latency", _both(before, after, "latency.per_sample_ns", time)),
-            Fact("synaptic operations", _both(before, after, "operations.per_sample.synaptic_ops", count)),
-            Fact("neuron updates", _both(before, after, "operations.per_sample.neuron_updates", count)),
-        ),
+        facts=tuple(Fact(label, _both(before, after, key, shown)) for label, key, shown in _COSTS),
     )
 
 
@@ -160,11 +172,7 @@ def _fits(before: Build, after: Build) -> Verdict:
         figure=plural(b, "core"),
         figure_label=f"{count(a)} before",
         sentence=f"The program takes {plural(b, 'core')}, {count(a)} before.",
-        facts=(
-            Fact("compartments", _both(before, after, "resources.compartments", count)),
-            Fact("synapses", _both(before, after, "resources.synapses", count)),
-            Fact("synapse bits", _both(before, after, "resources.synapse_bits", count)),
-        ),
+        facts=tuple(Fact(label, _both(before, after, key, shown)) for label, key, shown in _ROOM),
     )
 
 
@@ -187,23 +195,13 @@ def _notices(before: Build, after: Build) -> tuple[Notice, ...]:
 
 
 def _key_figures(before: Build, after: Build) -> Section:
-    rows = (
-        ("dynamic energy per recording", "energy.per_sample_pj", energy),
-        ("time per recording", "latency.per_sample_ns", time),
-        ("synaptic operations", "operations.per_sample.synaptic_ops", count),
-        ("neuron updates", "operations.per_sample.neuron_updates", count),
-        ("spikes on the chip", "operations.per_sample.spikes", count),
-        ("spikes on one side only", "match.spike_mismatches", count),
-        ("compartments", "resources.compartments", count),
-        ("synapses", "resources.synapses", count),
-    )
     table = Table(
         "Before, a full bar, and after, a hatched one",
         ("figure", "", "before", "", "after", "change"),
-        tuple(_row(name, before.number(key), after.number(key), shown) for name, key, shown in rows),
+        tuple(_row(name, before.number(key), after.number(key), shown) for name, key, shown in _KEY_FIGURES),
     )
     lead = f"Before is {before.name}, after is {after.name}. Costs are modelled, means of a recording."
-    return Section("key-figures", "Key figures", lead, (table,))
+    return section("key-figures", "Key figures", lead, table)
 
 
 def _row(name: str, a: float, b: float, shown: Callable[[float], str]) -> tuple[str | Bar, ...]:
@@ -224,9 +222,12 @@ def _all(changed: dict[str, Change]) -> list[Section]:
         table = Table(
             f"{_short(words(part))}: {plural(len(rows), 'figure')} changed{cut}",
             ("figure", "before", "after", "change"),
-            tuple((_short(name), _value(a), _value(b), percent(a, b) or NONE) for name, (a, b) in rows[:MAX_ROWS]),
+            tuple(
+                (_short(name), _short(any_value(a)), _short(any_value(b)), percent(a, b) or NONE)
+                for name, (a, b) in rows[:MAX_ROWS]
+            ),
         )
-        sections.append(Section(f"part-{i}", _short(words(part)).capitalize(), "", (table,)))
+        sections.append(section(f"part-{i}", _short(words(part)).capitalize(), "", table))
     return sections
 
 
@@ -241,10 +242,6 @@ def _accuracy(before: Build, after: Build) -> str:
         return "not known"
     a, b = (build.number("accuracy.chip") for build in (before, after))
     return f"{share(b)}; {share(a)} before ({points(b - a)})"
-
-
-def _value(value: Any) -> str:
-    return _short(any_value(value))
 
 
 def _short(text: str) -> str:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from locsnn_compile.report.content import Block, Document, Mesh, MeshCore, Paragraph, Section
+from locsnn_compile.report.content import Document, Mesh, MeshCore, Paragraph, Section, section
 from locsnn_compile.report.format import count, energy, plural, share
 from locsnn_compile.report.sections.verdict import fullness
-from locsnn_compile.report.words import words
+from locsnn_compile.report.words import core_words, words
 
 _CHIPS = 4
 """Chips that are drawn; a board may have thousands."""
@@ -27,17 +27,14 @@ def cores(document: Document) -> Section:
     for row in found["by_core"]:
         by_chip.setdefault(row["tile"][0] // mesh["columns"], []).append(row)
     drawn = sorted(by_chip.items())[:_CHIPS] if mesh["columns"] * mesh["rows"] <= _TILES else []
-    blocks: list[Block] = []
-    for chip, rows in drawn:
-        blocks += [_room(document, chip, rows), _energy(document, chip, rows, energies)]
+    meshes = [pair for its in drawn for pair in (_room(document, *its), _energy(document, *its, energies))]
     left_out = len(by_chip) - len(drawn)
-    if left_out:
-        blocks.append(Paragraph(f"{plural(left_out, 'chip is', 'chips are')} not drawn; see core by core."))
+    note = f"{plural(left_out, 'chip is', 'chips are')} not drawn; see core by core."
     lead = (
         "Each core where it sits on the mesh, filled from below: as far as the fullest of its limits, and by its "
         "energy beside that of the core that takes most. Empty tiles are free."
     )
-    return Section("cores", "Use of the cores", lead, tuple(blocks))
+    return section("cores", "Use of the cores", lead, *meshes, Paragraph(note) if left_out else None)
 
 
 def _room(document: Document, chip: int, rows: list[Document]) -> Mesh:
@@ -94,14 +91,12 @@ def _mesh(
 
 
 def _said(row: Document, what: str) -> str:
-    return f"core {row['core']}, {words(row['phase'])}: {what}"
+    return f"{core_words(row)}: {what}"
 
 
 def _fullest(document: Document, row: Document) -> tuple[str, float]:
     """Return the limit of a core that is fullest, in words, and how full."""
     limits = document["resources"]["limits"]
-    use = {
-        name: fullness({"used": row[name], "limit": entry["limit"]}) for name, entry in limits.items() if name in row
-    }
-    name = max(use, key=lambda name: use[name])
-    return words(name).replace(" of a core", ""), use[name]
+    use = [(fullness(entry | {"used": row[name]}), name) for name, entry in limits.items() if name in row]
+    full, name = max(use, key=lambda one: one[0])
+    return words(name).replace(" of a core", ""), full

@@ -2,187 +2,152 @@
 
 from __future__ import annotations
 
-from locsnn_compile.report.content import Bar, Block, Document, Fact, Facts, Paragraph, Section, Span, Stack, Table
-from locsnn_compile.report.format import count, energy, ratio, share, time
-from locsnn_compile.report.sections.cost_tables import Shown, by_branch, by_class, constants, left_out, shares
+from locsnn_compile.report.content import (
+    Bar,
+    Block,
+    Document,
+    Paragraph,
+    Section,
+    Stack,
+    Table,
+    facts,
+    of,
+    part,
+    section,
+    table,
+)
+from locsnn_compile.report.format import NONE, count, energy, ratio, share, time
+from locsnn_compile.report.sections.cost_tables import ENERGY, TIME, by_branch, constants, shares
 from locsnn_compile.report.sections.verdict import pace
-from locsnn_compile.report.words import words
+from locsnn_compile.report.words import core_words, words
 
 
 def energy_section(document: Document) -> Section:
     """Energy per recording: spread, breakdowns, profiles, static energy, constants, and what is not in it."""
     found = document["energy"]
-    profile, total = found["profile"], found["per_sample_pj"]
+    profile, breakdown = found["profile"], found["breakdown_pj"]
     mean = f"mean per recording, profile {profile}"
     columns = {profile: found["by_branch_pj"], **found["other_profiles_by_branch_pj"]}
-    blocks: list[Block] = [
-        _span(found["over_samples_pj"], total, f"Energy per recording, profile {profile}", energy),
-        Facts(
-            (
-                Fact("range of the mean", _range(found["range_pj"], energy)),
-                Fact("99 % of recordings", f"at most {energy(found['over_samples_pj']['p99'])}"),
-                Fact("worst recording", _worst(found["worst_recording"], "pj", energy)),
-            )
-        ),
-        _stack(found["breakdown_pj"], f"Where the energy goes, profile {profile}"),
-        shares(
-            [(words(name), pj) for name, pj in found["breakdown_pj"].items()],
-            f"Energy by operation, {mean}",
-            "operation",
-            energy,
-            of="energy",
-            patterned=True,
-        ),
-        by_branch(columns, "Energy by branch and profile, mean per recording", energy),
-        shares(
-            [*((name, one["pj"]) for name, one in found["by_population_pj"].items()), *_elsewhere(found)],
-            f"Energy by population, its dendrites included, {mean}",
-            "population",
-            energy,
-            of="energy",
-        ),
-        shares(
-            [
-                *((f"core {row['core']}, {words(row['phase'])}", row["pj"]) for row in found["by_core_pj"]),
-                *_elsewhere(found),
-            ],
-            f"Energy by core, {mean}",
-            "core",
-            energy,
-            of="energy",
-        ),
-    ]
-    if found["by_class"]:
-        blocks.append(by_class(found["by_class"], "pj", f"Energy by class, profile {profile}", energy))
-    if found["static"]:
-        blocks += _static(found["static"])
-    if found["not_included_bounds"]:
-        blocks.append(left_out(found["not_included_bounds"]))
-    blocks += [constants(name, one) for name, one in found["profiles"].items()]
+    elsewhere = [("outside the cores", found["elsewhere_pj"])] if found["elsewhere_pj"] else []
+    populations = [(name, one["pj"]) for name, one in found["by_population_pj"].items()]
+    cores = [(core_words(row), row["pj"]) for row in found["by_core_pj"]]
+    operations = [(words(name), pj) for name, pj in breakdown.items()]
     lead = (
         "Counts of the chip times the cost that a published profile gives each operation. A model; no board was used."
     )
-    return Section("energy", "Energy", lead, tuple(blocks))
+    return section(
+        "energy",
+        "Energy",
+        lead,
+        ENERGY.span(document),
+        facts(*ENERGY.facts(document)),
+        _stack(breakdown, f"Where the energy goes, profile {profile}"),
+        shares("operation", f"Energy by operation, {mean}", operations, patterned=True),
+        by_branch(columns, "Energy by branch and profile, mean per recording", energy),
+        shares("population", f"Energy by population, its dendrites included, {mean}", populations + elsewhere),
+        shares("core", f"Energy by core, {mean}", cores + elsewhere),
+        ENERGY.by_class(document),
+        *(_static(found["static"]) if found["static"] else ()),
+        _left_out(found["not_included_bounds"]) if found["not_included_bounds"] else None,
+        *(constants(name, one) for name, one in found["profiles"].items()),
+    )
 
 
 def latency_section(document: Document) -> Section:
     """Time per recording: spread, where it goes, who waits for whom, and against the time that the recording took."""
     found = document["latency"]
-    profile, mean, duration = found["profile"], found["per_sample_ns"], found["recording_ns"]
-    if duration is None:
-        text = "How long a step lasts is not known, so there is no comparison with real time."
-    else:
-        slowest = found["over_samples_ns"]["max"]
-        text = (
-            f"On average {pace(mean, duration)}; in the slowest recording {pace(slowest, duration)}. "
-            "The chip runs its steps as fast as it can, without waiting for the next touch."
-        )
-    blocks: list[Block] = [
-        _span(found["over_samples_ns"], mean, f"Time per recording, profile {profile}", time),
-        Paragraph(text),
-        Facts(_latency_facts(found)),
-        by_branch(_parts(found), f"Time by branch and part, mean per recording, profile {profile}", time),
-        Table(
-            "What steps waited for, by the time of these steps",
-            ("branch", "done last", "waited for", "time", "share"),
-            tuple(
-                (
-                    words(row["phase"]),
-                    f"core {row['last']}",
-                    "nothing" if row["sender"] == row["last"] else f"packets of core {row['sender']}",
-                    time(row["ns"]),
-                    share(row["ns"] / mean if mean else 0.0),
-                )
-                for row in found["critical_paths"]
-            ),
-        ),
-    ]
-    if found["by_core"]:
-        blocks.append(_cores(found["by_core"], mean))
-    if found["links"]:
-        blocks.append(_links(found["links"]))
-    if found["by_class"]:
-        blocks.append(by_class(found["by_class"], "ns", f"Time by class, profile {profile}", time))
-    return Section(
-        "latency",
-        "Latency",
+    mean = found["per_sample_ns"]
+    lead = (
         "A step lasts until the last core is done, and the barrier. A core updates its compartments and sends; when "
         "its last packet has arrived, over links of the mesh that pass one at a time, it takes all in and adds up "
-        "their synapses. The branches follow each other. Host input is not in it. A model; no board was used.",
-        tuple(blocks),
+        "their synapses. The branches follow each other. Host input is not in it. A model; no board was used."
+    )
+    return section(
+        "latency",
+        "Latency",
+        lead,
+        TIME.span(document),
+        Paragraph(_real_time(found)),
+        facts(*_latency_facts(document)),
+        by_branch(_parts(found), f"Time by branch and part, mean per recording, profile {found['profile']}", time),
+        table(
+            "What steps waited for, by the time of these steps",
+            found["critical_paths"],
+            ("branch", of("phase", words)),
+            ("done last", lambda row: f"core {row['last']}"),
+            ("waited for", _waited_for),
+            ("time", of("ns", time)),
+            ("share", of("ns", lambda ns: share(part(ns, mean)))),
+        ),
+        _cores(found["by_core"], mean) if found["by_core"] else None,
+        _links(found["links"]) if found["links"] else None,
+        TIME.by_class(document),
     )
 
 
-def _span(spread: Document, mean: float, title: str, shown: Shown) -> Span:
-    return Span(
-        title=title,
-        least=Fact("least", shown(spread["min"])),
-        median=Fact("median", shown(spread["p50"])),
-        mean=Fact("mean", shown(mean)),
-        most=Fact("most", shown(spread["max"])),
-        values=(spread["min"], spread["p50"], mean, spread["max"]),
-    )
+def _stack(breakdown: dict[str, float], label: str) -> Stack:
+    total = sum(breakdown.values())
+    parts = [(words(name), part(pj, total), i) for i, (name, pj) in enumerate(breakdown.items()) if pj]
+    return Stack(label, tuple(Bar(its, f"{name} {share(its)}", i) for name, its, i in parts))
 
 
-def _range(ends: list[float | None], shown: Shown) -> str:
-    low, high = ends
-    if low == high and low is not None:
-        return "none: no constant is given as a range"
-    if low is None and high is None:
-        return "not known"
-    if high is None:
-        assert low is not None
-        return f"{shown(low)} or more: a constant is given as a least"
-    if low is None:
-        return f"{shown(high)} or less: a constant is given as a most"
-    return f"{shown(low)} to {shown(high)}"
-
-
-def _worst(worst: Document, unit: str, shown: Shown) -> str:
-    label = "" if worst["class"] is None else f" of class {worst['class']}"
-    return f"recording {worst['recording']}{label}, {shown(worst[unit])}"
-
-
-def _elsewhere(found: Document) -> list[tuple[str, float]]:
-    return [("outside the cores", found["elsewhere_pj"])] if found["elsewhere_pj"] else []
-
-
-def _static(static: Document) -> list[Block]:
+def _static(static: Document) -> tuple[Block, ...]:
     chips = "1 chip" if static["chips"] == 1 else f"{static['chips']} chips"
-    rows = [
-        ("at the chip's latency", static["at_latency_pj"]),
-        ("at the sensor's real time", static["at_real_time_pj"]),
-    ]
-    return [
+    rows = (("at the chip's latency", "at_latency_pj"), ("at the sensor's real time", "at_real_time_pj"))
+    return (
         Paragraph(
             f"Static energy is in none of the figures above: {chips}, {static['chip_mw']:g} mW each "
             f"({static['source']}), while the chip works, or for as long as the sensor records."
         ),
-        Table(
+        table(
             "Static energy per recording",
-            ("how long", "energy"),
-            tuple((name, "not known" if pj is None else energy(pj)) for name, pj in rows),
+            rows,
+            ("how long", lambda row: row[0]),
+            ("energy", lambda row: _known(static[row[1]])),
         ),
-    ]
+    )
 
 
-def _latency_facts(found: Document) -> tuple[Fact, ...]:
-    facts = [
-        Fact("cycles", f"{count(found['per_sample_cycles'])} per recording, at {found['clock_ghz']:g} GHz"),
-        Fact("range of the mean", _range(found["range_ns"], time)),
-        Fact("99 % of recordings", f"at most {time(found['over_samples_ns']['p99'])}"),
-        Fact("worst recording", _worst(found["worst_recording"], "ns", time)),
-        Fact("critical core", f"core {count(found['critical_core'])} was last in most of the time"),
-        Fact(
-            "after the last row",
-            f"{time(found['after_last_row_ns']['mean'])}, at most {time(found['after_last_row_ns']['max'])}",
-        ),
-    ]
-    real = found["real_time"]
+def _left_out(rows: list[Document]) -> Table:
+    """Return what the energy does not include, and the most that it can be where that is known."""
+    return table(
+        "Not included in the energy",
+        rows,
+        ("what", of("what", str)),
+        ("at most", of("at_most_pj", _known)),
+        ("by", of("bound_source", lambda source: source or NONE)),
+    )
+
+
+def _known(pj: float | None) -> str:
+    return "not known" if pj is None else energy(pj)
+
+
+def _real_time(found: Document) -> str:
+    """Compare with the time that the recordings took."""
+    duration = found["recording_ns"]
+    if duration is None:
+        return "How long a step lasts is not known, so there is no comparison with real time."
+    mean, slowest = (pace(ns, duration) for ns in (found["per_sample_ns"], found["over_samples_ns"]["max"]))
+    return (
+        f"On average {mean}; in the slowest recording {slowest}. "
+        "The chip runs its steps as fast as it can, without waiting for the next touch."
+    )
+
+
+def _latency_facts(document: Document) -> tuple[tuple[str, str | None], ...]:
+    found = document["latency"]
+    last_row, real, slowest = found["after_last_row_ns"], found["real_time"], None
     if real and real["slowest_step_factor"]:
         slowest = f"{time(real['slowest_step_ns'])} of the {time(real['step_ns'])} between two rows"
-        facts.append(Fact("slowest step of a row", f"{slowest}, {ratio(real['slowest_step_factor'])} times faster"))
-    return tuple(facts)
+        slowest += f", {ratio(real['slowest_step_factor'])} times faster"
+    return (
+        ("cycles", f"{count(found['per_sample_cycles'])} per recording, at {found['clock_ghz']:g} GHz"),
+        *TIME.facts(document),
+        ("critical core", f"core {count(found['critical_core'])} was last in most of the time"),
+        ("after the last row", f"{time(last_row['mean'])}, at most {time(last_row['max'])}"),
+        ("slowest step of a row", slowest),
+    )
 
 
 def _parts(found: Document) -> dict[str, dict[str, float]]:
@@ -193,48 +158,30 @@ def _parts(found: Document) -> dict[str, dict[str, float]]:
     return columns | {"all": found["by_branch_ns"]}
 
 
+def _waited_for(row: Document) -> str:
+    return "nothing" if row["sender"] == row["last"] else f"packets of core {row['sender']}"
+
+
 def _cores(cores: list[Document], total: float) -> Table:
-    parts = list(cores[0]["busy_ns"])
-    return Table(
+    busy = [(words(name), lambda row, name=name: time(row["busy_ns"][name])) for name in cores[0]["busy_ns"]]
+    return table(
         "What each core works on, mean per recording",
-        ("core", "", *(words(part) for part in parts), "done last in"),
-        tuple(
-            (
-                f"core {row['core']}, {words(row['phase'])}",
-                Bar(row["last_ns"] / total if total else 0.0, f"done last in {time(row['last_ns'])}"),
-                *(time(row["busy_ns"][part]) for part in parts),
-                time(row["last_ns"]),
-            )
-            for row in cores
-        ),
+        cores,
+        ("core", core_words),
+        ("", of("last_ns", lambda ns: Bar(part(ns, total), f"done last in {time(ns)}"))),
+        *busy,
+        ("done last in", of("last_ns", time)),
     )
 
 
 def _links(links: list[Document]) -> Table:
     most = max(row["packets"] for row in links)
-    return Table(
+    return table(
         "Packets on the links of the mesh, mean per recording",
-        ("link, from tile to tile", "", "branch", "packets", "most in a step"),
-        tuple(
-            (
-                f"{row['from'][0]},{row['from'][1]} to {row['to'][0]},{row['to'][1]}",
-                Bar(row["packets"] / most, f"{count(row['packets'])} packets"),
-                words(row["phase"]),
-                count(row["packets"]),
-                count(row["most_in_a_step"]),
-            )
-            for row in links
-        ),
-    )
-
-
-def _stack(breakdown: dict[str, float], label: str) -> Stack:
-    total = sum(breakdown.values())
-    return Stack(
-        label,
-        tuple(
-            Bar(pj / total, f"{words(name)} {share(pj / total)}", i)
-            for i, (name, pj) in enumerate(breakdown.items())
-            if total and pj
-        ),
+        links,
+        ("link, from tile to tile", lambda row: " to ".join(f"{x},{y}" for x, y in (row["from"], row["to"]))),
+        ("", of("packets", lambda packets: Bar(packets / most, f"{count(packets)} packets"))),
+        ("branch", of("phase", words)),
+        ("packets", of("packets", count)),
+        ("most in a step", of("most_in_a_step", count)),
     )

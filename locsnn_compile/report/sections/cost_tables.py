@@ -1,28 +1,129 @@
-"""Tables of energy and time: by whatever they are broken down by, constants with their source, and what is left out."""
+"""What energy and time have in common: spread, breakdowns, the course over steps, and constants with their source."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
 
-from locsnn_compile.report.content import Bar, Document, Table
-from locsnn_compile.report.format import NONE, count, energy, share
+from locsnn_compile.report.content import (
+    Bar,
+    Block,
+    Cell,
+    Curve,
+    Document,
+    Fact,
+    Plot,
+    Span,
+    Table,
+    of,
+    part,
+    table,
+)
+from locsnn_compile.report.format import NONE, count, energy, share, time
+from locsnn_compile.report.pictures.ticks import round_numbers
 from locsnn_compile.report.words import words
 
 Shown = Callable[[float], str]
 _OF_CONSTANTS = {"energy_pj": "pJ", "time_ns": "ns"}
+PARTS = (0.2, 0.4, 0.6, 0.8, 1.0)
+"""Parts of all steps after which a table has a figure."""
 
 
-def shares(
-    rows: Sequence[tuple[str, float]], caption: str, what: str, shown: Shown, *, of: str, patterned: bool = False
-) -> Table:
-    """Return parts of a whole with their sum; ``of`` names the whole, ``what`` a part."""
+@dataclass(frozen=True)
+class Cost:
+    """Energy or time: its name, its entry in the document, the unit in the keys there, and how it is written."""
+
+    name: str
+    key: str
+    unit: str
+    shown: Shown
+
+    def span(self, document: Document) -> Span:
+        """Return the spread over the recordings."""
+        found = document[self.key]
+        spread = found[f"over_samples_{self.unit}"]
+        ends = {"least": spread["min"], "median": spread["p50"]}
+        ends |= {"mean": found[f"per_sample_{self.unit}"], "most": spread["max"]}
+        facts = tuple(Fact(label, self.shown(value)) for label, value in ends.items())
+        return Span(f"{self.name} per recording, profile {found['profile']}", facts, tuple(ends.values()))
+
+    def facts(self, document: Document) -> tuple[tuple[str, str], ...]:
+        """Return the range of the mean, and the costliest recordings."""
+        found = document[self.key]
+        worst = found["worst_recording"]
+        label = "" if worst["class"] is None else f" of class {worst['class']}"
+        return (
+            ("range of the mean", _range(found[f"range_{self.unit}"], self.shown)),
+            ("99 % of recordings", f"at most {self.shown(found[f'over_samples_{self.unit}']['p99'])}"),
+            ("worst recording", f"recording {worst['recording']}{label}, {self.shown(worst[self.unit])}"),
+        )
+
+    def by_class(self, document: Document) -> Table | None:
+        """Return a table of the classes of the recordings; None where they have no labels."""
+        found = document[self.key]
+        rows = found["by_class"]
+        if not rows:
+            return None
+        mean, least, most = (f"{end}_{self.unit}" for end in ("mean", "min", "max"))
+        largest = max(row[most] for row in rows)
+        return table(
+            f"{self.name} by class, profile {found['profile']}",
+            rows,
+            ("class", of("class", count)),
+            ("", of(mean, lambda x: Bar(part(x, largest), f"mean {self.shown(x)}"))),
+            ("recordings", of("recordings", count)),
+            ("mean", of(mean, self.shown)),
+            ("least", of(least, self.shown)),
+            ("most", of(most, self.shown)),
+        )
+
+    def course(self, document: Document) -> tuple[Block, ...]:
+        """Draw means over a few steps each in their middles; the last of a branch may be of fewer and is left out."""
+        found = document[self.key]
+        by_step, of_profile = found[f"by_step_{self.unit}"], f"profile {found['profile']}"
+        a_step = {
+            branch: [value / its["bin_steps"] for value in its["bins"][:-1] or its["bins"]]
+            for branch, its in by_step.items()
+        }
+        most = max((value for values in a_step.values() for value in values), default=0.0) or 1.0
+        curves = tuple(
+            Curve(words(name), tuple(((i + 0.5) / len(by_step[name]["bins"]), x / most) for i, x in enumerate(values)))
+            for name, values in a_step.items()
+        )
+        return (
+            Plot(
+                title=f"{self.name} of a step, mean over the recordings, {of_profile}",
+                x_label="part of the branch's steps",
+                x_ticks=tuple((part, f"{100 * part:.0f} %") for part in (0.0, *PARTS)),
+                y_ticks=tuple((x / most, self.shown(x)) for x in round_numbers(0.0, most, 4) if x),
+                curves=curves,
+            ),
+            Table(
+                f"{self.name} up to about there, mean per recording, {of_profile}",
+                ("branch", *(f"{100 * part:.0f} % of its steps" for part in PARTS)),
+                tuple((words(branch), *self._so_far(its["bins"])) for branch, its in by_step.items()),
+            ),
+        )
+
+    def _so_far(self, bins: Sequence[float]) -> list[str]:
+        return [self.shown(sum(bins[: round(part * len(bins))])) for part in PARTS]
+
+
+ENERGY = Cost("Energy", "energy", "pj", energy)
+TIME = Cost("Time", "latency", "ns", time)
+
+
+def shares(what: str, caption: str, parts: Iterable[tuple[str, float]], *, patterned: bool = False) -> Table:
+    """Return parts of an energy, each named by ``what`` it is, with their sum."""
+    rows = list(parts)
     total = sum(value for _, value in rows)
-    made: list[tuple[str | Bar, ...]] = []
+    made: list[tuple[Cell, ...]] = []
     for i, (name, value) in enumerate(rows):
-        part = value / total if total else 0.0
-        made.append((name, Bar(part, f"{share(part)} of {of}", i if patterned else 0), shown(value), share(part)))
-    made.append(("sum", "", shown(total), share(float(total > 0))))
-    return Table(caption, (what, "", of, "share"), tuple(made), total=True)
+        its = share(part(value, total))
+        made.append((name, Bar(part(value, total), f"{its} of energy", i if patterned else 0), energy(value), its))
+    made.append(("sum", "", energy(total), share(float(total > 0))))
+    return Table(caption, (what, "", "energy", "share"), tuple(made), total=True)
 
 
 def by_branch(columns: dict[str, dict[str, float]], caption: str, shown: Shown) -> Table:
@@ -31,40 +132,6 @@ def by_branch(columns: dict[str, dict[str, float]], caption: str, shown: Shown) 
     rows = [(words(branch), *(shown(found[branch]) for found in columns.values())) for branch in branches]
     rows.append(("sum", *(shown(sum(found.values())) for found in columns.values())))
     return Table(caption, ("branch", *columns), tuple(rows), total=True)
-
-
-def by_class(rows: Sequence[Document], unit: str, caption: str, shown: Shown) -> Table:
-    """Return a cost by class of the recordings."""
-    most = max(row[f"max_{unit}"] for row in rows)
-    return Table(
-        caption,
-        ("class", "", "recordings", "mean", "least", "most"),
-        tuple(
-            (
-                count(row["class"]),
-                Bar(row[f"mean_{unit}"] / most if most else 0.0, f"mean {shown(row[f'mean_{unit}'])}"),
-                count(row["recordings"]),
-                *(shown(row[f"{end}_{unit}"]) for end in ("mean", "min", "max")),
-            )
-            for row in rows
-        ),
-    )
-
-
-def left_out(rows: Sequence[Document]) -> Table:
-    """Return what the energy does not include, and the most that it can be where that is known."""
-    return Table(
-        "Not included in the energy",
-        ("what", "at most", "by"),
-        tuple(
-            (
-                row["what"],
-                "not known" if row["at_most_pj"] is None else energy(row["at_most_pj"]),
-                row["bound_source"] or NONE,
-            )
-            for row in rows
-        ),
-    )
 
 
 def constants(name: str, profile: Document) -> Table:
@@ -87,6 +154,18 @@ def constants(name: str, profile: Document) -> Table:
         tuple(rows),
         folded=True,
     )
+
+
+def _range(ends: Sequence[Any], shown: Shown) -> str:
+    """Return the ends of a mean in words; None is an end that is not known."""
+    low, high = ends
+    if low is None and high is None:
+        return "not known"
+    if low is None:
+        return f"{shown(high)} or less: a constant is given as a most"
+    if high is None:
+        return f"{shown(low)} or more: a constant is given as a least"
+    return "none: no constant is given as a range" if low == high else f"{shown(low)} to {shown(high)}"
 
 
 def _constant(value: float | None, ends: list[float | None] | None, unit: str) -> str:

@@ -2,50 +2,38 @@
 
 from __future__ import annotations
 
-from locsnn_compile.report.content import (
-    Bar,
-    Block,
-    Curve,
-    Document,
-    Fact,
-    Facts,
-    Paragraph,
-    Plot,
-    Section,
-    Table,
-)
+from locsnn_compile.report.content import Bar, Curve, Document, Paragraph, Plot, Section, Table, facts, section, table
 from locsnn_compile.report.format import count, energy, share, short
-from locsnn_compile.report.sections.courses import courses
+from locsnn_compile.report.sections.accuracy import sample
+from locsnn_compile.report.sections.cost_tables import ENERGY, PARTS, TIME
 from locsnn_compile.report.words import words
-
-_COLUMNS = (0.2, 0.4, 0.6, 0.8, 1.0)
-"""Parts of a recording after which the table has a figure."""
 
 
 def over_time(document: Document) -> Section:
     """Show which predictions are right after how much of a recording, and what a proven stop saves."""
-    title = "Over time"
+    costs = (*ENERGY.course(document), *TIME.course(document))
     if "over_time" not in document:
-        return Section("over-time", title, "What steps of a recording cost.", courses(document))
+        return section("over-time", "Over time", "What steps of a recording cost.", *costs)
     entry = document["over_time"]
     if "left_out" in entry:
         lead = f"Predictions were not followed step by step: {entry['left_out']}."
-        return Section("over-time", title, lead, courses(document))
+        return section("over-time", "Over time", lead, *costs)
     lead = (
         "What the chip predicts after every step of a recording. The time branch has run so far; the location branch "
         "runs on what was recorded so far, as if nothing followed."
     )
-    blocks: list[Block] = [_plot(entry), _table(entry)]
-    if "time_weighted" in entry["right"]:
-        blocks.append(Paragraph(_weights(entry["psi"])))
-    blocks += [_stop(entry["proven_stop"]), Paragraph(_proof(entry["proven_stop"]))]
-    blocks += [Facts((Fact("recordings", _sample(entry)),)), *courses(document)]
-    return Section("over-time", title, lead, tuple(blocks))
-
-
-def _sample(entry: Document) -> str:
-    many, available = len(entry["recordings"]), entry["recordings_available"]
-    return f"all {count(many)}" if many == available else f"{count(many)} of {count(available)}, evenly spread"
+    return section(
+        "over-time",
+        "Over time",
+        lead,
+        _plot(entry),
+        _table(entry),
+        Paragraph(_weights(entry["psi"])) if "time_weighted" in entry["right"] else None,
+        _stop(entry["proven_stop"]),
+        Paragraph(_proof(entry["proven_stop"])),
+        facts(("recordings", sample(entry, named=False))),
+        *costs,
+    )
 
 
 def _title(entry: Document) -> str:
@@ -59,7 +47,7 @@ def _plot(entry: Document) -> Plot:
     return Plot(
         title=_title(entry),
         x_label="seconds" if entry["step_seconds"] else "steps",
-        x_ticks=tuple((part, _moment(entry, part)) for part in (0.0, *_COLUMNS)),
+        x_ticks=tuple((part, _moment(entry, part)) for part in (0.0, *PARTS)),
         y_ticks=tuple((part, f"{100 * part:.0f} %") for part in (0.25, 0.5, 0.75, 1.0)),
         curves=tuple(
             Curve(words(name), tuple((step / last, right) for step, right in zip(entry["steps"], values, strict=True)))
@@ -76,7 +64,7 @@ def _moment(entry: Document, part: float) -> str:
 
 def _table(entry: Document) -> Table:
     steps = entry["steps"]
-    at = [min(range(len(steps)), key=lambda i: abs(steps[i] - part * steps[-1])) for part in _COLUMNS]
+    at = [min(range(len(steps)), key=lambda i: abs(steps[i] - part * steps[-1])) for part in PARTS]
     return Table(
         _title(entry),
         ("prediction by", *(f"step {count(steps[i])}" for i in at)),
@@ -96,13 +84,16 @@ def _stop(found: Document) -> Table:
     rows = []
     for name, shown in (("steps", count), ("synaptic_ops", count), ("energy_pj", energy)):
         until, whole = found[name], found[f"all_{name}"]
-        saved = 1.0 - until / whole if whole else 0.0
         label = f"energy, profile {found['profile']}" if name == "energy_pj" else words(name)
-        rows.append((label, Bar(saved, f"{share(saved)} saved"), shown(whole), shown(until), share(saved)))
-    return Table(
+        rows.append((label, 1.0 - until / whole if whole else 0.0, shown(whole), shown(until)))
+    return table(
         "Stopped as soon as the winner is proven, mean per recording",
-        ("cost", "", "whole recording", "until the stop", "saved"),
-        tuple(rows),
+        rows,
+        ("cost", lambda row: row[0]),
+        ("", lambda row: Bar(row[1], f"{share(row[1])} saved")),
+        ("whole recording", lambda row: row[2]),
+        ("until the stop", lambda row: row[3]),
+        ("saved", lambda row: share(row[1])),
     )
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from locsnn_compile.report.content import Block, Curve, Document, Plot, Section, Table
+from locsnn_compile.report.content import Curve, Document, Plot, Section, Table, section
 from locsnn_compile.report.format import NONE, told_apart
 from locsnn_compile.report.pictures.ticks import step_ticks, value_axis
 
@@ -28,47 +29,50 @@ def potential(document: Document, excerpt: Excerpt | None) -> Section | None:
         else "No spike differs; this neuron of the readout is an example."
     )
     at = None if first is None else first.step - shown.first_step
-    blocks: tuple[Block, ...] = (_potentials(shown, side, at), _difference(shown, side, at), _table(shown, side, at))
     title = "Potential around the first difference" if first else "Potential of a neuron"
-    return Section("potential", title, lead, blocks)
+    blocks = (make(shown, side, at) for make in (_potentials, _difference, _table))
+    return section("potential", title, lead, *blocks)
 
 
 def _potentials(shown: NeuronPotential, side: str, at: int | None) -> Plot:
-    reference, chip = shown.reference.tolist(), shown.chip.tolist()
-    low, high, ticks = value_axis([*reference, *chip, shown.threshold])
-    level = (shown.threshold - low) / (high - low)
-    return Plot(
-        title=f"{shown.population}, neuron {shown.neuron}: potential",
-        x_label=f"{shown.axis} step",
-        x_ticks=step_ticks(_steps(shown), centred=False),
-        y_ticks=tuple(((value - low) / (high - low), f"{value:.6g}") for value in ticks),
-        curves=(
-            Curve(f"{side} potential", _points(reference, low, high)),
-            Curve("chip potential", _points(chip, low, high)),
-            Curve(f"threshold, {shown.threshold:.6g}", ((0.0, level), (1.0, level))),
-        ),
-        marked=_place(shown, at),
-    )
+    both = {f"{side} potential": shown.reference.tolist(), "chip potential": shown.chip.tolist()}
+    title, level = f"{shown.population}, neuron {shown.neuron}: potential", shown.threshold
+    marked = None if at is None else at / max(1, len(shown.reference) - 1)
+    return _plot(title, shown, both, (f"threshold, {level:.6g}", level), marked=marked)
 
 
 def _difference(shown: NeuronPotential, side: str, at: int | None) -> Plot:
     """Draw how far the chip is off, as long as all spikes are equal: what follows comes from the spike that differs."""
-    steps = _steps(shown) if at is None else _steps(shown)[: at + 1]
-    unit = abs(shown.threshold) or 1.0
-    both = zip(shown.reference.tolist(), shown.chip.tolist(), strict=True)
-    differences = [100.0 * (chip - reference) / unit for reference, chip in both][: len(steps)]
-    low, high, ticks = value_axis([*differences, 0.0])
-    level = -low / (high - low)
+    until = None if at is None else at + 1
+    off = 100.0 * (shown.chip - shown.reference)[:until] / (abs(shown.threshold) or 1.0)
+    title = "Error of the chip's potential, in percent of the threshold"
+    title += "" if at is None else ", until it counts"
+    return _plot(title, shown, {f"chip less {side}": off.tolist()}, ("no error", 0.0), " %")
+
+
+def _plot(
+    title: str,
+    shown: NeuronPotential,
+    series: dict[str, list[float]],
+    level: tuple[str, float],
+    unit: str = "",
+    marked: float | None = None,
+) -> Plot:
+    """Draw values by step, all from the first step on, with a level and its name."""
+    low, high, ticks = value_axis([value for values in series.values() for value in values] + [level[1]])
+    steps = len(next(iter(series.values())))
+
+    def curve(label: str, values: Sequence[float]) -> Curve:
+        last = max(1, len(values) - 1)
+        return Curve(label, tuple((i / last, (value - low) / (high - low)) for i, value in enumerate(values)))
+
     return Plot(
-        title="Error of the chip's potential, in percent of the threshold"
-        + ("" if at is None else ", until it counts"),
+        title=title,
         x_label=f"{shown.axis} step",
-        x_ticks=step_ticks(steps, centred=False),
-        y_ticks=tuple(((value - low) / (high - low), f"{value:.6g} %") for value in ticks),
-        curves=(
-            Curve(f"chip less {side}", _points(differences, low, high)),
-            Curve("no error", ((0.0, level), (1.0, level))),
-        ),
+        x_ticks=step_ticks(range(shown.first_step, shown.first_step + steps), centred=False),
+        y_ticks=tuple(((value - low) / (high - low), f"{value:.6g}{unit}") for value in ticks),
+        curves=(*(curve(*one) for one in series.items()), curve(level[0], [level[1]] * 2)),
+        marked=marked,
     )
 
 
@@ -85,16 +89,3 @@ def _table(shown: NeuronPotential, side: str, at: int | None) -> Table:
         ("step", f"{side} potential", "chip potential", "spike of"),
         tuple(rows),
     )
-
-
-def _steps(shown: NeuronPotential) -> range:
-    return range(shown.first_step, shown.first_step + len(shown.reference))
-
-
-def _place(shown: NeuronPotential, at: int | None) -> float | None:
-    return None if at is None else at / max(1, len(shown.reference) - 1)
-
-
-def _points(values: list[float], low: float, high: float) -> tuple[tuple[float, float], ...]:
-    last = max(1, len(values) - 1)
-    return tuple((i / last, (value - low) / (high - low)) for i, value in enumerate(values))

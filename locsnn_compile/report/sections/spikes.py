@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from hw_model.engine.trace import ByteArray
-from locsnn_compile.report.content import Block, Document, Paragraph, Raster, Section, Strokes, Table
+from locsnn_compile.report.content import Document, Paragraph, Raster, Section, Strokes, Table, section
 from locsnn_compile.report.format import NONE, count, plural
 from locsnn_compile.report.pictures.ticks import step_ticks
 from locsnn_compile.report.words import words
 
 if TYPE_CHECKING:
+    from hw_model.mapping.graph import Axis
     from locsnn_compile.verification.excerpt import Excerpt, InputSpikes, PopulationSpikes
 
 _AXIS_LABELS = {"time": "time step", "location": "location step"}
@@ -23,16 +24,15 @@ def spikes(document: Document, excerpt: Excerpt | None) -> Section | None:
     if excerpt is None:
         return None
     side = "network" if document["match"]["reference"] == "integers" else "float"
-    blocks: list[Block] = [Paragraph(_shown(excerpt))]
+    rasters: list[Raster] = []
     for axis in excerpt.steps:
-        blocks += [_input(item, excerpt) for item in excerpt.inputs if item.axis == axis]
-        blocks += [_population(item, excerpt, side) for item in excerpt.populations if item.axis == axis]
-    blocks.append(_table(excerpt, side))
+        rasters += [_input(item, excerpt) for item in excerpt.inputs if item.axis == axis]
+        rasters += [_population(item, excerpt, side) for item in excerpt.populations if item.axis == axis]
     lead = (
         "One recording, a row a neuron, the first at the top. A ring marks the first spike that is on one side only; "
         "without a reset the sides may stay apart from there, spike after spike, by a step or two."
     )
-    return Section("spikes", "Spikes", lead, tuple(blocks))
+    return section("spikes", "Spikes", lead, Paragraph(_shown(excerpt)), *rasters, _table(excerpt, side))
 
 
 def _shown(excerpt: Excerpt) -> str:
@@ -55,49 +55,43 @@ def _shown(excerpt: Excerpt) -> str:
 
 
 def _input(item: InputSpikes, excerpt: Excerpt) -> Raster:
-    steps, rows = item.spikes.shape
-    together = "" if item.lines_a_row == 1 else f", {item.lines_a_row} to a row"
+    alone = item.lines_a_row == 1
+    title = f"Input of the {words(item.axis)}: {plural(item.lines, 'line')}"
+    strokes = _strokes("event", item.spikes, "input events" if alone else "strokes, each one event or more")
     return Raster(
-        title=f"Input of the {words(item.axis)}: {plural(item.lines, 'line')}{together}",
-        description=f"{plural(int(item.spikes.sum(dtype=np.int64)), 'event')} drawn.",
-        columns=steps,
-        rows=rows,
-        x_label=_AXIS_LABELS[item.axis],
-        x_ticks=step_ticks(excerpt.steps[item.axis], centred=True),
-        strokes=(
-            _strokes(
-                "event", item.spikes, "input events" if item.lines_a_row == 1 else "strokes, each one event or more"
-            ),
-        ),
+        title if alone else f"{title}, {item.lines_a_row} to a row",
+        f"{plural(int(item.spikes.sum(dtype=np.int64)), 'event')} drawn.",
+        *_axes(item.spikes, item.axis, excerpt),
+        strokes=(strokes,),
     )
 
 
 def _population(item: PopulationSpikes, excerpt: Excerpt, side: str) -> Raster:
-    steps, rows = item.reference.shape
+    rows = item.reference.shape[1]
     equal, reference, chip = _sides(item)
     of = plural(item.size, "neuron") if rows == item.size else f"{count(rows)} of {plural(item.size, 'neuron')}"
-    first = excerpt.first
-    here = first is not None and first.population == item.name
+    flag, flag_label, first = None, "", excerpt.first
+    if first is not None and first.population == item.name:
+        flag = first.step - excerpt.steps[item.axis].start, item.neurons.tolist().index(first.neuron)
+        flag_label = f"neuron {first.neuron}, step {first.step}"
     return Raster(
-        title=f"{item.name}: {of}",
-        description=(
-            f"{plural(int(equal.sum()), 'spike')} on both sides, {count(int(reference.sum()))} only in the {side} "
-            f"network, {count(int(chip.sum()))} only on the chip."
-        ),
-        columns=steps,
-        rows=rows,
-        x_label=_AXIS_LABELS[item.axis],
-        x_ticks=step_ticks(excerpt.steps[item.axis], centred=True),
+        f"{item.name}: {of}",
+        f"{plural(int(equal.sum()), 'spike')} on both sides, {count(int(reference.sum()))} only in the {side} "
+        f"network, {count(int(chip.sum()))} only on the chip.",
+        *_axes(equal, item.axis, excerpt),
         strokes=(
             _strokes("equal", equal, "on both sides"),
             _strokes("reference", reference, f"only in the {side} network"),
             _strokes("chip", chip, "only on the chip"),
         ),
-        flag=(first.step - excerpt.steps[item.axis].start, item.neurons.tolist().index(first.neuron))
-        if first and here
-        else None,
-        flag_label=f"neuron {first.neuron}, step {first.step}" if first and here else "",
+        flag=flag,
+        flag_label=flag_label,
     )
+
+
+def _axes(spikes: ByteArray, axis: Axis, excerpt: Excerpt) -> tuple[int, int, str, tuple[tuple[float, str], ...]]:
+    """Return columns and rows of a raster, the label of its axis and the ticks there."""
+    return *spikes.shape, _AXIS_LABELS[axis], step_ticks(excerpt.steps[axis], centred=True)
 
 
 def _table(excerpt: Excerpt, side: str) -> Table:
