@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from locsnn_compile.report.content import Document
+from locsnn_compile.report.figures.flat import picked
 from locsnn_compile.verification.diagnosis import Diagnosis
 from locsnn_compile.verification.error_budget.budget import Deviation
 from locsnn_compile.verification.error_budget.cause import Cause
-from locsnn_compile.verification.margins import EDGES, PopulationMargins, RegisterUse
+from locsnn_compile.verification.margins import EDGES, PopulationMargins
 from locsnn_compile.verification.matching import PopulationMatch
+
+_REGISTERS = ("peak_u", "share_u", "peak_v", "share_v", "headroom_bits", "wraps", "clips")
 
 
 def budget_entry(diagnosis: Diagnosis) -> Document | None:
@@ -16,8 +19,7 @@ def budget_entry(diagnosis: Diagnosis) -> Document | None:
     if budget is None:
         return None
     return {
-        "recordings": list(diagnosis.recordings),
-        "recordings_available": diagnosis.available,
+        **_recordings(diagnosis),
         "alone": {stage: _deviation(found) for stage, found in budget.alone.items()},
         "all_but": {stage: _deviation(found) for stage, found in budget.without.items()},
         "together": _deviation(budget.together),
@@ -43,12 +45,15 @@ def margins_entry(diagnosis: Diagnosis) -> Document:
     """Return ``margins``; distances and errors are in thresholds."""
     found = diagnosis.margins
     return {
-        "recordings": list(diagnosis.recordings),
-        "recordings_available": diagnosis.available,
+        **_recordings(diagnosis),
         "histogram_edges": [float(f"{edge:.6g}") for edge in EDGES],
         "by_population": {name: _population(one) for name, one in found.populations.items()},
-        "registers": {name: _registers(one) for name, one in found.registers.items()},
+        "registers": {name: picked(one, *_REGISTERS) for name, one in found.registers.items()},
     }
+
+
+def _recordings(diagnosis: Diagnosis) -> Document:
+    return {"recordings": list(diagnosis.recordings), "recordings_available": diagnosis.available}
 
 
 def _deviation(found: Deviation) -> Document:
@@ -68,20 +73,7 @@ def _population(found: PopulationMargins) -> Document:
         "neuron_steps": found.neuron_steps,
         "nearest": {f"{share:g}": distance for share, distance in found.nearest.items()},
         "error": {f"{share:g}": error for share, error in found.error.items()},
-        "within_error": found.within_error,
-        "decided_otherwise": found.decided_otherwise,
+        **picked(found, "within_error", "decided_otherwise"),
         "distance_histogram": found.distance_histogram.tolist(),
         "error_histogram": found.error_histogram.tolist(),
-    }
-
-
-def _registers(found: RegisterUse) -> Document:
-    return {
-        "peak_u": found.peak_u,
-        "share_u": found.share_u,
-        "peak_v": found.peak_v,
-        "share_v": found.share_v,
-        "headroom_bits": found.headroom_bits,
-        "wraps": found.wraps,
-        "clips": found.clips,
     }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
@@ -15,10 +14,13 @@ from locsnn_compile.baselines.ann_energy import ANN_ENERGY_SOURCE, ANN_NOT_INCLU
 from locsnn_compile.baselines.operations import ANN_NAMES, ann_counts
 from locsnn_compile.network.network import Network
 from locsnn_compile.pipeline import Levels
+from locsnn_compile.report.content import Document
 from locsnn_compile.report.figures.diagnosis import budget_entry, cause_entry, margins_entry
 from locsnn_compile.report.figures.energy import energy_entry
+from locsnn_compile.report.figures.flat import picked
 from locsnn_compile.report.figures.latency import latency_entry
 from locsnn_compile.report.figures.over_time import over_time_entry
+from locsnn_compile.report.figures.spread import place
 from locsnn_compile.verification.diagnosis import Diagnosis
 from locsnn_compile.verification.grounds import Grounds
 from locsnn_compile.verification.matching import Match, PopulationMatch
@@ -26,8 +28,6 @@ from locsnn_compile.verification.over_time import LeftOut, OverTime
 
 SCHEMA = "locsnn-report/1"
 OPERATION_KEYS = ("synaptic_ops", "neuron_updates", "spikes", "input_events", "transpose_events")
-
-Document = dict[str, Any]
 
 
 def report_document(
@@ -42,8 +42,8 @@ def report_document(
     Without a diagnosis it has neither ``error_budget`` nor ``margins``, and the first divergence no cause; where
     predictions were not ``followed`` over time, no ``over_time``.
     """
-    network, program = levels.network, levels.program
-    counts = total(match.counts)
+    network, program, samples = levels.network, levels.program, match.samples
+    counts, binned = total(match.counts), grounds.binned
     energy = energy_entry(program, match, network, grounds.step_seconds)
     return {
         "schema": SCHEMA,
@@ -54,29 +54,23 @@ def report_document(
         "match": {
             "reference": _arithmetic(levels.network),
             "events_origin": grounds.events_origin,
-            **_match(match, counts, None if diagnosis is None else cause_entry(diagnosis.cause)),
+            **_match(match, counts, cause_entry(diagnosis.cause) if diagnosis else None),
             "readout": _readout(network, match),
         },
         "accuracy": match.accuracy,
         "operations": {
-            "per_sample": _per_sample(counts, match.samples),
-            "by_branch": {name: _per_sample(c, match.samples) for name, c in match.counts_by_phase.items()},
+            "per_sample": _per_sample(counts, samples),
+            "by_branch": {name: _per_sample(c, samples) for name, c in match.counts_by_phase.items()},
             "published_method": _published(network, match),
         },
         "energy": energy,
         "latency": latency_entry(program, match, network.steps, grounds.step_seconds),
         "resources": _resources(program),
-        "ann_comparison": _ann_comparison(
-            network, match, energy["per_sample_pj"], counts["synaptic_ops"] / match.samples
-        ),
+        "ann_comparison": _ann_comparison(network, match, energy["per_sample_pj"], counts["synaptic_ops"] / samples),
         "skipped": {
             "steps": counts.skipped_steps,
             "events_dropped": counts.events_dropped,
-            **(
-                {}
-                if grounds.binned is None
-                else {"binning": grounds.binned.document() | {"words": grounds.binned.words}}
-            ),
+            **({"binning": binned.document() | {"words": binned.words}} if binned else {}),
             "synapses_pruned": program.synapses_pruned,
             "biases_lost": _biases_lost(levels),
             "compartments_pruned": sum(g.size for g in levels.compartments.groups)
@@ -86,13 +80,9 @@ def report_document(
         "gates": [],
         "quantization": _quantization(levels),
         "range": _range(program),
-        **({} if diagnosis is None else _diagnosis(diagnosis)),
-        **({} if followed is None else {"over_time": over_time_entry(followed, program, grounds.step_seconds)}),
+        **({"error_budget": budget_entry(diagnosis), "margins": margins_entry(diagnosis)} if diagnosis else {}),
+        **({"over_time": over_time_entry(followed, program, grounds.step_seconds)} if followed else {}),
     }
-
-
-def _diagnosis(diagnosis: Diagnosis) -> Document:
-    return {"error_budget": budget_entry(diagnosis), "margins": margins_entry(diagnosis)}
 
 
 def _arithmetic(network: Network) -> str:
@@ -103,44 +93,21 @@ def _arithmetic(network: Network) -> str:
 def _match(match: Match, counts: Counts, cause: Document | None) -> Document:
     first = match.first_divergence
     return {
-        "samples": match.samples,
-        "events_source": match.events_source,
-        "prediction_agreement": match.prediction_agreement,
-        "spike_agreement": match.spikes.agreement,
-        "spike_mismatches": match.spikes.mismatches,
-        "reference_spikes": match.spikes.reference_spikes,
-        "chip_spikes": match.spikes.chip_spikes,
+        **picked(match, "samples", "events_source", "prediction_agreement"),
+        **_spikes(match.spikes),
         "tied_predictions": match.tied_predictions,
-        "by_population": _by_population(match.by_population),
-        "helper_neurons": _by_population(match.helpers),
-        "first_divergence": None
-        if first is None
-        else {
-            "recording": first.recording,
-            "population": first.population,
-            "neuron": first.neuron,
-            "step": first.step,
-            "reference_potential": first.reference_potential,
-            "chip_potential": first.chip_potential,
-            "threshold": first.threshold,
-            "cause": cause,
-        },
+        "by_population": {name: _spikes(found) for name, found in match.by_population.items()},
+        "helper_neurons": {name: _spikes(found) for name, found in match.helpers.items()},
+        "first_divergence": None if first is None else asdict(first) | {"cause": cause},
         "wraps": counts.wraps,
         "clips": counts.clips,
         "wraps_and_clips_by_population": match.wraps_and_clips,
     }
 
 
-def _by_population(matches: Mapping[str, PopulationMatch]) -> Document:
-    return {
-        name: {
-            "spike_agreement": found.agreement,
-            "spike_mismatches": found.mismatches,
-            "reference_spikes": found.reference_spikes,
-            "chip_spikes": found.chip_spikes,
-        }
-        for name, found in matches.items()
-    }
+def _spikes(found: PopulationMatch) -> Document:
+    both = picked(found, "reference_spikes", "chip_spikes")
+    return {"spike_agreement": found.agreement, "spike_mismatches": found.mismatches, **both}
 
 
 def _readout(network: Network, match: Match) -> Document:
@@ -171,7 +138,7 @@ def _published(network: Network, match: Match) -> Document:
 def _resources(program: ChipProgram) -> Document:
     limits = program.chip.limits
     word_bits = program.chip.synapse_memory.word_bits
-    rows = [_core_use(program.chip, core) for core in program.cores]
+    rows = [_core_use(program, core) for core in program.cores]
     of_core = {
         "compartments": limits.compartments_per_core,
         "axons_in": limits.input_axons_per_core,
@@ -192,23 +159,14 @@ def _resources(program: ChipProgram) -> Document:
             "cores": {"used": len(program.cores), "limit": program.chip.cores},
             **{key: {"used": max(row[key] for row in rows), "limit": limit} for key, limit in of_core.items()},
         },
-        "mesh": {
-            "chips": program.chip.chips,
-            "cores_per_chip": limits.cores_per_chip,
-            "columns": program.chip.mesh.columns,
-            "rows": program.chip.mesh.rows,
-            "cores_per_tile": program.chip.mesh.cores_per_tile,
-        },
+        "mesh": picked(program.chip, "chips") | picked(limits, "cores_per_chip") | asdict(program.chip.mesh),
         "by_core": rows,
     }
 
 
-def _core_use(chip: hw.Chip, core: Core) -> dict[str, Any]:
+def _core_use(program: ChipProgram, core: Core) -> Document:
     return {
-        "core": core.number,
-        "phase": core.phase,
-        "slot": core.slot,
-        "tile": list(chip.tile_of(core.slot)),
+        **place(program, core),
         "compartments": core.compartments,
         "synapses": len(core.axons.target),
         "synapse_words": core.axons.synapse_words,

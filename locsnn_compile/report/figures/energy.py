@@ -6,6 +6,7 @@ Every breakdown adds up to the total. What is counted without a step and a core 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 
 import numpy as np
 import numpy.typing as npt
@@ -13,11 +14,13 @@ import numpy.typing as npt
 import hw_model as hw
 from hw_model.accounting.usage import PhaseUsage
 from hw_model.description.counts import BY_CORE, Counts, total
-from hw_model.description.profile import Profile, Range
+from hw_model.description.profile import Profile
 from hw_model.program.chip_program import ChipProgram
 from hw_model.program.pieces import pieces_of
 from locsnn_compile.network.network import Network
-from locsnn_compile.report.figures.spread import Document, FloatArray, by_class, course, spread, tile, worst
+from locsnn_compile.report.content import Document
+from locsnn_compile.report.figures.flat import picked
+from locsnn_compile.report.figures.spread import FloatArray, by_core, course, spread
 from locsnn_compile.verification.matching import Match
 
 _PLACED = frozenset((*BY_CORE, "neuron_updates_inactive", "hops"))
@@ -34,33 +37,26 @@ def energy_entry(program: ChipProgram, match: Match, network: Network, step_seco
     pieces = _pieces_pj(program, match, profile)
     recording_ns = None if step_seconds is None else network.steps * step_seconds * 1e9
     static = _static(program, match, recording_ns, profile)
+    by_branch = {phase: _breakdown(c, profile, samples) for phase, c in match.counts_by_phase.items()}
+    others = {other: found for other, found in program.chip.profiles.items() if other != name}
     left_out = _left_out(counts, profile, samples, static)
     return {
         "profile": name,
-        "source": profile.source,
-        "basis": profile.basis,
-        "voltage_v": profile.voltage_v,
+        **picked(profile, "source", "basis", "voltage_v"),
         "per_sample_pj": sum(breakdown.values()),
         "range_pj": _range_pj(counts, profile, samples),
         "breakdown_pj": breakdown,
-        "by_branch_pj": {phase: _energy_pj(c, profile, samples) for phase, c in match.counts_by_phase.items()},
-        "by_branch_breakdown_pj": {
-            phase: _breakdown(c, profile, samples) for phase, c in match.counts_by_phase.items()
-        },
+        "by_branch_pj": {phase: sum(its.values()) for phase, its in by_branch.items()},
+        "by_branch_breakdown_pj": by_branch,
         "by_population_pj": _by_population(program, network, pieces),
-        "by_core_pj": _by_core(program, pieces),
+        "by_core_pj": by_core(program, {phase: _cores_pj(program, phase, pj) for phase, pj in pieces.items()}),
         "by_step_pj": {phase: course(found.sum(axis=1)) for phase, found in pieces.items()},
         "elsewhere_pj": sum(pj for count, pj in breakdown.items() if count not in _PLACED),
-        "over_samples_pj": spread(each),
-        "worst_recording": worst(each, match, "pj"),
-        "by_class": by_class(each, match, "pj"),
-        "other_profiles_pj": {
-            other: _energy_pj(counts, found, samples) for other, found in program.chip.profiles.items() if other != name
-        },
+        **spread(each, match, "pj"),
+        "other_profiles_pj": {other: _energy_pj(counts, found, samples) for other, found in others.items()},
         "other_profiles_by_branch_pj": {
             other: {phase: _energy_pj(c, found, samples) for phase, c in match.counts_by_phase.items()}
-            for other, found in program.chip.profiles.items()
-            if other != name
+            for other, found in others.items()
         },
         "static": static,
         "not_included": [item["what"] for item in left_out],
@@ -126,13 +122,9 @@ def _population_of(group: str, names: Sequence[str]) -> str:
     return group if group in names else max((name for name in names if group.startswith(f"{name}/")), key=len)
 
 
-def _by_core(program: ChipProgram, pieces: dict[str, FloatArray]) -> list[Document]:
-    rows = []
-    for phase, pj in pieces.items():
-        by_core = np.add.reduceat(pj.sum(axis=0), pieces_of(program, phase).of_core[:-1])
-        for core, its in zip(program.cores_of(phase), by_core.tolist(), strict=True):
-            rows.append({"core": core.number, "phase": phase, **tile(program, core.slot), "pj": its})
-    return sorted(rows, key=lambda row: row["core"])
+def _cores_pj(program: ChipProgram, phase: str, pj: FloatArray) -> list[Document]:
+    its = np.add.reduceat(pj.sum(axis=0), pieces_of(program, phase).of_core[:-1])
+    return [{"pj": value} for value in its.tolist()]
 
 
 def _static(program: ChipProgram, match: Match, recording_ns: float | None, profile: Profile) -> Document | None:
@@ -167,24 +159,17 @@ def _left_out(counts: Counts, profile: Profile, samples: int, static: Document |
 
 def _constants(profile: Profile) -> Document:
     """Return a profile with the source and the range of each of its constants."""
-
-    def ends(found: Range | None) -> list[float | None] | None:
-        return None if found is None else list(found)
-
+    names = dict.fromkeys((*profile.energy_pj, *profile.time_ns))
     return {
-        "source": profile.source,
-        "basis": profile.basis,
-        "voltage_v": profile.voltage_v,
-        "constants": [
-            {
-                "count": name,
-                "energy_pj": profile.energy_pj.get(name),
-                "energy_pj_range": ends(profile.energy_pj_range.get(name)),
-                "time_ns": profile.time_ns.get(name),
-                "time_ns_range": ends(profile.time_ns_range.get(name)),
-                "source": profile.source_of(name),
-            }
-            for name in dict.fromkeys((*profile.energy_pj, *profile.time_ns))
-        ],
-        "barrier_ns": {"one_tile": profile.barrier_ns.one_tile, "all_tiles": profile.barrier_ns.all_tiles},
+        **picked(profile, "source", "basis", "voltage_v"),
+        "constants": [_constant(profile, name) for name in names],
+        "barrier_ns": asdict(profile.barrier_ns),
     }
+
+
+def _constant(profile: Profile, name: str) -> Document:
+    row: Document = {"count": name}
+    for key in ("energy_pj", "time_ns"):
+        ends = getattr(profile, f"{key}_range").get(name)
+        row |= {key: getattr(profile, key).get(name), f"{key}_range": None if ends is None else list(ends)}
+    return row | {"source": profile.source_of(name)}

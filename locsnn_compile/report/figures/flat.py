@@ -1,4 +1,4 @@
-"""Nested values of a document as one list of figures."""
+"""From objects to values of a document, and from nested values to one list of figures."""
 
 from __future__ import annotations
 
@@ -6,6 +6,11 @@ from typing import Any
 
 Figures = dict[str, Any]
 """Leaves by dotted keys, in order."""
+
+
+def picked(found: object, *names: str) -> Figures:
+    """Return attributes of an object by their names."""
+    return {name: getattr(found, name) for name in names}
 
 
 def flatten(value: object, key: str = "") -> Figures:

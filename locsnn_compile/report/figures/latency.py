@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from hw_model.accounting.cost import PARTS
 from hw_model.accounting.mesh_routes import routes_of
+from hw_model.accounting.usage import PhaseUsage
 from hw_model.program.chip_program import ChipProgram
-from locsnn_compile.report.figures.spread import Document, by_class, course, spread, tile, worst
+from locsnn_compile.report.content import Document
+from locsnn_compile.report.figures.spread import by_core, course, spread
 from locsnn_compile.verification.matching import Match
 
 _PATHS = 8
@@ -37,12 +41,10 @@ def latency_entry(program: ChipProgram, match: Match, steps: int, step_seconds: 
         "by_part_ns": {part: sum(found[part] for found in by_part.values()) for part in PARTS},
         "by_branch_part_ns": by_part,
         "by_step_ns": {phase: course(used.step_ns / samples) for phase, used in match.usage.items()},
-        "by_core": _cores_ns(program, match),
+        "by_core": by_core(program, {phase: _cores_ns(used, samples) for phase, used in match.usage.items()}),
         "critical_paths": _critical_paths(program, match),
         "links": _links(program, match),
-        "over_samples_ns": spread(each),
-        "worst_recording": worst(each, match, "ns"),
-        "by_class": by_class(each, match, "ns"),
+        **spread(each, match, "ns"),
         "critical_core": max(sorted(set(last)), key=last.count),
         "recording_ns": None if step_ns is None else steps * step_ns,
         "after_last_row_ns": {"mean": float(np.mean(after)), "max": max(after)},
@@ -50,17 +52,12 @@ def latency_entry(program: ChipProgram, match: Match, steps: int, step_seconds: 
     }
 
 
-def _cores_ns(program: ChipProgram, match: Match) -> list[Document]:
-    """Return what each core works on, whether or not anything waits for it."""
-    rows = []
-    for phase, used in match.usage.items():
-        for i, core in enumerate(program.cores_of(phase)):
-            busy = {part: float(ns[i]) / match.samples for part, ns in used.busy_ns.items()}
-            last = sum(ns for (_, to), ns in used.paths_ns.items() if to == i) / match.samples
-            rows.append(
-                {"core": core.number, "phase": phase, **tile(program, core.slot), "busy_ns": busy, "last_ns": last}
-            )
-    return sorted(rows, key=lambda row: row["core"])
+def _cores_ns(used: PhaseUsage, samples: int) -> Iterator[Document]:
+    """Yield what each core works on, whether or not anything waits for it, and how long it was the last."""
+    for i in range(len(next(iter(used.busy_ns.values())))):
+        last = sum(ns for (_, to), ns in used.paths_ns.items() if to == i)
+        busy = {part: float(ns[i]) / samples for part, ns in used.busy_ns.items()}
+        yield {"busy_ns": busy, "last_ns": last / samples}
 
 
 def _critical_paths(program: ChipProgram, match: Match) -> list[Document]:

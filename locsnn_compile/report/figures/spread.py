@@ -2,47 +2,36 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 import numpy.typing as npt
 
-from hw_model.program.chip_program import ChipProgram
+from hw_model.program.chip_program import ChipProgram, Core
+from locsnn_compile.report.content import Document
 from locsnn_compile.verification.matching import Match
 
-Document = dict[str, Any]
 FloatArray = npt.NDArray[np.float64]
 BINS = 64
 """Most bins of steps that a course over time is given in."""
 
 
-def spread(each: FloatArray) -> Document:
-    """Return least, median, 99th percentile and most of a cost of recordings."""
+def spread(each: FloatArray, match: Match, unit: str) -> Document:
+    """Return the spread of a cost of recordings, the one that costs most, and the classes; None without labels."""
+    most, labels = int(each.argmax()), match.labels
+    ends = {"min": each.min(), "p50": np.median(each), "p99": np.quantile(each, 0.99), "max": each.max()}
+    worst = {"recording": most, "class": None if labels is None else int(labels[most]), unit: float(each[most])}
     return {
-        "min": float(each.min()),
-        "p50": float(np.median(each)),
-        "p99": float(np.quantile(each, 0.99)),
-        "max": float(each.max()),
+        f"over_samples_{unit}": {name: float(value) for name, value in ends.items()},
+        "worst_recording": worst,
+        "by_class": None if labels is None else [_of_class(c, each[labels == c], unit) for c in np.unique(labels)],
     }
 
 
-def worst(each: FloatArray, match: Match, unit: str) -> Document:
-    """Return the recording that costs most, and its class where there are labels."""
-    number = int(each.argmax())
-    label = None if match.labels is None else int(match.labels[number])
-    return {"recording": number, "class": label, unit: float(each[number])}
-
-
-def by_class(each: FloatArray, match: Match, unit: str) -> list[Document] | None:
-    """Return a cost of recordings by class; None without labels."""
-    if match.labels is None:
-        return None
-    rows = []
-    for label in np.unique(match.labels).tolist():
-        its = each[match.labels == label]
-        spread = {"min": float(its.min()), "mean": float(its.mean()), "max": float(its.max())}
-        rows.append({"class": label, "recordings": len(its), **{f"{end}_{unit}": x for end, x in spread.items()}})
-    return rows
+def _of_class(label: int, each: FloatArray, unit: str) -> Document:
+    ends = {"min": each.min(), "mean": each.mean(), "max": each.max()}
+    costs = {f"{end}_{unit}": float(value) for end, value in ends.items()}
+    return {"class": int(label), "recordings": len(each), **costs}
 
 
 def course(by_step: FloatArray) -> Document:
@@ -51,7 +40,17 @@ def course(by_step: FloatArray) -> Document:
     return {"bin_steps": length, "bins": np.add.reduceat(by_step, np.arange(0, len(by_step), length)).tolist()}
 
 
-def tile(program: ChipProgram, slot: int) -> Document:
-    """Return where a core is on the board."""
-    column, row = program.chip.tile_of(slot)
-    return {"slot": slot, "tile": [column, row]}
+def place(program: ChipProgram, core: Core) -> Document:
+    """Return which core it is, and where on the board."""
+    where = {"slot": core.slot, "tile": list(program.chip.tile_of(core.slot))}
+    return {"core": core.number, "phase": core.phase, **where}
+
+
+def by_core(program: ChipProgram, found: Mapping[str, Iterable[Document]]) -> list[Document]:
+    """Return what was found by phase for each of its cores, by the number of the core."""
+    rows = [
+        place(program, core) | its
+        for phase, each in found.items()
+        for core, its in zip(program.cores_of(phase), each, strict=True)
+    ]
+    return sorted(rows, key=lambda row: row["core"])
