@@ -114,7 +114,7 @@ class Span:
 
 @dataclass(frozen=True)
 class Curve:
-    """A line through points (x, y), both 0..1 from the lower left corner of its plot; ``label`` says what it shows."""
+    """A line through points (x, y) in order; those of a ``Plot`` are 0..1 from its lower left corner."""
 
     label: str
     points: tuple[tuple[float, float], ...]

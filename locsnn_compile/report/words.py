@@ -9,30 +9,19 @@ from locsnn_compile.report.format import SILENT
 
 ASSUMED = "What was assumed:"
 """Stands above the assumptions wherever they are shown."""
+SIGNS = {"yes": "✓", "nearly": "≈", "no": "✗", "unknown": "?", "modelled": "~"}
+"""Stand before the answers of verdicts."""
 _WORDS = {
     "synaptic_ops": "synaptic operations",
-    "neuron_updates": "neuron updates",
     "neuron_updates_active": "neuron updates, active",
     "neuron_updates_inactive": "neuron updates, at rest",
-    "spikes": "spikes",
-    "input_events": "input events",
     "transpose_events": "events through the transpose buffer",
     "axon_packets": "spike packets",
-    "input_packets": "input packets",
     "packets_within_tile": "packets within a tile",
-    "packets_received": "packets received",
     "hops_x": "mesh hops, east or west",
     "hops_y": "mesh hops, north or south",
-    "charge_wraps": "charge wraps",
-    "current_wraps": "current wraps",
-    "voltage_clips": "voltage clips",
-    "axons_in": "input axons of a core",
-    "axons_out": "output axons of a core",
-    "compartments": "compartments of a core",
-    "synapse_words": "synapse words of a core",
-    "synapse_formats": "synapse formats of a core",
-    "compartment_profiles": "compartment profiles of a core",
-    "threshold_profiles": "threshold profiles of a core",
+    "axons_in": "input axons",
+    "axons_out": "output axons",
     "updates": "compartment updates",
     "mesh": "mesh hops",
     "buffer": "transpose buffer",
@@ -74,6 +63,11 @@ def no_spikes(match: Mapping[str, Any], population: str) -> str:
 def words(key: str) -> str:
     """Return a key of the document in words; one that is not known here, with its underscores as spaces."""
     return _WORDS.get(key, key.replace("_", " "))
+
+
+def limit_words(name: str) -> str:
+    """Return a limit of the chip in words."""
+    return words(name) if name == "cores" else f"{words(name)} of a core"
 
 
 def listed(items: Sequence[str]) -> str:

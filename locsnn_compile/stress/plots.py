@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from locsnn_compile.report.pictures.curves import Curve, Panel, draw
+from locsnn_compile.report.content import Curve
+from locsnn_compile.report.pictures.curves import Panel, draw
 from locsnn_compile.strategies import NATIVE
 from locsnn_compile.stress.row import Drift, Measured, Row
 

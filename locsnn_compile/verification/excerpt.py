@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -104,13 +104,16 @@ def take_excerpt(levels: Levels, recordings: ByteArray, first: Divergence | None
     rows = [_rows(p, wanted.spikes[p.name][0], found[p.name][0], first) for p in shown]
     all_steps = {axis: network.steps_of(axis) for axis in network.axes}
     steps = {axis: _window(axis, all_steps[axis], _centre(network, first, axis), inputs, rows) for axis in network.axes}
+    here = {axis: slice(kept.start, kept.stop) for axis, kept in steps.items()}
     return Excerpt(
         recording=recording,
         first=first,
         steps=steps,
         all_steps=all_steps,
-        inputs=tuple(_cut_input(item, steps[item.axis]) for item in inputs),
-        populations=tuple(_cut_population(item, steps[item.axis]) for item in rows),
+        inputs=tuple(replace(item, spikes=item.spikes[here[item.axis]]) for item in inputs),
+        populations=tuple(
+            replace(item, reference=item.reference[here[item.axis]], chip=item.chip[here[item.axis]]) for item in rows
+        ),
         populations_left_out=len(network.own_populations) - len(shown),
         potential=_potential(levels, one, wanted, found, first),
     )
@@ -162,16 +165,6 @@ def _window(
         if length <= 1 or a_step[start : start + length].sum() <= MARKS:
             return range(start, start + length)
         length //= 2
-
-
-def _cut_input(item: InputSpikes, steps: range) -> InputSpikes:
-    spikes = item.spikes[steps.start : steps.stop]
-    return InputSpikes(item.name, item.axis, item.lines, item.lines_a_row, spikes)
-
-
-def _cut_population(item: PopulationSpikes, steps: range) -> PopulationSpikes:
-    here = slice(steps.start, steps.stop)
-    return PopulationSpikes(item.name, item.axis, item.size, item.neurons, item.reference[here], item.chip[here])
 
 
 def _potential(

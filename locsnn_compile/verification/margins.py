@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -65,6 +65,22 @@ class RegisterUse:
     wraps: int
     clips: int
 
+    @classmethod
+    def unused(cls, group: Compartments, registers: Registers) -> RegisterUse:
+        """Return what the registers of a group hold, before anything is played."""
+        limit_v = int(min(np.abs(group.vmin).min(), group.vmax.min()))
+        return cls(0, 1 << registers.current_bits, 0, limit_v, 0, 0)
+
+    def after(self, u: IntArray, potential: IntArray, events: Mapping[str, int]) -> RegisterUse:
+        """Return the use with that of u, of v as the threshold saw it, (batch, steps, n), and counts of both events."""
+        return replace(
+            self,
+            peak_u=max(self.peak_u, int(np.abs(u).max())),
+            peak_v=max(self.peak_v, int(np.abs(potential).max())),
+            wraps=self.wraps + events.get("charge_wraps", 0) + events.get("current_wraps", 0),
+            clips=self.clips + events.get("voltage_clips", 0),
+        )
+
     @property
     def share_u(self) -> float:
         """Largest use of the current register, 0..1."""
@@ -84,9 +100,8 @@ class RegisterUse:
 
 @dataclass(frozen=True, eq=False)
 class Margins:
-    """Margins of every population, and register use of every group of compartments, over ``samples`` recordings."""
+    """Margins of every population, and register use of every group of compartments."""
 
-    samples: int
     populations: Mapping[str, PopulationMargins]
     registers: Mapping[str, RegisterUse]
 
@@ -94,8 +109,8 @@ class Margins:
 def margins(levels: Levels, recordings: ByteArray) -> Margins:
     """Measure margins over recordings (samples, steps, channels), of the network's own steps and channels."""
     network, registers = levels.network, levels.program.chip.registers
-    watched = {p.name: _Watch(_thresholds(p)) for p in network.populations}
-    use = {group.name: _RegisterWatch(group, registers) for group in levels.compartments.groups}
+    watched: dict[str, list[tuple[npt.NDArray[Any], ...]]] = {p.name: [] for p in network.populations}
+    use = {group.name: RegisterUse.unused(group, registers) for group in levels.compartments.groups}
     for start in range(0, len(recordings), CHUNK):
         chunk = recordings[start : start + CHUNK]
         wanted = evaluate(network, chunk, potentials=True, registers=registers)
@@ -105,14 +120,17 @@ def margins(levels: Levels, recordings: ByteArray) -> Margins:
             chip = run_twin(twin_with(phase, STAGES), lines, forced=wanted.spikes, potentials=names)
             for name in names:
                 potential = chip.potential[name] / levels.quantized.population(name).scale
-                watched[name].add(wanted.potential[name], potential, wanted.spikes[name] != chip.spikes[name])
+                otherwise = wanted.spikes[name] != chip.spikes[name]
+                watched[name].append((wanted.potential[name], potential, otherwise))
         found = hw.simulate(levels.program, chunk, probe=("u", "potential"))
-        for name, watch in use.items():
-            watch.add(found.u[name], found.potential[name], found.events.get(name, {}))
+        for name, before in use.items():
+            use[name] = before.after(found.u[name], found.potential[name], found.events.get(name, {}))
     return Margins(
-        samples=len(recordings),
-        populations={name: watch.result() for name, watch in watched.items()},
-        registers={name: watch.result() for name, watch in use.items()},
+        populations={
+            p.name: _measured(_thresholds(p), *map(np.concatenate, zip(*watched[p.name], strict=True)))
+            for p in network.populations
+        },
+        registers=use,
     )
 
 
@@ -122,51 +140,21 @@ def _thresholds(population: Population) -> FloatArray:
     return np.where(thresholds == 0, float(1 << WEIGHT_SHIFT), thresholds)
 
 
-class _Watch:
-    """Gathers the potentials of a population, chunk by chunk."""
-
-    def __init__(self, thresholds: FloatArray) -> None:
-        self._thresholds = thresholds
-        self._distances: list[FloatArray] = []
-        self._errors: list[FloatArray] = []
-        self._otherwise = 0
-
-    def add(self, wanted: npt.NDArray[Any], chip: FloatArray, otherwise: npt.NDArray[np.bool_]) -> None:
-        """Take both potentials (batch, steps, n), and where their decisions differ."""
-        self._distances.append((np.abs(wanted - self._thresholds) / self._thresholds).ravel())
-        self._errors.append((np.abs(chip - wanted) / self._thresholds).ravel())
-        self._otherwise += int(otherwise.sum())
-
-    def result(self) -> PopulationMargins:
-        distance, error = np.concatenate(self._distances), np.concatenate(self._errors)
-        return PopulationMargins(
-            neuron_steps=len(distance),
-            nearest=_quantiles(distance, NEAREST),
-            error=_quantiles(error, LARGEST),
-            within_error=float(((distance <= error) & (error > 0)).mean()),
-            decided_otherwise=self._otherwise / len(distance),
-            distance_histogram=_histogram(distance),
-            error_histogram=_histogram(error[error > 0]),
-        )
-
-
-class _RegisterWatch:
-    """Gathers the registers of a group of compartments, chunk by chunk."""
-
-    def __init__(self, group: Compartments, registers: Registers) -> None:
-        self._limit_u = 1 << registers.current_bits
-        self._limit_v = int(min(np.abs(group.vmin).min(), group.vmax.min()))
-        self._peak_u = self._peak_v = self._wraps = self._clips = 0
-
-    def add(self, u: IntArray, potential: IntArray, events: Mapping[str, int]) -> None:
-        """Take u, and v as the threshold saw it, (batch, steps, n), and the counts of wraps and clips."""
-        self._peak_u = max(self._peak_u, int(np.abs(u).max()))
-        self._peak_v = max(self._peak_v, int(np.abs(potential).max()))
-        self._wraps += events.get("charge_wraps", 0) + events.get("current_wraps", 0)
-        self._clips += events.get("voltage_clips", 0)
-
-    def result(self) -> RegisterUse:
-        return RegisterUse(self._peak_u, self._limit_u, self._peak_v, self._limit_v, self._wraps, self._clips)
+def _measured(
+    thresholds: FloatArray, wanted: npt.NDArray[Any], chip: FloatArray, otherwise: npt.NDArray[np.bool_]
+) -> PopulationMargins:
+    """Compare both potentials (samples, steps, n) with the thresholds (n,); ``otherwise``: where decisions differ."""
+    distance = (np.abs(wanted - thresholds) / thresholds).ravel()
+    error = (np.abs(chip - wanted) / thresholds).ravel()
+    return PopulationMargins(
+        neuron_steps=len(distance),
+        nearest=_quantiles(distance, NEAREST),
+        error=_quantiles(error, LARGEST),
+        within_error=float(((distance <= error) & (error > 0)).mean()),
+        decided_otherwise=int(otherwise.sum()) / len(distance),
+        distance_histogram=_histogram(distance),
+        error_histogram=_histogram(error[error > 0]),
+    )
 
 
 def _quantiles(values: FloatArray, shares: tuple[float, ...]) -> dict[float, float]:

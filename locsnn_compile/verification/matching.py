@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +28,8 @@ CHUNK = 16
 
 Progress = Callable[[int, int], None]
 """Called with (recordings done, recordings in all)."""
+Place = tuple[int, str, int, int]
+"""Recording, population, neuron and step of a spike."""
 
 
 @dataclass(frozen=True)
@@ -54,11 +57,7 @@ class PopulationMatch:
         return cls(int(reference.sum()), int(chip.sum()), int((reference & chip).sum()))
 
     def __add__(self, other: PopulationMatch) -> PopulationMatch:
-        return PopulationMatch(
-            self.reference_spikes + other.reference_spikes,
-            self.chip_spikes + other.chip_spikes,
-            self.common_spikes + other.common_spikes,
-        )
+        return PopulationMatch(*map(operator.add, astuple(self), astuple(other)))
 
 
 @dataclass(frozen=True)
@@ -151,7 +150,7 @@ def compare(
     wraps_and_clips: dict[str, dict[str, int]] = {}
     times = _Times(program)
     additions: dict[str, int] = dict.fromkeys(network.axes, 0)
-    first: tuple[int, str, int, int] | None = None
+    first: Place | None = None
     for start in range(0, len(recordings), CHUNK):
         chunk = recordings[start : start + CHUNK]
         wanted = evaluate(network, chunk, registers=program.chip.registers)
@@ -183,7 +182,7 @@ def compare(
         labels=labels,
         by_population={name: found for name, found in matches.items() if name not in helpers},
         helpers={name: found for name, found in matches.items() if name in helpers},
-        first_divergence=None if first is None else _explain(quantized, program, recordings, *first),
+        first_divergence=None if first is None else _explain(quantized, program, recordings, first),
         counts=tuple(counts),
         counts_by_phase=by_phase,
         wraps_and_clips=wraps_and_clips,
@@ -246,8 +245,8 @@ def _check_labels(network: Network, labels: npt.NDArray[np.int64] | None, sample
 
 def _first_difference(
     network: Network, wanted: Mapping[str, ByteArray], found: Mapping[str, ByteArray], start: int
-) -> tuple[int, str, int, int] | None:
-    """Return (recording, population, neuron, step): first recording, first axis, earliest step, network order."""
+) -> Place | None:
+    """Return the place that is first by recording, axis, step and network order."""
     rows = []
     for rank, population in enumerate(network.own_populations):
         differs = np.argwhere(wanted[population.name] != found[population.name])
@@ -260,26 +259,12 @@ def _first_difference(
     return start + recording, network.own_populations[rank].name, neuron, step
 
 
-def _explain(
-    quantized: QuantizedNetwork,
-    program: hw.ChipProgram,
-    recordings: ByteArray,
-    recording: int,
-    name: str,
-    neuron: int,
-    step: int,
-) -> Divergence:
+def _explain(quantized: QuantizedNetwork, program: hw.ChipProgram, recordings: ByteArray, place: Place) -> Divergence:
+    recording, name, neuron, step = place
     one = recordings[recording : recording + 1]
     reference = evaluate(quantized.network, one, potentials=True, registers=program.chip.registers)
     wanted = reference.potential[name][0, step, neuron]
     found = hw.simulate(program, one, probe=("potential",)).potential[name][0, step, neuron]
     population = quantized.population(name)
-    return Divergence(
-        recording,
-        name,
-        neuron,
-        step,
-        float(wanted),
-        float(found / population.scale[neuron]),
-        float(population.population.thresholds[neuron]),
-    )
+    potential, threshold = found / population.scale[neuron], population.population.thresholds[neuron]
+    return Divergence(*place, float(wanted), float(potential), float(threshold))

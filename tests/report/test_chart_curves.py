@@ -4,7 +4,8 @@ from xml.etree import ElementTree
 
 import pytest
 
-from locsnn_compile.report.pictures.curves import Curve, Panel, draw
+from locsnn_compile.report.content import Curve
+from locsnn_compile.report.pictures.curves import Panel, draw
 
 SVG = "{http://www.w3.org/2000/svg}"
 

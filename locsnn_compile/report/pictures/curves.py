@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from xml.etree.ElementTree import Element
 
 from hw_model.io.xml_text import xml_file
+from locsnn_compile.report.content import Curve
 from locsnn_compile.report.pictures import chart
 
 _STYLE = """\
@@ -20,16 +21,8 @@ _LEGEND, _LINE = 56, 16
 
 
 @dataclass(frozen=True)
-class Curve:
-    """Points (x, y), joined in order; what a logarithmic axis cannot show is left out."""
-
-    label: str
-    points: tuple[tuple[float, float], ...]
-
-
-@dataclass(frozen=True)
 class Panel:
-    """Curves over common axes, each linear or logarithmic."""
+    """Curves over common axes, each linear or logarithmic; what a logarithmic axis cannot show is left out."""
 
     title: str
     x_label: str

@@ -10,20 +10,17 @@ from typing import TYPE_CHECKING
 from locsnn_compile.report import content
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.format import plain, shortened
-from locsnn_compile.report.pictures.bars import bar, stack
+from locsnn_compile.report.pictures.bars import bar, mark, patterns, span, stack
 from locsnn_compile.report.pictures.mesh import mesh
-from locsnn_compile.report.pictures.patterns import patterns
 from locsnn_compile.report.pictures.plot import curve_mark, plot
 from locsnn_compile.report.pictures.raster import raster, stroke_mark
-from locsnn_compile.report.pictures.span import mark, span
-from locsnn_compile.report.words import ASSUMED
+from locsnn_compile.report.words import ASSUMED, SIGNS
 
 if TYPE_CHECKING:
     from locsnn_compile.verification.excerpt import Excerpt
 
 _STYLE = files(__package__).joinpath("style.css").read_text("utf-8")
 """Light and dark, narrow and wide, screen and paper; local fonts only."""
-_SIGNS = {"yes": "✓", "nearly": "≈", "no": "✗", "unknown": "?", "modelled": "~"}
 _MANY_COLUMNS = 7
 """A table with more of them is set smaller."""
 _FEW_COLUMNS = 4
@@ -92,7 +89,7 @@ def _verdicts(report: content.Report) -> str:
 def _verdict(verdict: content.Verdict) -> str:
     return (
         f'<div class="verdict"><h3>{text(verdict.question)}</h3>'
-        f'<p class="status {verdict.status}"><i aria-hidden="true">{_SIGNS[verdict.status]}</i>'
+        f'<p class="status {verdict.status}"><i aria-hidden="true">{SIGNS[verdict.status]}</i>'
         f"<span>{text(verdict.answer)}</span></p>"
         f'<p class="figure">{text(verdict.figure)}</p><p class="figure-label">{text(verdict.figure_label)}</p>'
         f"{_facts(verdict.facts)}</div>"

@@ -10,11 +10,10 @@ from rich.text import Text
 
 from locsnn_compile.report.compose import subtitle
 from locsnn_compile.report.content import Document, Verdict
-from locsnn_compile.report.format import plain, share
+from locsnn_compile.report.format import plain, share, shortened
 from locsnn_compile.report.sections.verdict import costs, fits, matches, notices
-from locsnn_compile.report.words import ASSUMED, no_spikes
+from locsnn_compile.report.words import ASSUMED, SIGNS, no_spikes
 
-_SIGNS = {"yes": "✓", "nearly": "≈", "no": "✗", "unknown": "?", "modelled": "~"}
 _STYLES = {"yes": "bold green", "nearly": "bold yellow", "no": "bold red", "unknown": "bold", "modelled": "bold"}
 _BAR = 24
 """Characters of a full bar."""
@@ -50,7 +49,7 @@ def render_terminal(document: Document, console: Console) -> None:
 
 
 def _verdict(console: Console, verdict: Verdict) -> None:
-    lead = f"{_SIGNS[verdict.status]} {verdict.question} {verdict.answer}."
+    lead = f"{SIGNS[verdict.status]} {verdict.question} {verdict.answer}."
     _line(console, f"{lead} {verdict.sentence}", style=_STYLES[verdict.status], styled=len(lead))
     for fact in verdict.facts:
         _row(console, fact.label, fact.value)
@@ -93,8 +92,7 @@ def _line(console: Console, line: str, style: str, *, styled: int | None = None,
 
 
 def _short(name: str, longest: int = _LONGEST) -> str:
-    line = plain(name)
-    return line if len(line) <= longest else f"{line[: longest - 1]}…"
+    return shortened(plain(name), longest)
 
 
 def _readable(console: Console, line: str) -> str:

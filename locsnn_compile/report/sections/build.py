@@ -6,7 +6,7 @@ from locsnn_compile.report.content import Bar, Bullets, Document, Paragraph, Sec
 from locsnn_compile.report.format import NONE, any_value, count, memory, share
 from locsnn_compile.report.sections.choice import settings_compared
 from locsnn_compile.report.sections.verdict import fullness
-from locsnn_compile.report.words import words
+from locsnn_compile.report.words import limit_words, words
 from locsnn_compile.strategies import LAYOUTS
 
 _WITHOUT_JOINED = {"reset", "native"}
@@ -16,7 +16,7 @@ _GATE_FIGURES = tuple((key, of(key, any_value)) for key in ("bound", "measured",
 def resources(document: Document) -> Section:
     """Use against every limit, fullest core first, then core by core."""
     found = document["resources"]
-    limits = [(words(name), entry, fullness(entry)) for name, entry in found["limits"].items()]
+    limits = [(limit_words(name), entry, fullness(entry)) for name, entry in found["limits"].items()]
     return section(
         "resources",
         "Resources",
@@ -126,7 +126,7 @@ def _by_core(document: Document) -> Table | Paragraph:
     keys = [key for key in rows[0] if key not in ("core", "phase", "slot", "tile")]
     return Table(
         "Core by core",
-        ("core", *(words(key).replace(" of a core", "") for key in keys)),
+        ("core", *(words(key) for key in keys)),
         tuple((f"{row['core']}, {row['phase']}", *(any_value(row[key]) for key in keys)) for row in rows),
     )
 

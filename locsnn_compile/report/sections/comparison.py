@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from locsnn_compile.errors import InputError
@@ -26,9 +27,14 @@ class Build:
     report: Document
     program: Document
 
+    @cached_property
+    def figures(self) -> Figures:
+        """Figures of the report by their dotted keys."""
+        return flatten(self.report)
+
     def number(self, key: str) -> float:
         """Return a number of the report by its dotted key; without it the report is no use here."""
-        value = self._value(key.split("."))
+        value: Any = self.figures.get(key)
         if not _is_number(value):
             raise InputError(
                 f"build {self.name!r}", f"report.json has no number {key!r}", fix="Compile it again with this version."
@@ -37,20 +43,12 @@ class Build:
 
     def share(self, key: str) -> float | None:
         """Return a share of what was compared; None where the report says that nothing was."""
-        *parts, last = key.split(".")
-        found = self._value(parts)
-        return None if isinstance(found, dict) and found.get(last, 0) is None else self.number(key)
+        return None if self.figures.get(key, 0) is None else self.number(key)
 
-    def text(self, *keys: str) -> str:
+    def text(self, key: str) -> str:
         """Return a text of the report; a dash where it is none."""
-        value = self._value(keys)
+        value = self.figures.get(key)
         return value if isinstance(value, str) else NONE
-
-    def _value(self, keys: Sequence[str]) -> Any:
-        value: Any = self.report
-        for key in keys:
-            value = value.get(key) if isinstance(value, dict) else None
-        return value
 
 
 _OPERATIONS = (
@@ -86,7 +84,7 @@ def comparison(before: Build, after: Build) -> Report:
     changed = changes(before, after)
     return Report(
         title=f"{_short(before.name)} → {_short(after.name)}",
-        subtitle=f"{before.text('model', 'name')} on {before.text('target')}, then {after.text('model', 'name')} on "
+        subtitle=f"{before.text('model.name')} on {before.text('target')}, then {after.text('model.name')} on "
         f"{after.text('target')}: {plural(len(changed), 'figure')} changed",
         verdicts=(_matches(before, after), _costs(before, after), _fits(before, after)),
         notices=_notices(before, after),
@@ -107,7 +105,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _figures(build: Build) -> Figures:
-    found = flatten({**build.report, "program": build.program})
+    found = build.figures | flatten(build.program, "program")
     return {key: value for key, value in found.items() if not any(p.endswith("_histogram") for p in key.split("."))}
 
 
@@ -148,7 +146,7 @@ def _change_of_match(
 def _costs(before: Build, after: Build) -> Verdict:
     key = "energy.per_sample_pj"
     a, b = before.number(key), after.number(key)
-    comparable = before.text("energy", "profile") == after.text("energy", "profile")
+    comparable = before.text("energy.profile") == after.text("energy.profile")
     status: Status = "unknown" if not comparable else "yes" if b <= a else "no"
     answer = "Not comparable" if not comparable else "The same" if a == b else "Less" if b < a else "More"
     by = percent(a, b)
@@ -157,7 +155,7 @@ def _costs(before: Build, after: Build) -> Verdict:
         status=status,
         answer=f"{answer}, {by}" if by and comparable and a != b else answer,
         figure=energy(b),
-        figure_label=f"dynamic energy per recording, profile {after.text('energy', 'profile')}; {energy(a)} before",
+        figure_label=f"dynamic energy per recording, profile {after.text('energy.profile')}; {energy(a)} before",
         sentence=f"In the model, a recording takes {energy(b)} of dynamic energy, {energy(a)} before.",
         facts=tuple(Fact(label, _both(before, after, key, shown)) for label, key, shown in _COSTS),
     )
@@ -178,18 +176,18 @@ def _fits(before: Build, after: Build) -> Verdict:
 
 def _notices(before: Build, after: Build) -> tuple[Notice, ...]:
     """Return what makes the two less comparable."""
+    models, profiles = ({build.text(key) for build in (before, after)} for key in ("model.sha256", "energy.profile"))
+    recordings = [
+        f"{plural(build.number('match.samples'), 'recording')} of {build.text('match.events_source')}"
+        for build in (before, after)
+    ]
     found = []
-    if before.text("model", "sha256") != after.text("model", "sha256"):
+    if len(models) > 1:
         found.append(Notice("The models differ.", "What changed may come from the model, not from the compiler."))
-    if before.text("match", "events_source") != after.text("match", "events_source") or before.number(
-        "match.samples"
-    ) != after.number("match.samples"):
-        text = " and ".join(
-            f"{plural(build.number('match.samples'), 'recording')} of {build.text('match', 'events_source')}"
-            for build in (before, after)
-        )
-        found.append(Notice("They were checked on different recordings.", f"{text}: figures of a recording differ so."))
-    if before.text("energy", "profile") != after.text("energy", "profile"):
+    if len(set(recordings)) > 1:
+        text = f"{' and '.join(recordings)}: figures of a recording differ so."
+        found.append(Notice("They were checked on different recordings.", text))
+    if len(profiles) > 1:
         found.append(Notice("Their energy profiles differ.", "Energies and times of different profiles say nothing."))
     return tuple(found)
 

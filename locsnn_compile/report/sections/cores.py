@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from locsnn_compile.report.content import Document, Mesh, MeshCore, Paragraph, Section, section
 from locsnn_compile.report.format import count, energy, plural, share
@@ -15,6 +16,14 @@ _TILES = 256
 """Tiles of a chip that are drawn at the most."""
 _NAMED = 8
 """Cores that the words beside the picture name."""
+
+
+class _Use(NamedTuple):
+    """How far a core is filled, 0..1, the text in it, and what words say of it."""
+
+    share: float
+    text: str
+    words: str
 
 
 def cores(document: Document) -> Section:
@@ -38,37 +47,31 @@ def cores(document: Document) -> Section:
 
 
 def _room(document: Document, chip: int, rows: list[Document]) -> Mesh:
-    fullest = {row["core"]: _fullest(document, row) for row in rows}
-    named = sorted(rows, key=lambda row: -fullest[row["core"]][1])[:_NAMED]
-    said = [_said(row, f"{share(full)} of its {limit}") for row in named for limit, full in [fullest[row["core"]]]]
+    limits = document["resources"]["limits"]
+    fullest = {row["core"]: _fullest(limits, row) for row in rows}
     of = f"chip {chip} of {document['target']}" if document["resources"]["mesh"]["chips"] > 1 else document["target"]
     title = f"Room on {of}, in percent: {plural(len(rows), 'core')} in use of "
     title += count(document["resources"]["mesh"]["cores_per_chip"])
-    use = {core: (full, f"{100 * full:.0f}") for core, (_, full) in fullest.items()}
-    return _mesh(document, chip, rows, use, title, said)
+    uses = {
+        core: _Use(full, f"{100 * full:.0f}", f"{share(full)} of its {limit}")
+        for core, (full, limit) in fullest.items()
+    }
+    return _mesh(document, chip, rows, title, uses)
 
 
 def _energy(document: Document, chip: int, rows: list[Document], energies: dict[int, float]) -> Mesh:
     most, total = max(energies.values(), default=0.0) or 1.0, sum(energies.values()) or 1.0
-    named = sorted(rows, key=lambda row: -energies[row["core"]])[:_NAMED]
-    said = [
-        _said(row, f"{energy(energies[row['core']])}, {share(energies[row['core']] / total)} of all") for row in named
-    ]
     title = f"Energy, in percent of that of all cores, profile {document['energy']['profile']}"
-    percents = {core: 100 * pj / total for core, pj in energies.items()}
-    use = {core: (pj / most, f"{percents[core]:.{int(percents[core] < 9.95)}f}") for core, pj in energies.items()}
-    return _mesh(document, chip, rows, use, title, said)
+    uses = {}
+    for core, pj in energies.items():
+        percent = 100 * pj / total
+        text = f"{percent:.{int(percent < 9.95)}f}"
+        uses[core] = _Use(pj / most, text, f"{energy(pj)}, {share(pj / total)} of all")
+    return _mesh(document, chip, rows, title, uses)
 
 
-def _mesh(
-    document: Document,
-    chip: int,
-    rows: list[Document],
-    use: dict[int, tuple[float, str]],
-    title: str,
-    said: list[str],
-) -> Mesh:
-    """Draw cores with what ``use[core]`` says: how far it is filled, and the text in it."""
+def _mesh(document: Document, chip: int, rows: list[Document], title: str, uses: dict[int, _Use]) -> Mesh:
+    """Draw cores by their use, and name those with most."""
     mesh = document["resources"]["mesh"]
     tile_columns = math.isqrt(mesh["cores_per_tile"] - 1) + 1
     tile_rows = -(-mesh["cores_per_tile"] // tile_columns)
@@ -77,26 +80,15 @@ def _mesh(
         inside_row, inside_column = divmod(row["slot"] % mesh["cores_per_chip"] % mesh["cores_per_tile"], tile_columns)
         column, tile_row = row["tile"][0] - chip * mesh["columns"], row["tile"][1]
         place = column * tile_columns + inside_column, tile_row * tile_rows + inside_row
-        cores.append(MeshCore(*place, *use[row["core"]]))
-    more = f"; and {count(len(rows) - len(said))} more" if len(rows) > len(said) else ""
-    return Mesh(
-        title=title,
-        description="; ".join(said) + more,
-        columns=mesh["columns"],
-        rows=mesh["rows"],
-        tile_columns=tile_columns,
-        tile_rows=tile_rows,
-        cores=tuple(cores),
-    )
+        cores.append(MeshCore(*place, *uses[row["core"]][:2]))
+    named = sorted(rows, key=lambda row: -uses[row["core"]].share)[:_NAMED]
+    said = "; ".join(f"{core_words(row)}: {uses[row['core']].words}" for row in named)
+    more = f"; and {count(len(rows) - _NAMED)} more" if len(rows) > _NAMED else ""
+    return Mesh(title, said + more, mesh["columns"], mesh["rows"], tile_columns, tile_rows, tuple(cores))
 
 
-def _said(row: Document, what: str) -> str:
-    return f"{core_words(row)}: {what}"
-
-
-def _fullest(document: Document, row: Document) -> tuple[str, float]:
-    """Return the limit of a core that is fullest, in words, and how full."""
-    limits = document["resources"]["limits"]
+def _fullest(limits: Document, row: Document) -> tuple[float, str]:
+    """Return how full the fullest limit of a core is, and that limit in words."""
     use = [(fullness(entry | {"used": row[name]}), name) for name, entry in limits.items() if name in row]
     full, name = max(use, key=lambda one: one[0])
-    return words(name).replace(" of a core", ""), full
+    return full, words(name)

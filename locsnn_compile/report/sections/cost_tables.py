@@ -6,20 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from locsnn_compile.report.content import (
-    Bar,
-    Block,
-    Cell,
-    Curve,
-    Document,
-    Fact,
-    Plot,
-    Span,
-    Table,
-    of,
-    part,
-    table,
-)
+from locsnn_compile.report.content import Bar, Block, Cell, Curve, Document, Fact, Plot, Span, Table, of, part, table
 from locsnn_compile.report.format import NONE, count, energy, share, time
 from locsnn_compile.report.pictures.ticks import round_numbers
 from locsnn_compile.report.words import words

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from locsnn_compile.report.content import Document, Fact, Notice, Status, Verdict
 from locsnn_compile.report.format import NONE, SILENT, agreed, count, energy, memory, plural, points, ratio, share, time
-from locsnn_compile.report.words import listed, stage_words, words
+from locsnn_compile.report.words import limit_words, listed, stage_words, words
 
 _SIDES = {
     "paper operations": ("ratio", "the float network, by the published method"),
@@ -118,7 +118,7 @@ def fits(document: Document) -> Verdict:
         figure_label=f"of {document['target']}",
         sentence=f"The program takes {of_cores} of {document['target']}.",
         facts=(
-            Fact("fullest limit", f"{words(worst)}, {used}"),
+            Fact("fullest limit", f"{limit_words(worst)}, {used}"),
             Fact("compartments", count(resources["compartments"])),
             Fact("synapses", f"{count(resources['synapses'])} in {memory(resources['synapse_bits'])}"),
         ),
