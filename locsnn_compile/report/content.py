@@ -3,7 +3,8 @@
     Report -- verdicts (three questions answered) -- notices -- sections -- blocks
 
 The words and numbers are chosen once, in ``verdict.py`` and the section files; ``html.py``, ``markdown.py`` and
-``terminal.py`` only give them form. Strings here are unescaped: each form escapes all of them.
+``terminal.py`` only give them form. Strings here are unescaped: each form escapes all of them. The functions at the end
+build sections, facts and tables from rows, and leave out what there is not.
 """
 
 from __future__ import annotations
@@ -223,16 +224,10 @@ def facts(*named: tuple[str, str | None]) -> Facts:
     return Facts(tuple(Fact(label, value) for label, value in named if value is not None))
 
 
-def table(
-    caption: str,
-    rows: Iterable[Any],
-    *columns: tuple[str, Callable[[Any], Cell]],
-    total: bool = False,
-    folded: bool = False,
-) -> Table:
+def table(caption: str, rows: Iterable[Any], *columns: tuple[str, Callable[[Any], Cell]]) -> Table:
     """Return a table of ``rows``: each of ``columns`` is a heading, and what stands under it for a row."""
     names = tuple(name for name, _ in columns)
-    return Table(caption, names, tuple(tuple(shown(row) for _, shown in columns) for row in rows), total, folded)
+    return Table(caption, names, tuple(tuple(shown(row) for _, shown in columns) for row in rows))
 
 
 def of(key: str, shown: Callable[[Any], Cell]) -> Callable[[Document], Cell]:
@@ -240,6 +235,6 @@ def of(key: str, shown: Callable[[Any], Cell]) -> Callable[[Document], Cell]:
     return lambda row: shown(row[key])
 
 
-def part(value: float, whole: float) -> float:
+def share_of(value: float, whole: float) -> float:
     """Return a part as a share of its whole, 0 of nothing."""
     return value / whole if whole else 0.0

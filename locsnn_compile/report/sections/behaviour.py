@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from locsnn_compile.report.content import Bar, Block, Document, Paragraph, Section, Table, part, section
+from locsnn_compile.report.content import Bar, Block, Document, Paragraph, Section, Table, section, share_of
 from locsnn_compile.report.format import NONE, any_value, count, energy, plural, ratio, share, told_apart
 from locsnn_compile.report.sections.accuracy import cause, equal_spikes
 from locsnn_compile.report.words import listed, no_spikes, words
@@ -89,7 +89,7 @@ def comparison(document: Document) -> Section:
     its = Table(
         "Operations per recording",
         ("network", "", "operations", "times the float network", "times the program"),
-        tuple((name, Bar(part(n, most), f"{count(n)} operations"), count(n), *by) for name, n, *by in rows),
+        tuple((name, Bar(share_of(n, most), f"{count(n)} operations"), count(n), *by) for name, n, *by in rows),
     )
     return section("comparison", "Conventional networks", lead, its, *_ann_energy(document))
 

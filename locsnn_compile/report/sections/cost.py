@@ -12,8 +12,8 @@ from locsnn_compile.report.content import (
     Table,
     facts,
     of,
-    part,
     section,
+    share_of,
     table,
 )
 from locsnn_compile.report.format import NONE, count, energy, ratio, share, time
@@ -77,7 +77,7 @@ def latency_section(document: Document) -> Section:
             ("done last", lambda row: f"core {row['last']}"),
             ("waited for", _waited_for),
             ("time", of("ns", time)),
-            ("share", of("ns", lambda ns: share(part(ns, mean)))),
+            ("share", of("ns", lambda ns: share(share_of(ns, mean)))),
         ),
         _cores(found["by_core"], mean) if found["by_core"] else None,
         _links(found["links"]) if found["links"] else None,
@@ -87,7 +87,7 @@ def latency_section(document: Document) -> Section:
 
 def _stack(breakdown: dict[str, float], label: str) -> Stack:
     total = sum(breakdown.values())
-    parts = [(words(name), part(pj, total), i) for i, (name, pj) in enumerate(breakdown.items()) if pj]
+    parts = [(words(name), share_of(pj, total), i) for i, (name, pj) in enumerate(breakdown.items()) if pj]
     return Stack(label, tuple(Bar(its, f"{name} {share(its)}", i) for name, its, i in parts))
 
 
@@ -168,7 +168,7 @@ def _cores(cores: list[Document], total: float) -> Table:
         "What each core works on, mean per recording",
         cores,
         ("core", core_words),
-        ("", of("last_ns", lambda ns: Bar(part(ns, total), f"done last in {time(ns)}"))),
+        ("", of("last_ns", lambda ns: Bar(share_of(ns, total), f"done last in {time(ns)}"))),
         *busy,
         ("done last in", of("last_ns", time)),
     )

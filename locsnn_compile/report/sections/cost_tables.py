@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from locsnn_compile.report.content import Bar, Block, Cell, Curve, Document, Fact, Plot, Span, Table, of, part, table
+from locsnn_compile.report.content import Bar, Block, Curve, Document, Fact, Plot, Span, Table, of, share_of, table
 from locsnn_compile.report.format import NONE, count, energy, share, time
 from locsnn_compile.report.pictures.ticks import round_numbers
 from locsnn_compile.report.words import words
@@ -58,7 +58,7 @@ class Cost:
             f"{self.name} by class, profile {found['profile']}",
             rows,
             ("class", of("class", count)),
-            ("", of(mean, lambda x: Bar(part(x, largest), f"mean {self.shown(x)}"))),
+            ("", of(mean, lambda x: Bar(share_of(x, largest), f"mean {self.shown(x)}"))),
             ("recordings", of("recordings", count)),
             ("mean", of(mean, self.shown)),
             ("least", of(least, self.shown)),
@@ -105,10 +105,10 @@ def shares(what: str, caption: str, parts: Iterable[tuple[str, float]], *, patte
     """Return parts of an energy, each named by ``what`` it is, with their sum."""
     rows = list(parts)
     total = sum(value for _, value in rows)
-    made: list[tuple[Cell, ...]] = []
+    made: list[tuple[str | Bar, ...]] = []
     for i, (name, value) in enumerate(rows):
-        its = share(part(value, total))
-        made.append((name, Bar(part(value, total), f"{its} of energy", i if patterned else 0), energy(value), its))
+        its = share(share_of(value, total))
+        made.append((name, Bar(share_of(value, total), f"{its} of energy", i if patterned else 0), energy(value), its))
     made.append(("sum", "", energy(total), share(float(total > 0))))
     return Table(caption, (what, "", "energy", "share"), tuple(made), total=True)
 
