@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -27,29 +28,40 @@ def check_entries(entries: int, where: str) -> None:
         )
 
 
+@dataclass(frozen=True)
+class Window:
+    """How a kernel slides over an image: one number a spatial axis; ``padding`` also ``same`` or ``valid``."""
+
+    stride: Ints
+    padding: Ints | str
+    dilation: Ints
+
+    def slid(self, spatial: Shape, kernel: Shape) -> Shape:
+        """Return how many places the kernel has on each axis; numbers below 1 where it does not fit."""
+        return tuple(
+            (n + sum(ends) - d * (k - 1) - 1) // max(s, 1) + 1
+            for n, ends, d, k, s in zip(spatial, self.ends(kernel), self.dilation, kernel, self.stride, strict=True)
+        )
+
+    def ends(self, kernel: Shape) -> tuple[tuple[int, int], ...]:
+        """Return the padding before and after each axis; no word but ``same`` pads anything."""
+        if self.padding == "same":
+            total = [d * (k - 1) for d, k in zip(self.dilation, kernel, strict=True)]
+            return tuple((t // 2, t - t // 2) for t in total)
+        return ((0, 0),) * len(kernel) if isinstance(self.padding, str) else tuple((p, p) for p in self.padding)
+
+
 def convolution(
-    weight: npt.NDArray[Any],
-    input_shape: Shape,
-    *,
-    stride: Ints,
-    padding: Ints | str,
-    dilation: Ints,
-    groups: int,
-    where: str,
+    weight: npt.NDArray[Any], input_shape: Shape, window: Window, *, groups: int, where: str
 ) -> tuple[Any, Shape]:
     """Return the matrix and the output shape (out, *spatial) of a convolution as torch defines it (no kernel flip).
 
-    ``weight`` (out, in / groups, *kernel), ``input_shape`` (in, *spatial); ``stride``, ``padding`` and ``dilation`` one
-    number a spatial axis, ``padding`` also ``same`` or ``valid``. The values keep the weights' type.
+    ``weight`` (out, in / groups, *kernel), ``input_shape`` (in, *spatial). The values keep the weights' type.
     """
     outs, per_group, kernel = weight.shape[0], weight.shape[1], weight.shape[2:]
     spatial = input_shape[1:]
-    _check_convolution(weight, input_shape, stride, dilation, groups, where)
-    before, after = _padding(padding, kernel, stride, dilation, where)
-    out_spatial = tuple(
-        (n + lead + trail - d * (k - 1) - 1) // s + 1
-        for n, lead, trail, d, k, s in zip(spatial, before, after, dilation, kernel, stride, strict=True)
-    )
+    _check_convolution(weight, input_shape, window, groups, where)
+    out_spatial = window.slid(spatial, kernel)
     if min(out_spatial) < 1:
         raise InputError(where, "the kernel is larger than its input", measured=f"{kernel} against {spatial}",
                          fix="Pad the input.")  # fmt: skip
@@ -58,9 +70,10 @@ def convolution(
     grid = np.indices(out_spatial).reshape(len(spatial), -1)
     channel = (np.arange(outs) // (outs // groups))[:, None] * per_group + np.arange(per_group)
     taps = weight.reshape(outs, per_group, -1)
+    axes = list(zip(grid, window.stride, window.ends(kernel), window.dilation, strict=True))
     rows, columns, values = [], [], []
     for offset in itertools.product(*(range(k) for k in kernel)):
-        at = np.stack([g * s - p + o * d for g, s, p, o, d in zip(grid, stride, before, offset, dilation, strict=True)])
+        at = np.stack([g * s - lead + o * d for (g, s, (lead, _), d), o in zip(axes, offset, strict=True)])
         held = np.flatnonzero(((at >= 0) & (at < np.array(spatial)[:, None])).all(axis=0))
         source = np.ravel_multi_index(tuple(at[:, held]), spatial)
         shape = (outs, per_group, len(held))
@@ -72,21 +85,21 @@ def convolution(
 
 
 def pooling(
-    kernel: Ints, input_shape: Shape, *, stride: Ints, padding: Ints, average: bool, where: str
+    kernel: npt.NDArray[Any], input_shape: Shape, window: Window, *, fill: Ints = (0, 0), where: str
 ) -> tuple[Any, Shape]:
-    """Return the matrix and the output shape of sum or average pooling of images (channels, height, width).
+    """Return the matrix and the output shape of a kernel (height, width), axes of one before them or not, by channel.
 
-    An average divides by the whole kernel, padding included, as torch does unless told otherwise.
+    ``fill`` are rows and columns of silence behind an image (channels, height, width).
     """
-    if min(kernel) < 1:
-        raise InputError(where, "its kernel is smaller than 1", measured=f"{kernel}", fix="Correct it.")
-    each = 1.0 / math.prod(kernel) if average else 1.0
-    check_entries(input_shape[0] * math.prod(kernel), where)
-    weight = np.full((input_shape[0], 1, *kernel), each)
-    ones = (1,) * len(kernel)
-    return convolution(
-        weight, input_shape, stride=stride, padding=padding, dilation=ones, groups=input_shape[0], where=where
-    )
+    channels, *spatial = input_shape
+    check_entries(channels * kernel.size, where)
+    filled = (channels, *(n + more for n, more in zip(spatial, fill, strict=True)))
+    weight = np.tile(kernel, (channels, 1, 1, 1))
+    found, shape = convolution(weight, filled, window, groups=channels, where=where)
+    if any(fill):
+        inside = np.arange(math.prod(filled)).reshape(filled)[:, : spatial[0], : spatial[1]].ravel()
+        found = sparse.csr_array(found[:, inside])
+    return found, shape
 
 
 def product(left: Any, right: Any, where: str) -> Any:
@@ -96,9 +109,7 @@ def product(left: Any, right: Any, where: str) -> Any:
     return sparse.csr_array(left @ right)
 
 
-def _check_convolution(
-    weight: npt.NDArray[Any], input_shape: Shape, stride: Ints, dilation: Ints, groups: int, where: str
-) -> None:
+def _check_convolution(weight: npt.NDArray[Any], input_shape: Shape, window: Window, groups: int, where: str) -> None:
     axes = weight.ndim - 2
     if len(input_shape) != axes + 1 or 0 in weight.shape:
         raise InputError(
@@ -114,19 +125,10 @@ def _check_convolution(
             measured=f"{input_shape[0]} channels, {groups} groups, weight {weight.shape}",
             fix="Correct the groups.",
         )
+    stride, padding, dilation = window.stride, window.padding, window.dilation
     if min(stride) < 1 or min(dilation) < 1:
         raise InputError(where, "stride and dilation are at least 1", measured=f"{stride}, {dilation}", fix="Correct.")
-
-
-def _padding(padding: Ints | str, kernel: Ints, stride: Ints, dilation: Ints, where: str) -> tuple[Ints, Ints]:
-    """Return the padding before and after, one number an axis."""
-    if isinstance(padding, str) and padding == "valid":
-        return (0,) * len(kernel), (0,) * len(kernel)
-    if padding == "same":
-        if set(stride) != {1}:
-            raise InputError(where, "padding 'same' needs stride 1", measured=f"{stride}", fix="Give numbers.")
-        total = [d * (k - 1) for d, k in zip(dilation, kernel, strict=True)]
-        return tuple(t // 2 for t in total), tuple(t - t // 2 for t in total)
-    if isinstance(padding, str) or min(padding) < 0 or max(padding) > 10_000:
+    if padding == "same" and set(stride) != {1}:
+        raise InputError(where, "padding 'same' needs stride 1", measured=f"{stride}", fix="Give numbers.")
+    if padding not in ("same", "valid") if isinstance(padding, str) else min(padding) < 0 or max(padding) > 10_000:
         raise InputError(where, "no such padding", measured=f"{padding!r}"[:80], fix="Give numbers from 0 on.")
-    return padding, padding

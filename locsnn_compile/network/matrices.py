@@ -68,6 +68,12 @@ def by_delay(m: Matrix, delay: int | IntArray) -> list[tuple[int, Matrix]]:
     return [(int(d), with_values(m, np.where(delays == d, values_of(m), 0))) for d in np.unique(delays)]
 
 
+def of_source(m: Matrix, each: npt.NDArray[Any]) -> Values:
+    """Spread one number a source (n_source,) likewise; a sparse matrix must be in canonical order."""
+    spread: Values = each[m.indices] if sparse.issparse(m) else each
+    return spread
+
+
 def connections(m: Matrix) -> tuple[IntArray, IntArray, IntArray]:
     """Return (target, source, index into the flat values) of all values but 0, ordered by source, then target."""
     if sparse.issparse(m):

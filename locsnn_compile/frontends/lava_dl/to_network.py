@@ -21,11 +21,11 @@ from hw_model.arithmetic.fixed_point import DECAY_ONE, IntArray
 from hw_model.mapping.graph import Readout
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.lava_dl.layers import NetFile, NetLayer, read_net
-from locsnn_compile.frontends.linear_maps import Shape, check_entries, convolution
+from locsnn_compile.frontends.linear_maps import Ints, Shape, Window, check_entries, convolution, pooling
 from locsnn_compile.frontends.nir.flat import MAX_SIZE
 from locsnn_compile.frontends.synthetic_input import synthetic_recordings
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection, Signs, integers
-from locsnn_compile.network.matrices import Matrix, matrix, of_target, values_of
+from locsnn_compile.network.matrices import Matrix, matrix, of_source, of_target, values_of
 from locsnn_compile.network.network import InputView, Network, Population
 
 STEPS = 100
@@ -58,14 +58,12 @@ class _Built:
 
 
 def load_lava_dl(path: Path) -> Network:
-    """Read a ``.net`` file and state its network; ``InputError`` for what cannot be used."""
+    """Read a ``.net`` file and state its network; populations are called ``layer<i>``, the input ``input``.
+
+    Raises ``InputError`` for what cannot be used.
+    """
     where = f"model {path.name!r}"
     file, data = read_net(path, where)
-    return network_of_net(file, name=path.stem, sha256=hashlib.sha256(data).hexdigest(), where=where)
-
-
-def network_of_net(file: NetFile, *, name: str, sha256: str, where: str) -> Network:
-    """State the network of a file's layers; populations are called ``layer<i>``, the input ``input``."""
     built = _Built(INPUT, None)
     for layer in file.layers:
         _add(built, layer, f"{where}, layer {layer.number}")
@@ -74,7 +72,7 @@ def network_of_net(file: NetFile, *, name: str, sha256: str, where: str) -> Netw
     lines = built.views[0].lines
     seconds, steps = _simulation(file)
     return Network(
-        name=name,
+        name=path.stem,
         channels=lines,
         steps=steps,
         step_seconds=seconds,
@@ -83,7 +81,7 @@ def network_of_net(file: NetFile, *, name: str, sha256: str, where: str) -> Netw
         populations=tuple(built.populations),
         projections=tuple(built.projections),
         readout=Readout((built.source,), (1.0,), _potentials_from(file, built)),
-        sha256=sha256,
+        sha256=hashlib.sha256(data).hexdigest(),
         recordings=synthetic_recordings(lines, steps, seconds),
         origin=file,
         any_length=True,
@@ -173,24 +171,16 @@ def _weights(built: _Built, layer: NetLayer, where: str) -> tuple[Matrix, Shape,
         return matrix(held, np.int64), shape, source
     given = built.shape or _image_before(layer, weight.shape, shape, where)
     kernel = _kernel(layer, weight, where)
-    groups = layer.one("groups", where, 1)
-    if layer.kind == "pool" and kernel.ndim == 4:
-        groups = given[0]
-        check_entries(kernel.size * groups, where)
-        kernel = np.tile(kernel[:1, :1], (groups, 1, 1, 1))
     if kernel.ndim != 4 or len(given) != 3:
         raise InputError(where, "it is no layer of images", measured=f"weight {weight.shape}", fix="Export it again.")
-    stride, padding, dilation = (_pair(layer, key, where) for key in ("stride", "padding", "dilation"))
-    short = _short(given, shape, stride) if layer.kind == "pool" else (0, 0)
-    padded = (given[0], given[1] + short[0], given[2] + short[1])
-    found, out = convolution(
-        kernel, padded, stride=stride, padding=padding, dilation=dilation, groups=groups, where=where
-    )
+    window, groups = Window(*_strides(layer, where)), layer.one("groups", where, 1)
+    if layer.kind == "pool":
+        fill = _fill(given, shape, window.stride)
+        found, out = pooling(kernel[:1, :1], given, window, fill=fill, where=where)
+    else:
+        found, out = convolution(kernel, given, window, groups=groups, where=where)
     if out != shape:
         raise InputError(where, "its shape is not what it computes", measured=f"{shape} for {out}", fix="Export again.")
-    if any(short):
-        inside = np.arange(math.prod(padded)).reshape(padded)[:, : given[1], : given[2]].ravel()
-        found = sparse.csr_array(found[:, inside])
     return matrix(found, np.int64), shape, math.prod(given)
 
 
@@ -209,17 +199,16 @@ def _kernel(layer: NetLayer, weight: IntArray, where: str) -> IntArray:
     return weight.reshape(whole) if weight.size == math.prod(whole) else weight
 
 
-def _short(given: Shape, shape: Shape, stride: tuple[int, int]) -> tuple[int, int]:
+def _fill(given: Shape, shape: Shape, stride: Ints) -> Ints:
     """Return the rows and columns of silence behind an image that slayerPytorch's pooling fills up to whole windows."""
-    if len(given) != 3 or len(shape) != 3 or min(stride) < 1:
+    if len(shape) != 3 or min(stride) < 1:
         return (0, 0)
-    rows, columns = (-n % s if out == -(-n // s) else 0 for n, out, s in zip(given[1:], shape[1:], stride, strict=True))
-    return rows, columns
+    return tuple(-n % s if out == -(-n // s) else 0 for n, out, s in zip(given[1:], shape[1:], stride, strict=True))
 
 
 def _image_before(layer: NetLayer, kernel: Shape, shape: Shape, where: str) -> Shape:
     """Return the image that a convolution is given where no layer says it: with a stride of 1 its own shape does."""
-    stride, padding, dilation = (_pair(layer, key, where) for key in ("stride", "padding", "dilation"))
+    stride, padding, dilation = _strides(layer, where)
     if layer.kind != "conv" or len(kernel) < 4 or len(shape) != 3 or set(stride) != {1}:
         raise InputError(where, "the shape of its input is not known", fix="Export the input layer too.")
     rows, columns = (
@@ -228,6 +217,10 @@ def _image_before(layer: NetLayer, kernel: Shape, shape: Shape, where: str) -> S
     if min(rows, columns) < 1:
         raise InputError(where, "its padding is wider than its input", measured=f"{padding}", fix="Export it again.")
     return (kernel[1] * layer.one("groups", where, 1), rows, columns)
+
+
+def _strides(layer: NetLayer, where: str) -> list[tuple[int, int]]:
+    return [_pair(layer, key, where) for key in ("stride", "padding", "dilation")]
 
 
 def _pair(layer: NetLayer, name: str, where: str) -> tuple[int, int]:
@@ -286,10 +279,8 @@ def _delay(layer: NetLayer, mantissa: Matrix, where: str) -> int | IntArray:
             measured=f"{delay.size} against {rows} outputs or {columns} inputs",
             fix="Export it again.",
         )
-    if delay.size == rows:
-        spread: IntArray = np.broadcast_to(of_target(mantissa, delay), values_of(mantissa).shape).astype(np.int64)
-    else:
-        spread = delay[mantissa.indices] if sparse.issparse(mantissa) else np.tile(delay, (rows, 1))
+    each = of_target(mantissa, delay) if delay.size == rows else of_source(mantissa, delay)
+    spread: IntArray = np.broadcast_to(each, values_of(mantissa).shape).astype(np.int64)
     spread.setflags(write=False)
     return spread
 

@@ -9,12 +9,13 @@ import math
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import networkx as nx
 import numpy as np
 
 from locsnn_compile.errors import InputError, did_you_mean
-from locsnn_compile.frontends.linear_maps import Shape
+from locsnn_compile.frontends.linear_maps import Shape, Window
 from locsnn_compile.frontends.nir.graph import Edge, NirGraph, NirNode
 
 MAX_SIZE = 1_000_000
@@ -26,11 +27,15 @@ READOUTS = ("LI", "CubaLI")
 
 @dataclass(frozen=True, eq=False)
 class FlatGraph:
-    """Nodes by name, the names that feed each, and the shapes that they give."""
+    """Nodes by name, the edges between their names, a ``DiGraph``, and the shapes that they give."""
 
     nodes: Mapping[str, NirNode]
-    sources: Mapping[str, tuple[str, ...]]
+    edges: Any
     shapes: Mapping[str, Shape]
+
+    def sources(self, name: str) -> list[str]:
+        """Return the names of the nodes that feed one, in the file's order."""
+        return list(self.edges.predecessors(name))
 
     def size(self, name: str) -> int:
         """Return how many values a node gives."""
@@ -43,12 +48,13 @@ class FlatGraph:
 
 def flatten_graph(graph: NirGraph, where: str) -> FlatGraph:
     """Flatten a graph; edges to nowhere, circles without a neuron and shapes that do not fit are refused."""
-    nodes, edges = _flat(graph, where, "", top=True)
-    sources: dict[str, tuple[str, ...]] = {name: () for name in nodes}
-    for source, target in dict.fromkeys(edges):
-        sources[target] = (*sources[target], source)
-    _check_circles(nodes, edges, where)
-    return FlatGraph(nodes, sources, _shapes(nodes, sources, where))
+    nodes, pairs = _flat(graph, where, "", top=True)
+    _check_circles(nodes, pairs, where)
+    edges = nx.DiGraph()
+    edges.add_nodes_from(nodes)
+    places = {name: place for place, name in enumerate(nodes)}
+    edges.add_edges_from(sorted(pairs, key=lambda pair: places[pair[1]]))
+    return FlatGraph(nodes, edges, _shapes(nodes, edges, where))
 
 
 def _flat(graph: NirGraph, where: str, prefix: str, *, top: bool = False) -> tuple[dict[str, NirNode], list[Edge]]:
@@ -63,7 +69,8 @@ def _flat(graph: NirGraph, where: str, prefix: str, *, top: bool = False) -> tup
             inside, inner = _flat(node, where, f"{full}.")
             entrance[name], leave[name] = (f"{full}.{_only(node, kind, where, full)}" for kind in ("Input", "Output"))
         else:
-            inside, inner = {full: node if top or node.kind not in ("Input", "Output") else _passing(node)}, []
+            passing = not top and node.kind in ("Input", "Output")
+            inside, inner = {full: NirNode("Pass", node.parameters) if passing else node}, []
         for held in inside:
             if held in nodes:
                 raise InputError(where, f"two nodes are called {held[:60]!r}", fix="Rename one.")
@@ -81,10 +88,6 @@ def _flat(graph: NirGraph, where: str, prefix: str, *, top: bool = False) -> tup
     return nodes, edges
 
 
-def _passing(node: NirNode) -> NirNode:
-    return NirNode("Pass", node.parameters)
-
-
 def _only(graph: NirGraph, kind: str, where: str, name: str) -> str:
     found = [inner for inner, node in graph.nodes.items() if isinstance(node, NirNode) and node.kind == kind]
     if len(found) != 1:
@@ -99,10 +102,8 @@ def _only(graph: NirGraph, kind: str, where: str, name: str) -> str:
 
 def _check_circles(nodes: Mapping[str, NirNode], edges: list[Edge], where: str) -> None:
     """Refuse a circle of weights alone: with no neuron in it, no step lies between a value and itself."""
-    held = nx.DiGraph()
-    held.add_edges_from((a, b) for a, b in edges if nodes[a].kind not in NEURONS)
     try:
-        circle = nx.find_cycle(held)
+        circle = nx.find_cycle(nx.DiGraph([(a, b) for a, b in edges if nodes[a].kind not in NEURONS]))
     except nx.NetworkXNoCycle:
         return
     raise InputError(
@@ -113,20 +114,16 @@ def _check_circles(nodes: Mapping[str, NirNode], edges: list[Edge], where: str) 
     )
 
 
-def _shapes(nodes: Mapping[str, NirNode], sources: Mapping[str, tuple[str, ...]], where: str) -> dict[str, Shape]:
-    targets: dict[str, list[str]] = {name: [] for name in nodes}
-    for target, found in sources.items():
-        for source in found:
-            targets[source].append(target)
+def _shapes(nodes: Mapping[str, NirNode], edges: Any, where: str) -> dict[str, Shape]:
     shapes: dict[str, Shape] = {}
-    waiting = deque(name for name, node in nodes.items() if node.kind == "Input" or (not sources[name]))
+    waiting = deque(name for name, node in nodes.items() if node.kind == "Input" or not edges.in_degree(name))
     # Nodes in a circle that know their own size start it, where what feeds them does not.
     waiting.extend(name for name, node in nodes.items() if node.kind in NEURONS and _own_shape(node))
     while waiting:
         name = waiting.popleft()
         if name in shapes:
             continue
-        given = next((shapes[source] for source in sources[name] if source in shapes), None)
+        given = next((shapes[source] for source in edges.predecessors(name) if source in shapes), None)
         place = f"{where}, node {name!r}"
         shape = output_shape(nodes[name], given, place)
         if shape is None:
@@ -134,7 +131,7 @@ def _shapes(nodes: Mapping[str, NirNode], sources: Mapping[str, tuple[str, ...]]
         if math.prod(shape) > MAX_SIZE or min(shape, default=1) < 1:
             raise InputError(place, "no size to work with", measured=f"{shape} against 1 to {MAX_SIZE}", fix="Correct.")
         shapes[name] = shape
-        waiting.extend(targets[name])
+        waiting.extend(edges.successors(name))
     for name in nodes:
         if name not in shapes:
             raise InputError(f"{where}, node {name!r}", "its size cannot be found", fix="Connect it to the input.")
@@ -170,10 +167,12 @@ def output_shape(node: NirNode, given: Shape | None, where: str) -> Shape | None
     if given is None:
         return None
     if node.kind in ("SumPool2d", "AvgPool2d"):
-        return _pooled(node, given, where)
-    if node.kind == "Flatten":
-        return _flattened(node, given)
-    return given
+        channels, *image = pool_shape(given)
+        if len(image) != 2:
+            raise InputError(where, "it is given no image", measured=f"{given}", fix="Pool before flattening.")
+        kernel = ints(node, "kernel_size", 2, where)
+        return (channels, *window_of(node, where).slid(tuple(image), kernel))
+    return _flattened(node, given) if node.kind == "Flatten" else given
 
 
 def ints(node: NirNode, name: str, axes: int, where: str) -> tuple[int, ...]:
@@ -182,6 +181,15 @@ def ints(node: NirNode, name: str, axes: int, where: str) -> tuple[int, ...]:
     if values.size not in (1, axes) or (values != np.rint(values)).any() or np.abs(values).max(initial=0) > 1e9:
         raise InputError(where, f"{name} must be {axes} whole numbers", measured=f"{values.shape}", fix="Correct it.")
     return tuple(int(v) for v in np.broadcast_to(values.reshape(-1), (axes,)))
+
+
+def window_of(node: NirNode, where: str) -> Window:
+    """Return how the kernel of a convolution or of pooling slides."""
+    axes = 1 if node.kind == "Conv1d" else 2
+    stride = ints(node, "stride", axes, where)
+    dilation = ints(node, "dilation", axes, where) if "dilation" in node.parameters else (1,) * axes
+    padding = node.parameters["padding"]
+    return Window(stride, padding if isinstance(padding, str) else ints(node, "padding", axes, where), dilation)
 
 
 def image_shape(node: NirNode, given: Shape | None, where: str) -> Shape | None:
@@ -200,36 +208,15 @@ def _convolved(node: NirNode, given: Shape | None, where: str) -> Shape | None:
     shape = image_shape(node, given, where)
     if shape is None:
         return None
-    weight = node.array("weight")
-    axes = weight.ndim - 2
-    if len(shape) != axes + 1:
+    outs, _, *kernel = node.array("weight").shape
+    if len(shape) != len(kernel) + 1:
         raise InputError(where, "it is given no image", measured=f"{shape}", fix="Set its input_shape.")
-    stride, dilation = (ints(node, name, axes, where) for name in ("stride", "dilation"))
-    padding = node.parameters["padding"]
-    if isinstance(padding, str) and padding == "same":
-        return (weight.shape[0], *shape[1:])
-    pads = (0,) * axes if isinstance(padding, str) else ints(node, "padding", axes, where)
-    return (weight.shape[0], *_slid(shape[1:], weight.shape[2:], stride, pads, dilation))
+    return (outs, *window_of(node, where).slid(shape[1:], tuple(kernel)))
 
 
 def pool_shape(given: Shape) -> Shape:
     """Return the image (channels, height, width) that a pooling layer is given."""
     return given[1:] if len(given) == 4 and given[0] == 1 else given
-
-
-def _pooled(node: NirNode, given: Shape, where: str) -> Shape:
-    shape = pool_shape(given)
-    if len(shape) != 3:
-        raise InputError(where, "it is given no image", measured=f"{given}", fix="Pool before flattening.")
-    kernel, stride, padding = (ints(node, name, 2, where) for name in ("kernel_size", "stride", "padding"))
-    return (shape[0], *_slid(shape[1:], kernel, stride, padding, (1, 1)))
-
-
-def _slid(spatial: Shape, kernel: Shape, stride: Shape, padding: Shape, dilation: Shape) -> Shape:
-    return tuple(
-        (n + 2 * p - d * (k - 1) - 1) // max(s, 1) + 1
-        for n, p, d, k, s in zip(spatial, padding, dilation, kernel, stride, strict=True)
-    )
 
 
 def _flattened(node: NirNode, given: Shape) -> Shape:

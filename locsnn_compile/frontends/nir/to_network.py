@@ -7,6 +7,8 @@ step t behind k populations comes at step t + k.
 from __future__ import annotations
 
 import hashlib
+import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, get_args
 
@@ -18,7 +20,16 @@ from hw_model.mapping.graph import Readout
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.frontends.linear_maps import check_entries, convolution, pooling
 from locsnn_compile.frontends.nir.assumed import DT_SECONDS, nir_assumptions
-from locsnn_compile.frontends.nir.flat import NEURONS, READOUTS, FlatGraph, flatten_graph, image_shape, ints, pool_shape
+from locsnn_compile.frontends.nir.flat import (
+    NEURONS,
+    READOUTS,
+    FlatGraph,
+    flatten_graph,
+    image_shape,
+    ints,
+    pool_shape,
+    window_of,
+)
 from locsnn_compile.frontends.nir.graph import NirGraph, NirNode, read_nir
 from locsnn_compile.frontends.nir.neurons import Discretisation, Reset, Stated, neurons_of
 from locsnn_compile.frontends.nir.signals import Signal, Term
@@ -40,31 +51,9 @@ STEPS = 100
 def load_nir(
     path: Path, dt: float | None = None, reset: str | None = None, discretisation: str | None = None
 ) -> Network:
-    """Read a NIR file and state its network, in steps of ``dt`` seconds; ``InputError`` for what cannot be used."""
+    """Read a NIR file and state its network; options as in :func:`locsnn_compile.frontends.load`."""
     where = f"model {path.name!r}"
     graph, data = read_nir(path, where)
-    return network_of_nir(
-        graph,
-        name=path.stem,
-        sha256=hashlib.sha256(data).hexdigest(),
-        dt=dt,
-        reset=reset,
-        discretisation=discretisation,
-        where=where,
-    )
-
-
-def network_of_nir(
-    graph: NirGraph,
-    *,
-    name: str,
-    sha256: str,
-    dt: float | None = None,
-    reset: str | None = None,
-    discretisation: str | None = None,
-    where: str,
-) -> Network:
-    """State the network of a graph; options as in :func:`locsnn_compile.frontends.load`."""
     how: Discretisation = _one_of(discretisation or "euler", Discretisation, "discretisation")
     after: Reset = _one_of(reset or "zero", Reset, "reset")
     known = _step_seconds(dt, graph)
@@ -92,7 +81,7 @@ def network_of_nir(
     outputs = _outputs(flat, where)
     channels = view.lines
     return Network(
-        name=name,
+        name=path.stem,
         channels=channels,
         steps=STEPS,
         step_seconds=known,
@@ -101,7 +90,7 @@ def network_of_nir(
         populations=tuple(populations),
         projections=tuple(projections),
         readout=Readout(outputs, (1.0,) * len(outputs), _potentials_from(flat, outputs, depth, where)),
-        sha256=sha256,
+        sha256=hashlib.sha256(data).hexdigest(),
         recordings=synthetic_recordings(channels, STEPS, known),
         any_length=True,
         origin=graph,
@@ -166,41 +155,34 @@ def _input(flat: FlatGraph, where: str) -> InputView:
 
 def _in_order(flat: FlatGraph) -> list[str]:
     """Return the neurons by how far they are from an input; files hold nodes by name and edges in any order."""
-    held = nx.DiGraph()
-    held.add_nodes_from(flat.nodes)
-    held.add_edges_from((source, target) for target, sources in flat.sources.items() for source in sources)
-    far = nx.multi_source_dijkstra_path_length(held, set(flat.named("Input")))
+    far = _far(flat, lambda _: 1)
     return sorted(flat.named(*NEURONS), key=lambda name: far.get(name, len(flat.nodes)))
 
 
 def _depths(flat: FlatGraph) -> dict[str, int]:
     """Return how many projections lie between an input and every neuron, at least; 1 where none leads there."""
-    held = nx.DiGraph()
-    held.add_nodes_from(flat.nodes)
-    for target, sources in flat.sources.items():
-        held.add_weighted_edges_from((source, target, int(flat.nodes[target].kind in NEURONS)) for source in sources)
-    far = nx.multi_source_dijkstra_path_length(held, set(flat.named("Input")))
-    return {name: max(int(far.get(name, 1)), 1) for name in flat.named(*NEURONS)}
+    far = _far(flat, lambda target: int(flat.nodes[target].kind in NEURONS))
+    return {name: max(far.get(name, 1), 1) for name in flat.named(*NEURONS)}
+
+
+def _far(flat: FlatGraph, step: Callable[[str], int]) -> dict[str, int]:
+    """Return the least sum of steps, one a target, from an input to every node that one leads to."""
+    inputs = set(flat.named("Input"))
+    return dict(nx.multi_source_dijkstra_path_length(flat.edges, inputs, weight=lambda _, b, __: step(b)))
 
 
 def _signals(flat: FlatGraph, view: InputView, dt: float, where: str) -> dict[str, Signal]:
     """Return what every node gives: neurons and the input their spikes, linear nodes what they make of them."""
-    order = nx.DiGraph()
-    order.add_nodes_from(flat.nodes)
-    for target, sources in flat.sources.items():
-        order.add_edges_from((source, target) for source in sources if flat.nodes[source].kind not in NEURONS)
-    signals: dict[str, Signal] = {}
-    spiking = (*NEURONS, "Input")
-    for name in flat.named(*NEURONS):
-        signals[name] = Signal.of_source(name, flat.size(name))
+    signals = {name: Signal.of_source(name, flat.size(name)) for name in flat.named(*NEURONS)}
     first = 0
     for name in flat.named("Input"):
         size = flat.size(name)
         lines = sparse.csr_array(sparse.eye_array(size, view.lines, k=first))
         signals[name] = Signal((Term(view.name, 0, lines),), np.zeros(size))
         first += size
-    for name in nx.topological_sort(order):
-        if flat.nodes[name].kind not in spiking:
+    linear = nx.subgraph_view(flat.edges, filter_edge=lambda source, _: flat.nodes[source].kind not in NEURONS)
+    for name in nx.topological_sort(linear):
+        if name not in signals:
             place = f"{where}, node {name!r}"
             arriving = _arriving(flat, signals, name, place)
             signals[name] = _passed(flat, name, arriving, dt, place)
@@ -209,7 +191,7 @@ def _signals(flat: FlatGraph, view: InputView, dt: float, where: str) -> dict[st
 
 def _arriving(flat: FlatGraph, signals: dict[str, Signal], name: str, where: str) -> Signal:
     """Return the sum of what a node is given; graded values of a readout cannot be sent on."""
-    sources = flat.sources[name]
+    sources = flat.sources(name)
     sizes = {flat.size(source) for source in sources}
     if len(sizes) > 1:
         raise InputError(where, "its inputs differ in size", measured=f"{sorted(sizes)}", fix="Make them one size.")
@@ -236,7 +218,7 @@ def _passed(flat: FlatGraph, name: str, signal: Signal, dt: float, where: str) -
         return signal.scaled(_each(node, "scale", size, where))
     if node.kind == "Delay":
         return signal.delayed(_delay_steps(node, size, dt, where))
-    given = next((flat.shapes[source] for source in flat.sources[name]), None)
+    given = next((flat.shapes[source] for source in flat.sources(name)), None)
     weights, constant = _linear(node, given, where)
     if weights.shape[1] != size:
         raise InputError(
@@ -255,25 +237,16 @@ def _linear(node: NirNode, given: tuple[int, ...] | None, where: str) -> tuple[A
     if node.kind in ("Conv1d", "Conv2d"):
         shape = image_shape(node, given, where)
         assert shape is not None  # its output's shape was found from it
-        weight = node.array("weight")
-        axes = weight.ndim - 2
-        stride, dilation = (ints(node, key, axes, where) for key in ("stride", "dilation"))
-        text = node.parameters["padding"]
-        padding = text if isinstance(text, str) else ints(node, "padding", axes, where)
-        weights, out = convolution(
-            weight.astype(np.float64),
-            shape,
-            stride=stride,
-            padding=padding,
-            dilation=dilation,
-            groups=ints(node, "groups", 1, where)[0],
-            where=where,
-        )
+        weight, groups = node.array("weight").astype(np.float64), ints(node, "groups", 1, where)[0]
+        weights, out = convolution(weight, shape, window_of(node, where), groups=groups, where=where)
         return weights, np.repeat(_each(node, "bias", out[0], where), int(np.prod(out[1:])))
     assert given is not None  # its output's shape was found from it
-    kernel, stride, padding = (ints(node, key, 2, where) for key in ("kernel_size", "stride", "padding"))
-    average = node.kind == "AvgPool2d"
-    return pooling(kernel, pool_shape(given), stride=stride, padding=padding, average=average, where=where)[0], 0.0
+    kernel = ints(node, "kernel_size", 2, where)
+    if min(kernel) < 1:
+        raise InputError(where, "its kernel is smaller than 1", measured=f"{kernel}", fix="Correct it.")
+    # An average divides by the whole kernel, padding included, as torch does unless told otherwise.
+    each = 1.0 / math.prod(kernel) if node.kind == "AvgPool2d" else 1.0
+    return pooling(np.broadcast_to(each, kernel), pool_shape(given), window_of(node, where), where=where)[0], 0.0
 
 
 def _each(node: NirNode, name: str, size: int, where: str) -> Any:
@@ -323,8 +296,8 @@ def _outputs(flat: FlatGraph, where: str) -> tuple[str, ...]:
         kind = flat.nodes[name].kind
         if kind in NEURONS:
             found.append(name)
-        elif kind in ("Output", "Pass", "Flatten") and flat.sources[name]:
-            waiting.extend(flat.sources[name])
+        elif kind in ("Output", "Pass", "Flatten") and flat.sources(name):
+            waiting.extend(flat.sources(name))
         else:
             raise InputError(
                 f"{where}, node {name!r}",

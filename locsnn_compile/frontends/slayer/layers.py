@@ -6,21 +6,21 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-from scipy import sparse
-
 from locsnn_compile.errors import InputError
-from locsnn_compile.frontends.linear_maps import Shape, check_entries, convolution
+from locsnn_compile.frontends.linear_maps import Shape, Window, convolution, pooling
 from locsnn_compile.frontends.slayer.config import LayerEntry
 from locsnn_compile.network.matrices import Matrix
 from locsnn_compile.network.neurons import FloatArray
 
 
-def dense_layer(kernel: FloatArray, where: str) -> FloatArray:
-    """Return the matrix (out, in) of a layer that sees its whole input, an image (channels, height, width) or not."""
+def dense_layer(kernel: FloatArray, where: str) -> tuple[Matrix, int]:
+    """Return the matrix (out, in) and the channels of a layer that sees its whole input.
+
+    That may be an image (channels, height, width).
+    """
     if kernel.ndim == 2 or (kernel.ndim == 5 and kernel.shape[4] == 1):
         if math.prod(kernel.shape):
-            return kernel.reshape(len(kernel), -1)
+            return kernel.reshape(len(kernel), -1), len(kernel)
     raise InputError(
         where,
         "it is no dense layer",
@@ -55,33 +55,20 @@ def _listed(kernel: FloatArray, entry: LayerEntry, given: Shape, where: str) -> 
             raise _other(kernel, f"{size} x {math.prod(given)}", where)
         return kernel.reshape(size, -1), (size, 1, 1)
     # Of an image of one row, convolutions have kernels of one row.
-    flat = given[1] == 1
-    side = entry.numbers[-1]
-    window = (1 if flat and entry.kind == "conv" else side, side)
-    stride, dilation = (((1, n) if flat and entry.kind == "conv" else (n, n)) for n in (entry.stride, entry.dilation))
+    flat = given[1] == 1 and entry.kind == "conv"
+    side, stride, padding, dilation = entry.numbers[-1], entry.stride, entry.padding, entry.dilation
+    shape = (1 if flat else side, side)
+    row = (1, 0, 1) if flat else (stride, padding, dilation)
+    window = Window((row[0], stride), (row[1], padding), (row[2], dilation))
     if entry.kind == "pool":
-        if kernel.size != math.prod(window):
-            raise _other(kernel, f"{window}", where)
-        check_entries(kernel.size * given[0], where)
-        whole = np.tile(kernel.reshape(1, 1, *window), (given[0], 1, 1, 1))
-        padded = (given[0], given[1] + -given[1] % side, given[2] + -given[2] % side)
-        matrix, shape = convolution(
-            whole, padded, stride=stride, padding=(0, 0), dilation=(1, 1), groups=given[0], where=where
-        )
-        inside = np.arange(math.prod(padded)).reshape(padded)[:, : given[1], : given[2]].ravel()
-        return sparse.csr_array(matrix[:, inside]), shape
-    inner = given[0] // max(entry.groups, 1)
-    if kernel.size != entry.numbers[0] * inner * math.prod(window):
-        raise _other(kernel, f"{(entry.numbers[0], inner, *window)}", where)
-    return convolution(
-        kernel.reshape(entry.numbers[0], inner, *window),
-        given,
-        stride=stride,
-        padding=(0 if flat else entry.padding, entry.padding),
-        dilation=dilation,
-        groups=entry.groups,
-        where=where,
-    )
+        if kernel.size != math.prod(shape):
+            raise _other(kernel, f"{shape}", where)
+        fill = tuple(-n % side for n in given[1:])
+        return pooling(kernel.reshape(shape), given, window, fill=fill, where=where)
+    whole = (entry.numbers[0], given[0] // max(entry.groups, 1), *shape)
+    if kernel.size != math.prod(whole):
+        raise _other(kernel, f"{whole}", where)
+    return convolution(kernel.reshape(whole), given, window, groups=entry.groups, where=where)
 
 
 def _other(kernel: Any, wanted: str, where: str) -> InputError:

@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy import sparse
 
 from hw_model.mapping.graph import Axis, Readout
 from locsnn_compile.data.sensor import channel_walk, parse_location_order
@@ -31,7 +30,7 @@ from locsnn_compile.frontends.slayer.layers import dense_layer, listed_layers
 from locsnn_compile.frontends.synthetic_input import synthetic_recordings, touch_fingertips
 from locsnn_compile.models.checkpoint import FORMAT
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection
-from locsnn_compile.network.matrices import Matrix, matrix, values_of, with_values
+from locsnn_compile.network.matrices import Matrix, matrix, of_source, values_of, with_values
 from locsnn_compile.network.network import InputView, Network, Population, Projection
 from locsnn_compile.network.neurons import FloatArray, SrmAlpha
 
@@ -77,7 +76,7 @@ class _Layer:
 
 
 def load_slayer(path: Path, config: Path, kernels: str | None = None) -> Network:
-    """Read a checkpoint and its description; ``InputError`` for what cannot be used."""
+    """Read a checkpoint and its description, and state their network; ``InputError`` for what cannot be used."""
     if kernels not in (None, *KERNELS):
         raise InputError(f"kernels {kernels!r}", "are not known", fix=did_you_mean(str(kernels), KERNELS))
     where = f"model {path.name!r}"
@@ -93,36 +92,23 @@ def load_slayer(path: Path, config: Path, kernels: str | None = None) -> Network
         tails = ("The reference has the tails of its kernels, which slayerPytorch cuts in training (--kernels full).",)
     tensors = _tensors(held, where)
     check_kernels(tensors, description, where)
-    network = network_of_slayer(
-        _layers(tensors, description, where),
-        description,
-        name=path.stem,
-        sha256=hashlib.sha256(data).hexdigest(),
-        where=where,
-    )
-    return replace(network, assumptions=tails + network.assumptions)
-
-
-def network_of_slayer(
-    layers: tuple[_Layer, ...], config: SlayerConfig, *, name: str, sha256: str, where: str
-) -> Network:
-    """State the network of layers in their order."""
+    layers = _layers(tensors, description, where)
     chains = {axis: [layer for layer in layers if layer.axis == axis] for axis in VIEW_NAMES}
     chains = {axis: chain for axis, chain in chains.items() if chain}
     for chain in chains.values():
         _check_chain(chain, where)
-    steps = chains["location"][0].weights.shape[1] if "location" in chains else config.steps or STEPS
+    steps = chains["location"][0].weights.shape[1] if "location" in chains else description.steps or STEPS
     channels = chains["time"][0].weights.shape[1] if "time" in chains else None
     views, populations, projections, outputs = [], [], [], []
     for axis, chain in chains.items():
         if axis == "location":
-            walk, channels = _walk(config.order or DEFAULT_ORDER, channels, where)
+            walk, channels = _walk(description.order or DEFAULT_ORDER, channels, where)
             views.append(InputView(VIEW_NAMES[axis], axis, steps, walk))
         else:
             views.append(InputView(VIEW_NAMES[axis], axis, chain[0].weights.shape[1]))
         source, delays = VIEW_NAMES[axis], None
         for layer in chain:
-            population, projection = _stated(layer, axis, source, delays, config, where)
+            population, projection = _stated(layer, axis, source, delays, description, where)
             populations.append(population)
             projections.append(projection)
             source, delays = layer.name, layer.delays
@@ -136,9 +122,9 @@ def network_of_slayer(
             measured=f"{[sizes[n] for n in outputs]}",
             fix="Train them together.",
         )
-    seconds = config.ts / 1000
+    seconds = description.ts / 1000
     return Network(
-        name=name,
+        name=path.stem,
         channels=channels,
         steps=steps,
         step_seconds=seconds,
@@ -147,10 +133,10 @@ def network_of_slayer(
         populations=tuple(populations),
         projections=tuple(projections),
         readout=Readout(tuple(outputs), (1.0,) * len(outputs)),
-        sha256=sha256,
+        sha256=hashlib.sha256(data).hexdigest(),
         recordings=synthetic_recordings(channels, steps, seconds),
         any_length="location" not in chains,
-        assumptions=tuple(_assumed(layers, chains, config, channels)),
+        assumptions=(*tails, *_assumed(layers, chains, description, channels)),
     )
 
 
@@ -186,12 +172,12 @@ def _stated(
     size = layer.size
     late: Any = 0
     if delays is not None:
-        late = _spread(delays, layer.weights) if (delays != delays[0]).any() else int(delays[0])
+        late = int(delays[0])
+        if (delays != late).any():
+            late = np.array(np.broadcast_to(of_source(layer.weights, delays), values_of(layer.weights).shape))
     n = config.neuron
     if not isinstance(n, LoihiNeuron):
-        return Population(layer.name, axis, size, n), Projection(
-            source, layer.name, matrix(layer.weights, np.float64), late
-        )
+        return Population(layer.name, axis, size, n), Projection(source, layer.name, layer.weights, late)
     mantissa = with_values(layer.weights, (2 * np.rint(values_of(layer.weights) / 2)).astype(np.int64))
     low, high = int(values_of(mantissa).min(initial=0)), int(values_of(mantissa).max(initial=0))
     if low < -256 or high > 254:
@@ -250,10 +236,9 @@ def _layers(tensors: Mapping[str, Any], config: SlayerConfig, where: str) -> tup
         raise InputError(where, "it holds no weights", measured=f"{list(tensors)[:3]}"[:80], fix=_FIX)
     if config.layers:
         found = listed_layers(kernels, config.layers, where)
-        layers = [_Layer(name, *found[name]) for name in kernels]
     else:
-        dense = {name: dense_layer(kernel, f"{where}, layer {name!r}") for name, kernel in kernels.items()}
-        layers = [_Layer(name, weights, len(weights)) for name, weights in dense.items()]
+        found = {name: dense_layer(kernel, f"{where}, layer {name!r}") for name, kernel in kernels.items()}
+    layers = [_Layer(name, matrix(weights, np.float64), channels) for name, (weights, channels) in found.items()]
     for key, values in tensors.items():
         if key == "delay" or key.endswith(".delay"):
             _attach(layers, key, values.reshape(-1), config, f"{where}, entry {key!r}")
@@ -278,13 +263,6 @@ def _attach(layers: list[_Layer], key: str, delay: Any, config: SlayerConfig, wh
                 layer.assumed += (f"Delays {key!r} above {DELAY_MAX} steps were cut to {DELAY_MAX}.",)
             return
     raise InputError(where, "no layer gives as many spikes", measured=f"{steps.size} delays", fix="Give one a neuron.")
-
-
-def _spread(delays: Any, weights: Matrix) -> Any:
-    """Return the delays of sources, one a weight."""
-    if sparse.issparse(weights):
-        return delays[matrix(weights, np.float64).indices]
-    return np.tile(delays, (weights.shape[0], 1))
 
 
 def _weights(tensors: Mapping[str, Any], name: str, where: str) -> FloatArray:
