@@ -44,6 +44,12 @@ class TargetError(LocsnnError):
     """A sound model that this chip cannot hold as asked."""
 
 
+def check_most(found: int, limit: int, where: str, what: str, *, unit: str = "", fix: str) -> None:
+    """Refuse what was given where a number, ``found`` of a ``unit``, is above its limit."""
+    if found > limit:
+        raise InputError(where, what, measured=f"{found}{unit and f' {unit}'} against {limit}", fix=fix)
+
+
 def did_you_mean(given: object, known: Iterable[str]) -> str:
     """Return ``Did you mean 'x'?`` for a near miss, else the list of what exists."""
     names = sorted(known)

@@ -92,31 +92,33 @@ def statistics_lines(found: EventStatistics) -> list[str]:
     from locsnn_compile.report.format import plural
 
     width = found.step_seconds
+    events, silence, rate = found.events.per_recording, found.silence, found.rate_hz_per_channel
     seconds = "" if width is None else f" of {width:g} s ({found.steps * width:g} s)"
     lines = [
         f"{found.source}: {plural(found.recordings, 'recording')}, "
         f"{plural(found.steps, 'step')}{seconds}, {plural(found.channels, 'channel')}",
         f"labels            {_labels(found.labels)}",
-        f"events            {found.events.mean:.1f} a recording ({found.events.least} to {found.events.most}), "
-        f"{100 * found.share:.2f} % of bins",
+        f"events            {events.mean:.1f} a recording ({events.least} to {events.most}), "
+        f"{100 * found.events.share_of_bins:.2f} % of bins",
     ]
-    if found.binned is not None:
-        lines.append(f"binning           {found.binned.words}")
-    if found.rate_hz is not None:
-        lines.append(
-            f"rate              {found.rate_hz:.3g} Hz a channel, {found.rate_hz * found.channels:.4g} Hz in all"
-        )
+    if found.binning is not None:
+        lines.append(f"binning           {found.binning.words}")
+    if rate is not None:
+        lines.append(f"rate              {rate:.3g} Hz a channel, {rate * found.channels:.4g} Hz in all")
     lines += [
-        f"silent at start   {_spread(found.silent_start_steps)}",
-        f"silent at end     {_spread(found.silent_end_steps)}",
-        f"silent steps      {100 * found.silent_steps:.1f} %, {plural(found.empty, 'recording')} without any event",
+        f"silent at start   {_spread(silence.start_steps)}",
+        f"silent at end     {_spread(silence.end_steps)}",
+        f"silent steps      {100 * silence.share_of_steps:.1f} %, "
+        f"{plural(silence.empty_recordings, 'recording')} without any event",
     ]
-    if found.rising is not None:
-        lines.append(f"polarity          {100 * found.rising:.1f} % rising, {100 * (1 - found.rising):.1f} % falling")
-    busiest = [f"{one.channel}{one.place and f' ({one.place})'} {one.events}" for one in found.busiest]
+    if found.polarity is not None:
+        rising, falling = 100 * found.polarity.rising, 100 * found.polarity.falling
+        lines.append(f"polarity          {rising:.1f} % rising, {falling:.1f} % falling")
+    busiest = [f"{one.channel}{one.place and f' ({one.place})'} {one.events}" for one in found.busiest_channels]
     lines.append(f"busiest channels  {', '.join(busiest) or 'none'}")
-    more = f", and {len(found.dead) - _SHOWN_DEAD} more" if len(found.dead) > _SHOWN_DEAD else ""
-    lines.append(f"dead channels     {', '.join(map(str, found.dead[:_SHOWN_DEAD])) or 'none'}{more}")
+    dead = found.dead_channels
+    more = f", and {len(dead) - _SHOWN_DEAD} more" if len(dead) > _SHOWN_DEAD else ""
+    lines.append(f"dead channels     {', '.join(map(str, dead[:_SHOWN_DEAD])) or 'none'}{more}")
     return lines
 
 

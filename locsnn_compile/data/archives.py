@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import re
 from pathlib import Path, PurePosixPath
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +18,10 @@ from locsnn_compile.data.arrays import label_in_name
 from locsnn_compile.data.event_stream import Binning, EventStream, bin_streams
 from locsnn_compile.data.members import Members, open_members
 from locsnn_compile.data.npy import load_npy, to_step_major
-from locsnn_compile.data.recordings import MAX_ELEMENTS, Binned, Recordings
+from locsnn_compile.data.recordings import MAX_ELEMENTS, Binned, Recordings, clean_spikes
 from locsnn_compile.data.streams import EVENT_SUFFIXES, parse_events
 from locsnn_compile.data.structured import parse_structured
-from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.errors import InputError, check_most, did_you_mean
 
 PARTS = ("train", "test")
 
@@ -45,7 +44,7 @@ def recording_files(folder: Path) -> list[Path]:
 def read_archive(path: Path, *, split: str | None, binning: Binning) -> Recordings:
     """Return one part of a ``.zip`` archive or of a folder of recordings, with labels where every name has one.
 
-    All are as long as the longest: the others are followed by silence.
+    A file of events is a folder of one. All are as long as the longest: the others are followed by silence.
     ``split`` is a part; None takes ``test`` of a divided archive and everything of one that is not. Raises
     ``InputError`` for a damaged archive or member, members of different shapes, and nothing to read.
     """
@@ -100,7 +99,12 @@ def _read(
         if array.dtype.names is not None:
             streams.append(parse_structured(array, place))
         else:
-            arrays.append(_one(to_step_major(array, place, binning.channels), place))
+            array = to_step_major(array, place, binning.channels)
+            if len(array) != 1:
+                raise InputError(
+                    place, "it is not one recording", measured=f"{len(array)} inside", fix="Give one a file."
+                )
+            arrays.append(clean_spikes(place, array)[0])
             _check_fits(arrays, len(names), members.where, place)
     if not arrays:
         return bin_streams(streams, [members.place(name) for name in names], members.where, binning)
@@ -129,39 +133,16 @@ def _events(members: Members, name: str, place: str) -> EventStream:
 def _check_fits(arrays: list[NDArray[np.uint8]], samples: int, where: str, place: str) -> None:
     """Refuse the last recording where its channels are others, and ``samples`` of the longest that take too much."""
     steps, channels = max(map(len, arrays)), arrays[0].shape[1]
+    last, first = (" x ".join(map(str, one.shape)) for one in (arrays[-1], arrays[0]))
     if arrays[-1].shape[1] != channels:
         raise InputError(
             place,
             "its shape is not that of the other recordings",
-            measured=f"got {_size(arrays[-1])} against {_size(arrays[0])} steps x channels",
+            measured=f"got {last} against {first} steps x channels",
             fix="Give recordings of one sensor.",
         )
-    if samples * steps * channels > MAX_ELEMENTS:
-        raise InputError(
-            where,
-            "its recordings are too large together",
-            measured=f"{samples * steps * channels} values against {MAX_ELEMENTS}",
-            fix="Give fewer recordings.",
-        )
-
-
-def _one(array: NDArray[Any], place: str) -> NDArray[np.uint8]:
-    if len(array) != 1:
-        raise InputError(place, "it is not one recording", measured=f"{len(array)} inside", fix="Give one a file.")
-    return _checked(array, place)
-
-
-def _checked(array: NDArray[Any], place: str) -> NDArray[np.uint8]:
-    # Member by member, so that the message names the file.
-    try:
-        spikes: NDArray[np.uint8] = Recordings(array, None, None, "").spikes[0]
-        return spikes
-    except InputError as error:
-        raise InputError(place, error.what, measured=error.measured, fix=error.fix) from None
-
-
-def _size(one: NDArray[np.uint8]) -> str:
-    return " x ".join(str(size) for size in one.shape)
+    what, fix = "its recordings are too large together", "Give fewer recordings."
+    check_most(samples * steps * channels, MAX_ELEMENTS, where, what, unit="values", fix=fix)
 
 
 def _is_recording(name: str) -> bool:

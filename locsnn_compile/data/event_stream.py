@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS, Binned
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, check_most
 
 STEP_SECONDS = 0.02
 MICROSECONDS = 1_000_000
@@ -105,10 +105,7 @@ def _check_sums(where: str, width: float, streams: Sequence[EventStream]) -> Non
             fix="Give the width of a bin in seconds.",
         )
     events = sum(len(one.times) for one in streams)
-    if events > MAX_EVENTS:
-        raise InputError(
-            where, "it has too many events", measured=f"{events} against {MAX_EVENTS}", fix="Give fewer recordings."
-        )
+    check_most(events, MAX_EVENTS, where, "it has too many events", fix="Give fewer recordings.")
 
 
 def _bins(one: EventStream, width_seconds: float) -> NDArray[np.float64]:

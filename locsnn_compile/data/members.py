@@ -12,7 +12,7 @@ from pathlib import Path, PurePosixPath
 
 from hw_model.io.zip_directory import check_directory
 from locsnn_compile.data.torch_file import read_bytes
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, check_most
 
 #: Largest number of recordings, bytes of one of them unpacked, and of all of them.
 MAX_MEMBERS, MAX_MEMBER_BYTES, MAX_TOTAL_BYTES = 100_000, 100_000_000, 1_600_000_000
@@ -25,37 +25,31 @@ class Members:
     where: str
     sizes: dict[str, int]
     read: Callable[[str], bytes]
+    inside: str
+    """What errors say before the name of a file."""
 
     def place(self, name: str) -> str:
         """Return how errors name a file."""
-        return f"{self.where}, {PurePosixPath(name).name!r}"
+        return f"{self.inside}{PurePosixPath(name).name!r}"
 
     def check_sizes(self, names: list[str]) -> None:
         """Refuse files that are too many or too large, before any is read."""
-        for what, found, limit in (
-            ("it holds too many recordings", len(names), MAX_MEMBERS),
-            ("its recordings are too large together", sum(self.sizes[name] for name in names), MAX_TOTAL_BYTES),
-        ):
-            if found > limit:
-                raise InputError(self.where, what, measured=f"{found} against {limit}", fix="Give fewer.")
+        total = sum(self.sizes[name] for name in names)
+        check_most(len(names), MAX_MEMBERS, self.where, "it holds too many recordings", fix="Give fewer.")
+        check_most(total, MAX_TOTAL_BYTES, self.where, "its recordings are too large together", fix="Give fewer.")
         for name in names:
-            if self.sizes[name] > MAX_MEMBER_BYTES:
-                raise InputError(
-                    self.place(name),
-                    "it is too large",
-                    measured=f"{self.sizes[name]} bytes against {MAX_MEMBER_BYTES}",
-                    fix="Give one recording.",
-                )
+            size, fix = self.sizes[name], "Give one recording."
+            check_most(size, MAX_MEMBER_BYTES, self.place(name), "it is too large", unit="bytes", fix=fix)
 
 
 @contextmanager
 def open_members(path: Path) -> Iterator[Members]:
-    """Open a folder or an archive; ``InputError`` for one that is damaged, or holds a name twice."""
-    if path.is_dir():
-        where = f"folder {path.name!r}"
-        files = {file.relative_to(path).as_posix(): file for file in sorted(path.rglob("*")) if file.is_file()}
-        sizes = {name: file.stat().st_size for name, file in files.items()}
-        yield Members(where, sizes, lambda name: read_bytes(files[name], f"{where}, {files[name].name!r}"))
+    """Open a folder, an archive or one file of events, as a folder of it and the ``.startend`` file beside it.
+
+    Raises ``InputError`` for an archive that is damaged, or holds a name twice.
+    """
+    if path.suffix != ".zip" or path.is_dir():
+        yield _plain_files(path)
         return
     where = f"archive {path.name!r}"
     fix = "Fetch the archive again."
@@ -85,4 +79,16 @@ def open_members(path: Path) -> Iterator[Members]:
             raise InputError(
                 where, f"{links[0][:80]!r} is a link, and links are not followed", fix="Store the file itself."
             )
-        yield Members(where, {member.filename: member.file_size for member in files_inside}, read)
+        yield Members(where, {member.filename: member.file_size for member in files_inside}, read, f"{where}, ")
+
+
+def _plain_files(path: Path) -> Members:
+    """Return the files of a folder, or a file and the one beside it."""
+    if path.is_dir():
+        where, inside = f"folder {path.name!r}", f"folder {path.name!r}, "
+        files = {file.relative_to(path).as_posix(): file for file in sorted(path.rglob("*")) if file.is_file()}
+    else:
+        where, inside = f"file {path.name!r}", "file "
+        files = {file.name: file for file in (path, path.with_suffix(".startend")) if file.exists()}
+    sizes = {name: file.stat().st_size for name, file in files.items()}
+    return Members(where, sizes, lambda name: read_bytes(files[name], f"{inside}{files[name].name!r}"), inside)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from locsnn_compile.data.axes import check_axes
 from locsnn_compile.data.recordings import MAX_ELEMENTS
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, check_most
 
 
 def load_npy(data: bytes, where: str) -> NDArray[Any]:
@@ -56,14 +56,8 @@ def to_step_major(array: NDArray[Any], where: str, channels: int | None = None) 
     and the first the taxels of whole fingertips (39 each). Channel = polarities * taxel + polarity. Raises
     ``InputError`` for other orders where sizes tell them: see :func:`locsnn_compile.data.axes.check_axes`.
     """
-    if array.size > MAX_ELEMENTS:
-        # A tensor may claim any size over a few stored values; reshaping would make it true.
-        raise InputError(
-            where,
-            "it is too large",
-            measured=f"{array.size} values against {MAX_ELEMENTS}",
-            fix="Give fewer recordings.",
-        )
+    # A tensor may claim any size over a few stored values; reshaping would make it true.
+    check_most(array.size, MAX_ELEMENTS, where, "it is too large", unit="values", fix="Give fewer recordings.")
     check_axes(array, where, channels)
     one = array.ndim == 3 and array.shape[1] == 2 and array.shape[0] > 0 and array.shape[0] % 39 == 0
     if array.ndim == 2 or one:

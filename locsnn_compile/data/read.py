@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
 from hw_model.io.given import checked
 from locsnn_compile.data.archives import PARTS, archive_parts, read_archive
-from locsnn_compile.data.arrays import label_in_name, read_arrays
-from locsnn_compile.data.event_stream import MAX_EVENTS, MAX_STEP_SECONDS, MIN_STEP_SECONDS, Binning, bin_streams
+from locsnn_compile.data.arrays import read_arrays
+from locsnn_compile.data.event_stream import MAX_EVENTS, MAX_STEP_SECONDS, MIN_STEP_SECONDS, Binning
 from locsnn_compile.data.expected import OPEN, Expected
 from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS, Recordings
-from locsnn_compile.data.streams import EVENT_SUFFIXES, parse_events
-from locsnn_compile.data.torch_file import read_bytes
+from locsnn_compile.data.streams import EVENT_SUFFIXES
 from locsnn_compile.errors import InputError, did_you_mean
 
 _SUFFIXES = (".zip", ".npy", ".npz", ".pt", *EVENT_SUFFIXES)
@@ -74,17 +71,18 @@ def read_recordings(
 
 
 def _read(path: Path, split: str | None, binning: Binning, asked: float | None) -> Recordings:
-    if path.is_dir() or path.suffix == ".zip":
-        return read_archive(path, split=split, binning=binning)
-    _check_file(path)
-    if split is not None:
-        raise InputError(
-            f"file {path.name!r}",
-            f"there is no part {split!r}",
-            measured="a single file is not divided",
-            fix="Leave the part out.",
-        )
-    return _read_events(path, binning) if path.suffix in EVENT_SUFFIXES else read_arrays(path, binning, asked)
+    if not (path.is_dir() or path.suffix == ".zip"):
+        _check_file(path)
+        if split is not None:
+            raise InputError(
+                f"file {path.name!r}",
+                f"there is no part {split!r}",
+                measured="a single file is not divided",
+                fix="Leave the part out.",
+            )
+        if path.suffix not in EVENT_SUFFIXES:
+            return read_arrays(path, binning, asked)
+    return read_archive(path, split=split, binning=binning)
 
 
 def _check_options(split: str | None, binning: Binning) -> None:
@@ -104,19 +102,6 @@ def _check_options(split: str | None, binning: Binning) -> None:
             raise InputError(
                 name, "it is out of range", measured=f"got {value} against {low}..{high}", fix="Correct the number."
             )
-
-
-def _read_events(path: Path, binning: Binning) -> Recordings:
-    """Return the one recording of a file of events, with the label that its name has."""
-    where = f"file {path.name!r}"
-    beside = path.with_suffix(".startend")
-    beside_where = f"file {beside.name!r}"
-    startend = read_bytes(beside, beside_where) if path.suffix == ".tact" and beside.exists() else None
-    stream = parse_events(read_bytes(path, where), path.suffix, where, startend, beside_where)
-    spikes, seconds, binned = bin_streams([stream], [where], where, binning)
-    label = label_in_name(path.name)
-    labels = None if label is None else np.array([label], dtype=np.int64)
-    return Recordings(spikes, labels, seconds, path.name, binned=binned)
 
 
 @checked

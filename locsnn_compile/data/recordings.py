@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, check_most
 
 #: Largest set of recordings accepted, in array elements: four times the largest published tactile set.
 MAX_ELEMENTS = 200_000_000
@@ -71,7 +71,7 @@ class Recordings:
 
     def __post_init__(self) -> None:
         where = f"recordings {self.source!r}"
-        object.__setattr__(self, "spikes", _clean_spikes(where, np.asarray(self.spikes)))
+        object.__setattr__(self, "spikes", clean_spikes(where, np.asarray(self.spikes)))
         if self.labels is not None:
             object.__setattr__(self, "labels", _clean_labels(where, np.asarray(self.labels), len(self.spikes)))
         seconds = self.step_seconds
@@ -112,17 +112,12 @@ class Recordings:
         return replace(self, spikes=self.spikes[rows], labels=labels)
 
 
-def _clean_spikes(where: str, spikes: NDArray[np.generic]) -> NDArray[np.uint8]:
+def clean_spikes(where: str, spikes: NDArray[np.generic]) -> NDArray[np.uint8]:
+    """Return spikes (samples, steps, channels) as read-only uint8; ``InputError`` for what is none."""
     fix = "Give a binned array (samples, channels, steps) of zeros and ones."
     if spikes.ndim != 3 or 0 in spikes.shape:
         raise InputError(where, "no recordings inside", measured=f"shape {spikes.shape}", fix=fix)
-    if spikes.size > MAX_ELEMENTS:
-        raise InputError(
-            where,
-            "they are too large",
-            measured=f"{spikes.size} values against {MAX_ELEMENTS}",
-            fix="Give fewer.",
-        )
+    check_most(spikes.size, MAX_ELEMENTS, where, "they are too large", unit="values", fix="Give fewer.")
     if spikes.dtype.kind not in "biuf":
         raise InputError(where, "its values are no numbers", measured=f"dtype {spikes.dtype}", fix=fix)
     wrong = ~((spikes == 0) | (spikes == 1))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -34,15 +34,42 @@ class Channel:
 
 
 @dataclass(frozen=True)
+class Events:
+    """All events, those of a recording, and the share of bins with one."""
+
+    all: int
+    per_recording: Spread
+    share_of_bins: float
+
+
+@dataclass(frozen=True)
+class Silence:
+    """Recordings without any event; of the others, steps before the first event and after the last one.
+
+    ``share_of_steps``: of all steps, those without an event.
+    """
+
+    empty_recordings: int
+    start_steps: Spread
+    end_steps: Spread
+    share_of_steps: float
+
+
+@dataclass(frozen=True)
+class Polarity:
+    """Shares of events."""
+
+    rising: float
+    falling: float
+
+
+@dataclass(frozen=True)
 class EventStatistics:
     """Figures of a set of recordings; an event is a bin that is 1.
 
-    - ``events``, ``silent_start_steps``, ``silent_end_steps`` a recording; recordings without any event are
-      ``empty``, and are left out of the silence
-    - ``share``: of bins with an event; ``silent_steps``: share of steps without any
-    - ``rate_hz``: events of a channel in a second, None where the width of a bin is not known
-    - ``rising``: share of events with polarity 0, None where the channels are no fingertips'
-    - ``binned``: what reading left out, None where it took everything as it is
+    ``labels``: recordings of each class. ``rate_hz_per_channel`` is None where the width of a bin is not known,
+    ``polarity`` where the channels are no fingertips', ``binning``, what reading left out, where it took everything as
+    it is.
     """
 
     source: str
@@ -51,42 +78,19 @@ class EventStatistics:
     channels: int
     step_seconds: float | None
     labels: dict[int, int] | None
-    all_events: int
-    empty: int
-    events: Spread
-    share: float
-    rate_hz: float | None
-    silent_start_steps: Spread
-    silent_end_steps: Spread
-    silent_steps: float
-    rising: float | None
-    busiest: tuple[Channel, ...]
-    dead: tuple[int, ...]
-    binned: Binned | None
+    events: Events
+    rate_hz_per_channel: float | None
+    silence: Silence
+    polarity: Polarity | None
+    busiest_channels: tuple[Channel, ...]
+    dead_channels: tuple[int, ...]
+    binning: Binned | None
 
     def document(self) -> dict[str, Any]:
         """Return the figures as plain values, for JSON."""
-        return {
-            "schema": "locsnn-events/1",
-            "source": self.source,
-            "recordings": self.recordings,
-            "steps": self.steps,
-            "channels": self.channels,
-            "step_seconds": self.step_seconds,
-            "labels": self.labels and {str(label): count for label, count in self.labels.items()},
-            "events": {"all": self.all_events, "per_recording": vars(self.events), "share_of_bins": self.share},
-            "rate_hz_per_channel": self.rate_hz,
-            "silence": {
-                "empty_recordings": self.empty,
-                "start_steps": vars(self.silent_start_steps),
-                "end_steps": vars(self.silent_end_steps),
-                "share_of_steps": self.silent_steps,
-            },
-            "polarity": None if self.rising is None else {"rising": self.rising, "falling": 1 - self.rising},
-            "busiest_channels": [vars(channel) for channel in self.busiest],
-            "dead_channels": list(self.dead),
-            **({} if self.binned is None else {"binning": self.binned.document()}),
-        }
+        held = {"schema": "locsnn-events/1", **asdict(self)}
+        binning = held.pop("binning")
+        return held if self.binning is None else held | {"binning": binning | {"dropped": self.binning.dropped}}
 
 
 def event_statistics(recordings: Recordings) -> EventStatistics:
@@ -100,6 +104,7 @@ def event_statistics(recordings: Recordings) -> EventStatistics:
     total, width = int(by_recording.sum()), recordings.step_seconds
     order = np.argsort(-by_channel, kind="stable")[:BUSIEST].tolist()
     of_sensor = channels % (TAXELS * POLARITIES) == 0
+    rising = float(by_channel[::POLARITIES].sum() / total) if of_sensor and total else None
     return EventStatistics(
         source=recordings.source,
         recordings=samples,
@@ -107,22 +112,22 @@ def event_statistics(recordings: Recordings) -> EventStatistics:
         channels=channels,
         step_seconds=width,
         labels=None if recordings.labels is None else _counts(recordings.labels),
-        all_events=total,
-        empty=int((by_recording == 0).sum()),
-        events=_spread(by_recording),
-        share=total / spikes.size,
-        rate_hz=None if width is None else total / (samples * channels * steps * width),
-        silent_start_steps=_spread(heard.argmax(axis=1)),
-        silent_end_steps=_spread(np.flip(heard, axis=1).argmax(axis=1)),
-        silent_steps=float(1 - active.mean()),
-        rising=float(by_channel[::POLARITIES].sum() / total) if of_sensor and total else None,
-        busiest=tuple(
+        events=Events(total, _spread(by_recording), total / spikes.size),
+        rate_hz_per_channel=None if width is None else total / (samples * channels * steps * width),
+        silence=Silence(
+            empty_recordings=int((by_recording == 0).sum()),
+            start_steps=_spread(heard.argmax(axis=1)),
+            end_steps=_spread(np.flip(heard, axis=1).argmax(axis=1)),
+            share_of_steps=float(1 - active.mean()),
+        ),
+        polarity=None if rising is None else Polarity(rising, 1 - rising),
+        busiest_channels=tuple(
             Channel(channel, channel_place(channel) if of_sensor else "", int(by_channel[channel]))
             for channel in order
             if by_channel[channel]
         ),
-        dead=tuple(np.flatnonzero(by_channel == 0).tolist()),
-        binned=recordings.binned,
+        dead_channels=tuple(np.flatnonzero(by_channel == 0).tolist()),
+        binning=recordings.binned,
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from locsnn_compile.data.event_stream import MAX_EVENTS, EventStream
 from locsnn_compile.data.slayer_events import EVENT_BYTES, parse_slayer_events
 from locsnn_compile.data.tact import parse_tact
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import check_most
 
 EVENT_SUFFIXES = (".tact", ".bs1", ".bs2")
 #: Largest text of one recording: about 600,000 events.
@@ -15,10 +15,8 @@ MAX_TEXT_BYTES = 10_000_000
 def parse_events(data: bytes, suffix: str, where: str, startend: bytes | None, startend_where: str) -> EventStream:
     """Return the events of a file's bytes; ``startend`` are those of the file beside a ``.tact``, None without one."""
     limit = MAX_TEXT_BYTES if suffix == ".tact" else MAX_EVENTS * EVENT_BYTES
-    if max(len(data), len(startend or b"")) > limit:
-        raise InputError(
-            where, "it is too large", measured=f"{len(data)} bytes against {limit}", fix="Give one recording."
-        )
+    length = max(len(data), len(startend or b""))
+    check_most(length, limit, where, "it is too large", unit="bytes", fix="Give one recording.")
     if suffix == ".tact":
         return parse_tact(data, where, startend, startend_where)
     return parse_slayer_events(data, suffix, where)

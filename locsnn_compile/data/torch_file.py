@@ -10,7 +10,7 @@ import zipfile
 from pathlib import Path
 
 from hw_model.io.zip_directory import check_directory
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, check_most
 
 #: Largest file accepted, in bytes, packed and unpacked.
 MAX_FILE_BYTES = 1_000_000_000
@@ -23,14 +23,8 @@ def read_bytes(path: Path, where: str) -> bytes:
         if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):
             # A pipe may never come to an end.
             raise InputError(where, "it is no plain file", fix="Write it to a file first.")
-        size = found.st_size
-        if size > MAX_FILE_BYTES:
-            raise InputError(
-                where,
-                "it is too large",
-                measured=f"{size} bytes against {MAX_FILE_BYTES}",
-                fix="Give a smaller file.",
-            )
+        fix = "Give a smaller file."
+        check_most(found.st_size, MAX_FILE_BYTES, where, "it is too large", unit="bytes", fix=fix)
         return path.read_bytes()
     except OSError as error:
         raise InputError(where, "it cannot be read", measured=error.strerror or "", fix="Check the path.") from None

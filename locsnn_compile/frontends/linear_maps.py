@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, check_most
 
 Shape = tuple[int, ...]
 Ints = tuple[int, ...]
@@ -22,10 +22,7 @@ MAX_ENTRIES = 10_000_000
 
 def check_entries(entries: int, where: str) -> None:
     """Refuse a layer of more connections than are ever expanded."""
-    if entries > MAX_ENTRIES:
-        raise InputError(
-            where, "too many connections", measured=f"{entries} against {MAX_ENTRIES}", fix="Give a smaller layer."
-        )
+    check_most(entries, MAX_ENTRIES, where, "too many connections", fix="Give a smaller layer.")
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from locsnn_compile.data.torch_file import read_bytes
-from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.errors import InputError, check_most, did_you_mean
 from locsnn_compile.network.neurons import SrmAlpha
 
 MAX_CONFIG_BYTES = 200_000
@@ -69,13 +69,7 @@ def read_config(path: Path) -> SlayerConfig:
 
     where = f"config {path.name!r}"
     data = read_bytes(path, where)
-    if len(data) > MAX_CONFIG_BYTES:
-        raise InputError(
-            where,
-            "it is too large",
-            measured=f"{len(data)} bytes against {MAX_CONFIG_BYTES}",
-            fix="Give the YAML alone.",
-        )
+    check_most(len(data), MAX_CONFIG_BYTES, where, "it is too large", unit="bytes", fix="Give the YAML alone.")
     try:
         values = load_yaml(data, where)
     except (yaml.YAMLError, ValueError):

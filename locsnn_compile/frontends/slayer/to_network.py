@@ -23,7 +23,7 @@ import numpy as np
 from hw_model.mapping.graph import Axis, Readout
 from locsnn_compile.data.sensor import channel_walk, parse_location_order
 from locsnn_compile.data.torch_file import load_plain, read_bytes
-from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.errors import InputError, check_most, did_you_mean
 from locsnn_compile.frontends.slayer.config import DEFAULT_ORDER, LoihiNeuron, SlayerConfig, read_config
 from locsnn_compile.frontends.slayer.kernels import check_kernels, cut
 from locsnn_compile.frontends.slayer.layers import dense_layer, listed_layers
@@ -217,11 +217,9 @@ def _tensors(held: object, where: str) -> dict[str, Any]:
             raise InputError(
                 f"{where}, entry {key!r}", "it is no dense float tensor", measured=f"{tensor.dtype}", fix=_FIX
             )
-        if tensor.numel() > MAX_WEIGHTS:
-            raise InputError(
-                f"{where}, entry {key!r}", "too many weights", measured=f"{tensor.numel()} against {MAX_WEIGHTS}",
-                fix="Give a smaller layer.",
-            )  # fmt: skip
+        check_most(
+            tensor.numel(), MAX_WEIGHTS, f"{where}, entry {key!r}", "too many weights", fix="Give a smaller layer."
+        )
         array = tensor.detach().double().numpy()
         if not np.isfinite(array).all():
             raise InputError(f"{where}, entry {key!r}", "a weight is not a finite number", fix="Train again.")
