@@ -9,6 +9,7 @@ from collections.abc import Iterable
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.distance import cdist
 
 from locsnn_compile.data.sensor import TAXEL_COORDINATES_MM, TAXELS
 from locsnn_compile.errors import InputError, did_you_mean
@@ -48,9 +49,7 @@ def taxel_graph(kind: str, *, neighbours: int, nearer_mm: float) -> Edges:
 
 def _distances_mm() -> npt.NDArray[np.float64]:
     """Return all distances (taxels, taxels), rounded so that equal ones compare as equal."""
-    points = np.array(TAXEL_COORDINATES_MM)
-    apart = points[:, np.newaxis] - points
-    distance: npt.NDArray[np.float64] = np.sqrt((apart**2).sum(axis=2)).round(9)
+    distance: npt.NDArray[np.float64] = cdist(TAXEL_COORDINATES_MM, TAXEL_COORDINATES_MM).round(9)
     return distance
 
 

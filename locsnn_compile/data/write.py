@@ -49,40 +49,40 @@ def write_recordings(
     and where the file cannot be written.
     """
     path = Path(path)
-    where = f"file {path.name!r}"
-    _check_kinds(where, path.suffix, members)
-    if path.suffix in ("", ".zip"):
-        files = _member_files(recordings, members, where)
-        if path.suffix == ".zip":
-            replace_file(path, _zip(files), where)
-        else:
-            _write_folder(path, files)
-        return _not_held(recordings, members, startend=True)
-    kind = "events" if structured and path.suffix in (".npy", ".npz") else path.suffix[1:]
-    if path.suffix in (".npz", ".pt") and kind != "events":
-        entries = _entries(recordings)
-        content = pack_arrays(entries, compressed=False) if kind == "npz" else _torch_bytes(entries)
-        replace_file(path, content, where)
-        return NotHeld({})
-    _check_label(path, recordings, where)
-    if path.suffix == ".npz":
-        replace_file(path, _structured_npz(recordings, where), where)
-        return _not_held(recordings, kind, width_held=True)
-    if path.suffix == ".npy" and kind == "npy":
-        replace_file(path, _npy(_channel_major(recordings.spikes)), where)
-        return _not_held(recordings, kind)
-    files = _one_file(recordings, 0, kind, path.stem, where)
-    if kind == "tact":
-        _check_starts_at_once(recordings, where)
-    replace_file(path, files[path.name], where)
-    return _not_held(recordings, kind)
-
-
-def _check_kinds(where: str, suffix: str, members: str) -> None:
+    where, suffix = f"file {path.name!r}", path.suffix
     if suffix and suffix not in SUFFIXES:
         raise InputError(where, f"files ending in {suffix!r} are not written", fix=did_you_mean(suffix, SUFFIXES))
     if members not in MEMBER_KINDS:
         raise InputError("members", f"{members!r} is not known", fix=did_you_mean(members, MEMBER_KINDS))
+    if suffix in ("", ".zip"):
+        files = _member_files(recordings, members, where)
+        if suffix == ".zip":
+            replace_file(path, _zip(files), where)
+        else:
+            _write_folder(path, files)
+        return _not_held(recordings, members, startend=True)
+    kind = "events" if structured and suffix in (".npy", ".npz") else suffix[1:]
+    replace_file(path, _content(path, recordings, kind, where), where)
+    return NotHeld({}) if kind in ("npz", "pt") else _not_held(recordings, kind, width_held=suffix == ".npz")
+
+
+def _content(path: Path, recordings: Recordings, kind: str, where: str) -> bytes:
+    """Return the bytes of a single file."""
+    if kind not in ("npz", "pt"):
+        _check_label(path, recordings, where)
+    if path.suffix in (".npz", ".pt"):
+        entries = _entries(recordings, kind, where)
+        return _torch_bytes(entries) if kind == "pt" else pack_arrays(entries, compressed=False)
+    if kind == "npy":
+        return _npy(_channel_major(recordings.spikes))
+    content = _one_file(recordings, 0, kind, path.stem, where)[path.name]
+    if kind == "tact" and not recordings.spikes[0, 0].any():
+        raise InputError(
+            where,
+            "its first steps are silent, and without a .startend file a recording begins with its first event",
+            fix="Write a folder or .zip with members tact.",
+        )
+    return content
 
 
 def _check_label(path: Path, recordings: Recordings, where: str) -> None:
@@ -106,12 +106,18 @@ def _check_label(path: Path, recordings: Recordings, where: str) -> None:
         )
 
 
-def _entries(recordings: Recordings) -> dict[str, NDArray[Any]]:
-    entries: dict[str, NDArray[Any]] = {"spikes": _channel_major(recordings.spikes)}
+def _entries(recordings: Recordings, kind: str, where: str) -> dict[str, NDArray[Any]]:
+    """Return the arrays of a file that holds several, by name."""
+    entries: dict[str, NDArray[Any]] = {}
+    seconds = recordings.step_seconds
+    if kind == "events":
+        entries["events"], seconds = _structured(recordings, 0, where), _width(recordings)
+    else:
+        entries["spikes"] = _channel_major(recordings.spikes)
     if recordings.labels is not None:
         entries["labels"] = recordings.labels
-    if recordings.step_seconds is not None:
-        entries["step_seconds"] = np.array(recordings.step_seconds, dtype=np.float64)
+    if seconds is not None:
+        entries["step_seconds"] = np.array(seconds, dtype=np.float64)
     return entries
 
 
@@ -125,14 +131,6 @@ def _torch_bytes(entries: dict[str, NDArray[Any]]) -> bytes:
     content = io.BytesIO()
     torch.save({name: torch.tensor(entry) for name, entry in entries.items()}, content)
     return content.getvalue()
-
-
-def _structured_npz(recordings: Recordings, where: str) -> bytes:
-    entries: dict[str, NDArray[Any]] = {"events": _structured(recordings, 0, where)}
-    if recordings.labels is not None:
-        entries["labels"] = recordings.labels
-    entries["step_seconds"] = np.array(_width(recordings), dtype=np.float64)
-    return pack_arrays(entries, compressed=False)
 
 
 def _npy(array: NDArray[Any]) -> bytes:
@@ -151,8 +149,7 @@ def _width(recordings: Recordings) -> float:
 
 
 def _structured(recordings: Recordings, index: int, where: str) -> NDArray[np.void]:
-    times, cell, polarity = _timed(recordings, index, where)
-    return structured_events(times, cell, polarity)
+    return structured_events(*_timed(recordings, index, where))
 
 
 def _timed(
@@ -198,15 +195,6 @@ def _tact_files(recordings: Recordings, index: int, stem: str, where: str) -> di
     return {f"{stem}.tact": tact_text(spikes, _width(recordings)), f"{stem}.startend": b"grasping 0\n"}
 
 
-def _check_starts_at_once(recordings: Recordings, where: str) -> None:
-    if not recordings.spikes[0, 0].any():
-        raise InputError(
-            where,
-            "its first steps are silent, and without a .startend file a recording begins with its first event",
-            fix="Write a folder or .zip with members tact.",
-        )
-
-
 def _member_files(recordings: Recordings, kind: str, where: str) -> dict[str, bytes]:
     digits = len(str(len(recordings) - 1))
     files: dict[str, bytes] = {}
@@ -236,31 +224,19 @@ def _write_folder(path: Path, files: dict[str, bytes]) -> None:
 def _not_held(recordings: Recordings, kind: str, *, width_held: bool = False, startend: bool = False) -> NotHeld:
     """Return what a file of this kind leaves open: what would be read otherwise without it."""
     _, steps, channels = recordings.spikes.shape
-    width = _width(recordings)
-    options: dict[str, int | float] = {}
-    if recordings.step_seconds is not None and not width_held and (kind == "npy" or width != STEP_SECONDS):
-        options["step_seconds"] = recordings.step_seconds
-    if kind == "npy":
-        return NotHeld(options)
-    active_channels = int(np.flatnonzero(recordings.spikes.any(axis=(0, 1))).max(initial=-1)) + 1
-    active_steps = int(np.flatnonzero(recordings.spikes.any(axis=(0, 2))).max(initial=-1)) + 1
+    width, polarities = _width(recordings), _polarities(recordings)
+    active: NDArray[np.bool_] = np.any(recordings.spikes, axis=0)
+    read_steps, used = (int(np.flatnonzero(active.any(axis=axis)).max(initial=-1)) + 1 for axis in (1, 0))
+    read_channels = -(-used // polarities) * polarities
     if kind == "tact":
-        if channels != CHANNELS:
-            options["channels"] = channels
-        if steps != (round(GRASP_SECONDS / width) if startend else active_steps):
-            options["steps"] = steps
-        return NotHeld(options)
-    if -(-active_channels // _polarities(recordings)) * _polarities(recordings) != channels:
-        options["channels"] = channels
-    if active_steps != steps:
-        options["steps"] = steps
-    if _polarities(recordings) == 2 and not recordings.spikes[:, :, 1::2].any():
-        options["polarities"] = 2
-    if kind == "bs2" and channels > COLUMNS * _polarities(recordings) and not _last_column_active(recordings):
-        options["columns"] = COLUMNS
-    return NotHeld(options)
-
-
-def _last_column_active(recordings: Recordings) -> bool:
-    cells = np.flatnonzero(recordings.spikes.any(axis=(0, 1))) // _polarities(recordings)
-    return bool((cells % COLUMNS == COLUMNS - 1).any())
+        read_channels = CHANNELS
+        read_steps = round(GRASP_SECONDS / width) if startend else read_steps
+    last_column = active.any(axis=0).reshape(-1, polarities)[COLUMNS - 1 :: COLUMNS]
+    rows = (
+        ("step_seconds", recordings.step_seconds, not width_held and (kind == "npy" or width != STEP_SECONDS)),
+        ("channels", channels, kind != "npy" and read_channels != channels),
+        ("steps", steps, kind != "npy" and read_steps != steps),
+        ("polarities", 2, kind not in ("npy", "tact") and polarities == 2 and not active[:, 1::2].any()),
+        ("columns", COLUMNS, kind == "bs2" and channels > COLUMNS * polarities and not last_column.any()),
+    )
+    return NotHeld({name: value for name, value, needed in rows if needed and value is not None})

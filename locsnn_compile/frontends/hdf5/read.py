@@ -44,7 +44,7 @@ class Group:
         return Group(found, where or self.where, self._budget)
 
     def array(self, name: str, *, infinite: bool = False) -> npt.NDArray[Any]:
-        """Return a dataset of numbers, integers as int64 and others as float64; ``infinite`` ones only if allowed."""
+        """Return a dataset of numbers, read-only, int64 or float64; ``infinite`` ones only if allowed."""
         found = self._dataset(name)
         if found.dtype.kind not in "biuf":
             raise InputError(self.where, f"{name!r} is not made of numbers", measured=f"{found.dtype}", fix=_WHOLE)
@@ -53,10 +53,17 @@ class Group:
             wide = values.astype(np.float64)
             if np.isnan(wide).any() or (not infinite and np.isinf(wide).any()):
                 raise InputError(self.where, f"{name!r} holds what is no finite number", fix="Train or export again.")
+            wide.setflags(write=False)
             return wide
         if values.dtype.kind == "u" and values.size and int(values.max()) > 2**62:
             raise InputError(self.where, f"{name!r} is too large", measured=f"{values.max()}", fix=_WHOLE)
-        return values.astype(np.int64)
+        whole = values.astype(np.int64)
+        whole.setflags(write=False)
+        return whole
+
+    def value(self, name: str) -> npt.NDArray[Any] | str:
+        """Return a dataset of text or of numbers."""
+        return self.text(name) if self.is_text(name) else self.array(name)
 
     def number(self, name: str) -> float:
         """Return a dataset of exactly one number."""

@@ -89,10 +89,6 @@ def _values(group: Group, prefix: str) -> dict[str, Array | str]:
     for name in group.names():
         if not prefix and name in ("neuron", "weight") and group.is_group(name):
             found |= _values(group.group(name, f"{group.where}, {name}"), f"{name}/")
-        elif group.is_text(name):
-            found[prefix + name] = group.text(name)
         else:
-            values = np.array(group.array(name))
-            values.setflags(write=False)
-            found[prefix + name] = values
+            found[prefix + name] = group.value(name)
     return found

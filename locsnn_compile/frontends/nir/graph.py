@@ -7,12 +7,12 @@ takes every size on trust.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import numpy.typing as npt
 
 from locsnn_compile.errors import InputError, did_you_mean
@@ -32,28 +32,20 @@ PARAMETERS: Mapping[str, tuple[str, ...]] = {
     "Scale": ("scale",),
     "Threshold": ("threshold",),
     "Delay": ("delay",),
-    "Flatten": ("start_dim", "end_dim"),
-    "Conv1d": ("weight", "stride", "padding", "dilation", "groups", "bias"),
-    "Conv2d": ("weight", "stride", "padding", "dilation", "groups", "bias"),
+    "Flatten": ("start_dim", "end_dim", "input_type"),
+    "Conv1d": ("weight", "stride", "padding", "dilation", "groups", "bias", "input_shape"),
+    "Conv2d": ("weight", "stride", "padding", "dilation", "groups", "bias", "input_shape"),
     "SumPool2d": ("kernel_size", "stride", "padding"),
     "AvgPool2d": ("kernel_size", "stride", "padding"),
     "I": ("r",),
-    "IF": ("r", "v_threshold"),
+    "IF": ("r", "v_threshold", "v_reset"),
     "LI": ("tau", "r", "v_leak"),
-    "LIF": ("tau", "r", "v_leak", "v_threshold"),
-    "CubaLI": ("tau_syn", "tau_mem", "r", "v_leak"),
-    "CubaLIF": ("tau_syn", "tau_mem", "r", "v_leak", "v_threshold"),
+    "LIF": ("tau", "r", "v_leak", "v_threshold", "v_reset"),
+    "CubaLI": ("tau_syn", "tau_mem", "r", "v_leak", "w_in"),
+    "CubaLIF": ("tau_syn", "tau_mem", "r", "v_leak", "v_threshold", "v_reset", "w_in"),
 }
-"""The primitives and what each must hold."""
-OPTIONAL: Mapping[str, tuple[str, ...]] = {
-    "Flatten": ("input_type",),
-    "Conv1d": ("input_shape",),
-    "Conv2d": ("input_shape",),
-    "IF": ("v_reset",),
-    "LIF": ("v_reset",),
-    "CubaLI": ("w_in",),
-    "CubaLIF": ("v_reset", "w_in"),
-}
+"""The primitives and what each holds."""
+OPTIONAL = ("input_type", "input_shape", "v_reset", "w_in")
 """What may be missing: files of older versions lack ``v_reset``, which is then 0, and ``w_in``, which is then 1."""
 
 UNBOUNDED = ("tau", "tau_mem", "r")
@@ -86,8 +78,6 @@ class NirGraph:
 def read_nir(path: Path, where: str) -> tuple[NirGraph, bytes]:
     """Return the graph of a file, and the file's bytes; ``InputError`` for what is no NIR graph."""
     with open_hdf5(path, where) as (root, data):
-        if "node" not in root:
-            raise InputError(where, "it holds no NIR graph", fix="Write it with nir.write(path, graph).")
         top = root.group("node")
         kind = top.text("type")
         if kind != "NIRGraph":
@@ -120,10 +110,8 @@ def _metadata(group: Group) -> dict[str, Array | str]:
         return {}
     held, found = group.group("metadata"), dict[str, Array | str]()
     for name in held.names():
-        try:
-            found[name] = held.text(name) if held.is_text(name) else held.array(name)
-        except InputError:
-            continue
+        with contextlib.suppress(InputError):
+            found[name] = held.value(name)
     return found
 
 
@@ -137,21 +125,10 @@ def _read_node(group: Group, where: str, depth: int, seen: list[int]) -> NirNode
         return _read_graph(group, where, depth + 1, seen)
     if kind not in PARAMETERS:
         raise InputError(where, f"{kind[:60]!r} is no NIR primitive", fix=did_you_mean(kind[:60], PARAMETERS))
-    parameters: dict[str, Array | str] = {}
-    for name in PARAMETERS[kind]:
-        parameters[name] = _parameter(group, name)
-    for name in OPTIONAL.get(kind, ()):
-        # Some versions write the input's type as a group; its order is all that the weights behind it need.
-        if name in group and not (name == "input_type" and group.is_group(name)):
-            parameters[name] = _parameter(group, name)
-    return NirNode(kind, parameters)
+    # Some versions write the input's type as a group; its order is all that the weights behind it need.
+    left_out = [name for name in OPTIONAL if name not in group or (name == "input_type" and group.is_group(name))]
+    return NirNode(kind, {name: _parameter(group, name) for name in PARAMETERS[kind] if name not in left_out})
 
 
 def _parameter(group: Group, name: str) -> Array | str:
-    if name == "padding" and group.is_text(name):
-        return group.text(name)
-    values = group.array(name, infinite=name in UNBOUNDED)
-    # A copy that nobody can write to: the graph goes out again as it came in.
-    values = np.array(values)
-    values.setflags(write=False)
-    return values
+    return group.value(name) if name == "padding" else group.array(name, infinite=name in UNBOUNDED)
