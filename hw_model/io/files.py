@@ -55,13 +55,22 @@ def check_file(path: Path, where: str) -> None:
 
 def pack_arrays(arrays: Mapping[str, npt.NDArray[Any]], *, compressed: bool) -> bytes:
     """Return an ``.npz`` without time stamps. Compressed bytes also depend on the build of zlib."""
-    method = zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
+    return pack_files({f"{name}.npy": npy_bytes(array) for name, array in arrays.items()}, compressed=compressed)
+
+
+def npy_bytes(array: npt.NDArray[Any]) -> bytes:
+    """Return the bytes of a ``.npy`` file."""
+    content = io.BytesIO()
+    np.lib.format.write_array(content, np.asarray(array, order="C"), version=(1, 0), allow_pickle=False)
+    return content.getvalue()
+
+
+def pack_files(files: Mapping[str, bytes], *, compressed: bool) -> bytes:
+    """Return a zip archive without time stamps."""
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w") as archive:
-        for name, array in arrays.items():
-            member = io.BytesIO()
-            np.lib.format.write_array(member, np.asarray(array, order="C"), version=(1, 0), allow_pickle=False)
-            entry = zipfile.ZipInfo(f"{name}.npy", date_time=(1980, 1, 1, 0, 0, 0))
-            entry.compress_type = method
-            archive.writestr(entry, member.getvalue())
+        for name, content in files.items():
+            entry = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
+            entry.compress_type = zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
+            archive.writestr(entry, content)
     return packed.getvalue()

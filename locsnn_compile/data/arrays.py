@@ -124,30 +124,22 @@ def _torch_entries(data: bytes, where: str) -> dict[str, NDArray[Any]]:
         elif name in _BESIDE and isinstance(entry, int | float | list):
             entries[str(name)] = _plain_array(entry, where, str(name))
         elif entry is not None:
-            raise InputError(
-                where,
-                f"its entry {str(name)[:40]!r} is no array",
-                measured=type(entry).__name__,
-                fix="Give the recordings as one tensor.",
-            )
+            raise _no_array(where, str(name)[:40], type(entry).__name__, "Give the recordings as one tensor.")
     return entries
 
 
 def _tensor_array(tensor: torch.Tensor, where: str, name: str) -> NDArray[Any]:
     if str(tensor.layout) != "torch.strided" or tensor.device.type != "cpu":
-        raise InputError(
-            where,
-            f"its entry {name!r} is no array",
-            measured=f"{tensor.layout} on {tensor.device.type}",
-            fix="Give a dense tensor.",
-        )
+        raise _no_array(where, name, f"{tensor.layout} on {tensor.device.type}", "Give a dense tensor.")
     try:
         array: NDArray[Any] = tensor.detach().resolve_conj().numpy()
         return array
     except (TypeError, RuntimeError):
-        raise InputError(
-            where, f"its entry {name!r} is no array", measured=str(tensor.dtype), fix="Give uint8."
-        ) from None
+        raise _no_array(where, name, str(tensor.dtype), "Give uint8.") from None
+
+
+def _no_array(where: str, name: str, measured: str, fix: str) -> InputError:
+    return InputError(where, f"its entry {name!r} is no array", measured=measured, fix=fix)
 
 
 def _plain_array(entry: object, where: str, name: str) -> NDArray[Any]:

@@ -43,16 +43,13 @@ LOCATION_ORDERS: dict[str, tuple[int, ...]] = {
 }
 
 
-def parse_location_order(text: str, taxels: int = TAXELS) -> tuple[str, tuple[int, ...]]:
+def parse_location_order(text: str) -> tuple[str, tuple[int, ...]]:
     """Return (name, 1-based taxel numbers) of ``arch``, ``loop``, ``whorl`` or a comma list, named
     ``custom``.
 
-    Raises ``InputError`` for an unknown name and for a list that is no permutation of 1..``taxels``.
+    Raises ``InputError`` for an unknown name and for a list that is no permutation of the taxels.
     """
-    if text == "loop":
-        return text, tuple(range(1, taxels + 1))
     if text in LOCATION_ORDERS:
-        check_location_taxels(LOCATION_ORDERS[text], taxels)
         return text, LOCATION_ORDERS[text]
     if "," not in text:
         raise InputError("location order", f"{text!r} is not known", fix=did_you_mean(text, LOCATION_ORDERS))
@@ -63,10 +60,10 @@ def parse_location_order(text: str, taxels: int = TAXELS) -> tuple[str, tuple[in
                 "location order",
                 f"entry {len(order) + 1} is not a taxel number",
                 measured=f"got {entry.strip()!r}",
-                fix=f"Give the taxels 1 to {taxels} separated by commas.",
+                fix=f"Give the taxels 1 to {TAXELS} separated by commas.",
             )
         order.append(int(entry))
-    check_location_taxels(order, taxels)
+    check_location_taxels(order, TAXELS)
     return "custom", tuple(order)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw_model.io.build_folder import check_folder, write_build
-from hw_model.io.files import pack_arrays, replace_file
+from hw_model.io.files import npy_bytes, pack_arrays, pack_files, replace_file
 from locsnn_compile.data.arrays import label_in_name
 from locsnn_compile.data.event_stream import STEP_SECONDS, recording_events
 from locsnn_compile.data.recordings import Recordings
@@ -57,7 +56,7 @@ def write_recordings(
     if suffix in ("", ".zip"):
         files = _member_files(recordings, members, where)
         if suffix == ".zip":
-            replace_file(path, _zip(files), where)
+            replace_file(path, pack_files(files, compressed=False), where)
         else:
             _write_folder(path, files)
         return _not_held(recordings, members, startend=True)
@@ -74,7 +73,7 @@ def _content(path: Path, recordings: Recordings, kind: str, where: str) -> bytes
         entries = _entries(recordings, kind, where)
         return _torch_bytes(entries) if kind == "pt" else pack_arrays(entries, compressed=False)
     if kind == "npy":
-        return _npy(_channel_major(recordings.spikes))
+        return npy_bytes(_channel_major(recordings.spikes))
     content = _one_file(recordings, 0, kind, path.stem, where)[path.name]
     if kind == "tact" and not recordings.spikes[0, 0].any():
         raise InputError(
@@ -133,12 +132,6 @@ def _torch_bytes(entries: dict[str, NDArray[Any]]) -> bytes:
     return content.getvalue()
 
 
-def _npy(array: NDArray[Any]) -> bytes:
-    content = io.BytesIO()
-    np.lib.format.write_array(content, array, version=(1, 0), allow_pickle=False)
-    return content.getvalue()
-
-
 def _polarities(recordings: Recordings) -> int:
     """Return the polarities of a cell: those of the sensor, where there are channels of whole fingertips."""
     return POLARITIES if recordings.spikes.shape[2] % (TAXELS * POLARITIES) == 0 else 1
@@ -170,9 +163,9 @@ def _one_file(recordings: Recordings, index: int, kind: str, stem: str, where: s
     """Return the files of one recording by name."""
     spikes = recordings.spikes[index]
     if kind == "npy":
-        return {f"{stem}.npy": _npy(_channel_major(spikes))}
+        return {f"{stem}.npy": npy_bytes(_channel_major(spikes))}
     if kind == "events":
-        return {f"{stem}.npy": _npy(_structured(recordings, index, where))}
+        return {f"{stem}.npy": npy_bytes(_structured(recordings, index, where))}
     if kind == "tact":
         return _tact_files(recordings, index, stem, where)
     times, cell, polarity = _timed(recordings, index, where)
@@ -202,14 +195,6 @@ def _member_files(recordings: Recordings, kind: str, where: str) -> dict[str, by
         label = "" if recordings.labels is None else f"_label_{recordings.labels[index]}"
         files |= _one_file(recordings, index, kind, f"sample_{index:0{digits}}{label}", where)
     return files
-
-
-def _zip(files: dict[str, bytes]) -> bytes:
-    packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w") as archive:
-        for name, content in files.items():
-            archive.writestr(zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0)), content)
-    return packed.getvalue()
 
 
 def _write_folder(path: Path, files: dict[str, bytes]) -> None:

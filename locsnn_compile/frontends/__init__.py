@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 
 from hw_model.io.given import checked
@@ -11,6 +10,16 @@ from locsnn_compile.network.check import check_network
 from locsnn_compile.network.network import Network
 
 _FORMATS = "Give a checkpoint (.pt) that `locsnn train` wrote, a NIR graph (.nir), or a lava-dl network (.net)."
+
+_SLAYER, _CHECKPOINT = "a slayerPytorch checkpoint", "a checkpoint"
+_NIR, _LAVA_DL = "a NIR graph", "a lava-dl network"
+_OPTIONS = {
+    _SLAYER: ("config", "kernels"),
+    _CHECKPOINT: (),
+    _NIR: ("dt", "reset", "discretisation"),
+    _LAVA_DL: (),
+}
+"""The options of each kind; a file of another kind says these itself."""
 
 
 @checked
@@ -34,52 +43,45 @@ def load(
     executed.
     """
     path = Path(model)
-    network = _load(path, config, dt, reset, discretisation, kernels)
+    where = f"model {path.name!r}"
+    kind = _kind(path, where, described=config is not None)
+    given = {"config": config, "dt": dt, "reset": reset, "discretisation": discretisation, "kernels": kernels}
+    for name, value in given.items():
+        if value is not None and name not in _OPTIONS[kind]:
+            raise InputError(where, f"{name} was given, but {kind} says this itself", fix=f"Leave {name} out.")
+    if kind == _SLAYER:
+        from locsnn_compile.frontends.slayer.to_network import load_slayer
+
+        assert config is not None  # else it is no checkpoint of slayerPytorch
+        network = load_slayer(path, Path(config), kernels)
+    elif kind == _CHECKPOINT:
+        from locsnn_compile.frontends.checkpoint import load_checkpoint
+
+        network = load_checkpoint(path)
+    elif kind == _NIR:
+        from locsnn_compile.frontends.nir.to_network import load_nir
+
+        network = load_nir(path, dt, reset, discretisation)
+    else:
+        from locsnn_compile.frontends.lava_dl.to_network import load_lava_dl
+
+        network = load_lava_dl(path)
     check_network(network)
     return network
 
 
-def _load(
-    path: Path,
-    config: str | Path | None,
-    dt: float | None,
-    reset: str | None,
-    discretisation: str | None,
-    kernels: str | None,
-) -> Network:
-    where = f"model {path.name!r}"
-    given = {"config": config, "dt": dt, "reset": reset, "discretisation": discretisation, "kernels": kernels}
-    if path.suffix in (".pt", ".pth") and config is not None:
-        _refuse({"dt": dt, "reset": reset, "discretisation": discretisation}, where, "a slayerPytorch checkpoint")
-        from locsnn_compile.frontends.slayer.to_network import load_slayer
-
-        return load_slayer(path, Path(config), kernels)
+def _kind(path: Path, where: str, *, described: bool) -> str:
+    """Return which of the kinds a file is, by its ending, by whether a description is given, and by what it holds."""
+    if path.suffix in (".pt", ".pth") and described:
+        return _SLAYER
     if path.suffix == ".pt":
-        _refuse(given, where, "a checkpoint")
-        from locsnn_compile.frontends.checkpoint import load_checkpoint
-
-        return load_checkpoint(path)
+        return _CHECKPOINT
     if path.suffix not in (".nir", ".net", ".h5", ".hdf5"):
         raise InputError(where, f"files ending in {path.suffix or 'nothing'!r} are not read", fix=_FORMATS)
     from locsnn_compile.frontends.hdf5.read import open_hdf5
 
     with open_hdf5(path, where) as (root, _):
-        held = root.names()
-    if "node" in held:
-        _refuse({"config": config, "kernels": kernels}, where, "a NIR graph")
-        from locsnn_compile.frontends.nir.to_network import load_nir
-
-        return load_nir(path, dt, reset, discretisation)
-    if "layer" in held:
-        _refuse(given, where, "a lava-dl network")
-        from locsnn_compile.frontends.lava_dl.to_network import load_lava_dl
-
-        return load_lava_dl(path)
-    raise InputError(where, "it holds neither a NIR graph nor a lava-dl network", fix=_FORMATS)
-
-
-def _refuse(given: Mapping[str, object], where: str, kind: str) -> None:
-    """Refuse options that this kind of file answers itself."""
-    for name, value in given.items():
-        if value is not None:
-            raise InputError(where, f"{name} was given, but {kind} says this itself", fix=f"Leave {name} out.")
+        kind = next((kind for name, kind in (("node", _NIR), ("layer", _LAVA_DL)) if name in root), None)
+    if kind is None:
+        raise InputError(where, "it holds neither a NIR graph nor a lava-dl network", fix=_FORMATS)
+    return kind

@@ -65,13 +65,6 @@ class Group:
         """Return a dataset of text or of numbers."""
         return self.text(name) if self.is_text(name) else self.array(name)
 
-    def number(self, name: str) -> float:
-        """Return a dataset of exactly one number."""
-        values = self.array(name)
-        if values.size != 1:
-            raise InputError(self.where, f"{name!r} must be one number", measured=f"{values.shape}", fix=_WHOLE)
-        return float(values.reshape(-1)[0])
-
     def text(self, name: str) -> str:
         """Return a dataset of exactly one text."""
         found = self.texts(name)

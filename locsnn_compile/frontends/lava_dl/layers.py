@@ -35,7 +35,7 @@ class NetLayer:
             raise InputError(where, f"{name!r} is missing or no number", fix="Export it again with lava-dl.")
         if (values != np.rint(values)).any() or np.abs(values).max(initial=0) > 2**40:
             bad = values[(values != np.rint(values)) | (np.abs(values) > 2**40)].reshape(-1)[0]
-            raise InputError(where, f"{name!r} is not made of integers", measured=f"{bad:g}", fix="Export it again.")
+            raise export_again(where, f"{name!r} is not made of integers", f"{bad:g}")
         return np.asarray(values, dtype=np.int64)
 
     def one(self, name: str, where: str, default: int) -> int:
@@ -44,7 +44,7 @@ class NetLayer:
             return default
         values = self.whole(name, where).reshape(-1)
         if values.size == 0 or (values != values[0]).any():
-            raise InputError(where, f"{name!r} must be one number", measured=f"{values[:4]}", fix="Export it again.")
+            raise export_again(where, f"{name!r} must be one number", f"{values[:4]}")
         return int(values[0])
 
     def text(self, name: str) -> str:
@@ -61,20 +61,20 @@ class NetFile:
     simulation: Values
 
 
+def export_again(where: str, what: str, measured: str) -> InputError:
+    """Return the error of a file that lava-dl would not have written so."""
+    return InputError(where, what, measured=measured, fix="Export it again.")
+
+
 def read_net(path: Path, where: str) -> tuple[NetFile, bytes]:
     """Return the layers of a file, and the file's bytes; ``InputError`` for what is no lava-dl network."""
     with open_hdf5(path, where) as (root, data):
         held = root.group("layer")
         names = held.names()
         if not all(name.isascii() and name.isdecimal() and len(name) < 6 for name in names):
-            raise InputError(where, "its layers are not numbered", measured=f"{names[:4]}"[:80], fix="Export it again.")
+            raise export_again(where, "its layers are not numbered", f"{names[:4]}"[:80])
         if not 0 < len(names) <= MAX_LAYERS or sorted(int(name) for name in names) != list(range(len(names))):
-            raise InputError(
-                where,
-                "its layers are not numbered 0, 1, 2, ...",
-                measured=f"{len(names)} layers",
-                fix="Export it again.",
-            )
+            raise export_again(where, "its layers are not numbered 0, 1, 2, ...", f"{len(names)} layers")
         layers = []
         for name in sorted(names, key=int):
             place = f"{where}, layer {name}"

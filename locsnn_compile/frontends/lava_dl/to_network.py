@@ -20,7 +20,7 @@ from scipy import sparse
 from hw_model.arithmetic.fixed_point import DECAY_ONE, IntArray
 from hw_model.mapping.graph import Readout
 from locsnn_compile.errors import InputError
-from locsnn_compile.frontends.lava_dl.layers import NetFile, NetLayer, read_net
+from locsnn_compile.frontends.lava_dl.layers import NetFile, NetLayer, export_again, read_net
 from locsnn_compile.frontends.linear_maps import Ints, Shape, Window, check_entries, convolution, pooling
 from locsnn_compile.frontends.nir.flat import MAX_SIZE
 from locsnn_compile.frontends.synthetic_input import synthetic_recordings
@@ -135,9 +135,7 @@ def _add_neurons(built: _Built, layer: NetLayer, where: str) -> None:
         back = layer.whole("weight_rec", where)
         check_entries(back.size, where)
         if back.size != size * size:
-            raise InputError(
-                where, "weight_rec has the wrong size", measured=f"{back.shape} for {size}", fix="Export it again."
-            )
+            raise export_again(where, "weight_rec has the wrong size", f"{back.shape} for {size}")
         built.projections.append(_projection(name, name, matrix(back.reshape(size, size), np.int64), 0, where))
     built.source, built.shape = name, shape
 
@@ -162,17 +160,16 @@ def _weights(built: _Built, layer: NetLayer, where: str) -> tuple[Matrix, Shape,
         held = weight.reshape(size, -1) if weight.size and weight.size % size == 0 else weight
         source = held.shape[1] if held.ndim == 2 and held.shape[0] == size else -1
         if source < 1 or (built.shape is not None and math.prod(built.shape) != source):
-            raise InputError(
+            raise export_again(
                 where,
                 "its weight has the wrong shape",
-                measured=f"{weight.shape} for {size} neurons and an input of {built.shape}",
-                fix="Export it again.",
+                f"{weight.shape} for {size} neurons and an input of {built.shape}",
             )
         return matrix(held, np.int64), shape, source
     given = built.shape or _image_before(layer, weight.shape, shape, where)
     kernel = _kernel(layer, weight, where)
     if kernel.ndim != 4 or len(given) != 3:
-        raise InputError(where, "it is no layer of images", measured=f"weight {weight.shape}", fix="Export it again.")
+        raise export_again(where, "it is no layer of images", f"weight {weight.shape}")
     window, groups = Window(*_strides(layer, where)), layer.one("groups", where, 1)
     if layer.kind == "pool":
         fill = _fill(given, shape, window.stride)
@@ -215,7 +212,7 @@ def _image_before(layer: NetLayer, kernel: Shape, shape: Shape, where: str) -> S
         n - 1 + d * (k - 1) + 1 - 2 * p for n, d, k, p in zip(shape[1:], dilation, kernel[2:4], padding, strict=True)
     )
     if min(rows, columns) < 1:
-        raise InputError(where, "its padding is wider than its input", measured=f"{padding}", fix="Export it again.")
+        raise export_again(where, "its padding is wider than its input", f"{padding}")
     return (kernel[1] * layer.one("groups", where, 1), rows, columns)
 
 
@@ -228,9 +225,7 @@ def _pair(layer: NetLayer, name: str, where: str) -> tuple[int, int]:
         return (0, 0) if name == "padding" else (1, 1)
     values = layer.whole(name, where).reshape(-1)
     if values.size not in (1, 2):
-        raise InputError(
-            where, f"{name!r} must be one number or two", measured=f"{values.size}", fix="Export it again."
-        )
+        raise export_again(where, f"{name!r} must be one number or two", f"{values.size}")
     return int(values[0]), int(values[-1])
 
 
@@ -273,11 +268,8 @@ def _delay(layer: NetLayer, mantissa: Matrix, where: str) -> int | IntArray:
     if layer.kind == "conv" and delay.size == channels and rows % channels == 0:
         delay = np.repeat(delay, rows // channels)
     if delay.size not in (rows, columns):
-        raise InputError(
-            where,
-            "the delays have the wrong size",
-            measured=f"{delay.size} against {rows} outputs or {columns} inputs",
-            fix="Export it again.",
+        raise export_again(
+            where, "the delays have the wrong size", f"{delay.size} against {rows} outputs or {columns} inputs"
         )
     each = of_target(mantissa, delay) if delay.size == rows else of_source(mantissa, delay)
     spread: IntArray = np.broadcast_to(each, values_of(mantissa).shape).astype(np.int64)
@@ -304,9 +296,7 @@ def _neurons(layer: NetLayer, shape: Shape, where: str) -> ChipCuba:
             return default
         values = layer.whole(name, where).reshape(-1)
         if values.size not in (1, shape[0], size):
-            raise InputError(
-                where, f"{name!r} has the wrong size", measured=f"{values.size} for {shape}", fix="Export it again."
-            )
+            raise export_again(where, f"{name!r} has the wrong size", f"{values.size} for {shape}")
         return integers(np.repeat(values, size // values.size), size)
 
     made = ChipCuba.of(
