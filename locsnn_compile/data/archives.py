@@ -73,10 +73,12 @@ def _chosen(members: Members, split: str | None) -> list[str]:
     if not chosen:
         raise InputError(members.where, "no recordings inside", fix="Give files named sample_<i>_label_<k>.npy.")
     if len(kinds) > 1:
-        raise InputError(
-            members.where, "its recordings are of several kinds", measured=", ".join(kinds), fix="Give those of one."
-        )
+        raise _several(members, ", ".join(kinds))
     return sorted(chosen, key=_order)
+
+
+def _several(members: Members, kinds: str) -> InputError:
+    return InputError(members.where, "its recordings are of several kinds", measured=kinds, fix="Give those of one.")
 
 
 def _order(name: str) -> tuple[list[int], str]:
@@ -109,12 +111,7 @@ def _read(
     if not arrays:
         return bin_streams(streams, [members.place(name) for name in names], members.where, binning)
     if streams:
-        raise InputError(
-            members.where,
-            "its recordings are of several kinds",
-            measured="binned arrays and structured ones",
-            fix="Give those of one.",
-        )
+        raise _several(members, "binned arrays and structured ones")
     spikes = np.zeros((len(arrays), max(map(len, arrays)), arrays[0].shape[1]), dtype=np.uint8)
     for row, one in zip(spikes, arrays, strict=True):
         row[: len(one)] = one

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from hw_model.io.given import checked
@@ -48,23 +49,17 @@ def read_recordings(
     contradicts the model or the file, is one ``InputError``.
     """
     path = Path(path)
-    _check_options(split, Binning(step_seconds, threshold, channels, steps, polarities, columns))
-    agreed = model.agreed(step_seconds=step_seconds, threshold=threshold, steps=steps)
-    binning = Binning(
-        step_seconds=agreed["step_seconds"],
-        threshold=agreed["threshold"],
-        channels=model.channels if channels is None else channels,
-        steps=steps,
-        polarities=polarities,
-        columns=columns,
-        most_steps=model.steps,
-    )
+    asked = Binning(step_seconds, threshold, channels, steps, polarities, columns)
+    _check_options(split, asked)
+    agreed = model.agreed(step_seconds=step_seconds, threshold=threshold, steps=steps) | {"steps": steps}
+    channels_of = model.channels if channels is None else channels
+    binning = replace(asked, **agreed, channels=channels_of, most_steps=model.steps)
     found = _read(path, split, binning, step_seconds)
     if found.threshold is None:
-        asked = {"threshold": threshold, "polarities": polarities, "columns": columns}
+        counts = {"threshold": threshold, "polarities": polarities, "columns": columns}
         if channels != found.spikes.shape[2]:
-            asked["channels"] = channels
-        for name in (name for name, value in asked.items() if value is not None):
+            counts["channels"] = channels
+        for name in (name for name, value in counts.items() if value is not None):
             raise InputError(name, f"{found.source!r} holds bins and no single events to count", fix="Leave it out.")
     model.check_steps(found)
     return found if steps is None else found.with_steps(steps)

@@ -18,6 +18,14 @@ Ints = tuple[int, ...]
 
 MAX_ENTRIES = 10_000_000
 """Most connections of one layer: more than ten chips' synapse memories hold."""
+MAX_SIZE = 1_000_000
+"""Most neurons or lines of one layer: eight chips of 128 cores hold as many."""
+
+
+def check_shape(shape: Shape, where: str) -> None:
+    """Refuse a layer without neurons or lines, or with more than are ever laid out."""
+    if math.prod(shape) > MAX_SIZE or min(shape, default=0) < 1:
+        raise InputError(where, "no size to work with", measured=f"{shape} against 1 to {MAX_SIZE}", fix="Correct.")
 
 
 def check_entries(entries: int, where: str) -> None:

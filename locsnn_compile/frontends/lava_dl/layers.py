@@ -33,9 +33,9 @@ class NetLayer:
         values = self.values[name] if name in self.values else None
         if values is None or isinstance(values, str):
             raise InputError(where, f"{name!r} is missing or no number", fix="Export it again with lava-dl.")
-        if (values != np.rint(values)).any() or np.abs(values).max(initial=0) > 2**40:
-            bad = values[(values != np.rint(values)) | (np.abs(values) > 2**40)].reshape(-1)[0]
-            raise export_again(where, f"{name!r} is not made of integers", f"{bad:g}")
+        bad = values[(values != np.rint(values)) | (np.abs(values) > 2**40)]
+        if bad.size:
+            raise export_again(where, f"{name!r} is not made of integers", f"{bad.flat[0]:g}")
         return np.asarray(values, dtype=np.int64)
 
     def one(self, name: str, where: str, default: int) -> int:

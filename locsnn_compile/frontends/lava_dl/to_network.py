@@ -21,8 +21,7 @@ from hw_model.arithmetic.fixed_point import DECAY_ONE, IntArray
 from hw_model.mapping.graph import Readout
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.lava_dl.layers import NetFile, NetLayer, export_again, read_net
-from locsnn_compile.frontends.linear_maps import Ints, Shape, Window, check_entries, convolution, pooling
-from locsnn_compile.frontends.nir.flat import MAX_SIZE
+from locsnn_compile.frontends.linear_maps import Ints, Shape, Window, check_entries, check_shape, convolution, pooling
 from locsnn_compile.frontends.synthetic_input import synthetic_recordings
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection, Signs, integers
 from locsnn_compile.network.matrices import Matrix, matrix, of_source, of_target, values_of
@@ -129,25 +128,30 @@ def _add_neurons(built: _Built, layer: NetLayer, where: str) -> None:
     size = math.prod(shape)
     if not built.views:
         built.views.append(InputView(INPUT, "time", source))
-    built.populations.append(Population(name, "time", size, _neurons(layer, shape, where)))
-    built.projections.append(_projection(built.source, name, mantissa, _delay(layer, mantissa, where), where))
+    _append(built, layer, shape, mantissa, where)
     if layer.kind == "dense_rec":
         back = layer.whole("weight_rec", where)
         check_entries(back.size, where)
         if back.size != size * size:
             raise export_again(where, "weight_rec has the wrong size", f"{back.shape} for {size}")
         built.projections.append(_projection(name, name, matrix(back.reshape(size, size), np.int64), 0, where))
-    built.source, built.shape = name, shape
 
 
 def _add_input_neurons(built: _Built, layer: NetLayer, where: str) -> None:
     """Add the neurons of an input layer, each of which an event reaches as the value 1."""
     assert built.shape is not None
-    name, size = f"layer{layer.number}", math.prod(built.shape)
-    one = matrix(sparse.csr_array(INPUT_WEIGHT * sparse.eye_array(size, dtype=np.int64)), np.int64)
-    built.populations.append(Population(name, "time", size, _neurons(layer, built.shape, where)))
-    built.projections.append(_projection(INPUT, name, one, 0, where))
-    built.source = name
+    built.source = INPUT
+    one = sparse.csr_array(INPUT_WEIGHT * sparse.eye_array(math.prod(built.shape), dtype=np.int64))
+    _append(built, layer, built.shape, matrix(one, np.int64), where)
+
+
+def _append(built: _Built, layer: NetLayer, shape: Shape, mantissa: Matrix, where: str) -> None:
+    """Add the neurons of a layer, and the weights onto them of what is there so far."""
+    name = f"layer{layer.number}"
+    built.populations.append(Population(name, "time", math.prod(shape), _neurons(layer, shape, where)))
+    delay = 0 if layer.kind == "input" else _delay(layer, mantissa, where)
+    built.projections.append(_projection(built.source, name, mantissa, delay, where))
+    built.source, built.shape = name, shape
 
 
 def _weights(built: _Built, layer: NetLayer, where: str) -> tuple[Matrix, Shape, int]:
@@ -232,8 +236,7 @@ def _pair(layer: NetLayer, name: str, where: str) -> tuple[int, int]:
 def _shape(layer: NetLayer, where: str) -> Shape:
     values = layer.whole("shape", where).reshape(-1)
     shape = tuple(int(n) for n in values)
-    if not shape or min(shape) < 1 or math.prod(shape) > MAX_SIZE:
-        raise InputError(where, "no size to work with", measured=f"{shape} against 1 to {MAX_SIZE}", fix="Correct.")
+    check_shape(shape, where)
     return shape
 
 

@@ -15,11 +15,9 @@ import networkx as nx
 import numpy as np
 
 from locsnn_compile.errors import InputError, did_you_mean
-from locsnn_compile.frontends.linear_maps import Shape, Window
+from locsnn_compile.frontends.linear_maps import Shape, Window, check_shape
 from locsnn_compile.frontends.nir.graph import Edge, NirGraph, NirNode
 
-MAX_SIZE = 1_000_000
-"""Most neurons or lines of one node: eight chips of 128 cores hold as many."""
 NEURONS = ("IF", "LIF", "CubaLIF", "Threshold", "LI", "CubaLI")
 """What becomes a population; the last two never spike."""
 READOUTS = ("LI", "CubaLI")
@@ -128,8 +126,7 @@ def _shapes(nodes: Mapping[str, NirNode], edges: Any, where: str) -> dict[str, S
         shape = output_shape(nodes[name], given, place)
         if shape is None:
             continue
-        if math.prod(shape) > MAX_SIZE or min(shape, default=1) < 1:
-            raise InputError(place, "no size to work with", measured=f"{shape} against 1 to {MAX_SIZE}", fix="Correct.")
+        check_shape(shape, place)
         shapes[name] = shape
         waiting.extend(edges.successors(name))
     for name in nodes:

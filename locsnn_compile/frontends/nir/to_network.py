@@ -262,12 +262,12 @@ def _delay_steps(node: NirNode, size: int, dt: float, where: str) -> Any:
     """Return delays in whole steps, (size,)."""
     steps = _each(node, "delay", size, where) / dt
     whole = np.rint(steps)
-    if (steps < -0.01).any() or (np.abs(steps - whole) > 0.01).any() or (whole > 1e6).any():
-        bad = steps[(steps < -0.01) | (np.abs(steps - whole) > 0.01) | (whole > 1e6)][0]
+    bad = steps[(steps < -0.01) | (np.abs(steps - whole) > 0.01) | (whole > 1e6)]
+    if bad.size:
         raise InputError(
             where,
             "a delay is no whole number of steps",
-            measured=f"{bad:g} steps of {dt:g} s",
+            measured=f"{bad[0]:g} steps of {dt:g} s",
             fix="Give another --dt.",
         )
     return whole.astype(np.int64)

@@ -18,6 +18,11 @@ MAX_LAYERS = 1000
 DEFAULT_ORDER = "loop"
 """Taxels by their numbers: what transposing a recording gives when nothing is said."""
 
+_MARKS = {"c": "conv", "avg": "average", "a": "pool", "x": "input"}
+"""What tells the kind of a layer in its ``dim``, by the first that is there; a dense layer has none of them."""
+_NUMBERS = {"conv": 2, "pool": 1, "input": 3, "dense": 1}
+"""How many numbers stand in the ``dim`` of each kind that is read."""
+
 
 @dataclass(frozen=True)
 class LoihiNeuron:
@@ -93,8 +98,8 @@ def parse_config(values: Mapping[Any, Any], where: str) -> SlayerConfig:
         neuron: SrmAlpha | LoihiNeuron = SrmAlpha(theta, tau_sr / ts, tau_ref / ts, scale_ref)
     elif kind == "LOIHI":
         threshold, decay_v, decay_u = (_whole(section, key, where) for key in ("vThMant", "vDecay", "iDecay"))
-        refractory = max(_whole(section, "refDelay", where), 1) if "refDelay" in section else 1
-        exponent = _whole(section, "wgtExp", where) if "wgtExp" in section else 0
+        refractory = max(_whole(section, "refDelay", where, 1), 1)
+        exponent = _whole(section, "wgtExp", where, 0)
         neuron = LoihiNeuron(decay_u, decay_v, threshold, refractory, exponent)
     else:
         raise InputError(
@@ -115,26 +120,14 @@ def parse_layers(held: Any, where: str) -> tuple[LayerEntry, ...]:
 
 def _entry(entry: Mapping[Any, Any], where: str, *, first: bool) -> LayerEntry:
     dim = str(entry.get("dim", ""))[:60]
-    kind, count = next(
-        (
-            row
-            for row in (("conv", 2, "c"), ("average", 1, "avg"), ("pool", 1, "a"), ("input", 3, "x"))
-            if row[2] in dim
-        ),
-        ("dense", 1, ""),
-    )[:2]
+    kind = next((kind for mark, kind in _MARKS.items() if mark in dim), "dense")
     numbers = tuple(int(n) for n in re.findall("[0-9]{1,7}", dim))
     if first and kind == "dense":
-        kind, count, numbers = "input", 3, (1, 1, *numbers)
+        kind, numbers = "input", (1, 1, *numbers)
     if first and kind == "input" and len(numbers) == 2:
         numbers = (*numbers, 1)
-    if (
-        first != (kind == "input")
-        or len(numbers) != count
-        or min(numbers) < 1
-        or "neuron" in entry
-        or kind == "average"
-    ):
+    known = first == (kind == "input") and len(numbers) == _NUMBERS.get(kind) and "neuron" not in entry
+    if not known or min(numbers) < 1:
         raise InputError(
             where, f"dim {dim!r} is not read there", fix="Give the input first, as 34x34x2, then 16c5z, 2a or 10."
         )
@@ -175,8 +168,8 @@ def _number(section: Mapping[Any, Any], key: str, where: str, *, least: float) -
     return float(value)
 
 
-def _whole(section: Mapping[Any, Any], key: str, where: str) -> int:
-    value = section.get(key)
+def _whole(section: Mapping[Any, Any], key: str, where: str, default: int | None = None) -> int:
+    value = section.get(key, default)
     if isinstance(value, bool) or not isinstance(value, int | float) or value != value // 1 or abs(value) > 2**31:
         raise InputError(where, f"{key} must be a whole number", measured=f"{value!r}"[:40], fix="Correct it.")
     return int(value)

@@ -101,11 +101,10 @@ def load_slayer(path: Path, config: Path, kernels: str | None = None) -> Network
     channels = chains["time"][0].weights.shape[1] if "time" in chains else None
     views, populations, projections, outputs = [], [], [], []
     for axis, chain in chains.items():
+        walk = None
         if axis == "location":
             walk, channels = _walk(description.order or DEFAULT_ORDER, channels, where)
-            views.append(InputView(VIEW_NAMES[axis], axis, steps, walk))
-        else:
-            views.append(InputView(VIEW_NAMES[axis], axis, chain[0].weights.shape[1]))
+        views.append(InputView(VIEW_NAMES[axis], axis, chain[0].weights.shape[1], walk))
         source, delays = VIEW_NAMES[axis], None
         for layer in chain:
             population, projection = _stated(layer, axis, source, delays, description, where)
