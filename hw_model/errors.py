@@ -50,6 +50,13 @@ def check_most(found: int, limit: int, where: str, what: str, *, unit: str = "",
         raise InputError(where, what, measured=f"{found}{unit and f' {unit}'} against {limit}", fix=fix)
 
 
+def check_range(found: int, low: int, high: int, where: str) -> None:
+    """Refuse a number that is not from ``low`` to ``high``."""
+    if not low <= found <= high:
+        measured = f"got {found} against {low}..{high}"
+        raise InputError(where, "it is out of range", measured=measured, fix="Correct the number.")
+
+
 def did_you_mean(given: object, known: Iterable[str]) -> str:
     """Return ``Did you mean 'x'?`` for a near miss, else the list of what exists."""
     names = sorted(known)

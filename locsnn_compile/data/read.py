@@ -12,7 +12,7 @@ from locsnn_compile.data.event_stream import MAX_EVENTS, MAX_STEP_SECONDS, MIN_S
 from locsnn_compile.data.expected import OPEN, Expected
 from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS, Recordings
 from locsnn_compile.data.streams import EVENT_SUFFIXES
-from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.errors import InputError, check_range, did_you_mean
 
 _SUFFIXES = (".zip", ".npy", ".npz", ".pt", *EVENT_SUFFIXES)
 #: Ranges of the whole numbers that describe how events become bins.
@@ -93,10 +93,8 @@ def _check_options(split: str | None, binning: Binning) -> None:
         )
     for name, (low, high) in _RANGES.items():
         value = getattr(binning, name)
-        if value is not None and not low <= value <= high:
-            raise InputError(
-                name, "it is out of range", measured=f"got {value} against {low}..{high}", fix="Correct the number."
-            )
+        if value is not None:
+            check_range(value, low, high, name)
 
 
 @checked

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import POLARITIES, TAXEL_COORDINATES_MM, TAXELS
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import check_range
 
 #: Share of bins with an event: 2490 events in 250 steps of 78 channels, as in the published Ev-Objects.
 EVENT_SHARE = 2490 / (250 * 78)
@@ -34,15 +34,15 @@ def synthetic_touches(
     down. Where and how hard it touches varies from recording to recording. Equal arguments give equal
     recordings. Raises ``InputError`` for numbers out of range.
     """
-    limits = {"samples": (samples, 100_000), "steps": (steps, 20_000), "classes": (classes, 4_096)}
-    for name, (value, limit) in (limits | {"fingertips": (fingertips, 16), "seed": (seed + 1, 2**32)}).items():
-        if not 1 <= value <= limit:
-            raise InputError(
-                f"synthetic touches, {name!r}",
-                "it is out of range",
-                measured=f"got {value - (name == 'seed')} against {1 - (name == 'seed')}..{limit - (name == 'seed')}",
-                fix="Correct the number.",
-            )
+    limits = {
+        "samples": (samples, 1, 100_000),
+        "steps": (steps, 1, 20_000),
+        "classes": (classes, 1, 4_096),
+        "fingertips": (fingertips, 1, 16),
+        "seed": (seed, 0, 2**32 - 1),
+    }
+    for name, limit in limits.items():
+        check_range(*limit, f"synthetic touches, {name!r}")
     labels = np.arange(samples, dtype=np.int64) % classes
     spikes = np.empty((samples, steps, fingertips * TAXELS * POLARITIES), dtype=np.uint8)
     for sample, label in enumerate(labels):

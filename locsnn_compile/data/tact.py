@@ -70,34 +70,33 @@ def _parse(data: bytes, where: str) -> tuple[NDArray[np.int64], NDArray[np.float
     """Return (channel, seconds) of every event."""
     channels: list[int] = []
     seconds: list[float] = []
-    fix = "Write 'polarity cell_index timestamp_seconds' on it."
     for number, line in enumerate(data.split(b"\n"), start=1):
         fields = line.split()
         if not fields:
             continue
-        place = f"{where}, line {number}"
         try:
             polarity, cell, time = (field.decode("ascii") for field in fields)
             event = (int(polarity), int(cell), float(time))
         except ValueError:
             shown = line.decode("ascii", "replace").strip()[:40]
-            raise InputError(place, "it is no event", measured=f"got {shown!r}", fix=fix) from None
+            raise _fault(where, number, "it is no event", f"{shown!r}") from None
         if event[0] not in (-1, 0, 1):
-            raise InputError(place, "its polarity is not 1, 0 or -1", measured=f"got {event[0]}", fix=fix)
+            raise _fault(where, number, "its polarity is not 1, 0 or -1", event[0])
         if event[1] not in _TAXEL_OF_CELL:
-            raise InputError(
-                place,
-                "there is no such cell",
-                measured=f"got {event[1]} against 1..{CELLS} without {MISSING_CELLS[0]} and {MISSING_CELLS[1]}",
-                fix=fix,
-            )
+            cells = f"1..{CELLS} without {MISSING_CELLS[0]} and {MISSING_CELLS[1]}"
+            raise _fault(where, number, "there is no such cell", f"{event[1]} against {cells}")
         if not math.isfinite(event[2]):
-            raise InputError(place, "its time is not finite", measured=f"got {event[2]}", fix=fix)
+            raise _fault(where, number, "its time is not finite", event[2])
         channels.append(2 * _TAXEL_OF_CELL[event[1]] + (0 if event[0] == 1 else 1))
         seconds.append(event[2])
     if not seconds:
         raise InputError(where, "no events inside", fix="Give a recording with events.")
     return np.array(channels, dtype=np.int64), np.array(seconds, dtype=np.float64)
+
+
+def _fault(where: str, line: int, what: str, got: object) -> InputError:
+    fix = "Write 'polarity cell_index timestamp_seconds' on it."
+    return InputError(f"{where}, line {line}", what, measured=f"got {got}", fix=fix)
 
 
 def _grasping_seconds(data: bytes, where: str) -> float:

@@ -38,34 +38,30 @@ def load_plain(data: bytes, where: str, *, fix: str) -> object:
     """
     import torch
 
-    _check_archive(data, where, fix)
     try:
+        _check_archive(data, where, fix)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             value: object = torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
             return value
-    except pickle.UnpicklingError as error:
-        if "GLOBAL" in str(error) or "Unsupported" in str(error):
+    except InputError:
+        raise
+    # zipfile and torch meet damaged bytes with many kinds of exception; each means the same to the user.
+    except Exception as error:
+        if isinstance(error, pickle.UnpicklingError) and ("GLOBAL" in str(error) or "Unsupported" in str(error)):
             raise InputError(
                 where,
                 "it holds objects that would run code when read, so it was not read",
                 fix="Save tensors and plain values only.",
             ) from None
-        raise _damaged(where, fix) from None
-    # Torch meets damaged bytes with many kinds of exception; each means the same to the user.
-    except Exception:
-        raise _damaged(where, fix) from None
+        raise InputError(where, "it is damaged, truncated or not a torch file", fix=fix) from None
 
 
 def _check_archive(data: bytes, where: str, fix: str) -> None:
     """Refuse what is no whole zip archive of torch's kind, before torch takes its sizes on trust."""
-    try:
-        check_directory(io.BytesIO(data))
-        archive = zipfile.ZipFile(io.BytesIO(data))
-        unpacked = sum(member.file_size for member in archive.infolist())
-    # zipfile raises more kinds on hostile bytes than it documents.
-    except Exception:
-        raise _damaged(where, fix) from None
+    check_directory(io.BytesIO(data))
+    archive = zipfile.ZipFile(io.BytesIO(data))
+    unpacked = sum(member.file_size for member in archive.infolist())
     # Torch stores its members unpacked; a file that unpacks to far more than it holds is none of torch's.
     if unpacked > 2 * len(data):
         raise InputError(
@@ -75,13 +71,5 @@ def _check_archive(data: bytes, where: str, fix: str) -> None:
             fix=fix,
         )
     # Torch does not look at the checksums it writes; a flipped bit would be a silently different weight.
-    try:
-        bad = archive.testzip()
-    except Exception:
-        bad = "unreadable"
-    if bad is not None:
-        raise _damaged(where, fix)
-
-
-def _damaged(where: str, fix: str) -> InputError:
-    return InputError(where, "it is damaged, truncated or not a torch file", fix=fix)
+    if archive.testzip() is not None:
+        raise ValueError("a checksum is wrong")

@@ -5,20 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.sensor import POLARITIES, TAXELS
 from locsnn_compile.data.synthetic import synthetic_touches
 
 SAMPLES = 8
 RATE = 0.05
 """Share of channels that spike in a step."""
 _MOST = 10_000_000
-_CHANNELS_PER_FINGERTIP = 78
 _FEWEST_STEPS = 30
 """A touch that is shorter has no phases to tell apart."""
 
 
 def touch_fingertips(channels: int) -> int | None:
     """Return how many fingertips have so many channels, one or two; None for other inputs."""
-    return {_CHANNELS_PER_FINGERTIP: 1, 2 * _CHANNELS_PER_FINGERTIP: 2}.get(channels)
+    return {TAXELS * POLARITIES: 1, 2 * TAXELS * POLARITIES: 2}.get(channels)
 
 
 def synthetic_recordings(channels: int, steps: int, step_seconds: float | None) -> Recordings:

@@ -50,16 +50,15 @@ class Group:
             raise InputError(self.where, f"{name!r} is not made of numbers", measured=f"{found.dtype}", fix=_WHOLE)
         values = np.asarray(self._read(found, name))
         if values.dtype.kind == "f":
-            wide = values.astype(np.float64)
-            if np.isnan(wide).any() or (not infinite and np.isinf(wide).any()):
+            values = values.astype(np.float64)
+            if np.isnan(values).any() or (not infinite and np.isinf(values).any()):
                 raise InputError(self.where, f"{name!r} holds what is no finite number", fix="Train or export again.")
-            wide.setflags(write=False)
-            return wide
-        if values.dtype.kind == "u" and values.size and int(values.max()) > 2**62:
-            raise InputError(self.where, f"{name!r} is too large", measured=f"{values.max()}", fix=_WHOLE)
-        whole = values.astype(np.int64)
-        whole.setflags(write=False)
-        return whole
+        else:
+            if values.dtype.kind == "u" and values.size and int(values.max()) > 2**62:
+                raise InputError(self.where, f"{name!r} is too large", measured=f"{values.max()}", fix=_WHOLE)
+            values = values.astype(np.int64)
+        values.setflags(write=False)
+        return values
 
     def value(self, name: str) -> npt.NDArray[Any] | str:
         """Return a dataset of text or of numbers."""

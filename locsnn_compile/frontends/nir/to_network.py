@@ -59,7 +59,6 @@ def load_nir(
     known = _step_seconds(dt, graph)
     seconds = known or DT_SECONDS
     flat = flatten_graph(graph, where)
-    _refuse_integrators(flat, where)
     view = _input(flat, where)
     signals = _signals(flat, view, seconds, where)
     populations: list[Population] = []
@@ -135,16 +134,14 @@ def _step_seconds(dt: float | None, graph: NirGraph) -> float | None:
     return dt
 
 
-def _refuse_integrators(flat: FlatGraph, where: str) -> None:
+def _input(flat: FlatGraph, where: str) -> InputView:
+    """Return the view of a graph's inputs; refuse a graph without them, and nodes that the chip cannot be."""
     for name in flat.named("I"):
         raise InputError(
             f"{where}, node {name!r}",
             "an integrator without leak or threshold overflows every register",
             fix="Take an LI with a long tau, or an IF.",
         )
-
-
-def _input(flat: FlatGraph, where: str) -> InputView:
     names = flat.named("Input")
     if not names:
         raise InputError(where, "a graph needs an Input", fix="Add an Input node before the first weights.")

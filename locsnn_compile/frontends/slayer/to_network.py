@@ -212,16 +212,13 @@ def _tensors(held: object, where: str) -> dict[str, Any]:
     for key, tensor in held.items():
         if not isinstance(key, str) or len(key) > 200 or not hasattr(tensor, "detach"):
             continue
+        place = f"{where}, entry {key!r}"
         if str(tensor.layout) != "torch.strided" or not tensor.dtype.is_floating_point:
-            raise InputError(
-                f"{where}, entry {key!r}", "it is no dense float tensor", measured=f"{tensor.dtype}", fix=_FIX
-            )
-        check_most(
-            tensor.numel(), MAX_WEIGHTS, f"{where}, entry {key!r}", "too many weights", fix="Give a smaller layer."
-        )
+            raise InputError(place, "it is no dense float tensor", measured=f"{tensor.dtype}", fix=_FIX)
+        check_most(tensor.numel(), MAX_WEIGHTS, place, "too many weights", fix="Give a smaller layer.")
         array = tensor.detach().double().numpy()
         if not np.isfinite(array).all():
-            raise InputError(f"{where}, entry {key!r}", "a weight is not a finite number", fix="Train again.")
+            raise InputError(place, "a weight is not a finite number", fix="Train again.")
         found[key.removeprefix("module.")] = array
     return found
 
