@@ -60,18 +60,18 @@ def of_target(m: Matrix, each: npt.ArrayLike) -> Values:
     return np.repeat(column, np.diff(m.indptr)) if sparse.issparse(m) else column[:, None]
 
 
+def of_source(m: Matrix, each: npt.NDArray[Any]) -> Values:
+    """Spread one number a source (n_source,) likewise; a sparse matrix must be in canonical order."""
+    spread: Values = each[m.indices] if sparse.issparse(m) else each
+    return spread
+
+
 def by_delay(m: Matrix, delay: int | IntArray) -> list[tuple[int, Matrix]]:
     """Return a matrix in parts of one delay each, given one delay for all or an array like the values."""
     delays = np.asarray(delay)
     if delays.ndim == 0:
         return [(int(delays), m)]
     return [(int(d), with_values(m, np.where(delays == d, values_of(m), 0))) for d in np.unique(delays)]
-
-
-def of_source(m: Matrix, each: npt.NDArray[Any]) -> Values:
-    """Spread one number a source (n_source,) likewise; a sparse matrix must be in canonical order."""
-    spread: Values = each[m.indices] if sparse.issparse(m) else each
-    return spread
 
 
 def connections(m: Matrix) -> tuple[IntArray, IntArray, IntArray]:
