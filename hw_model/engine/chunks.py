@@ -50,17 +50,57 @@ def _halves(widths, registers):  # type: ignore[no-untyped-def]
     return half_charge, constant_in_32_bits(widths.half_current, USUAL_WIDTHS.half_current, registers)
 
 
+@inlined
+def _take_charge(registers, k, charge, half_charge, half_current):  # type: ignore[no-untyped-def]
+    """Decay u and take the charge of a step into it; return q, and u before and after it wraps."""
+    q = wrap(charge, half_charge)
+    kept = rz(registers[k + _U], registers[k + _KEEP_U])
+    unwrapped = fit(kept + fit(q << WEIGHT_SHIFT, q), q)
+    return q, unwrapped, wrap(unwrapped, half_current)
+
+
+@inlined
+def _take_current(registers, k, u, added, half_current):  # type: ignore[no-untyped-def]
+    """Decay v and take u, bias and what children add into it; return the drive, that wrapped, and v before clipping."""
+    drive = fit(u + registers[k + _BIAS], u)
+    wrapped = wrap(drive, half_current)
+    return drive, wrapped, fit(fit(rz(registers[k + _V], registers[k + _KEEP_V]) + wrapped, u) + added, u)
+
+
+@inlined
+def _clip(registers, k, v):  # type: ignore[no-untyped-def]
+    return fit(min(max(v, registers[k + _VMIN]), registers[k + _VMAX]), v)
+
+
+@inlined
+def _fire(registers, k, v):  # type: ignore[no-untyped-def]
+    """Compare v with the threshold, unless blocked; set v and blocked.
+
+    Return whether it spikes, whether it was not blocked, v as the threshold saw it, and both registers ored.
+    """
+    zero, one = fit(0, v), fit(1, v)
+    blocked = registers[k + _BLOCKED]
+    live = blocked == 0
+    seen = fit(v if live else zero, v)
+    fired = live & (v > registers[k + _THRESHOLD])
+    held = zero if live else fit(blocked - one, v)
+    blocked = fit(registers[k + _REFRACTORY] - one, v) if fired else held
+    left = zero if fired else seen
+    registers[k + _V] = left
+    registers[k + _BLOCKED] = blocked
+    return fired, live, seen, fit(left | blocked, v)
+
+
 @absorbed
 def update(registers, at, charge, row, slot, widths):  # type: ignore[no-untyped-def]
     """Update a chunk, whose registers begin at ``at``; return its spikes as bits, how many were busy, 0 if all rest.
 
     Its charges are taken and set to 0. The loop has no branches and a fixed length, so that it runs in vectors.
     """
-    zero, one = fit(0, registers), fit(1, registers)
     half_charge, half_current = _halves(widths, registers)
     spikes = np.int32(0)
     busy_lanes = np.int32(0)
-    restless = zero
+    restless = fit(0, registers)
     for i in range(_LANES):
         k = at + i
         arrived = charge[row, slot + i]
@@ -70,72 +110,49 @@ def update(registers, at, charge, row, slot, widths):  # type: ignore[no-untyped
         u, v, bias = registers[k + _U], registers[k + _V], registers[k + _BIAS]
         busy = (arrived != 0) | (u != 0) | (v != 0) | (bias != 0) | (added != 0)
 
-        q = wrap(arrived, half_charge)
-        unwrapped = fit(rz(u, registers[k + _KEEP_U]) + fit(q << WEIGHT_SHIFT, q), q)
-        u = wrap(unwrapped, half_current)
-        drive = fit(u + bias, u)
-        wrapped = wrap(drive, half_current)
-        unclipped = fit(fit(rz(v, registers[k + _KEEP_V]) + wrapped, v) + added, v)
-        clipped = fit(min(max(unclipped, registers[k + _VMIN]), registers[k + _VMAX]), v)
-
-        blocked = registers[k + _BLOCKED]
-        live = blocked == 0
-        seen = fit(clipped if live else zero, v)
-        fired = live & (clipped > registers[k + _THRESHOLD])
-        held = zero if live else fit(blocked - one, v)
-        blocked = fit(registers[k + _REFRACTORY] - one, v) if fired else held
+        q, unwrapped, u = _take_charge(registers, k, arrived, half_charge, half_current)
+        drive, wrapped, unclipped = _take_current(registers, k, u, added, half_current)
+        clipped = _clip(registers, k, unclipped)
+        fired, live, seen, state = _fire(registers, k, clipped)
         registers[k + _U] = u
-        registers[k + _V] = zero if fired else seen
         registers[k + _POTENTIAL] = seen
-        registers[k + _BLOCKED] = blocked
         registers[k + _CHARGE_WRAPS] += fit(q != arrived, v)
         registers[k + _CURRENT_WRAPS] += fit(u != unwrapped, v) + fit(live & (wrapped != drive), v)
         registers[k + _VOLTAGE_CLIPS] += fit(live & (clipped != unclipped), v)
         spikes |= np.int32(fired) << np.int32(i)
         busy_lanes += np.int32(busy)
-        restless |= u | registers[k + _V] | blocked | bias
+        restless |= u | state | bias
     return spikes, busy_lanes, restless
 
 
 @absorbed
 def add_up(registers, at):  # type: ignore[no-untyped-def]
     """Do the same for a chunk that keeps nothing, and that no synapse reaches: its v is what its children add."""
-    zero, one = fit(0, registers), fit(1, registers)
     spikes = np.int32(0)
     busy_lanes = np.int32(0)
-    restless = zero
+    restless = fit(0, registers)
     for i in range(_LANES):
         k = at + i
         unclipped = registers[k + _JOINED]
         registers[k + _JOINED] = 0
         busy = (registers[k + _V] != 0) | (unclipped != 0)
-        clipped = fit(min(max(unclipped, registers[k + _VMIN]), registers[k + _VMAX]), zero)
-        blocked = registers[k + _BLOCKED]
-        live = blocked == 0
-        seen = fit(clipped if live else zero, zero)
-        fired = live & (clipped > registers[k + _THRESHOLD])
-        held = zero if live else fit(blocked - one, zero)
-        blocked = fit(registers[k + _REFRACTORY] - one, zero) if fired else held
-        registers[k + _V] = zero if fired else seen
+        clipped = _clip(registers, k, unclipped)
+        fired, live, seen, state = _fire(registers, k, clipped)
         registers[k + _POTENTIAL] = seen
-        registers[k + _BLOCKED] = blocked
-        registers[k + _VOLTAGE_CLIPS] += fit(live & (clipped != unclipped), zero)
+        registers[k + _VOLTAGE_CLIPS] += fit(live & (clipped != unclipped), unclipped)
         spikes |= np.int32(fired) << np.int32(i)
         busy_lanes += np.int32(busy)
-        restless |= registers[k + _V] | blocked
+        restless |= state
     return spikes, busy_lanes, restless
 
 
 @inlined
 def _respond(registers, k, charge, added, half_charge, half_current):  # type: ignore[no-untyped-def]
     """Take charge and what children add into u and v, and count nothing; return v before any threshold."""
-    q = wrap(charge, half_charge)
-    u = fit(rz(registers[k + _U], registers[k + _KEEP_U]) + fit(q << WEIGHT_SHIFT, q), q)
-    u = wrap(u, half_current)
-    wrapped = wrap(fit(u + registers[k + _BIAS], u), half_current)
-    v = fit(fit(rz(registers[k + _V], registers[k + _KEEP_V]) + wrapped, u) + added, u)
+    _, _, u = _take_charge(registers, k, charge, half_charge, half_current)
+    _, _, v = _take_current(registers, k, u, added, half_current)
     registers[k + _U] = u
-    return fit(min(max(v, registers[k + _VMIN]), registers[k + _VMAX]), u)
+    return _clip(registers, k, v)
 
 
 @absorbed
@@ -144,25 +161,17 @@ def advance(registers, at, charge, row, slot, widths):  # type: ignore[no-untype
 
     What no one will ask for need not be counted, in steps that are run only for their spikes.
     """
-    zero, one = fit(0, registers), fit(1, registers)
     half_charge, half_current = _halves(widths, registers)
     spikes = np.int32(0)
-    remains = zero
+    remains = fit(0, registers)
     for i in range(_LANES):
         k = at + i
         added = registers[k + _JOINED]
         registers[k + _JOINED] = 0
         v = _respond(registers, k, charge[row, slot + i], added, half_charge, half_current)
-        blocked = registers[k + _BLOCKED]
-        live = blocked == 0
-        fired = live & (v > registers[k + _THRESHOLD])
-        v = fit(v if live & (not fired) else zero, zero)
-        held = zero if live else fit(blocked - one, zero)
-        blocked = fit(registers[k + _REFRACTORY] - one, zero) if fired else held
-        registers[k + _V] = v
-        registers[k + _BLOCKED] = blocked
+        fired, _, _, state = _fire(registers, k, v)
         spikes |= np.int32(fired) << np.int32(i)
-        remains |= registers[k + _U] | v | blocked
+        remains |= registers[k + _U] | state
     return spikes, remains
 
 
@@ -189,8 +198,7 @@ def advance_pair(registers, at, charge, row, slot, other_slot, widths):  # type:
         registers[k + _V] = v
         v_other = _respond(registers, other, registers[other + _JOINED], zero, half_charge, half_current)
         registers[other + _V] = v_other
-        total = fit(v + v_other, v)
-        total = fit(min(max(total, registers[soma + _VMIN]), registers[soma + _VMAX]), v)
+        total = _clip(registers, soma, fit(v + v_other, v))
         spikes |= np.int32(total > registers[soma + _THRESHOLD]) << np.int32(i)
         remains |= registers[k + _U] | v | registers[other + _U] | v_other
     return spikes, remains
