@@ -3,36 +3,46 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, fields, replace
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.arithmetic.weights import WEIGHT_BITS
-from hw_model.description.check import check_chip
 from hw_model.description.profile import Profile
 from hw_model.description.read import parse, read_description
 from hw_model.errors import InputError, did_you_mean
 from hw_model.io.given import checked
 
 _YAML = (".yaml", ".yml")
+MAX_CORES = 1 << 20
+
+
+def within(least: int, most: int, **default: Any) -> Any:
+    """Return a field of a description, with the least and the most that the simulation here follows.
+
+    In 64 bits products with decays, 2^40 * 2^12, and sums of joined voltages, 2^40 * 2^20, are exact; slots for delays
+    are memory.
+    """
+    return field(metadata={"within": (least, most)}, **default)
 
 
 @dataclass(frozen=True)
 class Registers:
     """Register widths in bits (sign not counted) and the largest settings."""
 
-    charge_bits: int
-    current_bits: int
-    voltage_bits: int
-    threshold_mantissa_bits: int
-    bias_mantissa_bits: int
-    bias_exponent_max: int
-    refractory_max: int
-    delay_max: int
-    weight_bits_max: int = WEIGHT_BITS[-1]
+    charge_bits: int = within(9, 40)
+    current_bits: int = within(9, 40)
+    voltage_bits: int = within(9, 40)
+    threshold_mantissa_bits: int = within(1, 34)
+    bias_mantissa_bits: int = within(1, 24)
+    bias_exponent_max: int = within(0, 24)
+    refractory_max: int = within(1, 65_535)
+    delay_max: int = within(0, 65_534)
+    weight_bits_max: int = within(1, 8, default=WEIGHT_BITS[-1])
 
     @property
     def weight_bits(self) -> tuple[int, ...]:
@@ -73,23 +83,23 @@ class Mesh:
 class Limits:
     """What one core, or one chip, holds at most."""
 
-    cores_per_chip: int
-    compartments_per_core: int
-    input_axons_per_core: int
-    output_axons_per_core: int
-    synapse_words_per_core: int
-    synapse_formats_per_core: int
-    compartment_profiles_per_core: int
-    threshold_profiles_per_core: int
+    cores_per_chip: int = within(1, 65_536)
+    compartments_per_core: int = within(1, 1 << 20)
+    input_axons_per_core: int = within(1, 1 << 20)
+    output_axons_per_core: int = within(1, 1 << 20)
+    synapse_words_per_core: int = within(1, 1 << 24)
+    synapse_formats_per_core: int = within(1, 65_536)
+    compartment_profiles_per_core: int = within(1, 65_536)
+    threshold_profiles_per_core: int = within(1, 65_536)
 
 
 @dataclass(frozen=True)
 class SynapseMemory:
     """Cost of an axon's synapse list, in memory words."""
 
-    word_bits: int
-    run_length: int
-    run_header_bits: int
+    word_bits: int = within(1, 4_096)
+    run_length: int = within(1, 65_536)
+    run_header_bits: int = within(0, 1_024)
 
     def words(self, synapses: IntArray, bits: IntArray | int) -> IntArray:
         """Return the words of lists of so many synapses of so many bits: each started run is rounded up to a word."""
@@ -186,6 +196,40 @@ def parse_chip(text: str, where: str) -> Chip:
     chip = parse(Chip, text, where, "chip", document=text)
     check_chip(chip, where)
     return chip
+
+
+def check_chip(chip: Chip, where: str) -> None:
+    """Refuse a description that contradicts itself, or that no simulation here could follow."""
+    for section in (chip.registers, chip.limits, chip.synapse_memory):
+        for item in fields(section):
+            value, (least, most) = getattr(section, item.name), item.metadata["within"]
+            if not least <= value <= most:
+                raise InputError(
+                    f"{where}: {item.name}",
+                    "the model has no such chip",
+                    measured=f"{value} against {least} to {most}",
+                    fix="Correct it.",
+                )
+    if chip.clock_ghz == 0:
+        raise InputError(
+            f"{where}: clock_ghz", "a clock that stands has no cycles", fix="Give more than 0, such as 1.0."
+        )
+    if chip.cores > MAX_CORES:
+        raise InputError(
+            f"{where}: chips",
+            "the board is too large",
+            measured=f"{chip.cores} cores against {MAX_CORES}",
+            fix="Correct it.",
+        )
+    mesh = chip.mesh
+    if mesh.tiles * mesh.cores_per_tile != chip.limits.cores_per_chip:
+        raise InputError(
+            f"{where}: mesh",
+            "its tiles and the cores of a chip disagree",
+            measured=f"{mesh.columns} x {mesh.rows} tiles of {mesh.cores_per_tile} against cores_per_chip "
+            f"{chip.limits.cores_per_chip}",
+            fix="Make them equal.",
+        )
 
 
 @checked
