@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -114,11 +115,7 @@ def routes_of(program: ChipProgram, phase: str) -> Routes:
 
 def _links(program: ChipProgram, source: Core, target: Core) -> Iterator[tuple[Tile, Tile]]:
     """Yield the links from core to core, X first, then Y."""
-    at, to = program.chip.tile_of(source.slot), program.chip.tile_of(target.slot)
-    while at != to:
-        if at[0] != to[0]:
-            after = (at[0] + (1 if to[0] > at[0] else -1), at[1])
-        else:
-            after = (at[0], at[1] + (1 if to[1] > at[1] else -1))
-        yield at, after
-        at = after
+    (x, y), (to_x, to_y) = program.chip.tile_of(source.slot), program.chip.tile_of(target.slot)
+    along_x = [(at, y) for at in range(x, to_x, 1 if to_x > x else -1)]
+    along_y = [(to_x, at) for at in range(y, to_y, 1 if to_y > y else -1)]
+    yield from pairwise([*along_x, *along_y, (to_x, to_y)])

@@ -7,7 +7,7 @@ After:  every source (input line or compartment) has one input axon on each core
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -92,24 +92,13 @@ def route_axons(placed: PlacedGraph) -> RoutedGraph:
     for piece in placed.slices:
         slices[piece.core].append(piece)
     lists = [_lists(pieces, projections, chip) for pieces in slices]
-    arrivals = _Arrivals(placed, [found.sources for found in lists])
+    arrivals = _Arrivals(placed, [sources for sources, _ in lists])
 
     cores = []
-    for number, (pieces, found) in enumerate(zip(slices, lists, strict=True)):
+    for number, (pieces, (_, tables)) in enumerate(zip(slices, lists, strict=True)):
         sender, out_core, out_axon = arrivals.sent_by_core(number)
-        tables = AxonTables(
-            formats=found.formats,
-            list_start=found.list_start,
-            target=found.target,
-            mantissa=found.mantissa,
-            delay=found.delay,
-            format_index=found.format_index,
-            synapse_words=found.words,
-            out_compartment=sender,
-            out_core=out_core,
-            out_axon=out_axon,
-        )
-        cores.append(RoutedCore(number, placed.slots[number], graph.phase_of(pieces[0].group), tuple(pieces), tables))
+        axons = replace(tables, out_compartment=sender, out_core=out_core, out_axon=out_axon)
+        cores.append(RoutedCore(number, placed.slots[number], graph.phase_of(pieces[0].group), tuple(pieces), axons))
     routes = [InputRoute(item.name, *arrivals.sent_by_input(item.name)) for item in graph.inputs]
     routed = RoutedGraph(placed, tuple(cores), tuple(routes))
     check_routed(routed)
@@ -179,21 +168,8 @@ class _Arrivals:
         return self._sender[low:high] - start, self._core[low:high], self._axon[low:high]
 
 
-@dataclass(frozen=True, eq=False)
-class _Lists:
-    """Synapse lists of one core; ``sources[j]`` is the source of input axon j."""
-
-    sources: IntArray
-    list_start: IntArray
-    target: IntArray
-    mantissa: IntArray
-    delay: IntArray
-    format_index: IntArray
-    formats: tuple[SynapseFormat, ...]
-    words: int
-
-
-def _lists(slices: list[Slice], projections: tuple[FanIn, ...], chip: Chip) -> _Lists:
+def _lists(slices: list[Slice], projections: tuple[FanIn, ...], chip: Chip) -> tuple[IntArray, AxonTables]:
+    """Return the source of each input axon of a core, and the core's tables, as yet without output axons."""
     here = [(p, piece) for p in projections for piece in slices if piece.group == p.target_group]
     formats = sorted({projection.format for projection, _ in here})
     empty = np.empty(0, dtype=np.int64)
@@ -211,6 +187,16 @@ def _lists(slices: list[Slice], projections: tuple[FanIn, ...], chip: Chip) -> _
     target, form = target[order], form[order]
     ends = np.array([piece.offset + piece.size for piece in slices])
     lists = synapse_lists(list_start, target, form, formats, ends, chip.synapse_memory)
-    return _Lists(
-        sources, list_start, target, mantissa[order], delay[order], form, tuple(formats), int(lists.words.sum())
+    tables = AxonTables(
+        formats=tuple(formats),
+        list_start=list_start,
+        target=target,
+        mantissa=mantissa[order],
+        delay=delay[order],
+        format_index=form,
+        synapse_words=int(lists.words.sum()),
+        out_compartment=empty,
+        out_core=empty,
+        out_axon=empty,
     )
+    return sources, tables

@@ -10,6 +10,7 @@ A dense list has no indices: its synapses end on compartments ``base``, ``base +
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,15 +105,7 @@ def synapse_image(core: Core, chip: Chip) -> SynapseImage:
             {"first_word": first_word, "words": lists.words, "base": np.where(lists.dense, first_target, 0)}
         ),
         words=_words(core, chip, layouts, lists, first_word),
-        formats=layouts.format.pack(
-            {
-                "weight_bits": _of_formats(core, "weight_bits"),
-                "sign_mode": np.array([SIGN_MODES.index(form.sign_mode) for form in axons.formats], dtype=np.int64),
-                "exponent": _of_formats(core, "exponent"),
-                "delay_bits": _of_formats(core, "delay_bits"),
-                "index_bits": _of_formats(core, "index_bits"),
-            }
-        ),
+        formats=layouts.format.pack({field.name: _of_formats(axons.formats, field) for field in layouts.format.fields}),
     )
 
 
@@ -165,5 +158,7 @@ def _put(bits: BitArray, at: IntArray, rows: BitArray) -> None:
     bits[at[:, None] + np.arange(rows.shape[1])] = rows
 
 
-def _of_formats(core: Core, name: str) -> IntArray:
-    return np.array([getattr(form, name) for form in core.axons.formats], dtype=np.int64)
+def _of_formats(formats: Sequence[SynapseFormat], field: Field) -> IntArray:
+    """Return a field of every format; a sign mode by its number."""
+    values = [getattr(form, field.name) for form in formats]
+    return np.array([SIGN_MODES.index(v) if field.name == "sign_mode" else v for v in values], dtype=np.int64)
