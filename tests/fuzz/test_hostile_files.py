@@ -166,6 +166,7 @@ ARRAYS = [
     ("a weight too large", lambda arrays: packed(arrays | {"core0/mantissa": np.array([4, 2**40])}), "core 0: its weights do not make a program. Compile it again."),
     ("a bias shifted too far", lambda arrays: packed(arrays | {"core0/bias_exponent": np.array([0, 64])}), "core 0: its bias exponents do not make a program. Compile it again."),
     ("a line that is not there", lambda arrays: packed(arrays | {"input0/line": np.array([0, 2])}), "input 'x': its lines do not make a program. Compile it again."),
+    ("two lines to one axon", lambda arrays: packed(arrays | {"input0/axon": np.array([0, 0])}), "core 0: its input axons do not make a program. Compile it again."),
     ("a route that ends early", lambda arrays: packed(arrays | {"input0/axon": np.array([0])}), "input 'x': its routes do not make a program. Compile it again."),
 ]  # fmt: skip
 
