@@ -27,13 +27,13 @@ from locsnn_compile.report.figures.choice import choice_document
 from locsnn_compile.report.figures.document import report_document
 from locsnn_compile.settings import Setting
 from locsnn_compile.strategies import AUTO, NATIVE, STRATEGIES
-from locsnn_compile.verification.diagnosis import SAMPLE, Diagnosis
+from locsnn_compile.verification.diagnosis import Diagnosis
 from locsnn_compile.verification.diagnosis import diagnose as find_diagnosis
 from locsnn_compile.verification.error_bounds import ErrorBudget
 from locsnn_compile.verification.excerpt import Excerpt, take_excerpt
 from locsnn_compile.verification.grounds import grounds_of
 from locsnn_compile.verification.matching import Match, Progress, compare
-from locsnn_compile.verification.over_time import PSI, LeftOut, OverTime, over_time
+from locsnn_compile.verification.over_time import PSI, over_time
 
 Events = str | Path | Recordings | npt.ArrayLike
 
@@ -120,11 +120,15 @@ def compile(
         settled=split_weights is not None,
     )
     match = _compare(levels, recordings, progress)
-    found = _diagnose(levels, recordings, match) if diagnosis else None
-    followed = _follow(levels, recordings, PSI if network.psi is None else network.psi) if diagnosis else None
+    found, followed, excerpt = None, None, None
+    if diagnosis:
+        played = fit_recordings(network, recordings.spikes, recordings.source)
+        found = find_diagnosis(levels, played, match.first_divergence)
+        followed = over_time(levels, played, recordings.labels, PSI if network.psi is None else network.psi)
+        excerpt = take_excerpt(levels, played, match.first_divergence)
     grounds = grounds_of(network, recordings, calibrated)
     report = report_document(levels, match, grounds, found, followed) | {"strategy_choice": choice_document(choice)}
-    return CompiledModel(levels, match, report, choice, _excerpt(levels, recordings, match) if diagnosis else None)
+    return CompiledModel(levels, match, report, choice, excerpt)
 
 
 @checked
@@ -145,8 +149,9 @@ def diagnose(
 ) -> Diagnosis:
     """Take the error of a compiled model apart on other recordings, on all of them or at most ``samples``."""
     recordings = recordings_for(compiled.network, events, labels)
-    match = _compare(compiled.levels, recordings, None)
-    return _diagnose(compiled.levels, recordings, match, samples, progress)
+    played = fit_recordings(compiled.network, recordings.spikes, recordings.source)
+    first = _compare(compiled.levels, recordings, None).first_divergence
+    return find_diagnosis(compiled.levels, played, first, samples=samples, progress=progress)
 
 
 def recordings_for(network: Network, events: Events | None, labels: npt.ArrayLike | None = None) -> Recordings:
@@ -178,25 +183,10 @@ def recordings_for(network: Network, events: Events | None, labels: npt.ArrayLik
     )
 
 
-def _diagnose(
-    levels: Levels,
-    recordings: Recordings,
-    match: Match,
-    samples: int | None = SAMPLE,
-    progress: Progress | None = None,
-) -> Diagnosis:
-    played = fit_recordings(levels.network, recordings.spikes, recordings.source)
-    return find_diagnosis(levels, played, match.first_divergence, samples=samples, progress=progress)
-
-
-def _excerpt(levels: Levels, recordings: Recordings, match: Match) -> Excerpt:
-    played = fit_recordings(levels.network, recordings.spikes, recordings.source)
-    return take_excerpt(levels, played, match.first_divergence)
-
-
-def _follow(levels: Levels, recordings: Recordings, psi: float) -> OverTime | LeftOut:
-    played = fit_recordings(levels.network, recordings.spikes, recordings.source)
-    return over_time(levels, played, recordings.labels, psi)
+def calibration_recordings(network: Network, calibration: str | Path) -> Recordings:
+    """Return the recordings of a file or folder to make choices on: of what is divided, the train part."""
+    part = "train" if "train" in recording_parts(calibration) else None
+    return read_recordings(calibration, split=part, model=network.expected)
 
 
 def _lower(
@@ -235,8 +225,7 @@ def _lower(
 def _calibration(network: Network, recordings: Recordings, calibration: Events | None) -> Recordings:
     """Return the recordings that choices are made on: never those of the check, where there are others."""
     if isinstance(calibration, str | Path):
-        part = "train" if "train" in recording_parts(calibration) else None
-        return read_recordings(calibration, split=part, model=network.expected)
+        return calibration_recordings(network, calibration)
     if calibration is not None or network.recordings is not None or network.fingertips is not None:
         return recordings_for(network, calibration)
     return recordings

@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.backends import BENCH_KINDS, BUILD_NAMES, EMIT_KINDS, EMITTED_NAMES, EXCHANGE_KINDS, LEVEL_KINDS
+from locsnn_compile.cli.checks import check_known, check_psi, recording_of
 from locsnn_compile.cli.completion import answer_shell
 from locsnn_compile.cli.shell import EXIT_GATE, Parser, guarded, progress_bar
 from locsnn_compile.cli.step_options import add_step_options, asked_steps, with_steps
-from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.errors import InputError
 from locsnn_compile.strategies import AUTO, STRATEGIES
 from locsnn_compile.verification.gates import GATES, Gate, check_gates, gates_entry, junit_file
 
@@ -143,7 +144,7 @@ def run(args: Namespace) -> int:
         recordings = recordings_for(network, None)
     else:
         recordings = read_recordings(args.events, model=network.expected, **asked_steps(args))
-    _check_recording(args.recording or 0, recordings)
+    number = recording_of(args.recording, recordings)
     with progress_bar("checking against the float reference", show=not args.quiet) as progress:
         compiled = compile(
             network,
@@ -160,7 +161,7 @@ def run(args: Namespace) -> int:
         )
     gates = check_gates(compiled.report, _bounds(args))
     compiled = replace(compiled, report=compiled.report | {"gates": gates_entry(gates)})
-    files = build_files(compiled, args.emit) | _emitted(args, compiled, recordings)
+    files = build_files(compiled, args.emit) | _emitted(args, compiled, recordings, number)
     write_build(folder, files)
     if args.junit:
         replace_file(Path(args.junit), junit_file(gates, compiled.network.name), where="--junit")
@@ -212,11 +213,9 @@ def _print_summary(report: dict[str, Any], folder: Path, files: dict[str, bytes]
 
 def _check_options(args: Namespace) -> None:
     """Refuse options that could only fail after the work is done."""
-    if args.psi is not None and not (math.isfinite(args.psi) and args.psi >= 0):
-        raise InputError("--psi", "it is no rate", measured=f"got {args.psi:g}", fix="Give 0 or more, such as 10.")
+    check_psi(args.psi)
     for kind in args.emit:
-        if kind not in EMIT_KINDS:
-            raise InputError(f"--emit {kind}", "there is no such kind", fix=did_you_mean(kind, EMIT_KINDS))
+        check_known(f"--emit {kind}", "there is no such kind", kind, EMIT_KINDS)
     if args.recording is not None and not set(args.emit) & set(OF_RECORDING):
         raise InputError(
             "--recording", "nothing that is emitted is of one recording", fix=f"Add --emit {' or '.join(OF_RECORDING)}."
@@ -226,9 +225,8 @@ def _check_options(args: Namespace) -> None:
     for option, bound in _bounds(args).items():
         if math.isinf(bound):
             raise InputError(f"{option} {bound:g}", "nothing is measured against that", fix="Give a finite number.")
-    if args.junit:
-        if not _bounds(args):
-            raise InputError("--junit", "no gate is asked for", fix=f"Add one of {', '.join(GATES)}.")
+    if args.junit and not _bounds(args):
+        raise InputError("--junit", "no gate is asked for", fix=f"Add one of {', '.join(GATES)}.")
 
 
 def _check_places(args: Namespace, folder: Path) -> None:
@@ -250,25 +248,13 @@ def written_names(emit: Sequence[str]) -> tuple[str, ...]:
     return (*BUILD_NAMES, *((levels | EMITTED_NAMES)[kind] for kind in emit))
 
 
-def _check_recording(number: int, recordings: Recordings) -> None:
-    count = len(recordings.spikes)
-    if not 0 <= number < count:
-        raise InputError(
-            f"--recording {number}",
-            "there is no such recording",
-            measured=f"{count} in {recordings.source}",
-            fix=f"Count from 0 to {count - 1}.",
-        )
-
-
-def _emitted(args: Namespace, compiled: CompiledModel, recordings: Recordings) -> dict[str, bytes]:
+def _emitted(args: Namespace, compiled: CompiledModel, recordings: Recordings, number: int) -> dict[str, bytes]:
     """Return the files for other tools, of the program and of one recording."""
     kinds = [kind for kind in BENCH_KINDS if kind in args.emit]
     if not kinds:
         return {}
     from locsnn_compile.backends.files import bench_files
 
-    number = args.recording or 0
     title = f"recording {number} of {recordings.source}"
     return bench_files(compiled.program, kinds, recordings.spikes[number], title, args.probe)
 

@@ -7,12 +7,14 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from locsnn_compile.backends import EMIT_KINDS
+from locsnn_compile.cli.checks import check_known
 from locsnn_compile.cli.explore import ENGINES, PARTS
 from locsnn_compile.cli.run import STOPS
-from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.strategies import AUTO, STRATEGIES
 
-_EXAMPLE = """\
+HELP = "print a script that completes commands in your shell"
+DESCRIPTION = "Print a script that completes options, values and files of our commands in your shell."
+EXAMPLE = """\
 example:
   locsnn completion bash > locsnn-completion.sh
 
@@ -22,23 +24,14 @@ SHELLS = ("bash", "zsh", "fish")
 PROGRAMS = ("locsnn", "locsnn-compile")
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the ``completion`` command."""
-    parser = subparsers.add_parser(
-        "completion",
-        help="print a script that completes commands in your shell",
-        description="Print a script that completes options, values and files of our commands in your shell.",
-        epilog=_EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
     parser.add_argument("shell", metavar="SHELL", help=", ".join(SHELLS))
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the script."""
-    if args.shell not in SHELLS:
-        raise InputError(f"shell {args.shell!r}", "there is no completion for it", fix=did_you_mean(args.shell, SHELLS))
+    check_known(f"shell {args.shell!r}", "there is no completion for it", args.shell, SHELLS)
     from argcomplete.shell_integration import shellcode
 
     print(shellcode(list(PROGRAMS), shell=args.shell), end="")

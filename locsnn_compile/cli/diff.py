@@ -12,27 +12,21 @@ from locsnn_compile.errors import InputError
 if TYPE_CHECKING:
     from locsnn_compile.report.sections.comparison import Build
 
-_EXAMPLE = """\
+HELP = "compare two builds"
+DESCRIPTION = "Compare the reports and programs of two builds, figure by figure; equal figures are left out."
+EXAMPLE = """\
 example:
   locsnn diff build/objects-hybrid build/objects-hybrid-4bit --html diff.html
 """
 MAX_REPORT_BYTES = 64 << 20
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the ``diff`` command."""
-    parser = subparsers.add_parser(
-        "diff",
-        help="compare two builds",
-        description="Compare the reports and programs of two builds, figure by figure; equal figures are left out.",
-        epilog=_EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
     parser.add_argument("before", metavar="BUILD_A", help="folder that locsnn-compile wrote")
     parser.add_argument("after", metavar="BUILD_B", help="another one")
     parser.add_argument("--json", action="store_true", help="print the differences as JSON")
     parser.add_argument("--html", metavar="FILE", help="also write a page that shows them")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

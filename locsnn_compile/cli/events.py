@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from locsnn_compile.cli.checks import recording_of
 from locsnn_compile.cli.step_options import add_step_options, asked_steps
 from locsnn_compile.errors import InputError
 
@@ -15,7 +16,12 @@ if TYPE_CHECKING:
     from locsnn_compile.data.recordings import Recordings
     from locsnn_compile.data.statistics import EventStatistics, Spread
 
-_EXAMPLE = """\
+HELP = "show what recordings hold, or write them in another format"
+DESCRIPTION = (
+    "Show what recordings hold: rates, silence, polarity, busy and dead channels, and a raster of one. "
+    "--to writes them in the format that the name ends in."
+)
+EXAMPLE = """\
 example:
   locsnn events examples/recordings/touches.npz --to touches.zip --members bs1
 
@@ -25,16 +31,8 @@ as Tonic has them), bs1, bs2 or tact. What a format cannot say is printed as the
 _SHOWN_LABELS, _SHOWN_DEAD = 12, 24
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the ``events`` command."""
-    parser = subparsers.add_parser(
-        "events",
-        help="show what recordings hold, or write them in another format",
-        description="Show what recordings hold: rates, silence, polarity, busy and dead channels, and a raster of one. "
-        "--to writes them in the format that the name ends in.",
-        epilog=_EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
     add = parser.add_argument
     add("file", metavar="FILE", help="recordings: .zip, folder, .npy, .npz, .pt, .tact, .bs1, .bs2")
     add("--part", metavar="NAME", help="train or test of a divided archive or folder (default test)")
@@ -48,7 +46,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add("--members", default="npy", metavar="KIND", help="with --to a folder or .zip: what its files are (default npy)")
     add("--structured", action="store_true", help="with --to .npy or .npz: one recording as fields t, x, p")
     add("--json", action="store_true", help="print the figures as JSON, and nothing else")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -70,16 +67,9 @@ def run(args: argparse.Namespace) -> int:
         columns=args.columns,
         **asked_steps(args),
     )
-    number = args.recording or 0
-    if not 0 <= number < len(recordings):
-        raise InputError(
-            f"--recording {number}",
-            "there is no such recording",
-            measured=f"{len(recordings)} in {recordings.source}",
-            fix=f"Count from 0 to {len(recordings) - 1}.",
-        )
+    number = recording_of(args.recording, recordings)
     found = event_statistics(recordings)
-    written = _write(args, recordings)
+    written = _write(args, recordings, number)
     if args.json:
         print(json.dumps(found.document(), indent=2, allow_nan=False))
         return 0
@@ -145,14 +135,13 @@ def _raster(recordings: Recordings, index: int) -> Sequence[str]:
     return [f"recording {index}{label}:", *(f"|{line}|" for line in text_raster(recordings.spikes[index]))]
 
 
-def _write(args: argparse.Namespace, recordings: Recordings) -> list[str]:
+def _write(args: argparse.Namespace, recordings: Recordings, number: int) -> list[str]:
     """Write the files asked for; return a line for each, and one that says how to read what a format cannot hold."""
     lines = []
     if args.output is not None:
         from hw_model.io.files import replace_file
         from locsnn_compile.report.pictures.recording import raster_svg
 
-        number = args.recording or 0
         title = f"{recordings.source}, recording {number}"
         picture = raster_svg(recordings.spikes[number], title, recordings.step_seconds)
         replace_file(args.output, picture, f"file {args.output.name!r}")

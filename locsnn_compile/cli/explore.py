@@ -9,15 +9,21 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from locsnn_compile.cli.checks import check_known
 from locsnn_compile.cli.shell import EXIT_GATE, EXIT_INTERRUPTED, progress_bar
-from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.errors import InputError
 from locsnn_compile.settings import AXES, Value, check_matters, check_values, settings
 
 if TYPE_CHECKING:
     from locsnn_compile.explore.executors import Executor
     from locsnn_compile.explore.exploration import Exploration
 
-_EXAMPLE = """\
+HELP = "compare settings of the compiler and recommend one"
+DESCRIPTION = (
+    "Compile a model with every setting of a grid, check each on the same recordings, and compare run "
+    "time, error and energy."
+)
+EXAMPLE = """\
 example:
   locsnn explore examples/models/objects-hybrid.pt --events examples/recordings/touches.npz --weight-bits 4 6 8
 
@@ -38,16 +44,8 @@ READ = ("config", "events", "report_on", "calibration", "target")
 WRITTEN = ("explore.csv", "explore.json", "explore.svg", "timings.csv", "timings.svg")
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the ``explore`` command."""
-    parser = subparsers.add_parser(
-        "explore",
-        help="compare settings of the compiler and recommend one",
-        description="Compile a model with every setting of a grid, check each on the same recordings, and compare run "
-        "time, error and energy.",
-        epilog=_EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
     add = parser.add_argument
     add("model", metavar="MODEL", help="a checkpoint (.pt) of `locsnn train`, a NIR graph (.nir), a lava-dl net (.net)")
     add("--config", metavar="FILE", help="network description, for model formats that need one; a checkpoint does not")
@@ -74,7 +72,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add("--scheduler", metavar="ADDRESS", help="measure on the Dask cluster of this scheduler (needs the extra dask)")
     add("--json", action="store_true", help="print explore.json to standard output, and nothing else there")
     add("--quiet", action="store_true", help="print nothing")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -112,8 +109,9 @@ def _explore(
 ) -> Exploration:
     """Measure the grid, then the front on the recordings to report on."""
     import hw_model as hw
+    from locsnn_compile.api import calibration_recordings
     from locsnn_compile.explore.auto_bounds import auto_bounds
-    from locsnn_compile.explore.events import calibration_recordings, choose_events, report_events, written
+    from locsnn_compile.explore.events import choose_events, report_events, written
     from locsnn_compile.explore.exploration import Exploration
     from locsnn_compile.explore.model_file import ModelFile
     from locsnn_compile.explore.store import Store
@@ -165,12 +163,9 @@ def _executor(args: argparse.Namespace) -> Executor:
 def _check_options(args: argparse.Namespace, wanted: Mapping[str, Sequence[Value]]) -> None:
     """Refuse options that could only fail after the work is done."""
     check_values(wanted)
-    for option, given, known in [
-        ("--part", args.part, PARTS),
-        *(("--engines", name, ENGINES) for name in args.engines),
-    ]:
-        if given is not None and given not in known:
-            raise InputError(f"{option} {given}", "there is no such name", fix=did_you_mean(given, known))
+    check_known(f"--part {args.part}", "there is no such name", args.part, PARTS)
+    for name in args.engines:
+        check_known(f"--engines {name}", "there is no such name", name, ENGINES)
     for option, least, most in (
         ("--recordings", 1, math.inf),
         ("--workers", 1, MAX_WORKERS),

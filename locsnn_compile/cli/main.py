@@ -6,15 +6,17 @@ import sys
 from collections.abc import Sequence
 
 from locsnn_compile.cli import completion, diff, events, explore, run, stress, targets, train
-from locsnn_compile.cli.shell import Parser, guarded
+from locsnn_compile.cli.shell import Parser, add_command, guarded
+
+COMMANDS = (train, run, events, explore, diff, stress, targets, completion)
 
 
 def parser() -> Parser:
     """Return the argument parser, with one below it for each command."""
     made = Parser("locsnn", description="Train, run and inspect spiking networks; `locsnn-compile` compiles them.")
     commands = made.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in (train, run, events, explore, diff, stress, targets, completion):
-        command.add_parser(commands)
+    for command in COMMANDS:
+        add_command(commands, command.__name__.rpartition(".")[2], command)
     return made
 
 

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from locsnn_compile.cli.checks import check_known, check_number, check_psi
 from locsnn_compile.cli.shell import progress_bar
 from locsnn_compile.cli.step_options import add_step_options, read_for_program
-from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.errors import InputError
 
 if TYPE_CHECKING:
     import hw_model as hw
     from locsnn_compile.data.recordings import Recordings
 
-_EXAMPLE = """\
+HELP = "play recordings to a compiled program"
+DESCRIPTION = "Play recordings to a compiled program: predictions, counts and energy, without the float network."
+EXAMPLE = """\
 example:
   locsnn run build/objects-hybrid --events examples/recordings/touches.npz --stream
 
@@ -29,15 +31,8 @@ STOPS = ("proven", "margin")
 _CHUNK = 16
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the ``run`` command."""
-    parser = subparsers.add_parser(
-        "run",
-        help="play recordings to a compiled program",
-        description="Play recordings to a compiled program: predictions, counts and energy, without the float network.",
-        epilog=_EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
     add = parser.add_argument
     add("program", metavar="DIR", help="folder that locsnn-compile wrote")
     add("--events", required=True, metavar="FILE", help="recordings: .zip, folder, .npy, .npz, .pt, .tact")
@@ -56,7 +51,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add("--margin", type=float, metavar="X", help="the margin, where it is known")
     add_step_options(parser)
     add("--json", action="store_true", help="print the result as JSON")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -144,8 +138,7 @@ def _play(program: hw.ChipProgram, recordings: Recordings, engine: Any) -> tuple
 
 def _check_options(args: argparse.Namespace) -> None:
     """Refuse options that could only fail after the work is done, or that nothing would come of."""
-    if args.stop is not None and args.stop not in STOPS:
-        raise InputError(f"--stop {args.stop}", "recordings are not stopped so", fix=did_you_mean(args.stop, STOPS))
+    check_known(f"--stop {args.stop}", "recordings are not stopped so", args.stop, STOPS)
     by_margin = args.stop == "margin"
     for option, value in (("--calibrate", args.calibrate), ("--margin", args.margin)):
         if value is not None and not by_margin:
@@ -157,12 +150,7 @@ def _check_options(args: argparse.Namespace) -> None:
         raise InputError("--min-agreement", "no margin is calibrated", fix="Add --calibrate FILE.")
     if args.psi is not None and not (args.stream or by_margin):
         raise InputError("--psi", "nothing that is asked for is weighed", fix="Add --stream or --stop margin.")
-    _check_number("--psi", args.psi, "it is no rate", lambda x: x >= 0, "Give 0 or more, such as 10.")
-    _check_number("--margin", args.margin, "it is no lead", lambda x: x > 0, "Give more than 0.")
-    _check_number("--step-seconds", args.step_seconds, "it is no time", lambda x: x > 0, "Give more than 0.")
-    _check_number("--min-agreement", args.min_agreement, "it is no share", lambda x: 0 <= x <= 1, "Give 0 to 1.")
-
-
-def _check_number(option: str, value: float | None, what: str, holds: Any, fix: str) -> None:
-    if value is not None and not (math.isfinite(value) and holds(value)):
-        raise InputError(option, what, measured=f"got {value:g}", fix=fix)
+    check_psi(args.psi)
+    check_number("--margin", args.margin, "it is no lead", lambda x: x > 0, "Give more than 0.")
+    check_number("--step-seconds", args.step_seconds, "it is no time", lambda x: x > 0, "Give more than 0.")
+    check_number("--min-agreement", args.min_agreement, "it is no share", lambda x: 0 <= x <= 1, "Give 0 to 1.")

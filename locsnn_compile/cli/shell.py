@@ -1,4 +1,4 @@
-"""What all commands share: one-line errors, exit codes, streams, progress bars."""
+"""What all commands share: how they are added, one-line errors, exit codes, streams, progress bars."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, NoReturn
+from typing import Any, NoReturn, Protocol
 
 from locsnn_compile.cli.interrupt import EXIT_INTERRUPTED as EXIT_INTERRUPTED
 from locsnn_compile.cli.interrupt import leaving_at_once
@@ -34,6 +34,33 @@ class Parser(argparse.ArgumentParser):
         """Print the one line and exit with 2."""
         print(f"{self.prog}: {message}. See {self.prog} --help.", file=sys.stderr)
         raise SystemExit(EXIT_INPUT)
+
+
+class Command(Protocol):
+    """What a module of a command has: its help, ending with an example, its options, and what it does."""
+
+    HELP: str
+    DESCRIPTION: str
+    EXAMPLE: str
+
+    def add_options(self, parser: argparse.ArgumentParser, /) -> None:
+        """Add the options."""
+
+    def run(self, args: argparse.Namespace, /) -> int:
+        """Do it; return the exit code."""
+
+
+def add_command(commands: argparse._SubParsersAction[Any], name: str, command: Command) -> None:
+    """Add a command below ``locsnn``."""
+    parser = commands.add_parser(
+        name,
+        help=command.HELP,
+        description=command.DESCRIPTION,
+        epilog=command.EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    command.add_options(parser)
+    parser.set_defaults(run=command.run)
 
 
 def guarded(run: Callable[[], int]) -> int:
@@ -100,9 +127,16 @@ def _show_log() -> None:
             logging.getLogger(package).setLevel(logging.INFO)
 
 
+class Moved(Protocol):
+    """What moves a progress bar."""
+
+    def __call__(self, done: int, total: int, now: str = ..., /) -> None:
+        """Show how much is done, and what."""
+
+
 @contextmanager
-def progress_bar(title: str, *, show: bool) -> Iterator[Callable[[int, int], None] | None]:
-    """Give a callback (done, in all) that moves a bar on standard error; None where nobody watches."""
+def progress_bar(title: str, *, show: bool) -> Iterator[Moved | None]:
+    """Give a callback (done, in all, and a title) that moves a bar on standard error; None where nobody watches."""
     if not (show and sys.stderr.isatty()):
         yield None
         return
@@ -111,4 +145,4 @@ def progress_bar(title: str, *, show: bool) -> Iterator[Callable[[int, int], Non
 
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(title, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+        yield lambda done, total, now=title: bar.update(task, completed=done, total=total, description=now)

@@ -14,29 +14,25 @@ from locsnn_compile.cli.shell import EXIT_GATE, progress_bar
 if TYPE_CHECKING:
     from locsnn_compile.stress.row import Row
 
-_EXAMPLE = """\
+HELP = "try numbers and inputs at their ends"
+DESCRIPTION = (
+    "Compile and play networks whose numbers and inputs are at the ends of what there is: time "
+    "constants, thresholds, weights, floats, decays, delays, a million steps. Every row is ok, limited by causes "
+    "that are named and counted, or refused in a line; anything else is unexplained, and exit code 3."
+)
+EXAMPLE = """\
 example:
   locsnn stress --quick
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the ``stress`` command."""
-    parser = subparsers.add_parser(
-        "stress",
-        help="try numbers and inputs at their ends",
-        description="Compile and play networks whose numbers and inputs are at the ends of what there is: time "
-        "constants, thresholds, weights, floats, decays, delays, a million steps. Every row is ok, limited by causes "
-        "that are named and counted, or refused in a line; anything else is unexplained, and exit code 3.",
-        epilog=_EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
     add = parser.add_argument
     add("--target", default="loihi-sim", metavar="CHIP", help="chip name or chip file (default loihi-sim)")
     add("--quick", action="store_true", help="a part of the rows, and long runs of 10,000 steps; seconds, not minutes")
     add("--json", action="store_true", help="print all rows as JSON")
     add("-o", "--output", type=Path, metavar="FILE", help="write a page of all rows, with pictures beside it")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

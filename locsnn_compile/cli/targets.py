@@ -4,23 +4,17 @@ from __future__ import annotations
 
 import argparse
 
-_EXAMPLE = """\
+HELP = "list the chips that ship"
+DESCRIPTION = "List the chips that ship, or print a chip's description to start a chip file of your own from."
+EXAMPLE = """\
 example:
   locsnn targets --show loihi-sim > my-chip.yaml
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the ``targets`` command."""
-    parser = subparsers.add_parser(
-        "targets",
-        help="list the chips that ship",
-        description="List the chips that ship, or print a chip's description to start a chip file of your own from.",
-        epilog=_EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
     parser.add_argument("--show", metavar="CHIP", help="print the description of a chip, by name or chip file")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hw_model.io.given import check_path
+from locsnn_compile.cli.shell import EXIT_INTERRUPTED, Moved, progress_bar
 from locsnn_compile.cli.step_options import add_step_options
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.architectures import ARCHITECTURES
@@ -22,7 +21,9 @@ if TYPE_CHECKING:
     from locsnn_compile.training.state import EpochRecord
     from locsnn_compile.training.train import Progress, TrainingResult
 
-_EXAMPLE = """\
+HELP = "train a touch network and write a checkpoint"
+DESCRIPTION = "Train a touch network on recordings and write a checkpoint to compile."
+EXAMPLE = """\
 example:
   locsnn train --data examples/recordings/motions.npz --epochs 20 -o motions.pt
   locsnn train --data examples/recordings/motions.npz --from motions.pt --target loihi-sim -o motions-loihi.pt
@@ -37,15 +38,8 @@ once at the end. Beside OUT.pt a log OUT.csv and its picture OUT.svg are written
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the ``train`` command; its ``run`` default is :func:`run`."""
-    parser = subparsers.add_parser(
-        "train",
-        help="train a touch network and write a checkpoint",
-        description="Train a touch network on recordings and write a checkpoint to compile.",
-        epilog=_EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
     add = parser.add_argument
     add("--data", required=True, metavar="FILE", help="recordings: .zip or folder, .npy, .npz, .pt, .tact")
     add("--model", metavar="NAME", help=f"{', '.join(ARCHITECTURES)} (default hybrid)")
@@ -83,7 +77,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add("--resume", action="store_true", help="go on from OUT.pt.state where a run was stopped")
     add("--quiet", action="store_true", help="print nothing")
     add("-o", "--output", default="model.pt", metavar="OUT.pt", help="checkpoint to write (default model.pt)")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -109,7 +102,7 @@ def run(args: argparse.Namespace) -> int:
     state_path = _state_path(output)
     if not args.resume:
         state_path.unlink(missing_ok=True)
-    with _progress(show=not args.quiet and sys.stderr.isatty()) as progress:
+    with progress_bar("training", show=not args.quiet) as moved:
         try:
             result = train(
                 recordings,
@@ -119,13 +112,13 @@ def run(args: argparse.Namespace) -> int:
                 start=start,
                 state_path=state_path,
                 log_path=output.with_suffix(".csv"),
-                progress=progress,
+                progress=_shown(moved),
             )
         except KeyboardInterrupt:
             kept = state_path.exists()
             way_on = "Go on with the same command and --resume." if kept else "No epoch was kept yet: start again."
             print(f"Stopped. {way_on}", file=sys.stderr)
-            return 130
+            return EXIT_INTERRUPTED
     accuracy = export_checkpoint(output, result, config, recordings, test, carried=args.recordings, start=start)
     state_path.unlink(missing_ok=True)
     if not args.quiet:
@@ -248,20 +241,13 @@ def _test_remarks(accuracy: float | None, test: Recordings | None) -> list[str]:
     return chance_remarks(accuracy, test.labels, "of the test part")
 
 
-@contextmanager
-def _progress(*, show: bool) -> Iterator[Progress | None]:
-    if not show:
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import Progress as Bar
+def _shown(moved: Moved | None) -> Progress | None:
+    """Return what shows each epoch on a bar."""
+    if moved is None:
+        return None
 
-    with Bar(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("training", total=None)
+    def after_epoch(done: int, expected: int, record: EpochRecord) -> None:
+        held = "" if record.validation_accuracy is None else f", validation {record.validation_accuracy:.3f}"
+        moved(done, expected, f"{record.phase} epoch {record.epoch}, loss {record.loss:.3f}{held}")
 
-        def after_epoch(done: int, expected: int, record: EpochRecord) -> None:
-            held = "" if record.validation_accuracy is None else f", validation {record.validation_accuracy:.3f}"
-            text = f"{record.phase} epoch {record.epoch}, loss {record.loss:.3f}{held}"
-            bar.update(task, completed=done, total=expected, description=text)
-
-        yield after_epoch
+    return after_epoch

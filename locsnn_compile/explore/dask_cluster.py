@@ -31,7 +31,7 @@ def on_dask(address: str) -> Executor:
 
 
 def _on_dask(distributed: ModuleType, address: str, study: Study, settings: Sequence[Setting]) -> Points:
-    packed = study.packed()
+    packed, where = study.packed(), _where(address)
     with _client(distributed, address) as client:
         # The study goes with every task, not to the workers beforehand, where it would be lost with them.
         futures = {client.submit(measure_packed, packed, setting, key=study.key(setting)) for setting in settings}
@@ -39,15 +39,11 @@ def _on_dask(distributed: ModuleType, address: str, study: Study, settings: Sequ
             try:
                 point = future.result()
             except distributed.KilledWorker:
-                raise InputError(
-                    _where(address),
-                    "its workers die on a setting",
-                    fix="Give them more memory, or fewer recordings with --recordings.",
-                ) from None
+                fix = "Give them more memory, or fewer recordings with --recordings."
+                raise InputError(where, "its workers die on a setting", fix=fix) from None
             except distributed.CancelledError:
-                raise InputError(
-                    _where(address), "it was lost", fix="Start it and the command again: finished settings are kept."
-                ) from None
+                fix = "Start it and the command again: finished settings are kept."
+                raise InputError(where, "it was lost", fix=fix) from None
             futures.discard(future)
             yield point
 
@@ -55,37 +51,27 @@ def _on_dask(distributed: ModuleType, address: str, study: Study, settings: Sequ
 @contextmanager
 def _client(distributed: ModuleType, address: str) -> Iterator[Any]:
     """Connect to a scheduler that has at least one worker, all of them with this code."""
+    where, waited = _where(address), f"within {PATIENCE_SECONDS} s"
     try:
         client = distributed.Client(address, timeout=PATIENCE_SECONDS, set_as_default=False)
     except ValueError as error:
-        raise InputError(
-            _where(address), f"it is no address: {error}", fix="Give one such as tcp://127.0.0.1:8786."
-        ) from None
+        raise InputError(where, f"it is no address: {error}", fix="Give one such as tcp://127.0.0.1:8786.") from None
     except OSError:
-        raise InputError(
-            _where(address),
-            "no scheduler answers",
-            measured=f"within {PATIENCE_SECONDS} s",
-            fix="Start one with: dask scheduler",
-        ) from None
+        fix = "Start one with: dask scheduler"
+        raise InputError(where, "no scheduler answers", measured=waited, fix=fix) from None
     with client:
         try:
             client.wait_for_workers(1, timeout=PATIENCE_SECONDS)
         except TimeoutError:
-            raise InputError(
-                _where(address),
-                "it has no workers",
-                measured=f"within {PATIENCE_SECONDS} s",
-                fix=f"Start some with: dask worker {address}",
-            ) from None
+            fix = f"Start some with: dask worker {address}"
+            raise InputError(where, "it has no workers", measured=waited, fix=fix) from None
         try:
             codes = client.run(code_version)
         except ImportError as error:
-            raise InputError(
-                _where(address), "a worker has no locsnn-compile", measured=str(error), fix="Install it there."
-            ) from None
+            fix = "Install it there."
+            raise InputError(where, "a worker has no locsnn-compile", measured=str(error), fix=fix) from None
         for code in codes.values():
-            check_code(_where(address), code)
+            check_code(where, code)
         yield client
 
 

@@ -69,12 +69,6 @@ def choose_events(network: Network, events: str | None, part: str | None, bound:
     return _bounded(Chosen(recordings, len(recordings), taken, file), bound)
 
 
-def calibration_recordings(network: Network, calibration: str) -> Recordings:
-    """Return what ``--calibration`` of ``locsnn-compile`` reads: of what is divided the train part."""
-    part = CHOOSING if CHOOSING in recording_parts(calibration) else None
-    return read_recordings(calibration, split=part, model=network.expected)
-
-
 def report_events(network: Network, events: str) -> Chosen:
     """Return recordings to report on: all, of what is divided the test part."""
     chosen = choose_events(network, events, REPORTING if recording_parts(events) else None, None)

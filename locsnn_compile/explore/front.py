@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from locsnn_compile.explore.point import Figures
 
@@ -13,29 +12,13 @@ FRONT_RULE = (
 )
 
 
-@dataclass(frozen=True)
-class Objective:
-    """A figure that is to be small, and what it is called."""
-
-    figure: str
-    words: str
-
-    def of(self, figures: Figures) -> float:
-        """Return the figure; 0 where nothing was compared, as both sides did nothing."""
-        return float(getattr(figures, self.figure) or 0.0)
-
-
-OBJECTIVES = (
-    Objective("spike_error", "spike error"),
-    Objective("prediction_error", "changed predictions"),
-    Objective("energy_pj", "energy"),
-    Objective("chip_time_ns", "chip time"),
-)
+OBJECTIVES = ("spike_error", "prediction_error", "energy_pj", "chip_time_ns")
+"""The figures that are to be small."""
 
 
 def beats(one: Figures, other: Figures) -> bool:
     """Tell whether one is at least as good in every objective, and better in one."""
-    pairs = [(objective.of(one), objective.of(other)) for objective in OBJECTIVES]
+    pairs = list(zip(_objectives(one), _objectives(other), strict=True))
     return all(mine <= its for mine, its in pairs) and any(mine < its for mine, its in pairs)
 
 
@@ -44,3 +27,8 @@ def on_front(figures: Sequence[Figures | None]) -> list[bool]:
     return [
         mine is not None and not any(other is not None and beats(other, mine) for other in figures) for mine in figures
     ]
+
+
+def _objectives(figures: Figures) -> list[float]:
+    """Return the figures; 0 where nothing was compared, as both sides did nothing."""
+    return [float(getattr(figures, name) or 0.0) for name in OBJECTIVES]

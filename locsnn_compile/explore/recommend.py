@@ -28,22 +28,13 @@ def recommend(points: Sequence[Point], budget: ErrorBudget, *, by_default: bool 
             None, "nothing was compared: no neuron spikes on these recordings, and all class scores tie"
         )
     kept = [pair for pair in front if pair[1].keeps(budget)]
-    bounds = f"{'what auto keeps by default, ' if by_default else ''}{_words(budget)}"
+    bounds = f"{'what auto keeps by default, ' if by_default else ''}{budget.words()}"
     if not kept:
         return Recommendation(None, f"no setting keeps {bounds}; {_nearest(front)}")
     taken, figures = min(kept, key=lambda pair: (pair[1].energy_pj, pair[1].chip_time_ns, pair[1].spike_error or 0.0))
     of = plural(len(kept), "setting")
     spent = f"{energy(figures.energy_pj)} and {time(figures.chip_time_ns)} a recording"
     return Recommendation(taken, f"the least energy, {spent}, of {of} on the front within {bounds}")
-
-
-def _words(budget: ErrorBudget) -> str:
-    parts = []
-    if budget.min_agreement is not None:
-        parts.append(f"--min-agreement {budget.min_agreement:g}")
-    if budget.max_spike_error is not None:
-        parts.append(f"--max-spike-error {budget.max_spike_error:g}")
-    return " and ".join(parts)
 
 
 def _nearest(front: Sequence[tuple[Point, Figures]]) -> str:

@@ -6,10 +6,8 @@ wherever the points were measured. ``timings.csv`` and ``timings.svg`` hold the 
 
 from __future__ import annotations
 
-import csv
-import io
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
@@ -19,6 +17,7 @@ from locsnn_compile.explore.exploration import Exploration
 from locsnn_compile.explore.front import FRONT_RULE, OBJECTIVES
 from locsnn_compile.explore.pictures import figures_picture, timings_picture
 from locsnn_compile.explore.point import Figures
+from locsnn_compile.report.figures.flat import csv_bytes
 from locsnn_compile.settings import AXES
 
 SCHEMA = "locsnn-explore/1"
@@ -35,7 +34,7 @@ def document(found: Exploration) -> Document:
         "target": found.study.chip.name,
         "chosen_on": _events(found.events),
         "reported_on": found.reported_on and _events(found.reported_on),
-        "objectives": [objective.figure for objective in OBJECTIVES],
+        "objectives": list(OBJECTIVES),
         "front_rule": FRONT_RULE,
         "recommended": {
             "setting": taken and asdict(taken.setting),
@@ -52,9 +51,9 @@ def exploration_files(found: Exploration) -> dict[str, bytes]:
     made = document(found)
     return {
         "explore.json": (json.dumps(made, indent=2, allow_nan=False, ensure_ascii=False) + "\n").encode(),
-        "explore.csv": _csv([_flat(row) for row in made["points"]]),
+        "explore.csv": csv_bytes([_flat(row) for row in made["points"]]),
         "explore.svg": figures_picture(found),
-        "timings.csv": _csv(timing_rows(found)),
+        "timings.csv": csv_bytes(timing_rows(found)),
         "timings.svg": timings_picture(found),
     }
 
@@ -87,7 +86,7 @@ def _points(found: Exploration) -> list[Document]:
 
 
 def _figures(figures: Figures) -> Document:
-    return {objective.figure: getattr(figures, objective.figure) for objective in OBJECTIVES} | asdict(figures)
+    return {name: getattr(figures, name) for name in OBJECTIVES} | asdict(figures)
 
 
 def _events(chosen: Chosen) -> Document:
@@ -101,8 +100,7 @@ def _events(chosen: Chosen) -> Document:
 
 def _flat(row: Mapping[str, Any]) -> Document:
     """Return a row of the table: figures of both sets of recordings in columns, empty where there are none."""
-    names = [objective.figure for objective in OBJECTIVES]
-    names += [name for name in Figures.__dataclass_fields__ if name not in names]
+    names = list(dict.fromkeys((*OBJECTIVES, *Figures.__dataclass_fields__)))
     figures, reported = row["figures"] or {}, row["reported"] or {}
     return {
         **{axis.name: row["setting"][axis.name] for axis in AXES},
@@ -111,12 +109,3 @@ def _flat(row: Mapping[str, Any]) -> Document:
         **{f"reported_{name}": reported.get(name) for name in names},
         **{key: row[key] for key in ("refused", "command", "report_command")},
     }
-
-
-def _csv(rows: Sequence[Mapping[str, Any]]) -> bytes:
-    text = io.StringIO()
-    if rows:
-        writer = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-    return text.getvalue().encode()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,7 +9,7 @@ from pathlib import Path
 import hw_model as hw
 from hw_model.io.files import replace_file
 from locsnn_compile.errors import InputError
-from locsnn_compile.report.figures.flat import flatten
+from locsnn_compile.report.figures.flat import csv_bytes, flatten
 from locsnn_compile.report.format import count, plural
 from locsnn_compile.report.renderers.markdown import line, text
 from locsnn_compile.stress.cases import LEADS
@@ -43,7 +41,8 @@ def write_page(path: Path, rows: Sequence[Row], chip: hw.Chip) -> None:
         ) from None
     for name, picture in drawn.items():
         replace_file(path.parent / PICTURES / name, picture, where)
-    replace_file(table, csv_bytes(rows, chip), where)
+    figures = [flatten(row) for row in stress_document(rows, chip)["rows"]]
+    replace_file(table, csv_bytes(figures), where)
     replace_file(path, f"{before}{BEGIN}\n{body}\n{END}{after}".encode(), where)
 
 
@@ -70,16 +69,6 @@ def _around(path: Path, where: str) -> tuple[str, str]:
             where, "it has no place for the table", fix=f"Put the lines {BEGIN} and {END} there, or give a new file."
         )
     return page[: page.index(BEGIN)], page[page.index(END) + len(END) :]
-
-
-def csv_bytes(rows: Sequence[Row], chip: hw.Chip) -> bytes:
-    """Return the rows as a table: what ``--json`` holds of each, a column a figure."""
-    flat = [dict(flatten(row)) for row in stress_document(rows, chip)["rows"]]
-    with io.StringIO(newline="") as held:
-        writer = csv.DictWriter(held, dict.fromkeys(key for row in flat for key in row), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(flat)
-        return held.getvalue().encode()
 
 
 def _summary(rows: Sequence[Row], chip: hw.Chip) -> str:

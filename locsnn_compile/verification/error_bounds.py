@@ -23,6 +23,11 @@ class ErrorBudget:
         """Whether there is any bound."""
         return self != ErrorBudget()
 
+    def words(self) -> str:
+        """Return the bounds as the options that ask for them."""
+        bounds = (("--min-agreement", self.min_agreement), ("--max-spike-error", self.max_spike_error))
+        return " and ".join(f"{option} {bound:g}" for option, bound in bounds if bound is not None)
+
 
 @dataclass(frozen=True)
 class Losses:

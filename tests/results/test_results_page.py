@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from locsnn_compile.cli import train
+from locsnn_compile.cli.shell import add_command
 from locsnn_compile.data.read import read_recordings
 
 HERE = Path(__file__).parent
@@ -120,7 +121,7 @@ def test_commands_are_those_of_locsnn_train() -> None:
     from result_rows import DATASETS, ROWS, command
 
     parser = argparse.ArgumentParser()
-    train.add_parser(parser.add_subparsers())
+    add_command(parser.add_subparsers(), "train", train)
     for row in ROWS:
         for dataset in DATASETS.values():
             args = parser.parse_args(command(row, dataset, 3).split()[1:])

@@ -13,6 +13,7 @@ import pytest
 import torch
 
 from locsnn_compile.cli import train as command
+from locsnn_compile.cli.shell import add_command
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.data.write import write_recordings
 from locsnn_compile.errors import InputError
@@ -26,7 +27,7 @@ SILENT = "! No output neuron spikes in any of the 9 recordings it was trained on
 
 def parser() -> argparse.ArgumentParser:
     whole = argparse.ArgumentParser(prog="locsnn")
-    command.add_parser(whole.add_subparsers(required=True))
+    add_command(whole.add_subparsers(required=True), "train", command)
     return whole
 
 

@@ -1,7 +1,10 @@
-"""From objects to values of a document, and from nested values to one list of figures."""
+"""From objects to values of a document, from nested values to one list of figures, from rows of them to a table."""
 
 from __future__ import annotations
 
+import csv
+import io
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 Figures = dict[str, Any]
@@ -28,3 +31,14 @@ def flatten(value: object, key: str = "") -> Figures:
             continue
         waiting += [(f"{key}.{name}" if key else name, item) for name, item in reversed(items)]
     return found
+
+
+def csv_bytes(rows: Sequence[Mapping[str, Any]]) -> bytes:
+    """Return rows as a table with a column for each key that one of them has; of no rows, nothing."""
+    if not rows:
+        return b""
+    made = io.StringIO()
+    writer = csv.DictWriter(made, dict.fromkeys(key for row in rows for key in row), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return made.getvalue().encode()

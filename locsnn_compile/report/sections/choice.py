@@ -30,11 +30,6 @@ def settings_compared(choice: Document) -> Table:
 def unmet_budget(choice: Choice) -> str:
     """Say in a line what a budget that no setting keeps came to, and a way out."""
     best, bounds = choice.taken, choice.budget
-    asked = [
-        f"{option} {bound:g}"
-        for option, bound in (("--min-agreement", bounds.min_agreement), ("--max-spike-error", bounds.max_spike_error))
-        if bound is not None
-    ]
     silent = best.spike_agreement is None or (bounds.min_agreement is not None and best.prediction_agreement is None)
     fix = (
         "Give --calibration recordings in which outputs spike."
@@ -43,7 +38,7 @@ def unmet_budget(choice: Choice) -> str:
     )
     setting = setting_words(asdict(best.setting))
     return (
-        f"no setting keeps {' and '.join(asked)} on {plural(choice.samples, 'recording')} of {choice.source}: "
+        f"no setting keeps {bounds.words()} on {plural(choice.samples, 'recording')} of {choice.source}: "
         f"the best of {len(choice.candidates)} is {setting}, with {_lost(best)}. {fix}"
     )
 

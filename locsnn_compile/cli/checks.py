@@ -1,0 +1,42 @@
+"""Checks of options that several commands have; each refusal is one line."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
+
+from locsnn_compile.errors import InputError, did_you_mean
+
+if TYPE_CHECKING:
+    from locsnn_compile.data.recordings import Recordings
+
+
+def check_known(where: str, what: str, given: str | None, known: Iterable[str]) -> None:
+    """Refuse a name that is none of those known."""
+    if given is not None and given not in known:
+        raise InputError(where, what, fix=did_you_mean(given, known))
+
+
+def check_number(option: str, value: float | None, what: str, holds: Callable[[float], bool], fix: str) -> None:
+    """Refuse a number that is not finite, or does not hold."""
+    if value is not None and not (math.isfinite(value) and holds(value)):
+        raise InputError(option, what, measured=f"got {value:g}", fix=fix)
+
+
+def check_psi(psi: float | None) -> None:
+    """Refuse a rate below 0."""
+    check_number("--psi", psi, "it is no rate", lambda x: x >= 0, "Give 0 or more, such as 10.")
+
+
+def recording_of(asked: int | None, recordings: Recordings) -> int:
+    """Return the number of the recording that is asked for, by default the first; refuse one that is not there."""
+    number = asked or 0
+    if not 0 <= number < len(recordings):
+        raise InputError(
+            f"--recording {number}",
+            "there is no such recording",
+            measured=f"{len(recordings)} in {recordings.source}",
+            fix=f"Count from 0 to {len(recordings) - 1}.",
+        )
+    return number
