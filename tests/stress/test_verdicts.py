@@ -13,7 +13,7 @@ from locsnn_compile.stress.row import Lost, Measured
 from locsnn_compile.verification.matching import PopulationMatch
 
 CHIP = hw.chip("loihi-sim")
-CASE = Case("group", "case", "reset", float_network(srm(), weights()), random_input())
+CASE = Case("case", "reset", float_network(srm(), weights()), random_input())
 FINE = Measured(
     spikes=PopulationMatch(10, 10, 9), error=0.05, bound=0.2, parts={"weights": 0.15, "decays": 0.04, "states": 0.01},
     model_error=0.0, otherwise=1, ties=0, decisions=100, overflowed=0, wraps=0, clips=0, weights=Lost(0, 24),

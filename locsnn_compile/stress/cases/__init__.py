@@ -3,39 +3,42 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 
 from locsnn_compile.stress.cases.case import Case
-from locsnn_compile.stress.cases.decays import decays
+from locsnn_compile.stress.cases.decays import decays, refractory_time_constants, time_constants
 from locsnn_compile.stress.cases.extremes import float_extremes
-from locsnn_compile.stress.cases.formats import delays, weight_bits, weight_exponents
 from locsnn_compile.stress.cases.inputs import crowds, input_patterns
-from locsnn_compile.stress.cases.magnitudes import one_scale_for_all, weights_against_thresholds
-from locsnn_compile.stress.cases.resets import biases, refractory_counts
-from locsnn_compile.stress.cases.roundings import roundings
-from locsnn_compile.stress.cases.ties import exact_thresholds
-from locsnn_compile.stress.cases.time_constants import refractory_time_constants, time_constants
-from locsnn_compile.stress.cases.weights import weight_shapes
-
-GROUPS: tuple[Callable[[], Iterable[Case]], ...] = (
-    time_constants,
-    refractory_time_constants,
-    decays,
-    one_scale_for_all,
-    weights_against_thresholds,
-    weight_shapes,
-    weight_bits,
-    roundings,
-    weight_exponents,
-    float_extremes,
-    input_patterns,
-    crowds,
-    exact_thresholds,
-    refractory_counts,
-    biases,
+from locsnn_compile.stress.cases.long_runs import GROUP
+from locsnn_compile.stress.cases.thresholds import biases, exact_thresholds, refractory_counts
+from locsnn_compile.stress.cases.weights import (
     delays,
+    one_scale_for_all,
+    roundings,
+    weight_bits,
+    weight_exponents,
+    weight_shapes,
+    weights_against_thresholds,
 )
 
-
+GROUPS: dict[str, Callable[[], Iterable[Case]]] = {
+    "time constants": time_constants,
+    "refractory time constants": refractory_time_constants,
+    "decays at the ends of the grid": decays,
+    "threshold and weights together": one_scale_for_all,
+    "weights against the threshold": weights_against_thresholds,
+    "shapes of weights": weight_shapes,
+    "weight bits": weight_bits,
+    "roundings": roundings,
+    "weight exponents": weight_exponents,
+    "extreme floats": float_extremes,
+    "inputs": input_patterns,
+    "crowds of inputs": crowds,
+    "potentials at the threshold": exact_thresholds,
+    "refractory counts": refractory_counts,
+    "biases": biases,
+    "delays": delays,
+}
 LEADS: dict[str, str] = {
     "time constants": "From half a step to more than a decay holds. The decay nearest to `exp(-1 / tau)` is within "
     "1/8192 of it, so long time constants are coarse: at 1,000 steps it has 3 bits. From about 2,000 steps the alpha "
@@ -63,7 +66,7 @@ LEADS: dict[str, str] = {
     "biases": "A bias of less than half a unit of the register is lost, and one of more than 4,095 thresholds is "
     "refused.",
     "delays": "Up to 62 steps.",
-    "a million steps": "Does rounding add up? Where potentials fade it cannot: errors of the last tenth are those of "
+    GROUP: "Does rounding add up? Where potentials fade it cannot: errors of the last tenth are those of "
     "the first, below a bound for all time. Without a leak it does, as fast as derived. Potentials are compared in "
     "neurons that do not spike; the figures above the long runs are of their beginnings.",
 }
@@ -72,4 +75,6 @@ LEADS: dict[str, str] = {
 
 def cases(*, quick: bool = False) -> tuple[Case, ...]:
     """Return all cases in the order of the page, or those that every run has."""
-    return tuple(case for group in GROUPS for case in group() if case.quick or not quick)
+    return tuple(
+        replace(case, group=group) for group, made in GROUPS.items() for case in made() if case.quick or not quick
+    )

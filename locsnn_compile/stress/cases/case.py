@@ -32,10 +32,10 @@ class Case:
     """One row of the table: a network, how it is lowered, and recordings (samples, steps, channels) of 0 and 1.
 
     It is rounded as `locsnn-compile` rounds, unless ``rounding`` says otherwise. ``x`` is the number that the group of
-    cases varies, where it has a place on an axis. ``quick`` cases are part of every run.
+    cases varies, where it has a place on an axis. ``quick`` cases are part of every run. The table of groups names the
+    ``group``.
     """
 
-    group: str
     name: str
     strategy: str
     network: Network
@@ -44,10 +44,10 @@ class Case:
     rounding: Rounding = FINE
     x: float | None = None
     quick: bool = False
+    group: str = ""
 
 
 def srm_cases(
-    group: str,
     name: str,
     neuron: SrmAlpha | None = None,
     given: npt.ArrayLike | None = None,
@@ -61,13 +61,12 @@ def srm_cases(
 
     The published neuron, random weights and random input where nothing else is given; ``more`` as in :func:`case_of`.
     """
-    made = case_of(group, name, USUAL[0], neuron or srm(), weights() if given is None else given, played, **more)
+    made = case_of(name, USUAL[0], neuron or srm(), weights() if given is None else given, played, **more)
     for strategy in USUAL:
         yield replace(made, strategy=strategy, quick=quick and strategy in quick_as)
 
 
 def lif_case(
-    group: str,
     name: str,
     neuron: Cuba | None = None,
     given: npt.ArrayLike | None = None,
@@ -75,13 +74,10 @@ def lif_case(
     **more: Any,
 ) -> Case:
     """Return a network of integrate-and-fire neurons, with the usual ones where nothing else is given."""
-    return case_of(
-        group, name, NATIVE, neuron or lif(), weights(response="leak") if given is None else given, played, **more
-    )
+    return case_of(name, NATIVE, neuron or lif(), weights(response="leak") if given is None else given, played, **more)
 
 
 def case_of(
-    group: str,
     name: str,
     strategy: str,
     neuron: SrmAlpha | Cuba,
@@ -94,7 +90,7 @@ def case_of(
 ) -> Case:
     """Return float neurons with weights, a random input played to them by default; ``more`` fields of the case."""
     network = float_network(neuron, given, steps=steps, delay=delay)
-    return Case(group, name, strategy, network, random_input() if played is None else played, **more)
+    return Case(name, strategy, network, random_input() if played is None else played, **more)
 
 
 def float_network(

@@ -16,12 +16,11 @@ LEAST, LARGEST = 5e-324, float(np.finfo(np.float64).max)
 
 def float_extremes() -> Iterator[Case]:
     """Numbers that a file may hold, whatever they mean."""
-    group = "extreme floats"
     for name, neuron in _neurons().items():
         scaled = weights() * (neuron.theta / THETA if 1e-200 < neuron.theta < 1e200 else 1.0)
-        yield from srm_cases(group, name, neuron, scaled, quick=True)
+        yield from srm_cases(name, neuron, scaled, quick=True)
     for name, (integrator, given) in _integrators().items():
-        yield lif_case(group, name, integrator, given, quick=True)
+        yield lif_case(name, integrator, given, quick=True)
 
 
 def _neurons() -> dict[str, SrmAlpha]:

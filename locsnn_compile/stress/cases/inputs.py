@@ -18,8 +18,8 @@ CROWD = 4096
 def input_patterns() -> Iterator[Case]:
     """What recordings may be, onto the published neuron."""
     for name, played in _patterns().items():
-        yield from srm_cases("inputs", name, played=played, quick=True)
-        yield lif_case("inputs", name, played=played)
+        yield from srm_cases(name, played=played, quick=True)
+        yield lif_case(name, played=played)
 
 
 def crowds() -> Iterator[Case]:
@@ -34,9 +34,9 @@ def crowds() -> Iterator[Case]:
                 network = chip_network(model, np.full((1, lines), sign * 255), exponent=exponent, steps=20)
                 every = np.ones((1, 20, lines), dtype=np.uint8)
                 name = f"{lines} inputs {word}, exponent {exponent}"
-                yield Case("crowds of inputs", name, strategy, network, every, quick=exponent == 7 and sign == 1)
+                yield Case(name, strategy, network, every, quick=exponent == 7 and sign == 1)
     many = chip_network(dendrite, np.full((1, CROWD), 255), steps=20)
-    yield Case("crowds of inputs", f"{CROWD} inputs", "dendrite", many, np.ones((1, 20, CROWD), dtype=np.uint8))
+    yield Case(f"{CROWD} inputs", "dendrite", many, np.ones((1, 20, CROWD), dtype=np.uint8))
 
 
 def _patterns() -> dict[str, ByteArray]:

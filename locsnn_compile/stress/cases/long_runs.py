@@ -23,6 +23,7 @@ from locsnn_compile.stress.cases.case import (
     weights,
 )
 
+GROUP = "a million steps"
 BLOCK = 1000
 """Steps after which the input repeats: what a fading neuron does then repeats as well."""
 SETTLED = 5
@@ -49,7 +50,7 @@ def long_runs() -> Iterator[LongRun]:
     given[:2] *= 0.1
     network = float_network(srm(), given, steps=len(played[0]))
     for strategy in USUAL:
-        case = Case("a million steps", "tau_sr 10", strategy, network, played, quick=strategy == "dendrite")
+        case = Case("tau_sr 10", strategy, network, played, quick=strategy == "dendrite", group=GROUP)
         yield LongRun(case, block)
     given = weights(response="leak")
     given[:2] *= 0.1
@@ -90,4 +91,4 @@ def _native(
 ) -> LongRun:
     played = np.tile(block, (blocks, 1))[None]
     network = float_network(neuron, given, steps=len(played[0]))
-    return LongRun(Case("a million steps", name, NATIVE, network, played, quick=quick), block, fades)
+    return LongRun(Case(name, NATIVE, network, played, quick=quick, group=GROUP), block, fades)
