@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import math
+from argparse import Namespace
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
     from locsnn_compile.data.recordings import Recordings
+
+
+def given(args: Namespace, options: Iterable[str]) -> dict[str, Any]:
+    """Return the values of those options, as they are typed, that were given."""
+    values = {option: getattr(args, option.strip("-").replace("-", "_")) for option in options}
+    return {option: value for option, value in values.items() if value is not None}
 
 
 def check_known(where: str, what: str, given: str | None, known: Iterable[str]) -> None:

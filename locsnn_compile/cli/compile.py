@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.backends import BENCH_KINDS, BUILD_NAMES, EMIT_KINDS, EMITTED_NAMES, EXCHANGE_KINDS, LEVEL_KINDS
-from locsnn_compile.cli.checks import check_known, check_psi, recording_of
+from locsnn_compile.cli.checks import check_known, check_psi, given, recording_of
 from locsnn_compile.cli.completion import answer_shell
 from locsnn_compile.cli.shell import EXIT_GATE, Parser, guarded, progress_bar
 from locsnn_compile.cli.step_options import add_step_options, asked_steps, with_steps
@@ -47,6 +47,7 @@ _PROFILE = "costs of the report: a profile of the chip, or a YAML file like one 
 _PSI = (
     "how late the time-weighted prediction of the report turns to the location branch (default: the model's own, or 10)"
 )
+READ = ("--config", "--events", "--calibration", "--target", "--profile")
 OF_RECORDING = ("vectors", "vcd", "trace", "sanafe")
 
 
@@ -137,8 +138,8 @@ def run(args: Namespace) -> int:
         discretisation=args.discretisation,
         kernels=args.kernels,
     )
-    options = ("weight_bits", "split_weights", "calibration", "psi")
-    check_matters(network, {name: _option(name) for name in options if getattr(args, name) is not None})
+    asked = given(args, ("--weight-bits", "--split-weights", "--calibration", "--psi"))
+    check_matters(network, {option.strip("-").replace("-", "_"): option for option in asked})
     network = with_steps(network, args)
     if args.events is None:
         recordings = recordings_for(network, None)
@@ -159,7 +160,7 @@ def run(args: Namespace) -> int:
             psi=args.psi,
             profile=args.profile,
         )
-    gates = check_gates(compiled.report, _bounds(args))
+    gates = check_gates(compiled.report, given(args, GATES))
     compiled = replace(compiled, report=compiled.report | {"gates": gates_entry(gates)})
     files = build_files(compiled, args.emit) | _emitted(args, compiled, recordings, number)
     write_build(folder, files)
@@ -222,10 +223,10 @@ def _check_options(args: Namespace) -> None:
         )
     if args.probe and "vcd" not in args.emit:
         raise InputError("--probe", "nothing that is emitted shows it", fix="Add --emit vcd.")
-    for option, bound in _bounds(args).items():
+    for option, bound in given(args, GATES).items():
         if math.isinf(bound):
             raise InputError(f"{option} {bound:g}", "nothing is measured against that", fix="Give a finite number.")
-    if args.junit and not _bounds(args):
+    if args.junit and not given(args, GATES):
         raise InputError("--junit", "no gate is asked for", fix=f"Add one of {', '.join(GATES)}.")
 
 
@@ -236,8 +237,7 @@ def _check_places(args: Namespace, folder: Path) -> None:
 
     names = written_names(args.emit)
     check_folder(folder, names)
-    options = ("config", "events", "calibration", "target", "profile")
-    reads = {"MODEL": args.model, **{_option(name): getattr(args, name) for name in options}}
+    reads = {"MODEL": args.model, **given(args, READ)}
     junit = [(f"--junit {args.junit!r}", Path(args.junit))] if args.junit else []
     check_places(reads, junit, [(f"-o {str(folder)!r}", folder / name) for name in names])
 
@@ -257,16 +257,6 @@ def _emitted(args: Namespace, compiled: CompiledModel, recordings: Recordings, n
 
     title = f"recording {number} of {recordings.source}"
     return bench_files(compiled.program, kinds, recordings.spikes[number], title, args.probe)
-
-
-def _bounds(args: Namespace) -> dict[str, float]:
-    """Return the bounds that were given, by option."""
-    given = {option: getattr(args, option.strip("-").replace("-", "_")) for option in GATES}
-    return {option: bound for option, bound in given.items() if bound is not None}
-
-
-def _option(name: str) -> str:
-    return f"--{name.replace('_', '-')}"
 
 
 def _say_gates(gates: Sequence[Gate]) -> int:

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from locsnn_compile.cli.checks import check_known
+from locsnn_compile.cli.checks import check_known, given
 from locsnn_compile.cli.shell import EXIT_GATE, EXIT_INTERRUPTED, progress_bar
 from locsnn_compile.errors import InputError
 from locsnn_compile.settings import AXES, Value, check_matters, check_values, settings
@@ -39,8 +39,8 @@ spikes more.
 """
 PARTS = ("train", "test")
 ENGINES = ("fast", "reference")
-MAX_WORKERS = 256
-READ = ("config", "events", "report_on", "calibration", "target")
+_RANGES = {"--recordings": (1, math.inf), "--workers": (1, 256), "--min-agreement": (0, 1), "--max-spike-error": (0, 1)}
+READ = ("--config", "--events", "--report-on", "--calibration", "--target")
 WRITTEN = ("explore.csv", "explore.json", "explore.svg", "timings.csv", "timings.svg")
 
 
@@ -146,7 +146,7 @@ def _check_places(args: argparse.Namespace, folder: Path, names: Sequence[str]) 
     """Refuse to write what is read; ``names`` in the folder of the output."""
     from locsnn_compile.cli.places import check_places
 
-    reads = {"MODEL": args.model, **{f"--{name.replace('_', '-')}": getattr(args, name) for name in READ}}
+    reads = {"MODEL": args.model, **given(args, READ)}
     check_places(reads, [], [(f"-o {str(folder)!r}", folder / name) for name in names])
 
 
@@ -166,17 +166,12 @@ def _check_options(args: argparse.Namespace, wanted: Mapping[str, Sequence[Value
     check_known(f"--part {args.part}", "there is no such name", args.part, PARTS)
     for name in args.engines:
         check_known(f"--engines {name}", "there is no such name", name, ENGINES)
-    for option, least, most in (
-        ("--recordings", 1, math.inf),
-        ("--workers", 1, MAX_WORKERS),
-        ("--min-agreement", 0, 1),
-        ("--max-spike-error", 0, 1),
-    ):
-        given = getattr(args, option.strip("-").replace("-", "_"))
+    for option, value in given(args, _RANGES).items():
+        least, most = _RANGES[option]
         # Written so that what is not a number is refused too.
-        if given is not None and not least <= given <= most:
+        if not least <= value <= most:
             upper = "up" if most == math.inf else f"to {most}"
-            raise InputError(f"{option} {given:g}", "it is out of range", fix=f"Give a number from {least} {upper}.")
+            raise InputError(f"{option} {value:g}", "it is out of range", fix=f"Give a number from {least} {upper}.")
     if args.workers and args.scheduler:
         raise InputError("--workers", "a scheduler brings its own", fix="Leave out --workers or --scheduler.")
 

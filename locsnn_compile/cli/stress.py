@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -59,15 +58,14 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _print_verdicts(rows: Sequence[Row]) -> None:
-    from locsnn_compile.stress.row import VERDICTS
+    from locsnn_compile.stress.row import VERDICTS, by_verdict
 
     groups = list(dict.fromkeys(row.case.group for row in rows))
     width = max(map(len, groups))
     print(f"{'':{width}}  {'rows':>5}  {'  '.join(f'{verdict:>11}' for verdict in VERDICTS)}")
     for group in [*groups, "all"]:
-        counted = Counter(row.verdict for row in rows if group in (row.case.group, "all"))
-        figures = "  ".join(f"{counted[verdict]:11}" for verdict in VERDICTS)
-        print(f"{group:{width}}  {sum(counted.values()):5}  {figures}")
+        counted = by_verdict(row for row in rows if group in (row.case.group, "all")).values()
+        print(f"{group:{width}}  {sum(counted):5}  {'  '.join(f'{number:11}' for number in counted)}")
     for row in rows:
         if row.verdict == "unexplained":
             print(f"unexplained: {row.case.group}, {row.case.name}, {row.case.strategy}: {'; '.join(row.causes)}")

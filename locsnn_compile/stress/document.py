@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
 import hw_model as hw
-from locsnn_compile.stress.row import VERDICTS, Drift, Measured, Row
+from locsnn_compile.stress.row import Drift, Measured, Row, by_verdict
 from locsnn_compile.verification.matching import PopulationMatch
 
 SCHEMA = 1
@@ -16,11 +15,10 @@ SCHEMA = 1
 
 def stress_document(rows: Sequence[Row], chip: hw.Chip) -> dict[str, Any]:
     """Return what ``locsnn stress --json`` prints; errors and bounds are in thresholds."""
-    counted = Counter(row.verdict for row in rows)
     return {
         "schema": SCHEMA,
         "target": chip.name,
-        "verdicts": {verdict: counted[verdict] for verdict in VERDICTS},
+        "verdicts": by_verdict(rows),
         "rows": [_row(row) for row in rows],
     }
 

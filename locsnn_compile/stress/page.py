@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from locsnn_compile.report.renderers.markdown import line, text
 from locsnn_compile.stress.cases import LEADS
 from locsnn_compile.stress.document import stress_document
 from locsnn_compile.stress.plots import pictures
-from locsnn_compile.stress.row import VERDICTS, Row
+from locsnn_compile.stress.row import VERDICTS, Row, by_verdict
 
 BEGIN, END = "<!-- stress: begin -->", "<!-- stress: end -->"
 PICTURES = "images"
@@ -73,15 +72,11 @@ def _around(path: Path, where: str) -> tuple[str, str]:
 
 def _summary(rows: Sequence[Row], chip: hw.Chip) -> str:
     groups = list(dict.fromkeys(row.case.group for row in rows))
-    counted = {group: Counter(row.verdict for row in rows if row.case.group == group) for group in groups}
-    everything = Counter(row.verdict for row in rows)
+    parts = [(text(group), [row for row in rows if row.case.group == group], LEADS[group]) for group in groups]
     lines = [line(["group", "rows", *VERDICTS, "what it tries"]), line(["---", *["---:"] * 5, "---"])]
     lines += [
-        line([name, count(sum(found.values())), *(count(found[verdict]) for verdict in VERDICTS), lead])
-        for name, found, lead in [
-            *((text(group), counted[group], LEADS[group]) for group in groups),
-            ("**all**", everything, ""),
-        ]
+        line([name, count(len(part)), *map(count, by_verdict(part).values()), lead])
+        for name, part, lead in [*parts, ("**all**", rows, "")]
     ]
     return f"{plural(len(rows), 'row')} on {text(chip.name)}.\n\n" + "\n".join(lines)
 

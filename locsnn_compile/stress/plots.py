@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from locsnn_compile.report.content import Curve
 from locsnn_compile.report.pictures.curves import Panel, draw
 from locsnn_compile.strategies import NATIVE
+from locsnn_compile.stress.bounds import SOURCES, Source
 from locsnn_compile.stress.row import Drift, Measured, Row
 
 
@@ -21,21 +22,21 @@ def pictures(rows: Sequence[Row]) -> dict[str, bytes]:
 
 
 def _time_constants(rows: Sequence[Row]) -> bytes | None:
+    figures: dict[str, Callable[[Measured], float]] = {"error found": lambda m: m.error, "bound": lambda m: m.bound}
+    figures |= {f"of it {source}": _part(source) for source in SOURCES}
     panels = [
         Panel(
             f"{strategy}: error in thresholds",
             "time constant, steps",
-            (
-                _curve("error found", rows, "time constants", strategy, lambda m: m.error),
-                _curve("bound", rows, "time constants", strategy, lambda m: m.bound),
-                _curve("of it weights", rows, "time constants", strategy, lambda m: m.parts["weights"]),
-                _curve("of it decays", rows, "time constants", strategy, lambda m: m.parts["decays"]),
-                _curve("of it states", rows, "time constants", strategy, lambda m: m.parts["states"]),
-            ),
+            tuple(_curve(name, rows, "time constants", strategy, figure) for name, figure in figures.items()),
         )
         for strategy in ("dendrite", NATIVE)
     ]
     return _drawn("Error of potentials by time constant, same spikes on both sides", panels)
+
+
+def _part(source: Source) -> Callable[[Measured], float]:
+    return lambda m: m.parts[source]
 
 
 def _weights(rows: Sequence[Row]) -> bytes | None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
@@ -83,3 +84,9 @@ class Row:
     causes: tuple[str, ...] = ()
     measured: Measured | None = None
     drift: Drift | None = field(default=None)
+
+
+def by_verdict(rows: Iterable[Row]) -> dict[Verdict, int]:
+    """Return how many rows have each verdict."""
+    counted = Counter(row.verdict for row in rows)
+    return {verdict: counted[verdict] for verdict in VERDICTS}
