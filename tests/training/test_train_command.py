@@ -13,7 +13,7 @@ import pytest
 import torch
 
 from locsnn_compile.cli import train as command
-from locsnn_compile.cli.shell import add_command
+from locsnn_compile.cli.shell import add_command, progress_bar
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.data.write import write_recordings
 from locsnn_compile.errors import InputError
@@ -207,13 +207,16 @@ def test_help_shows_a_working_example(capsys: pytest.CaptureFixture[str]) -> Non
     assert "locsnn train --data examples/recordings/motions.npz --epochs 20 -o motions.pt" in text
 
 
-def test_progress_is_drawn_on_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
-    with command._progress(show=True) as progress:
+def test_progress_is_drawn_on_a_terminal(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    with progress_bar("training", show=True) as moved:
+        progress = command._shown(moved)
         assert progress is not None
         progress(1, 4, EpochRecord("select", 1, 0.1, 2.0, 1.0, 0.5))
-    assert capsys.readouterr().out == ""
-    with command._progress(show=False) as progress:
-        assert progress is None
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert "select epoch 1, loss 2.000, validation 0.500" in shown.err
+    assert command._shown(None) is None
 
 
 def test_the_command_is_imported_without_torch() -> None:
