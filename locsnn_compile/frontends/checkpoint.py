@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
 
 from hw_model.mapping.graph import Axis, Readout
 from locsnn_compile.errors import TargetError
@@ -16,10 +18,9 @@ from locsnn_compile.frontends.window_network import Parts, window_parts
 from locsnn_compile.models.branch_graph import branch_graph, spread_weights
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
-from locsnn_compile.models.chip_numbers import ChipPopulation, OwnSynapse
 from locsnn_compile.models.description import LifParameters
-from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipProjection, ChipSrm
-from locsnn_compile.network.matrices import Matrix, matrix
+from locsnn_compile.network.chip_neurons import ChipProjection
+from locsnn_compile.network.matrices import matrix
 from locsnn_compile.network.network import InputView, Network, Population, Projection
 from locsnn_compile.network.neurons import Cuba, SrmAlpha
 
@@ -74,53 +75,49 @@ def _branches(checkpoint: Checkpoint) -> Parts:
     description = checkpoint.description
     views, populations = [], []
     projections: list[Projection | ChipProjection] = []
-    for axis in _axes(description.branches):
+    for axis in VIEW_NAMES:
+        if axis not in description.branches:
+            continue
         view = _view(axis, checkpoint)
         views.append(view)
         for source, target in pairwise((view.name, *description.populations(axis))):
-            population, projection = _layer(checkpoint, axis, source, target)
+            population, onto = _layer(checkpoint, axis, source, target)
             populations.append(population)
-            projections.extend(_by_delay(projection, description.delays if target == "time_hidden" else (0,)))
+            projections.extend(onto)
     outputs = tuple(f"{view.axis}_output" for view in views)
     return views, populations, projections, Readout(outputs, (1.0,) * len(outputs))
 
 
 def _layer(
     checkpoint: Checkpoint, axis: Axis, source: str, target: str
-) -> tuple[Population, Projection | ChipProjection]:
-    """Return a population and the weights onto it: in float, or in the integers that it was trained with."""
-    if checkpoint.chip is None:
-        weights = _weights(checkpoint, axis, target)
-        size = weights.shape[0]
-        return Population(target, axis, size, _neuron(checkpoint, size)), Projection(source, target, weights)
-    numbers = checkpoint.chip.populations[target]
-    mantissa = matrix(checkpoint.weights[target], np.int64)
-    projection = ChipProjection(source, target, mantissa, numbers.exponent, numbers.weight_bits)
-    size = len(mantissa)
-    return Population(target, axis, size, _chip_neuron(numbers, checkpoint.chip.strategy, size)), projection
+) -> tuple[Population, Sequence[Projection | ChipProjection]]:
+    """Return a population and the weights onto it: in float, or in the integers that it was trained with.
+
+    There is a projection for each delay, all from the same lines; their weights lie side by side in the checkpoint.
+    """
+    description, chip = checkpoint.description, checkpoint.chip
+    weights = _weights(checkpoint, axis, target)
+    size = weights.shape[0]
+    delays = description.delays if target == "time_hidden" else (0,)
+    parts = [weights] if delays == (0,) else np.split(np.asarray(weights), len(delays), axis=1)
+    if chip is None:
+        return Population(target, axis, size, _neuron(checkpoint, size)), [
+            Projection(source, target, matrix(part, np.float64), delay=delay)
+            for delay, part in zip(delays, parts, strict=True)
+        ]
+    numbers = chip.populations[target]
+    return Population(target, axis, size, numbers.neuron), [
+        ChipProjection(source, target, matrix(part, np.int64), numbers.exponent, numbers.weight_bits, delay=delay)
+        for delay, part in zip(delays, parts, strict=True)
+    ]
 
 
-def _by_delay(
-    projection: Projection | ChipProjection, delays: tuple[int, ...]
-) -> Iterator[Projection | ChipProjection]:
-    """Yield a projection for each delay, whose weights lie side by side; all from the same lines."""
-    if delays == (0,):
-        yield projection
-        return
-    values = projection.mantissa if isinstance(projection, ChipProjection) else projection.weights
-    for delay, part in zip(delays, np.split(np.asarray(values), len(delays), axis=1), strict=True):
-        if isinstance(projection, ChipProjection):
-            yield replace(projection, mantissa=matrix(part, np.int64), delay=delay)
-        else:
-            yield replace(projection, weights=matrix(part, np.float64), delay=delay)
-
-
-def _weights(checkpoint: Checkpoint, axis: Axis, target: str) -> Matrix:
-    """Return the float weights of single neurons; a graph convolution becomes sparse."""
-    weights = checkpoint.weights[target]
-    if checkpoint.description.graph is not None and target == checkpoint.description.populations(axis)[0]:
-        return matrix(spread_weights(weights, branch_graph(checkpoint.description, axis)), np.float64)
-    return matrix(weights, np.float64)
+def _weights(checkpoint: Checkpoint, axis: Axis, target: str) -> NDArray[Any] | sparse.csr_array:
+    """Return the weights, or mantissas, of single neurons; a graph convolution becomes sparse."""
+    weights, description = checkpoint.weights[target], checkpoint.description
+    if description.graph is not None and target == description.populations(axis)[0]:
+        return spread_weights(weights, branch_graph(description, axis))
+    return weights
 
 
 def _neuron(checkpoint: Checkpoint, size: int) -> SrmAlpha | Cuba:
@@ -130,30 +127,6 @@ def _neuron(checkpoint: Checkpoint, size: int) -> SrmAlpha | Cuba:
         return Cuba.of(size, decay_v=1.0 - n.decay, threshold=n.threshold)
     n = checkpoint.description.srm
     return SrmAlpha(theta=n.theta, tau_sr=n.tau_sr, tau_ref=n.tau_ref, scale_ref=n.scale_ref)
-
-
-def _chip_neuron(numbers: ChipPopulation, strategy: str, size: int) -> ChipNeuron:
-    n = numbers
-    if strategy == "reset":
-        return ChipCuba.of(size, decay_u=n.decay, decay_v=n.decay, threshold=n.threshold, refractory=n.refractory)
-    if strategy == "delay-line":
-        delay, mantissa, exponent = ([getattr(s, name) for s in n.own] for name in ("delay", "mantissa", "exponent"))
-        return ChipSrm.with_taps(
-            size, decay=n.decay, threshold=n.threshold, delay=delay, mantissa=mantissa, exponent=exponent
-        )
-    own = n.own[0] if n.own else OwnSynapse(0, 0)
-    return ChipSrm.with_dendrite(
-        size,
-        decay=n.decay,
-        threshold=n.threshold,
-        refractory_decay=n.refractory_decay,
-        refractory_mantissa=own.mantissa,
-        refractory_exponent=own.exponent,
-    )
-
-
-def _axes(branches: tuple[str, ...]) -> tuple[Axis, ...]:
-    return tuple(axis for axis in VIEW_NAMES if axis in branches)
 
 
 def _view(axis: Axis, checkpoint: Checkpoint) -> InputView:

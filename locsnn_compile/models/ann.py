@@ -6,8 +6,6 @@ Both take x (batch, steps, channels), floats 0 or 1, and return class scores (ba
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 import torch
 from torch import Tensor, nn
@@ -34,10 +32,6 @@ class ArtificialNetwork(TouchModel):
     def weight(self, name: str) -> nn.Parameter:
         """Return a parameter."""
         return self.get_parameter(name)
-
-    def scores(self, activity: Mapping[str, Tensor]) -> dict[str, Tensor]:
-        """Return the class scores as they are."""
-        return dict(activity)
 
 
 class GruMlp(ArtificialNetwork):

@@ -9,10 +9,13 @@ That is version 1, a network of spike response neurons. One trained on a chip's 
 int16 mantissas, and
 
     "chip": {"target", "strategy", "registers": {width: bits},
-             "populations": {population: {fields of ChipPopulation, "own": [[mantissa, exponent, delay], ...]}}}
+             "populations": {population: {"threshold", "decay", "refractory_decay", "refractory",
+                                          "own": [[mantissa, exponent, delay], ...],
+                                          "exponent", "weight_bits", "scale", "unit"}}}
 
-holds the other integers that the chip is loaded with. Any other network is version 3: its ``neuron`` holds the
-constants of integrate-and-fire neurons, or of windows, or nothing, its weights may have any number of axes, and
+holds the other integers that the chip is loaded with; ``own`` are synapses of a neuron to itself. Any other network is
+version 3: its ``neuron`` holds the constants of integrate-and-fire neurons, or of windows, or nothing, its weights may
+have any number of axes, and
 
     "graph": None or {"name", "taxel_edges": [[a, b], ...], "hops", "features", "step_features"}
 
@@ -96,10 +99,7 @@ def save_checkpoint(
     tensors = {}
     for name in description.weight_shapes:
         description.check_shape(name, weights, "Save the weights of a network of this description.")
-        if chip is None:
-            check_finite(f"population {name!r}", weights[name])
-        else:
-            check_on_grid(f"population {name!r}", weights[name], chip.populations[name])
+        check_weights(f"population {name!r}", weights[name], None if chip is None else chip.populations[name])
         kind = np.float32 if chip is None else np.int16
         tensors[name] = torch.from_numpy(np.array(weights[name], dtype=kind, order="C"))
     srm = description.structure.neurons == "srm"
@@ -128,28 +128,22 @@ def save_checkpoint(
     replace_file(path, content.getvalue(), f"checkpoint {path.name!r}")
 
 
-def check_finite(where: str, weights: NDArray[Any]) -> None:
-    """Raise ``InputError`` naming the first weight that is NaN or infinite."""
-    bad = np.argwhere(~np.isfinite(weights))
-    if len(bad):
+def check_weights(where: str, weights: NDArray[Any], numbers: ChipPopulation | None) -> None:
+    """Raise ``InputError`` naming the first weight that is not finite, or the first mantissa that is not on the grid.
+
+    Weights are mantissas where there are ``numbers``, on the grid of their weight format.
+    """
+    if numbers is None:
+        kind, fault, bad = "weight", "finite", ~np.isfinite(weights)
+    else:
+        kind, fault = "mantissa", f"on the grid of {numbers.weight_bits} bits"
+        bad = numbers.grid.off_grid(np.abs(weights))
+    places = np.argwhere(bad)
+    if len(places):
         raise InputError(
             where,
-            f"weight {bad[0].tolist()} is not finite",
-            measured=f"got {weights[tuple(bad[0])]}, {len(bad)} such weights",
-            fix="Train the network again.",
-        )
-
-
-def check_on_grid(where: str, mantissas: NDArray[Any], numbers: ChipPopulation) -> None:
-    """Raise ``InputError`` naming the first mantissa that the population's weight format does not hold."""
-    off = (np.abs(mantissas) > numbers.mantissa_max) | (mantissas % numbers.mantissa_step != 0)
-    bad = np.argwhere(off)
-    if len(bad):
-        row, column = (int(index) for index in bad[0])
-        raise InputError(
-            where,
-            f"mantissa [{row}, {column}] is not on the grid of {numbers.weight_bits} bits",
-            measured=f"got {mantissas[row, column]}, {len(bad)} such mantissas",
+            f"{kind} {places[0].tolist()} is not {fault}",
+            measured=f"got {weights[tuple(places[0])]}, {len(places)} such {kind}s",
             fix="Train the network again.",
         )
 

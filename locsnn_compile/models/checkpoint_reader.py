@@ -23,19 +23,18 @@ from locsnn_compile.models.checkpoint import (
     VERSION,
     Checkpoint,
     Plain,
-    check_finite,
-    check_on_grid,
+    check_weights,
 )
 from locsnn_compile.models.chip_entry import parse_chip_entry
 from locsnn_compile.models.chip_numbers import ChipNumbers
 from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, NeuronParameters
 from locsnn_compile.models.graph_parameters import GraphParameters
+from locsnn_compile.models.plain_checks import KIND_WORDS, WRITE_AGAIN, field_kinds, file_fault, is_one_of
 from locsnn_compile.models.windows import WindowParameters
 
 if TYPE_CHECKING:
     import torch
 
-_WRITE_AGAIN = "Write it again with 'locsnn train'."
 _KEYS: dict[str, tuple[type, ...]] = {
     "format": (str,),
     "version": (int,),
@@ -50,34 +49,6 @@ _KEYS: dict[str, tuple[type, ...]] = {
     "recordings": (dict, type(None)),
     "training": (dict,),
 }
-_INPUT_KEYS: dict[str, tuple[type, ...]] = {
-    "fingertips": (int,),
-    "steps": (int,),
-    "step_seconds": (float, int, type(None)),
-    "taxels": (int,),
-    "polarities": (int,),
-}
-_NUMBER = (float, int)
-_SRM_KEYS: dict[str, tuple[type, ...]] = dict.fromkeys(
-    ("theta", "tau_sr", "tau_ref", "scale_ref", "tau_rho", "scale_rho"), _NUMBER
-)
-_LIF_KEYS: dict[str, tuple[type, ...]] = dict.fromkeys(("decay", "threshold", "window"), _NUMBER)
-_WINDOW_KEYS: dict[str, tuple[type, ...]] = {"steps": (int,), "stride": (int,), "levels": (list, tuple)}
-_GRAPH_KEYS: dict[str, tuple[type, ...]] = {
-    "name": (str,),
-    "taxel_edges": (list,),
-    "hops": (int,),
-    "features": (int,),
-    "step_features": (int,),
-}
-_TYPE_WORDS = {
-    str: "text",
-    int: "a whole number",
-    float: "a number",
-    dict: "a dict",
-    list: "a list",
-    type(None): "None",
-}
 
 
 def read_checkpoint(path: Path | str) -> Checkpoint:
@@ -88,14 +59,14 @@ def read_checkpoint(path: Path | str) -> Checkpoint:
     where = f"checkpoint {path.name!r}"
     data = read_bytes(path, where)
     return parse_checkpoint(
-        load_plain(data, where, fix=_WRITE_AGAIN), where, path.name, hashlib.sha256(data).hexdigest()
+        load_plain(data, where, fix=WRITE_AGAIN), where, path.name, hashlib.sha256(data).hexdigest()
     )
 
 
 def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Checkpoint:
     """Return the checkpoint that the plain dict ``values`` describes, every entry checked."""
     if not isinstance(values, dict) or values.get("format") != FORMAT:
-        raise InputError(where, "it is not a checkpoint of this project", measured=_seen(values), fix=_WRITE_AGAIN)
+        raise file_fault(where, "it is not a checkpoint of this project", _seen(values))
     version = values.get("version")
     if isinstance(version, int) and not isinstance(version, bool) and version > VERSION:
         raise InputError(
@@ -111,14 +82,11 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
     delays: dict[str, tuple[type, ...]] = {"delays": (list,)} if "delays" in values else {}
     _check_keys(where, "", values, _KEYS | more.get(version, {}) | delays)
     if version not in (1, *more):
-        raise InputError(
-            where,
-            "its version does not exist",
-            measured=f"version {version} against {VERSION}",
-            fix=_WRITE_AGAIN,
-        )
-    threshold: dict[str, tuple[type, ...]] = {"event_threshold": (int,)} if "event_threshold" in values["input"] else {}
-    _check_keys(where, "input.", values["input"], _INPUT_KEYS | threshold)
+        raise file_fault(where, "its version does not exist", f"version {version} against {VERSION}")
+    layout = field_kinds(InputLayout)
+    if "event_threshold" not in values["input"]:
+        layout = {key: kinds for key, kinds in layout.items() if key != "event_threshold"}
+    _check_keys(where, "input.", values["input"], layout)
     name = _name(where, "name", values["name"])
     order_name, taxels = _location_order(where, values["location_order"])
     try:
@@ -138,7 +106,7 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
         place = error.where if error.where.startswith(where) else f"{where}, {error.where}"
         raise InputError(place, error.what, measured=error.measured, fix=error.fix) from None
     if (description.structure.neurons == "srm") != (version != VERSION):
-        raise InputError(where, f"version {version} does not hold such networks", fix=_WRITE_AGAIN)
+        raise file_fault(where, f"version {version} does not hold such networks")
     chip = parse_chip_entry(where, values["chip"], description.weight_shapes) if version == CHIP_VERSION else None
     training = _training(where, values["training"])
     return Checkpoint(
@@ -164,20 +132,19 @@ def _check_keys(where: str, prefix: str, values: Mapping[Any, Any], known: Mappi
             raise InputError(where, f"entry '{prefix}{shown}' is not known", fix=did_you_mean(shown, known))
     for key, kinds in known.items():
         if key not in values:
-            raise InputError(where, f"entry '{prefix}{key}' is missing", fix=_WRITE_AGAIN)
+            raise file_fault(where, f"entry '{prefix}{key}' is missing")
         value = values[key]
-        if not isinstance(value, kinds) or isinstance(value, bool):
-            raise InputError(
+        if not is_one_of(value, kinds):
+            raise file_fault(
                 where,
-                f"entry '{prefix}{key}' must be {_TYPE_WORDS.get(kinds[0], 'a tensor')}",
-                measured=f"got {type(value).__name__}",
-                fix=_WRITE_AGAIN,
+                f"entry '{prefix}{key}' must be {KIND_WORDS.get(kinds[0], 'a tensor')}",
+                f"got {type(value).__name__}",
             )
 
 
 def _name(where: str, key: str, name: str) -> str:
     if not 0 < len(name) <= 200 or not name.isprintable() or "/" in name or "\\" in name:
-        raise InputError(where, f"entry '{key}' is no plain name", measured=f"got {name[:80]!r}", fix=_WRITE_AGAIN)
+        raise file_fault(where, f"entry '{key}' is no plain name", f"got {name[:80]!r}")
     return name
 
 
@@ -185,25 +152,21 @@ def _neuron(
     where: str, entry: dict[Any, Any], *, srm: bool
 ) -> NeuronParameters | LifParameters | WindowParameters | None:
     """Return the constants of spike response or integrate-and-fire neurons, or windows; None of an empty entry."""
-    if srm:
-        _check_keys(where, "neuron.", entry, _SRM_KEYS)
-        return NeuronParameters(**entry)
-    if not entry:
+    if not entry and not srm:
         return None
-    if "levels" in entry:
-        _check_keys(where, "neuron.", entry, _WINDOW_KEYS)
-        return WindowParameters(entry["steps"], entry["stride"], tuple(entry["levels"]))
-    _check_keys(where, "neuron.", entry, _LIF_KEYS)
-    return LifParameters(**entry)
+    kind = NeuronParameters if srm else WindowParameters if "levels" in entry else LifParameters
+    _check_keys(where, "neuron.", entry, field_kinds(kind))
+    values: dict[str, Any] = {key: tuple(value) if key == "levels" else value for key, value in entry.items()}
+    return kind(**values)
 
 
 def _graph(where: str, entry: dict[Any, Any] | None) -> GraphParameters | None:
     if entry is None:
         return None
-    _check_keys(where, "graph.", entry, _GRAPH_KEYS)
+    _check_keys(where, "graph.", entry, field_kinds(GraphParameters))
     edges = entry["taxel_edges"]
     if any(not isinstance(edge, list) or len(edge) != 2 for edge in edges):
-        raise InputError(where, "entry 'graph.taxel_edges' must be a list of pairs", fix=_WRITE_AGAIN)
+        raise file_fault(where, "entry 'graph.taxel_edges' must be a list of pairs")
     values = entry | {"name": _name(where, "graph.name", entry["name"])}
     return GraphParameters(**values | {"taxel_edges": tuple((a, b) for a, b in edges)})
 
@@ -228,24 +191,13 @@ def _weights(
     for name, shape in shapes.items():
         place, tensor = f"{where}, population {name!r}", entry[name]
         if tuple(tensor.shape) != shape:
-            raise InputError(
-                place,
-                "its weights have another shape",
-                measured=f"got {tuple(tensor.shape)} against {shape} (out, in)",
-                fix=_WRITE_AGAIN,
+            raise file_fault(
+                place, "its weights have another shape", f"got {tuple(tensor.shape)} against {shape} (out, in)"
             )
         if tensor.dtype != kind or not _is_dense(tensor):
-            raise InputError(
-                place,
-                f"its weights are not dense {word}",
-                measured=f"got {tensor.dtype}, {_storage(tensor)}",
-                fix=_WRITE_AGAIN,
-            )
+            raise file_fault(place, f"its weights are not dense {word}", f"got {tensor.dtype}, {_storage(tensor)}")
         array = np.array(tensor.detach().numpy(), dtype=np.float32 if chip is None else np.int64, order="C")
-        if chip is None:
-            check_finite(place, array)
-        else:
-            check_on_grid(place, array, chip.populations[name])
+        check_weights(place, array, None if chip is None else chip.populations[name])
         array.setflags(write=False)
         weights[name] = array
     return weights
@@ -269,19 +221,17 @@ def _recordings(
     _check_keys(where, "recordings.", entry, {"spikes": (torch.Tensor,), "labels": (torch.Tensor, type(None))})
     spikes, labels, layout = entry["spikes"], entry["labels"], description.input
     if spikes.ndim != 3 or tuple(spikes.shape[1:]) != (layout.steps, layout.channels):
-        raise InputError(
+        raise file_fault(
             f"{where}, recordings",
             "their shape is not that of the input",
-            measured=f"got {tuple(spikes.shape)} against (samples, {layout.steps}, {layout.channels})",
-            fix=_WRITE_AGAIN,
+            f"got {tuple(spikes.shape)} against (samples, {layout.steps}, {layout.channels})",
         )
     dense = _is_dense(spikes) and (labels is None or _is_dense(labels))
     if not dense or spikes.dtype != torch.uint8 or (labels is not None and labels.dtype != torch.int64):
-        raise InputError(
+        raise file_fault(
             f"{where}, recordings",
             "spikes must be dense uint8 and labels int64",
-            measured=f"got {spikes.dtype} and {None if labels is None else labels.dtype}",
-            fix=_WRITE_AGAIN,
+            f"got {spikes.dtype} and {None if labels is None else labels.dtype}",
         )
     try:
         vector = None if labels is None else labels.numpy()
@@ -298,10 +248,7 @@ def _origin(training: Mapping[str, Plain]) -> Origin:
 def _training(where: str, entry: dict[Any, Any]) -> dict[str, Plain]:
     for key, value in entry.items():
         if not isinstance(key, str) or not isinstance(value, str | int | float | bool | None):
-            raise InputError(
-                where,
-                f"entry 'training.{str(key)[:60]}' is no plain value",
-                measured=f"got {type(value).__name__}",
-                fix=_WRITE_AGAIN,
+            raise file_fault(
+                where, f"entry 'training.{str(key)[:60]}' is no plain value", f"got {type(value).__name__}"
             )
     return dict(entry)

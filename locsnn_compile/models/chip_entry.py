@@ -10,19 +10,20 @@ from collections.abc import Collection, Mapping
 from dataclasses import asdict, fields
 from typing import Any
 
+import numpy as np
+
 from hw_model.arithmetic.fixed_point import DECAY_ONE
 from hw_model.arithmetic.weights import WEIGHT_BITS, WEIGHT_EXPONENTS
-from locsnn_compile.errors import InputError
 from locsnn_compile.models.chip_numbers import (
     TRAINED_BITS,
     ChipNumbers,
     ChipPopulation,
-    OwnSynapse,
     RegisterWidths,
 )
+from locsnn_compile.models.plain_checks import file_fault, is_whole
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm
 from locsnn_compile.strategies import TRAINABLE
 
-_WRITE_AGAIN = "Write it again with 'locsnn train'."
 #: field -> lowest and highest value of a whole number on any chip that networks are trained for.
 _RANGES: dict[str, tuple[int, int]] = {
     "threshold": (0, (1 << 24) - 1),
@@ -32,51 +33,58 @@ _RANGES: dict[str, tuple[int, int]] = {
     "exponent": (WEIGHT_EXPONENTS[0], WEIGHT_EXPONENTS[-1]),
     "weight_bits": (WEIGHT_BITS[0], WEIGHT_BITS[-1]),
 }
-_OWN_RANGES: dict[str, tuple[int, int]] = {
-    "mantissa": (-255, 255),
-    "exponent": (WEIGHT_EXPONENTS[0], WEIGHT_EXPONENTS[-1]),
-    "delay": (0, 65_534),
-}
-_OWN_MOST = 512
-#: strategy -> fewest and most synapses of a neuron to itself.
-_OWN_COUNT: dict[str, tuple[int, int]] = {"dendrite": (0, 1), "delay-line": (0, _OWN_MOST), "reset": (0, 0)}
+_OWN_RANGES = ((-255, 255), (WEIGHT_EXPONENTS[0], WEIGHT_EXPONENTS[-1]), (0, 65_534))
+"""Of the mantissa, the exponent and the delay of a synapse of a neuron to itself."""
+_OWN_MOST = {"dendrite": 1, "delay-line": 512, "reset": 0}
+"""Strategy -> most synapses of a neuron to itself."""
 
 
 def chip_entry(chip: ChipNumbers) -> dict[str, Any]:
     """Return the entry of a network's numbers."""
+    populations = {
+        name: _own_entry(part.neuron)
+        | {"exponent": part.exponent, "weight_bits": part.weight_bits, "scale": part.scale, "unit": part.unit}
+        for name, part in chip.populations.items()
+    }
     return {
         "target": chip.target,
         "strategy": chip.strategy,
         "registers": asdict(chip.registers),
-        "populations": {
-            name: asdict(numbers) | {"own": [[s.mantissa, s.exponent, s.delay] for s in numbers.own]}
-            for name, numbers in chip.populations.items()
-        },
+        "populations": populations,
     }
 
 
-def parse_chip_entry(where: str, entry: object, populations: Collection[str]) -> ChipNumbers:
-    """Return the numbers that an entry holds for ``populations``; ``InputError`` for what no chip could be given."""
+def _own_entry(neuron: ChipNeuron) -> dict[str, Any]:
+    """Return the integers of a neuron; those that its strategy has not are as if they did nothing."""
+    pull, count = neuron.parts.get("refractory"), neuron.registers.get("refractory")
+    own = [np.stack([taps.mantissa[:, 0], taps.exponent, taps.delay], axis=1) for taps in neuron.own.values()]
+    return {
+        "threshold": int(neuron.threshold[0]),
+        "decay": int(neuron.decay_u[0]),
+        "refractory_decay": 0 if pull is None else int(pull[0][0]),
+        "refractory": 1 if count is None else int(count[0]),
+        "own": [synapse for rows in own for synapse in rows.tolist()],
+    }
+
+
+def parse_chip_entry(where: str, entry: object, shapes: Mapping[str, tuple[int, ...]]) -> ChipNumbers:
+    """Return the numbers that an entry holds for populations of weights ``shapes`` (out, in).
+
+    Raises ``InputError`` for what no chip could be given.
+    """
     whole = _mapping(where, "chip", entry, ("target", "strategy", "registers", "populations"))
-    if not isinstance(whole["target"], str) or not whole["target"].isprintable() or len(whole["target"]) > 200:
-        raise InputError(where, "entry 'chip.target' is no plain name", fix=_WRITE_AGAIN)
-    if whole["strategy"] not in TRAINABLE:
-        raise InputError(
-            where, "entry 'chip.strategy' is not known", measured=_seen(whole["strategy"]), fix=_WRITE_AGAIN
-        )
+    strategy, target = whole["strategy"], whole["target"]
+    if not isinstance(target, str) or not target.isprintable() or len(target) > 200:
+        raise file_fault(where, "entry 'chip.target' is no plain name")
+    if strategy not in TRAINABLE:
+        raise file_fault(where, "entry 'chip.strategy' is not known", _seen(strategy))
     registers = _registers(where, whole["registers"])
-    parts = _mapping(where, "chip.populations", whole["populations"], populations)
-    found = {name: _population(where, f"chip.populations.{name}", parts[name]) for name in populations}
-    fewest, most = _OWN_COUNT[whole["strategy"]]
-    for name, numbers in found.items():
-        if not fewest <= len(numbers.own) <= most:
-            raise InputError(
-                where,
-                f"entry 'chip.populations.{name}.own' does not fit strategy {whole['strategy']!r}",
-                measured=f"{len(numbers.own)} synapses against {fewest}..{most}",
-                fix=_WRITE_AGAIN,
-            )
-    return ChipNumbers(whole["target"], whole["strategy"], found, registers)
+    parts = _mapping(where, "chip.populations", whole["populations"], shapes)
+    found = {
+        name: _population(where, f"chip.populations.{name}", parts[name], strategy, shape[0])
+        for name, shape in shapes.items()
+    }
+    return ChipNumbers(target, strategy, found, registers)
 
 
 def _registers(where: str, entry: object) -> RegisterWidths:
@@ -87,46 +95,67 @@ def _registers(where: str, entry: object) -> RegisterWidths:
     )
 
 
-def _population(where: str, key: str, entry: object) -> ChipPopulation:
+def _population(where: str, key: str, entry: object, strategy: str, size: int) -> ChipPopulation:
     part = _mapping(where, key, entry, (*_RANGES, "own", "scale", "unit"))
     numbers = {name: _whole(where, f"{key}.{name}", part[name], *limits) for name, limits in _RANGES.items()}
     if numbers["weight_bits"] not in WEIGHT_BITS:
-        raise InputError(where, f"entry '{key}.weight_bits' is a width that no format has", fix=_WRITE_AGAIN)
+        raise file_fault(where, f"entry '{key}.weight_bits' is a width that no format has")
     for name in ("scale", "unit"):
         value = part[name]
         if not isinstance(value, float) or not math.isfinite(value) or value <= 0:
-            raise InputError(
-                where, f"entry '{key}.{name}' must be a number above 0", measured=_seen(value), fix=_WRITE_AGAIN
-            )
-    own = part["own"]
-    if not isinstance(own, list) or any(not isinstance(row, list) or len(row) != len(_OWN_RANGES) for row in own):
-        raise InputError(where, f"entry '{key}.own' must be a list of synapses", measured=_seen(own), fix=_WRITE_AGAIN)
-    synapses = tuple(
-        OwnSynapse(
-            *(
-                _whole(where, f"{key}.own", value, *limits)
-                for value, limits in zip(row, _OWN_RANGES.values(), strict=True)
-            )
+            raise file_fault(where, f"entry '{key}.{name}' must be a number above 0", _seen(value))
+    own = _own(where, f"{key}.own", part["own"], strategy)
+    neuron = _neuron(strategy, size, numbers, own)
+    return ChipPopulation(neuron, numbers["exponent"], numbers["weight_bits"], part["scale"], part["unit"])
+
+
+def _own(where: str, key: str, rows: object, strategy: str) -> list[list[int]]:
+    """Return the mantissa, exponent and delay of each synapse of a neuron to itself."""
+    if not isinstance(rows, list) or any(not isinstance(row, list) or len(row) != len(_OWN_RANGES) for row in rows):
+        raise file_fault(where, f"entry '{key}' must be a list of synapses", _seen(rows))
+    most = _OWN_MOST[strategy]
+    if len(rows) > most:
+        raise file_fault(
+            where, f"entry '{key}' does not fit strategy {strategy!r}", f"{len(rows)} synapses against 0..{most}"
         )
-        for row in own[: _OWN_MOST + 1]
+    for row in rows:
+        for value, limits in zip(row, _OWN_RANGES, strict=True):
+            _whole(where, key, value, *limits)
+    return rows
+
+
+def _neuron(strategy: str, size: int, numbers: Mapping[str, int], own: list[list[int]]) -> ChipNeuron:
+    decay, threshold = numbers["decay"], numbers["threshold"]
+    if strategy == "reset":
+        refractory = numbers["refractory"]
+        return ChipCuba.of(size, decay_u=decay, decay_v=decay, threshold=threshold, refractory=refractory)
+    if strategy == "delay-line":
+        mantissa, exponent, delay = np.array(own, dtype=np.int64).reshape(-1, 3).T
+        return ChipSrm.with_taps(
+            size, decay=decay, threshold=threshold, delay=delay, mantissa=mantissa, exponent=exponent
+        )
+    refractory_mantissa, refractory_exponent, _ = own[0] if own else (0, 0, 0)
+    return ChipSrm.with_dendrite(
+        size,
+        decay=decay,
+        threshold=threshold,
+        refractory_decay=numbers["refractory_decay"],
+        refractory_mantissa=refractory_mantissa,
+        refractory_exponent=refractory_exponent,
     )
-    return ChipPopulation(**numbers, own=synapses, scale=part["scale"], unit=part["unit"])
 
 
 def _mapping(where: str, key: str, entry: object, wanted: Collection[str]) -> Mapping[str, Any]:
     if not isinstance(entry, dict) or set(entry) != set(wanted):
         names = ", ".join(wanted)
-        raise InputError(where, f"entry '{key}' must hold {names}", measured=_seen(entry), fix=_WRITE_AGAIN)
+        raise file_fault(where, f"entry '{key}' must hold {names}", _seen(entry))
     return entry
 
 
 def _whole(where: str, key: str, value: object, low: int, high: int) -> int:
-    if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
-        raise InputError(
-            where,
-            f"entry '{key}' must be a whole number in range",
-            measured=f"{_seen(value)} against {low}..{high}",
-            fix=_WRITE_AGAIN,
+    if not is_whole(value) or not low <= value <= high:
+        raise file_fault(
+            where, f"entry '{key}' must be a whole number in range", f"{_seen(value)} against {low}..{high}"
         )
     return value
 

@@ -14,9 +14,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT
+from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT, effective_weight
 from locsnn_compile.models.chip_numbers import USUAL_REGISTERS, ChipPopulation, RegisterWidths
-from locsnn_compile.models.chip_scan import charge_gradient, register_ends, scan_delay_line, scan_dendrite, scan_reset
+from locsnn_compile.models.chip_scan import charge_gradient, register_ends, scan
 from locsnn_compile.models.dense_layer import DenseLayer
 from locsnn_compile.models.description import NeuronParameters
 from locsnn_compile.models.host import to_device, to_host
@@ -28,9 +28,8 @@ class _Round(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, weight: Tensor, numbers: ChipPopulation) -> Tensor:
         ctx.unit = numbers.unit
-        steps = numbers.mantissa_max // numbers.mantissa_step
-        rounded = torch.round(weight / (numbers.unit * numbers.mantissa_step)).clamp_(-steps, steps)
-        return rounded.mul_(numbers.mantissa_step)
+        high, step = numbers.grid.high, numbers.grid.step
+        return torch.round(weight / (numbers.unit * step)).clamp_(-(high // step), high // step).mul_(step)
 
     @staticmethod
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor, None]:
@@ -55,12 +54,12 @@ class _Steps(torch.autograd.Function):
         slope = u.sub_(neuron.theta).abs_().mul_(-1.0 / width).exp_().mul_(neuron.scale_rho / width)
         by_voltage = slope.mul_(grads[0])
         carry = np.ones_like(ctx.spikes)
-        if layer.strategy == "reset":
+        if "refractory" in numbers.neuron.registers:
             by_voltage.mul_(to_device(ctx.live, by_voltage))
             carry = ctx.live & (1 - ctx.spikes)
         gradient = to_host(by_voltage)
         kind = gradient.dtype.type
-        keep = kind((DECAY_ONE - numbers.decay) / DECAY_ONE)
+        keep = kind((DECAY_ONE - int(numbers.neuron.decay_u[0])) / DECAY_ONE)
         found = np.empty_like(gradient)
         charge_gradient(gradient, carry, (keep, keep, kind(0)), found)
         return to_device(found, grads[0]).mul_((1 << (WEIGHT_SHIFT + numbers.exponent)) / numbers.scale), None
@@ -79,15 +78,13 @@ class ChipLayer(DenseLayer[NeuronParameters]):
         out_features: int,
         neuron: NeuronParameters,
         numbers: ChipPopulation,
-        strategy: str,
         *,
         generator: torch.Generator,
         initial_scale: float,
         registers: RegisterWidths = USUAL_REGISTERS,
     ) -> None:
         super().__init__(in_features, out_features, neuron, generator=generator, initial_scale=initial_scale)
-        self.numbers, self.strategy = numbers, strategy
-        self.registers, self._ends = registers, register_ends(registers)
+        self.numbers, self.registers, self._ends = numbers, registers, register_ends(registers)
         self.events = np.zeros(3, dtype=np.int64)
 
     def mantissas(self) -> NDArray[np.int64]:
@@ -97,7 +94,7 @@ class ChipLayer(DenseLayer[NeuronParameters]):
 
     def hold(self) -> None:
         """Bring latent weights back into the range of the format: beyond it no gradient would be of use."""
-        largest = self.numbers.mantissa_max * self.numbers.unit
+        largest = self.numbers.grid.high * self.numbers.unit
         with torch.no_grad():
             self.weight.clamp_(-largest, largest)
 
@@ -118,15 +115,15 @@ class ChipLayer(DenseLayer[NeuronParameters]):
         charge = np.left_shift(whole, n.exponent) if n.exponent >= 0 else np.right_shift(whole, -n.exponent)
         spikes, live = np.empty(charge.shape, np.uint8), np.empty(charge.shape, np.uint8)
         potential = np.empty(charge.shape, np.int32)
-        out = (potential, spikes, live, self.events)
-        keep, threshold = np.int32(DECAY_ONE - n.decay), np.int32(n.threshold << WEIGHT_SHIFT)
-        if self.strategy == "dendrite":
-            pull_keep = np.int32(DECAY_ONE - n.refractory_decay)
-            own = np.int32(sum(synapse.charge for synapse in n.own))
-            scan_dendrite(charge, (keep, pull_keep, own, threshold), self._ends, *out)
-        elif self.strategy == "delay-line":
-            taps = np.array([[s.delay for s in n.own], [s.charge for s in n.own]], dtype=np.int32)
-            scan_delay_line(charge, (keep, threshold), self._ends, taps, *out)
-        else:
-            scan_reset(charge, (keep, keep, threshold, np.int32(n.refractory)), self._ends, *out)
+        neuron, pull, taps = n.neuron, None, np.zeros((2, 0), np.int32)
+        for own in neuron.own.values():
+            charges = effective_weight(own.mantissa[:, 0], own.exponent) >> WEIGHT_SHIFT
+            taps = np.stack([own.delay, charges]).astype(np.int32)
+        if "refractory" in neuron.parts:
+            pull = np.int32(DECAY_ONE - neuron.parts["refractory"][0][0]), taps[1, 0]
+            taps = taps[:, :0]
+        count = neuron.registers.get("refractory")
+        refractory = None if count is None else np.int32(count[0])
+        keep, threshold = np.int32(DECAY_ONE - neuron.decay_u[0]), np.int32(neuron.threshold[0] << WEIGHT_SHIFT)
+        scan(charge, keep, threshold, pull, refractory, taps, self._ends, potential, spikes, live, self.events)
         return spikes, potential, live

@@ -1,4 +1,4 @@
-"""A population's steps in the chip's integers, compiled: one function a strategy, and the way back for the gradient.
+"""A population's steps in the chip's integers, compiled: all strategies in one scan, and the way back for the gradient.
 
 The scans take charges (batch, steps, n), int32 in units of 64, that the spikes of each step send on: what step t sends
 arrives at step t + 1. A step is that of ``hw_model``: q and u wrap, v is clipped, a spike where v > threshold; ``keep``
@@ -34,140 +34,79 @@ def _clip(x, last):  # type: ignore[no-untyped-def]
     return np.int32(min(max(x, np.int32(-last)), last))
 
 
-@compiled
-def scan_dendrite(charge, constants, ends, potential, spikes, live, events):  # type: ignore[no-untyped-def]
-    """An alpha and a refractory dendrite, added by a memoryless soma whose spikes drive the refractory one.
-
-    ``constants``: keep of the alpha dendrite, keep of the refractory one, the charge of an own spike, the threshold.
-    """
-    keep, pull_keep, own_charge, threshold = constants
+@inlined
+def _arrive(u, v, charge, keep_u, keep_v, ends):  # type: ignore[no-untyped-def]
+    """Take a compartment's step: return u and v, and 1 or 0 for a charge wrap, a current wrap and a voltage clip."""
     half_charge, half_current, last = ends
-    batch, steps, n = charge.shape
-    u, v, pull_u, pull_v, fired = (
-        np.zeros(n, np.int32),
-        np.zeros(n, np.int32),
-        np.zeros(n, np.int32),
-        np.zeros(n, np.int32),
-        np.zeros(n, np.int32),
-    )
-    wraps_q, wraps_u, clips = np.zeros(n, np.int32), np.zeros(n, np.int32), np.zeros(n, np.int32)
-    silence, own = np.zeros(n, np.int32), wrap(own_charge, half_charge)
-    own_wraps = np.int32(own != own_charge)
-    many = np.uint64(n)
-    live[:] = 1
-    for b in range(batch):
-        for state in (u, v, pull_u, pull_v, fired):
-            state[:] = 0
-        for t in range(steps):
-            arrived = charge[b, t - 1] if t else silence
-            for i in range(many):
-                q = wrap(arrived[i], half_charge)
-                current = np.int32(rz(u[i], keep) + np.int32(q << np.int32(6)))
-                u[i] = wrap(current, half_current)
-                voltage = np.int32(rz(v[i], keep) + u[i])
-                v[i] = _clip(voltage, last)
-                pull_q = np.int32(own * fired[i])
-                pull_current = np.int32(rz(pull_u[i], pull_keep) + np.int32(pull_q << np.int32(6)))
-                pull_u[i] = wrap(pull_current, half_current)
-                pull_voltage = np.int32(rz(pull_v[i], pull_keep) + pull_u[i])
-                pull_v[i] = _clip(pull_voltage, last)
-                soma = np.int32(v[i] + pull_v[i])
-                seen = _clip(soma, last)
-
-                wraps_q[i] += np.int32(q != arrived[i]) + np.int32(own_wraps * fired[i])
-                wraps_u[i] += np.int32(u[i] != current) + np.int32(pull_u[i] != pull_current)
-                clips[i] += np.int32(v[i] != voltage) + np.int32(pull_v[i] != pull_voltage) + np.int32(seen != soma)
-                fired[i] = np.int32(seen > threshold)
-                potential[b, t, i] = seen
-                spikes[b, t, i] = np.uint8(fired[i])
-    _add(events, wraps_q, wraps_u, clips)
+    q = wrap(charge, half_charge)
+    current = np.int32(rz(u, keep_u) + np.int32(q << np.int32(6)))
+    u = wrap(current, half_current)
+    voltage = np.int32(rz(v, keep_v) + u)
+    v = _clip(voltage, last)
+    return u, v, np.int32(q != charge), np.int32(u != current), np.int32(v != voltage)
 
 
 @compiled
-def scan_delay_line(charge, constants, ends, taps, potential, spikes, live, events):  # type: ignore[no-untyped-def]
-    """An alpha dendrite and a memoryless soma, whose spikes come back to the dendrite through delayed synapses.
+def scan(  # type: ignore[no-untyped-def]
+    charge, keep, threshold, pull, refractory, taps, ends, potential, spikes, live, events
+):
+    """Take all steps of a population, with whatever follows from its own spikes; what is None is not compiled.
 
-    ``constants``: keep of the dendrite, the threshold. ``taps`` (2, k), int32: delays, and charges in units of 64.
+    ``keep`` is that of u and v. ``pull``: keep of a refractory dendrite, and the charge that an own spike sends it; a
+    memoryless soma adds both. ``refractory``: the count of the chip's own reset. ``taps`` (2, k), int32: delays, and
+    charges in units of 64, with which own spikes come back.
     """
-    keep, threshold = constants
-    half_charge, half_current, last = ends
     batch, steps, n = charge.shape
-    due = np.zeros((steps + 1 + taps[0].max(), n), np.int32)
+    longest = 0
+    for k in range(taps.shape[1]):
+        longest = max(longest, taps[0, k])
+    due = np.zeros((steps + 1 + longest, n), np.int32)
     u, v, fired = np.zeros(n, np.int32), np.zeros(n, np.int32), np.zeros(n, np.int32)
+    pull_u, pull_v, blocked = np.zeros(n, np.int32), np.zeros(n, np.int32), np.zeros(n, np.int32)
     wraps_q, wraps_u, clips = np.zeros(n, np.int32), np.zeros(n, np.int32), np.zeros(n, np.int32)
     many = np.uint64(n)
     live[:] = 1
     for b in range(batch):
-        u[:] = 0
-        v[:] = 0
-        due[0] = 0
+        for state in (u, v, pull_u, pull_v, fired, blocked):
+            state[:] = 0
         due[1 : steps + 1] = charge[b]
         due[steps + 1 :] = 0
         for t in range(steps):
-            any_fired = np.int32(0)
             for i in range(many):
-                q = wrap(due[t, i], half_charge)
-                current = np.int32(rz(u[i], keep) + np.int32(q << np.int32(6)))
-                u[i] = wrap(current, half_current)
-                voltage = np.int32(rz(v[i], keep) + u[i])
-                v[i] = _clip(voltage, last)
-                wraps_q[i] += np.int32(q != due[t, i])
-                wraps_u[i] += np.int32(u[i] != current)
-                clips[i] += np.int32(v[i] != voltage)
-                fired[i] = np.int32(v[i] > threshold)
-                any_fired |= fired[i]
-                potential[b, t, i] = v[i]
-                spikes[b, t, i] = np.uint8(fired[i])
-            if any_fired:
+                u[i], voltage, wrap_q, wrap_u, clip = _arrive(u[i], v[i], due[t, i], keep, keep, ends)
+                seen = voltage
+                if pull is not None:
+                    own = np.int32(pull[1] * fired[i])
+                    pull_u[i], pull_v[i], own_q, own_u, own_clip = _arrive(
+                        pull_u[i], pull_v[i], own, pull[0], pull[0], ends
+                    )
+                    soma = np.int32(voltage + pull_v[i])
+                    seen = _clip(soma, ends[2])
+                    wrap_q, wrap_u = np.int32(wrap_q + own_q), np.int32(wrap_u + own_u)
+                    clip = np.int32(clip + own_clip + np.int32(seen != soma))
+                if refractory is not None:
+                    open_now = np.int32(blocked[i] == 0)
+                    seen, clip = np.int32(seen * open_now), np.int32(clip * open_now)
+                    live[b, t, i] = np.uint8(open_now)
+                    fires = np.int32(open_now & np.int32(seen > threshold))
+                    voltage = np.int32(seen * (np.int32(1) - fires))
+                    held = np.int32(0) if open_now else np.int32(blocked[i] - np.int32(1))
+                    blocked[i] = np.int32(refractory - np.int32(1)) if fires else held
+                else:
+                    fires = np.int32(seen > threshold)
+
+                v[i] = voltage
+                wraps_q[i] += wrap_q
+                wraps_u[i] += wrap_u
+                clips[i] += clip
+                fired[i] = fires
+                potential[b, t, i] = seen
+                spikes[b, t, i] = np.uint8(fires)
+            if taps.shape[1] > 0 and fired.any():
                 for k in range(taps.shape[1]):
                     row = np.uint64(t + 1 + taps[0, k])
                     for i in range(many):
                         due[row, i] += np.int32(taps[1, k] * fired[i])
-    _add(events, wraps_q, wraps_u, clips)
-
-
-@compiled
-def scan_reset(charge, constants, ends, potential, spikes, live, events):  # type: ignore[no-untyped-def]
-    """One compartment with the chip's own reset and refractory count.
-
-    ``constants``: keep of u, keep of v, the threshold, the refractory count.
-    """
-    keep_u, keep_v, threshold, refractory = constants
-    half_charge, half_current, last = ends
-    batch, steps, n = charge.shape
-    u, v, blocked = np.zeros(n, np.int32), np.zeros(n, np.int32), np.zeros(n, np.int32)
-    wraps_q, wraps_u, clips = np.zeros(n, np.int32), np.zeros(n, np.int32), np.zeros(n, np.int32)
-    silence = np.zeros(n, np.int32)
-    many = np.uint64(n)
-    for b in range(batch):
-        for state in (u, v, blocked):
-            state[:] = 0
-        for t in range(steps):
-            arrived = charge[b, t - 1] if t else silence
-            for i in range(many):
-                q = wrap(arrived[i], half_charge)
-                current = np.int32(rz(u[i], keep_u) + np.int32(q << np.int32(6)))
-                u[i] = wrap(current, half_current)
-                voltage = np.int32(rz(v[i], keep_v) + u[i])
-                clipped = _clip(voltage, last)
-                open_now = blocked[i] == 0
-                seen = np.int32(clipped if open_now else np.int32(0))
-                fired = open_now & (clipped > threshold)
-
-                wraps_q[i] += np.int32(q != arrived[i])
-                wraps_u[i] += np.int32(u[i] != current)
-                clips[i] += np.int32(open_now & (clipped != voltage))
-                v[i] = np.int32(0) if fired else seen
-                held = np.int32(0) if open_now else np.int32(blocked[i] - np.int32(1))
-                blocked[i] = np.int32(refractory - np.int32(1)) if fired else held
-                potential[b, t, i] = seen
-                spikes[b, t, i] = np.uint8(fired)
-                live[b, t, i] = np.uint8(open_now)
-    _add(events, wraps_q, wraps_u, clips)
-
-
-@inlined
-def _add(events, wraps_q, wraps_u, clips):  # type: ignore[no-untyped-def]
     events[0] += wraps_q.sum()
     events[1] += wraps_u.sum()
     events[2] += clips.sum()

@@ -19,7 +19,7 @@ from locsnn_compile.data.sensor import channel_walk, check_location_taxels
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
 from locsnn_compile.models.graph_parameters import GraphParameters
-from locsnn_compile.models.plain_checks import is_number, require_count, require_positive, rises
+from locsnn_compile.models.plain_checks import is_number, require, require_count, require_positive, rises
 from locsnn_compile.models.windows import BIAS, MAX_WINDOW_NEURONS, WEIGHT, WindowParameters, output_parts
 
 #: Largest sizes accepted anywhere: a few times what any published tactile recording needs.
@@ -81,13 +81,9 @@ class NeuronParameters:
     def __post_init__(self) -> None:
         for name in ("theta", "tau_sr", "tau_ref", "tau_rho", "scale_rho"):
             require_positive(f"neuron {name!r}", getattr(self, name))
-        if not (is_number(self.scale_ref) and math.isfinite(self.scale_ref) and self.scale_ref >= 0):
-            raise InputError(
-                "neuron 'scale_ref'",
-                "it must be a finite number of at least 0",
-                measured=f"got {self.scale_ref!r}",
-                fix="The published value is 2.",
-            )
+        holds = is_number(self.scale_ref) and 0 <= self.scale_ref < math.inf
+        what = "a finite number of at least 0"
+        require(holds, "neuron 'scale_ref'", what, self.scale_ref, "The published value is 2.")
 
 
 @dataclass(frozen=True)
@@ -105,13 +101,8 @@ class LifParameters:
     def __post_init__(self) -> None:
         for name in ("threshold", "window"):
             require_positive(f"neuron {name!r}", getattr(self, name))
-        if not (is_number(self.decay) and 0 <= self.decay <= 1):
-            raise InputError(
-                "neuron 'decay'",
-                "it must be a number from 0 to 1",
-                measured=f"got {self.decay!r}",
-                fix="The published value is 0.2.",
-            )
+        holds = is_number(self.decay) and 0 <= self.decay <= 1
+        require(holds, "neuron 'decay'", "a number from 0 to 1", self.decay, "The published value is 0.2.")
 
     @property
     def keep(self) -> float:
@@ -155,14 +146,11 @@ class NetworkDescription:
         require_count("hidden", self.hidden, MAX_UNITS)
         if "location" not in self.branches:
             if self.location_taxels is not None or self.location_order is not None:
-                raise InputError(
-                    f"architecture {self.architecture!r}",
-                    "it has no location branch, so it takes no location order",
-                    fix="Leave the order out.",
+                raise self._refused(
+                    "it has no location branch, so it takes no location order", fix="Leave the order out."
                 )
         elif self.location_taxels is None or self.location_order is None:
-            raise InputError(
-                f"architecture {self.architecture!r}",
+            raise self._refused(
                 "its location branch needs a location order",
                 fix="Give one of: arch, loop, whorl, or a list of taxel numbers.",
             )
@@ -179,8 +167,7 @@ class NetworkDescription:
             ("graph", self.graph, GraphParameters if self.structure.graph else None),
         ):
             if type(got) is not (wanted or type(None)):
-                raise InputError(
-                    f"architecture {self.architecture!r}",
+                raise self._refused(
                     f"its {what} is of another kind",
                     measured=f"{type(got).__name__} against {(wanted or type(None)).__name__}",
                     fix="Correct the description.",
@@ -208,11 +195,13 @@ class NetworkDescription:
                 fix="Give, for example, 0 20 40 60.",
             )
         if self.delays != (0,) and ("time" not in self.branches or self.structure.graph):
-            raise InputError(
-                f"architecture {self.architecture!r}",
-                "it has no fully connected layer over time steps, so it takes no delays",
-                fix="Leave the delays out.",
+            raise self._refused(
+                "it has no fully connected layer over time steps, so it takes no delays", fix="Leave the delays out."
             )
+
+    def _refused(self, what: str, *, measured: str = "", fix: str) -> InputError:
+        """Return the error of what does not go with the architecture."""
+        return InputError(f"architecture {self.architecture!r}", what, measured=measured, fix=fix)
 
     @property
     def structure(self) -> Architecture:
@@ -236,8 +225,7 @@ class NetworkDescription:
     def srm(self) -> NeuronParameters:
         """The neuron of a network of spike response neurons; ``InputError`` for any other."""
         if not isinstance(self.neuron, NeuronParameters):
-            raise InputError(
-                f"architecture {self.architecture!r}",
+            raise self._refused(
                 "it has no spike response neurons",
                 fix=f"Take one of: {', '.join(name for name, a in ARCHITECTURES.items() if a.neurons == 'srm')}.",
             )

@@ -37,16 +37,12 @@ def scan_spikes(drive: NDArray[Any], neuron: LifParameters) -> tuple[NDArray[Any
     """
     drive = np.ascontiguousarray(drive)
     potential, spikes = np.empty_like(drive), np.empty_like(drive)
-    scan(drive, _constants(neuron, drive.dtype), potential, spikes)
+    scan(drive, _constants(drive.dtype, neuron.keep, neuron.threshold, 0, 1), potential, spikes)
     return spikes, potential
 
 
-def _constants(neuron: LifParameters, kind: np.dtype[Any]) -> tuple[Any, ...]:
-    return tuple(kind.type(value) for value in (neuron.keep, neuron.threshold, 0, 1))
-
-
-def _constants_back(neuron: LifParameters, kind: np.dtype[Any]) -> tuple[Any, ...]:
-    return tuple(kind.type(value) for value in (neuron.keep, neuron.threshold, neuron.window, 0))
+def _constants(kind: np.dtype[Any], *values: float) -> tuple[Any, ...]:
+    return tuple(kind.type(value) for value in values)
 
 
 class _Spike(torch.autograd.Function):
@@ -67,7 +63,7 @@ class _Spike(torch.autograd.Function):
         neuron: LifParameters = ctx.neuron
         gradient = to_host(grads[0])
         found = np.empty_like(gradient)
-        scan_back(gradient, ctx.u, _constants_back(neuron, gradient.dtype), found)
+        scan_back(gradient, ctx.u, _constants(gradient.dtype, neuron.keep, neuron.threshold, neuron.window, 0), found)
         return to_device(found, grads[0]), None
 
 
@@ -89,7 +85,7 @@ class _SpikeOfSpikes(torch.autograd.Function):
         active = rows, ends, room[: list_active(rows, ends, room)].copy()
         u = np.empty((batch, steps, by_input.shape[1]), by_input.dtype)
         spikes = np.empty_like(u)
-        scan_active(*active, by_input, _constants(neuron, u.dtype), u, spikes)
+        scan_active(*active, by_input, _constants(u.dtype, neuron.keep, neuron.threshold, 0, 1), u, spikes)
         ctx.neuron, ctx.u, ctx.active = neuron, u, active
         ctx.save_for_backward(weight)
         return torch.from_numpy(spikes)
@@ -101,7 +97,14 @@ class _SpikeOfSpikes(torch.autograd.Function):
         batch, steps, size = gradient.shape
         by_weight = np.zeros(tuple(weight.shape), gradient.dtype)
         found = np.empty((batch * steps if ctx.needs_input_grad[0] else 1, size), gradient.dtype)
-        scan_active_back(gradient, ctx.u, _constants_back(ctx.neuron, gradient.dtype), *ctx.active, by_weight, found)
+        scan_active_back(
+            gradient,
+            ctx.u,
+            _constants(gradient.dtype, ctx.neuron.keep, ctx.neuron.threshold, ctx.neuron.window, 0),
+            *ctx.active,
+            by_weight,
+            found,
+        )
         by_x = None
         if ctx.needs_input_grad[0]:
             # Into memory of numpy, which asks for large pages: torch takes half as long as the product to get its own.
@@ -124,7 +127,7 @@ def spike_of_spikes(x: Tensor, weight: Tensor, neuron: LifParameters) -> Tensor:
 
 
 class LifLayer(DenseLayer[LifParameters]):
-    """A layer of these neurons."""
+    """A layer of these neurons: TLIF where its steps are time steps, LLIF where they are locations."""
 
     def forward(self, x: Tensor) -> Tensor:
         """Return the spikes of this layer for spikes ``x``."""
@@ -132,11 +135,3 @@ class LifLayer(DenseLayer[LifParameters]):
         if weight.numel() >= _WORTH_LISTING:
             return spike_of_spikes(x, weight, self.neuron)
         return spike(torch.matmul(x, weight), self.neuron)
-
-
-class TLIF(LifLayer):
-    """Leaky integrate-and-fire neurons whose steps are time steps; their inputs are channels."""
-
-
-class LLIF(LifLayer):
-    """Leaky integrate-and-fire neurons whose steps are locations; the first layer's inputs are time steps."""

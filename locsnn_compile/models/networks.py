@@ -22,8 +22,8 @@ from locsnn_compile.models.chip_numbers import ChipNumbers
 from locsnn_compile.models.dense_layer import INITIAL_SCALE
 from locsnn_compile.models.description import LifParameters, NetworkDescription
 from locsnn_compile.models.graph_layer import GraphLayer
-from locsnn_compile.models.lif import LLIF, TLIF, LifLayer
-from locsnn_compile.models.srm import LSRM, TSRM, SRMLayer, transpose_recording
+from locsnn_compile.models.lif import LifLayer
+from locsnn_compile.models.srm import SRMLayer, transpose_recording
 from locsnn_compile.models.touch_model import TouchModel
 from locsnn_compile.models.window_network import WindowNetwork
 
@@ -55,19 +55,18 @@ class TouchNetwork(TouchModel):
 
     def _make(self, name: str, branch: str, generator: torch.Generator, initial_scale: float) -> Layer:
         """Return the layer of a population with its initial weights."""
-        description, on_time = self.description, branch == "time"
+        description = self.description
         outputs, inputs = description.weight_shapes[name]
         start: dict[str, Any] = {"generator": generator, "initial_scale": initial_scale}
         neuron = description.neuron
         if isinstance(neuron, LifParameters):
             if name.endswith("_graph"):
                 return GraphLayer(branch_graph(description, branch), outputs, neuron, **start)
-            return (TLIF if on_time else LLIF)(inputs, outputs, neuron, **start)
+            return LifLayer(inputs, outputs, neuron, **start)
         if self.chip is not None:
-            numbers = self.chip.populations[name]
-            start |= {"numbers": numbers, "strategy": self.chip.strategy, "registers": self.chip.registers}
-            return ChipLayer(inputs, outputs, description.srm, **start)
-        return (TSRM if on_time else LSRM)(inputs, outputs, description.srm, **start)
+            numbers, registers = self.chip.populations[name], self.chip.registers
+            return ChipLayer(inputs, outputs, description.srm, numbers, registers=registers, **start)
+        return SRMLayer(inputs, outputs, description.srm, **start)
 
     def layer(self, name: str) -> Layer:
         """Return the layer of a population."""
@@ -129,39 +128,6 @@ def delayed(x: Tensor, delays: Sequence[int]) -> Tensor:
     return torch.cat([nn.functional.pad(x, (0, 0, delay, 0))[:, :steps] for delay in delays], dim=2)
 
 
-class TactileSNN(TouchNetwork):
-    """``tactile-snn``: channels -> hidden TSRM -> classes TSRM over the time steps."""
-
-
-class LocationTactileSNN(TouchNetwork):
-    """``location-tactile-snn``: time steps -> hidden LSRM -> classes LSRM over the locations of the walk."""
-
-
-class Hybrid(TouchNetwork):
-    """``hybrid``: both branches; its output is the two outputs, concatenated along their steps."""
-
-
-class LifNetwork(TouchNetwork):
-    """``tactile-snn-lif``, ``location-tactile-snn-lif``, ``hybrid-lif``: the same of TLIF and LLIF neurons."""
-
-
-class GraphNetwork(TouchNetwork):
-    """``tactile-sgnet``, ``hybrid-graph``: branches of a graph convolution and three fully connected layers.
-
-    The taxels are the nodes of the time branch; the time steps those of the location branch.
-    """
-
-
-NETWORKS: dict[str, type[TouchNetwork]] = {
-    "tactile-snn": TactileSNN,
-    "location-tactile-snn": LocationTactileSNN,
-    "hybrid": Hybrid,
-    "tactile-snn-lif": LifNetwork,
-    "location-tactile-snn-lif": LifNetwork,
-    "hybrid-lif": LifNetwork,
-    "tactile-sgnet": GraphNetwork,
-    "hybrid-graph": GraphNetwork,
-}
 ARTIFICIAL: dict[str, type[ArtificialNetwork]] = {"gru-mlp": GruMlp, "cnn-3d": Cnn3d}
 
 
@@ -181,4 +147,4 @@ def build_network(
         return ARTIFICIAL[description.architecture](description, seed=seed)
     if description.structure.neurons == "windows":
         return WindowNetwork(description)
-    return NETWORKS[description.architecture](description, seed=seed, initial_scale=initial_scale, chip=chip)
+    return TouchNetwork(description, seed=seed, initial_scale=initial_scale, chip=chip)

@@ -161,23 +161,15 @@ def layer_response(x: Tensor, weight: Tensor, neuron: NeuronParameters) -> Tenso
 class SRMLayer(DenseLayer[NeuronParameters]):
     """A fully connected layer of spike response neurons that recur over the middle axis of its input.
 
+    TSRM neurons where that axis is time and the inputs are channels; LSRM ones where its steps are locations and the
+    inputs of the first layer are time steps (see :func:`transpose_recording`).
+
     u_i(t) = sum over own past spikes nu(t - t_f) + sum over j, t_j of w_ij eps(t - t_j); a spike where u_i >= theta.
     """
 
     def forward(self, x: Tensor) -> Tensor:
         """Return the spikes of this layer for spikes ``x``."""
         return layer_response(x, self.weight, self.neuron)
-
-
-class TSRM(SRMLayer):
-    """Spike response neurons whose steps are time steps; their inputs are channels."""
-
-
-class LSRM(SRMLayer):
-    """Spike response neurons whose steps are locations; the first layer's inputs are time steps.
-
-    See :func:`transpose_recording` for the input of the first layer of a location branch.
-    """
 
 
 def transpose_recording(x: Tensor, walk: Tensor) -> Tensor:

@@ -28,9 +28,9 @@ class TouchModel(nn.Module):
     def weight(self, name: str) -> nn.Parameter:
         """Return the weights of a name in ``description.weight_shapes``."""
 
-    @abstractmethod
     def scores(self, activity: Mapping[str, Tensor]) -> dict[str, Tensor]:
-        """Return class scores (batch, classes) of every branch, of what ``forward`` returned."""
+        """Return class scores (batch, classes) of every branch, of what ``forward`` returned: here just that."""
+        return dict(activity)
 
     def begin(self, spikes: NDArray[np.uint8]) -> None:
         """Take what must be known of the recordings (samples, steps, channels) before they are learned from."""
@@ -39,13 +39,13 @@ class TouchModel(nn.Module):
         """Return the spikes (batch, steps, n) of every hidden population, of what ``forward`` returned."""
         return []
 
-    def branch_counts(self, x: Tensor) -> dict[str, Tensor]:
-        """Return class scores, (batch, classes), of every branch: spikes a class, where there are spikes."""
-        return self.scores(self(x))
+    def total(self, activity: Mapping[str, Tensor]) -> Tensor:
+        """Return class scores (batch, classes) over all branches, of what ``forward`` returned."""
+        return torch.stack(list(self.scores(activity).values())).sum(dim=0)
 
     def counts(self, x: Tensor) -> Tensor:
         """Return class scores (batch, classes) over all branches; the largest is the prediction."""
-        return torch.stack(list(self.branch_counts(x).values())).sum(dim=0)
+        return self.total(self(x))
 
     def check_shape(self, x: Tensor) -> None:
         """Refuse recordings that are not (batch, steps, channels) of the network's input."""

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from scipy import sparse
 
 from locsnn_compile.errors import InputError
-from locsnn_compile.models.plain_checks import is_whole, rises
+from locsnn_compile.models.plain_checks import is_whole, require, rises
 
 WEIGHT, BIAS = "location_output", "location_output_bias"
 """Names of the weights (classes, hidden neurons) and of the bias (classes,)."""
@@ -45,13 +45,8 @@ class WindowParameters:
     def __post_init__(self) -> None:
         for name in ("steps", "stride"):
             value = getattr(self, name)
-            if not is_whole(value) or value < 1:
-                raise InputError(
-                    f"windows {name!r}",
-                    "it must be a whole number of steps",
-                    measured=f"got {value!r}",
-                    fix="Give 1 or more.",
-                )
+            holds = is_whole(value) and value >= 1
+            require(holds, f"windows {name!r}", "a whole number of steps", value, "Give 1 or more.")
         if not rises(self.levels, 1, self.steps):
             raise InputError(
                 "windows 'levels'",

@@ -6,7 +6,7 @@ They are those that the compiler's ``quantize`` chooses for the network at the s
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,15 +15,9 @@ import hw_model as hw
 from locsnn_compile.errors import TargetError
 from locsnn_compile.frontends.checkpoint import network_of
 from locsnn_compile.models.checkpoint import Checkpoint
-from locsnn_compile.models.chip_numbers import (
-    TRAINED_BITS,
-    ChipNumbers,
-    ChipPopulation,
-    OwnSynapse,
-    RegisterWidths,
-)
+from locsnn_compile.models.chip_numbers import TRAINED_BITS, ChipNumbers, ChipPopulation, RegisterWidths
 from locsnn_compile.models.description import NetworkDescription
-from locsnn_compile.network.chip_neurons import ChipNeuron
+from locsnn_compile.network.chip_neurons import ChipCuba, integers
 from locsnn_compile.passes.kernels import alpha_kernel
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.training.config import TrainingConfig
@@ -56,15 +50,11 @@ def chip_numbers(
     populations = {}
     for projection in quantized.projections:
         found = quantized.population(projection.target)
-        scale = float(found.scale[0])
-        populations[projection.target] = _population(
-            found.neuron,
-            exponent=projection.exponent,
-            refractory=config.refractory,
-            weight_bits=weight_bits,
-            scale=scale,
-            unit=64 * 2**projection.exponent / (gain * scale),
-        )
+        scale, own = float(found.scale[0]), found.neuron
+        if isinstance(own, ChipCuba):
+            own = replace(own, refractory=integers(config.refractory, len(found.scale)))
+        unit = 64 * 2**projection.exponent / (gain * scale)
+        populations[projection.target] = ChipPopulation(own, projection.exponent, weight_bits, scale, unit)
     return ChipNumbers(config.target, config.strategy, populations, registers)
 
 
@@ -94,25 +84,3 @@ def _check_limits(chip: hw.Chip, config: TrainingConfig, description: NetworkDes
                 measured=f"{value} against {key} {getattr(chip.registers, key)}",
                 fix="Shorten it.",
             )
-
-
-def _population(
-    neuron: ChipNeuron, *, exponent: int, refractory: int, weight_bits: int, scale: float, unit: float
-) -> ChipPopulation:
-    """Return a population's numbers; all neurons of it have the same."""
-    own = [
-        OwnSynapse(int(mantissa), int(exponent), int(delay))
-        for taps in neuron.own.values()
-        for mantissa, exponent, delay in zip(taps.mantissa[:, 0], taps.exponent, taps.delay, strict=True)
-    ]
-    return ChipPopulation(
-        threshold=int(neuron.threshold[0]),
-        decay=int(neuron.decay_u[0]),
-        refractory_decay=int(neuron.parts["refractory"][0][0]) if "refractory" in neuron.parts else 0,
-        refractory=refractory if neuron.strategy == "native" else 1,
-        own=tuple(own),
-        exponent=exponent,
-        weight_bits=weight_bits,
-        scale=scale,
-        unit=unit,
-    )

@@ -145,7 +145,7 @@ def measure(args: argparse.Namespace, row: Row, dataset: str, seed: int) -> None
         "synapses": report["resources"]["synapses"],
         "compartments": report["resources"]["compartments"],
         "at_limit": sum(
-            int((np.abs(mantissas) == result.network.chip.populations[name].mantissa_max).sum())
+            int((np.abs(mantissas) == result.network.chip.populations[name].grid.high).sum())
             for name, mantissas in result.network.mantissas().items()
         ),
         "wraps": report["match"]["wraps"],

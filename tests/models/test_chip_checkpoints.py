@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,27 +14,33 @@ from locsnn_compile.data.sensor import parse_location_order
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import save_checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
-from locsnn_compile.models.chip_numbers import ChipNumbers, ChipPopulation, OwnSynapse
+from locsnn_compile.models.chip_entry import chip_entry
+from locsnn_compile.models.chip_numbers import ChipNumbers, ChipPopulation
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.networks import build_network
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm
 
 AGAIN = "Write it again with 'locsnn train'."
 ORDER, TAXELS = parse_location_order("loop")
 DESCRIPTION = NetworkDescription(
     "hybrid", InputLayout(1, 12, 0.02), classes=3, hidden=4, location_order=ORDER, location_taxels=TAXELS, name="small"
 )
-POPULATION = ChipPopulation(
-    threshold=6560,
-    decay=390,
-    refractory_decay=2589,
-    refractory=1,
-    own=(OwnSynapse(-205, 6),),
-    exponent=1,
-    weight_bits=4,
-    scale=41984.1,
-    unit=0.0125,
-)
-CHIP = ChipNumbers("loihi-sim", "dendrite", dict.fromkeys(DESCRIPTION.weight_shapes, POPULATION))
+POPULATION = {"exponent": 1, "weight_bits": 4, "scale": 41984.1, "unit": 0.0125}
+
+
+def chip_of(make: Callable[[int], ChipNeuron], strategy: str = "dendrite") -> ChipNumbers:
+    shapes = DESCRIPTION.weight_shapes.items()
+    populations = {name: ChipPopulation(make(shape[0]), **POPULATION) for name, shape in shapes}
+    return ChipNumbers("loihi-sim", strategy, populations)
+
+
+def with_dendrite(size: int) -> ChipSrm:
+    return ChipSrm.with_dendrite(
+        size, decay=390, threshold=6560, refractory_decay=2589, refractory_mantissa=-205, refractory_exponent=6
+    )
+
+
+CHIP = chip_of(with_dendrite)
 
 
 def save(path: Path, chip: ChipNumbers = CHIP) -> Path:
@@ -45,7 +50,8 @@ def save(path: Path, chip: ChipNumbers = CHIP) -> Path:
 
 def test_round_trip(tmp_path: Path) -> None:
     found = read_checkpoint(save(tmp_path / "small.pt"))
-    assert found.chip == CHIP
+    assert found.chip is not None
+    assert chip_entry(found.chip) == chip_entry(CHIP)
     network = build_network(DESCRIPTION, chip=CHIP)
     for name, mantissas in network.mantissas().items():
         assert np.array_equal(found.weights[name], mantissas)
@@ -56,14 +62,52 @@ def test_round_trip(tmp_path: Path) -> None:
     assert all(np.array_equal(network.mantissas()[name], found.weights[name]) for name in found.weights)
 
 
-def test_taps_survive(tmp_path: Path) -> None:
-    taps = tuple(OwnSynapse(-100 + k, k - 5, 2 * k) for k in range(13))
-    chip = replace(
-        CHIP,
-        strategy="delay-line",
-        populations={name: replace(POPULATION, own=taps) for name in DESCRIPTION.weight_shapes},
-    )
-    assert read_checkpoint(save(tmp_path / "taps.pt", chip)).chip == chip
+def with_taps(size: int) -> ChipSrm:
+    taps = np.arange(13)
+    return ChipSrm.with_taps(size, decay=390, threshold=6560, delay=2 * taps, mantissa=taps - 100, exponent=taps - 5)
+
+
+def with_reset(size: int) -> ChipCuba:
+    return ChipCuba.of(size, decay_u=390, decay_v=390, threshold=6560, refractory=5)
+
+
+@pytest.mark.parametrize(
+    ("make", "strategy", "own_fields"),
+    [
+        pytest.param(
+            with_dendrite,
+            "dendrite",
+            {"refractory_decay": 2589, "refractory": 1, "own": [[-205, 6, 0]]},
+            id="dendrite",
+        ),
+        pytest.param(
+            with_taps,
+            "delay-line",
+            {"refractory_decay": 0, "refractory": 1, "own": [[k - 100, k - 5, 2 * k] for k in range(13)]},
+            id="delay-line",
+        ),
+        pytest.param(with_reset, "reset", {"refractory_decay": 0, "refractory": 5, "own": []}, id="reset"),
+    ],
+)
+def test_neurons_of_every_strategy_survive(
+    tmp_path: Path, make: Callable[[int], ChipNeuron], strategy: str, own_fields: dict[str, Any]
+) -> None:
+    """The file holds one neuron's integers, under the keys that it always had; all of the population come back."""
+    path = save(tmp_path / "small.pt", chip_of(make, strategy))
+    entry = torch.load(path, weights_only=True)["chip"]
+    assert entry["strategy"] == strategy
+    assert entry["populations"]["time_hidden"] == {"threshold": 6560, "decay": 390, **own_fields, **POPULATION}
+    found = read_checkpoint(path).chip
+    assert found is not None
+    for name, shape in DESCRIPTION.weight_shapes.items():
+        wanted, neuron = make(shape[0]), found.populations[name].neuron
+        assert type(neuron) is type(wanted)
+        np.testing.assert_equal(vars_of(neuron), vars_of(wanted))
+
+
+def vars_of(neuron: Any) -> dict[str, Any]:
+    """Every array of a neuron, those of its refractory part too."""
+    return {name: vars(value) if hasattr(value, "__dict__") else value for name, value in vars(neuron).items()}
 
 
 def put(*keys: Any, value: Any) -> Callable[[dict[Any, Any]], None]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 import pytest
@@ -13,17 +13,70 @@ from hypothesis import strategies as st
 import hw_model as hw
 from hw_model.arithmetic.weights import WEIGHT_BITS, weight_grid
 from locsnn_compile.models.chip_layers import ChipLayer
-from locsnn_compile.models.chip_numbers import USUAL_REGISTERS, ChipPopulation, OwnSynapse, RegisterWidths, Strategy
+from locsnn_compile.models.chip_numbers import USUAL_REGISTERS, ChipPopulation, RegisterWidths
 from locsnn_compile.models.description import NeuronParameters
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm
+from locsnn_compile.strategies import TRAINABLE
 
 CHIP = hw.chip("loihi-sim")
 EVENTS = ("charge_wraps", "current_wraps", "voltage_clips")
-NUMBERS = ChipPopulation(
+
+
+@dataclass(frozen=True)
+class Synapse:
+    """Of a neuron to itself."""
+
+    mantissa: int
+    exponent: int
+    delay: int = 0
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """A population in plain integers, whatever its strategy."""
+
+    threshold: int
+    decay: int
+    refractory_decay: int
+    refractory: int
+    own: tuple[Synapse, ...]
+    exponent: int
+    weight_bits: int
+    scale: float
+    unit: float
+
+    def population(self, strategy: str, size: int) -> ChipPopulation:
+        return ChipPopulation(self.neuron(strategy, size), self.exponent, self.weight_bits, self.scale, self.unit)
+
+    def neuron(self, strategy: str, size: int) -> ChipNeuron:
+        filters = {"decay": self.decay, "threshold": self.threshold}
+        if strategy == "reset":
+            decay, refractory = self.decay, self.refractory
+            return ChipCuba.of(size, decay_u=decay, decay_v=decay, threshold=self.threshold, refractory=refractory)
+        if strategy == "delay-line":
+            taps = {name: [getattr(s, name) for s in self.own] for name in ("delay", "mantissa", "exponent")}
+            return ChipSrm.with_taps(size, **filters, **taps)
+        (own,) = self.own
+        return ChipSrm.with_dendrite(
+            size,
+            **filters,
+            refractory_decay=self.refractory_decay,
+            refractory_mantissa=own.mantissa,
+            refractory_exponent=own.exponent,
+        )
+
+    @property
+    def largest(self) -> float:
+        """Largest float weight that the format holds."""
+        return weight_grid(self.weight_bits, "excitatory").high * self.unit
+
+
+NUMBERS = Numbers(
     threshold=6560,
     decay=390,
     refractory_decay=2589,
     refractory=1,
-    own=(OwnSynapse(-205, 6),),
+    own=(Synapse(-205, 6),),
     exponent=1,
     weight_bits=8,
     scale=41984.1,
@@ -32,8 +85,8 @@ NUMBERS = ChipPopulation(
 
 
 def layer_of(
-    numbers: ChipPopulation,
-    strategy: Strategy,
+    numbers: Numbers,
+    strategy: str,
     weights: np.ndarray,
     neuron: NeuronParameters | None = None,
     registers: RegisterWidths = USUAL_REGISTERS,
@@ -42,8 +95,7 @@ def layer_of(
         weights.shape[1],
         weights.shape[0],
         neuron or NeuronParameters(),
-        numbers,
-        strategy,
+        numbers.population(strategy, len(weights)),
         generator=torch.Generator(),
         initial_scale=1.0,
         registers=registers,
@@ -53,9 +105,7 @@ def layer_of(
     return layer
 
 
-def program_of(
-    numbers: ChipPopulation, strategy: Strategy, mantissas: np.ndarray, registers: RegisterWidths
-) -> hw.ChipProgram:
+def program_of(numbers: Numbers, strategy: str, mantissas: np.ndarray, registers: RegisterWidths) -> hw.ChipProgram:
     """The same population written by hand for the chip: an independent way to its integers."""
     n, inputs = mantissas.shape
     builder = hw.ProgramBuilder(replace(CHIP, registers=replace(CHIP.registers, **asdict(registers))))
@@ -89,16 +139,15 @@ def program_of(
     return builder.build()
 
 
-def draw_numbers(rng: np.random.Generator, strategy: Strategy) -> ChipPopulation:
+def draw_numbers(rng: np.random.Generator, strategy: str) -> Numbers:
     """Numbers anywhere on the chip, large ones often: registers wrap and clip."""
     count = {"dendrite": 1, "delay-line": int(rng.integers(1, 8)), "reset": 0}[strategy]
     own = tuple(
-        OwnSynapse(int(rng.integers(-255, 256)), int(rng.integers(-8, 8)), int(rng.integers(0, 63)))
-        for _ in range(count)
+        Synapse(int(rng.integers(-255, 256)), int(rng.integers(-8, 8)), int(rng.integers(0, 63))) for _ in range(count)
     )
     if strategy == "dendrite":
         own = (replace(own[0], delay=0),)
-    return ChipPopulation(
+    return Numbers(
         threshold=int(2 ** rng.uniform(0, 17)) - 1,
         decay=int(rng.choice([1, 390, 2589, 4095, 4096, rng.integers(1, 4097)])),
         refractory_decay=int(rng.integers(1, 4097)),
@@ -111,37 +160,38 @@ def draw_numbers(rng: np.random.Generator, strategy: Strategy) -> ChipPopulation
     )
 
 
-@pytest.mark.parametrize("strategy", ["dendrite", "delay-line", "reset"])
+@pytest.mark.parametrize("strategy", TRAINABLE)
 @given(seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=25, deadline=None)
-def test_layers_are_the_chip(strategy: Strategy, seed: int) -> None:
+def test_layers_are_the_chip(strategy: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
     numbers = draw_numbers(rng, strategy)
     n, inputs, steps = rng.integers(1, 6), rng.integers(1, 40), rng.integers(1, 90)
-    largest = numbers.mantissa_max * numbers.unit
+    largest = numbers.largest
     # Half of them on the registers of the chips that ship.
     widths = (21, 23, 23) if seed % 2 else rng.choice([9, 13, 16, 20, 29], 3).tolist()
     registers = RegisterWidths(*widths)
     layer = layer_of(numbers, strategy, rng.uniform(-largest, largest, size=(n, inputs)), registers=registers)
     x = (rng.random((2, steps, inputs)) < rng.choice([0.05, 0.5, 1.0])).astype(np.uint8)
 
-    check_against_the_chip(layer, x)
+    check_against_the_chip(layer, numbers, strategy, x)
 
 
 def test_a_charge_of_own_spikes_that_wraps() -> None:
-    """No synapse is as heavy, but two of a neuron to itself together are."""
-    numbers = replace(NUMBERS, threshold=100, own=(OwnSynapse(-156, 7), OwnSynapse(-156, 7)))
-    layer = layer_of(numbers, "dendrite", np.array([[0.5], [1.0], [3.0]]))
-    check_against_the_chip(layer, (np.arange(60) % 7 == 0).astype(np.uint8)[None, :, None])
+    """In the registers of the chips that ship no synapse is as heavy; in narrower ones it is."""
+    numbers = replace(NUMBERS, threshold=100, own=(Synapse(-156, 7),))
+    weights = np.array([[0.5], [1.0], [3.0]])
+    layer = layer_of(numbers, "dendrite", weights, registers=RegisterWidths(charge_bits=20))
+    check_against_the_chip(layer, numbers, "dendrite", (np.arange(60) % 7 == 0).astype(np.uint8)[None, :, None])
     assert layer.events[0] > 3
 
 
-def check_against_the_chip(layer: ChipLayer, x: np.ndarray) -> None:
+def check_against_the_chip(layer: ChipLayer, numbers: Numbers, strategy: str, x: np.ndarray) -> None:
     """Spikes, potentials and events are those of the program that is written by hand."""
     found = layer(torch.from_numpy(x).float()).detach().numpy()
     potential = layer.steps((x @ layer.mantissas().T).astype(np.float64))[1]
     wanted = hw.simulate(
-        program_of(layer.numbers, layer.strategy, layer.mantissas(), layer.registers),
+        program_of(numbers, strategy, layer.mantissas(), layer.registers),
         x,
         engine="reference",
         probe=("spikes", "potential"),
@@ -154,12 +204,12 @@ def check_against_the_chip(layer: ChipLayer, x: np.ndarray) -> None:
 
 
 def test_the_draw_wraps_clips_and_fires() -> None:
-    for strategy in ("dendrite", "delay-line", "reset"):
+    for strategy in TRAINABLE:
         events, spikes = np.zeros(3, dtype=np.int64), 0.0
         for seed in range(40):
             rng = np.random.default_rng(seed)
             numbers = draw_numbers(rng, strategy)
-            largest = numbers.mantissa_max * numbers.unit
+            largest = numbers.largest
             layer = layer_of(numbers, strategy, rng.uniform(-largest, largest, size=(4, 30)))
             drive = (rng.random((1, 60, 30)) < 0.5).astype(np.float64) @ layer.mantissas().T
             spikes += float(layer.steps(drive)[0].sum())
@@ -177,14 +227,14 @@ def test_mantissas_are_the_grids(bits: int) -> None:
     assert np.array_equal(layer_of(numbers, "dendrite", weights).mantissas(), wanted)
 
 
-@pytest.mark.parametrize("strategy", ["dendrite", "delay-line", "reset"])
-def test_gradient_is_the_surrogate_through_the_filters(strategy: Strategy) -> None:
+@pytest.mark.parametrize("strategy", TRAINABLE)
+def test_gradient_is_the_surrogate_through_the_filters(strategy: str) -> None:
     """Every path written out: a weight acts through each input spike on all later potentials before a reset."""
     rng = np.random.default_rng(4)
     neuron = NeuronParameters(tau_rho=0.7, scale_rho=1.3)
     numbers = replace(NUMBERS, refractory=3 if strategy == "reset" else 1)
     if strategy != "dendrite":
-        numbers = replace(numbers, own=(OwnSynapse(-200, 5, 2),) if strategy == "delay-line" else ())
+        numbers = replace(numbers, own=(Synapse(-200, 5, 2),) if strategy == "delay-line" else ())
     weights, steps = rng.normal(0.8, 1.0, size=(3, 5)), 40
     layer = layer_of(numbers, strategy, weights, neuron).double()
     x = torch.from_numpy((rng.random((1, steps, 5)) < 0.4).astype(np.float64)).requires_grad_()

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.description import LifParameters
-from locsnn_compile.models.lif import LLIF, TLIF, scan_spikes, spike, spike_of_spikes
+from locsnn_compile.models.lif import LifLayer, scan_spikes, spike, spike_of_spikes
 
 SEEDS = st.integers(0, 2**31)
 
@@ -121,17 +121,16 @@ def test_adding_active_inputs_equals_a_matrix_product(inputs: int, size: int, sh
 
 
 def test_a_large_layer_adds_active_inputs() -> None:
-    layer = TLIF(300, 64, LifParameters(), generator=torch.Generator().manual_seed(3), initial_scale=2.0).double()
+    layer = LifLayer(300, 64, LifParameters(), generator=torch.Generator().manual_seed(3), initial_scale=2.0).double()
     x = torch.from_numpy((np.random.default_rng(5).random((2, 12, 300)) < 0.1).astype(np.float64))
     spikes = layer(x)
     assert spikes.sum() > 10
     assert torch.equal(spikes, spike(x @ layer.weight.T, layer.neuron))
 
 
-@pytest.mark.parametrize("kind", [TLIF, LLIF])
-def test_layer_equals_brute_force(kind: type[TLIF] | type[LLIF]) -> None:
+def test_layer_equals_brute_force() -> None:
     neuron = LifParameters()
-    layer = kind(6, 4, neuron, generator=torch.Generator().manual_seed(3), initial_scale=2.0).double()
+    layer = LifLayer(6, 4, neuron, generator=torch.Generator().manual_seed(3), initial_scale=2.0).double()
     x = (np.random.default_rng(5).random((2, 20, 6)) < 0.3).astype(np.float64)
     spikes = layer(torch.from_numpy(x)).detach().numpy()
     expected = brute_scan(x @ layer.weight.detach().numpy().T, neuron)[0]
@@ -140,7 +139,7 @@ def test_layer_equals_brute_force(kind: type[TLIF] | type[LLIF]) -> None:
 
 
 def test_initial_weights_fill_their_bound() -> None:
-    layer = TLIF(100, 50, LifParameters(), generator=torch.Generator().manual_seed(1), initial_scale=2.0)
+    layer = LifLayer(100, 50, LifParameters(), generator=torch.Generator().manual_seed(1), initial_scale=2.0)
     largest = float(layer.weight.detach().abs().max())
     assert 0.95 * 2.0 / math.sqrt(100) < largest <= 2.0 / math.sqrt(100)
 

@@ -133,4 +133,4 @@ def test_spiking_networks_are_not_counted_so() -> None:
     spiking = network("tactile-snn-lif", 1, 30, 2)
     with pytest.raises(InputError) as caught:
         count_operations(spiking, torch.zeros(1, 30, 78))
-    assert str(caught.value).startswith("module 'time_hidden': operations of a TLIF are not known.")
+    assert str(caught.value).startswith("module 'time_hidden': operations of a LifLayer are not known.")

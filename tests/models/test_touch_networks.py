@@ -9,8 +9,8 @@ import torch
 from locsnn_compile.data.sensor import LOCATION_ORDERS, channel_walk
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.description import InputLayout, NetworkDescription, NeuronParameters
-from locsnn_compile.models.networks import NETWORKS, TouchNetwork, build_network
-from locsnn_compile.models.srm import TSRM
+from locsnn_compile.models.networks import TouchNetwork, build_network
+from locsnn_compile.models.srm import SRMLayer
 
 LAYOUT = InputLayout(fingertips=1, steps=30, step_seconds=0.02)
 
@@ -55,7 +55,7 @@ def test_populations_and_shapes(architecture: str, shapes: dict[str, tuple[int, 
     network = build_network(description(architecture))
     spikes = network(recording())
     assert {name: tuple(value.shape) for name, value in spikes.items()} == shapes
-    assert type(network) is NETWORKS[architecture]
+    assert type(network) is TouchNetwork
     assert tuple(network.counts(recording()).shape) == (3, 5)
     assert all(set(np.unique(value.detach())) <= {0.0, 1.0} for value in spikes.values())
 
@@ -76,7 +76,7 @@ def test_location_branch_steps_over_the_walk() -> None:
     network = build_network(description("location-tactile-snn"), seed=2)
     x = recording(samples=1)
     walk = channel_walk(LOCATION_ORDERS["whorl"], 1)
-    layer = TSRM(30, 7, NeuronParameters(), generator=torch.Generator())
+    layer = SRMLayer(30, 7, NeuronParameters(), generator=torch.Generator())
     layer.weight = network.get_submodule("location_hidden").weight
     by_hand = torch.stack([x[0, :, channel] for channel in walk]).unsqueeze(0)
     assert torch.equal(network(x)["location_hidden"], layer(by_hand))

@@ -151,7 +151,7 @@ def test_there_is_room_for_weights_to_grow(start: Checkpoint) -> None:
         numbers = chip_numbers(replace(ON_CHIP, weight_room=room), start.description, start.float_weights)
         for name, population in numbers.populations.items():
             largest = float(np.abs(start.float_weights[name]).max())
-            assert population.mantissa_max * population.unit >= room * largest
+            assert population.grid.high * population.unit >= room * largest
 
 
 def test_options_that_the_start_decides(start: Checkpoint) -> None:
