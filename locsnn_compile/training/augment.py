@@ -6,8 +6,6 @@ draws nothing, so that it does not change what the others draw.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,52 +15,35 @@ from locsnn_compile.training.config import TrainingConfig
 Spikes = NDArray[np.float32]
 
 
-@dataclass(frozen=True)
-class Augmentation:
-    """How much of each change at the most: shares 0..1, ``time_shift`` in steps."""
-
-    event_dropout: float = 0.0
-    channel_dropout: float = 0.0
-    taxel_dropout: float = 0.0
-    time_shift: int = 0
-
-    @classmethod
-    def of(cls, config: TrainingConfig) -> Augmentation:
-        """Return what a training configuration asks for."""
-        return cls(config.event_dropout, config.channel_dropout, config.taxel_dropout, config.time_shift)
-
-    def __call__(self, spikes: Spikes, rng: np.random.Generator) -> Spikes:
-        """Return changed spikes."""
-        spikes = drop_events(spikes, self.event_dropout, rng)
-        spikes = drop_channels(spikes, self.channel_dropout, rng)
-        spikes = drop_taxels(spikes, self.taxel_dropout, rng)
-        return shift_in_time(spikes, self.time_shift, rng)
+def augmented(spikes: Spikes, config: TrainingConfig, rng: np.random.Generator) -> Spikes:
+    """Return changed spikes, as a training configuration asks for."""
+    spikes = drop_events(spikes, config.event_dropout, rng)
+    spikes = drop_channels(spikes, config.channel_dropout, rng)
+    spikes = drop_taxels(spikes, config.taxel_dropout, rng)
+    return shift_in_time(spikes, config.time_shift, rng)
 
 
 def drop_events(spikes: Spikes, largest: float, rng: np.random.Generator) -> Spikes:
     """Drop events, of each recording with a probability of 0..``largest``."""
-    if largest == 0:
-        return spikes
-    probability = rng.random(len(spikes), dtype=np.float32) * np.float32(largest)
-    kept = rng.random(spikes.shape, dtype=np.float32) >= probability[:, np.newaxis, np.newaxis]
-    return spikes * kept
+    return spikes if largest == 0 else spikes * _kept(spikes.shape, largest, rng)
 
 
 def drop_channels(spikes: Spikes, largest: float, rng: np.random.Generator) -> Spikes:
     """Drop channels with all their events, of each recording with a probability of 0..``largest``."""
-    if largest == 0:
-        return spikes
-    probability = rng.random((len(spikes), 1, 1), dtype=np.float32) * np.float32(largest)
-    return spikes * (rng.random((len(spikes), 1, spikes.shape[2]), dtype=np.float32) >= probability)
+    return spikes if largest == 0 else spikes * _kept((len(spikes), 1, spikes.shape[2]), largest, rng)
 
 
 def drop_taxels(spikes: Spikes, largest: float, rng: np.random.Generator) -> Spikes:
     """Drop taxels, both polarities of each, of each recording with a probability of 0..``largest``."""
-    if largest == 0:
-        return spikes
-    probability = rng.random((len(spikes), 1, 1), dtype=np.float32) * np.float32(largest)
-    kept = rng.random((len(spikes), 1, spikes.shape[2] // POLARITIES), dtype=np.float32) >= probability
-    return spikes * kept.repeat(POLARITIES, axis=2)
+    shape = len(spikes), 1, spikes.shape[2] // POLARITIES
+    return spikes if largest == 0 else spikes * _kept(shape, largest, rng).repeat(POLARITIES, axis=2)
+
+
+def _kept(shape: tuple[int, ...], largest: float, rng: np.random.Generator) -> NDArray[np.bool_]:
+    """Draw what stays of (batch, steps, channels), each recording with a probability to lose of 0..``largest``."""
+    probability = rng.random((shape[0], 1, 1), dtype=np.float32) * np.float32(largest)
+    kept: NDArray[np.bool_] = rng.random(shape, dtype=np.float32) >= probability
+    return kept
 
 
 def shift_in_time(spikes: Spikes, largest: int, rng: np.random.Generator) -> Spikes:

@@ -10,7 +10,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from locsnn_compile.training.augment import Augmentation
+from locsnn_compile.training.augment import augmented
+from locsnn_compile.training.config import TrainingConfig
 
 
 def epoch_generator(seed: int, *purpose: int) -> np.random.Generator:
@@ -41,13 +42,11 @@ def stratified_split(
 def batches(
     spikes: NDArray[np.uint8],
     labels: NDArray[np.int64],
-    *,
-    batch_size: int,
-    augment: Augmentation,
+    config: TrainingConfig,
     rng: np.random.Generator,
 ) -> Iterator[tuple[NDArray[np.float32], NDArray[np.int64]]]:
     """Yield (spikes (batch, steps, channels), labels (batch,)) of one epoch, every recording once."""
     order = rng.permutation(len(labels))
-    for start in range(0, len(order), batch_size):
-        rows = order[start : start + batch_size]
-        yield augment(spikes[rows].astype(np.float32), rng), labels[rows]
+    for start in range(0, len(order), config.batch_size):
+        rows = order[start : start + config.batch_size]
+        yield augmented(spikes[rows].astype(np.float32), config, rng), labels[rows]

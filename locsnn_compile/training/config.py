@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, NamedTuple, cast, get_args, get_type_hints
 
 import yaml
 
@@ -15,6 +14,7 @@ from hw_model.io.yaml_text import load_yaml
 from locsnn_compile.data.taxel_graph import GRAPHS
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.models.architectures import ARCHITECTURES
+from locsnn_compile.models.plain_checks import KIND_WORDS, field_kinds, is_one_of, is_whole
 from locsnn_compile.strategies import TRAINABLE
 
 LOSSES = ("cross-entropy", "spike-count")
@@ -31,62 +31,12 @@ USUAL: dict[str, dict[str, Any]] = {
 }
 """Network -> options whose usual value is not that of :class:`TrainingConfig`."""
 
-_CHOICES: dict[str, tuple[str | int, ...]] = {
-    "model": tuple(ARCHITECTURES),
-    "graph": GRAPHS,
-    "loss": LOSSES,
-    "optimizer": OPTIMIZERS,
-    "schedule": SCHEDULES,
-    "device": DEVICES,
-    "strategy": TRAINABLE,
-    "weight_bits": WEIGHT_BITS,
-}
-#: field -> (smallest, largest) accepted; whole numbers for fields annotated int.
-_RANGES: dict[str, tuple[float, float]] = {
-    "hidden": (1, 4096),
-    "epochs": (1, 100_000),
-    "batch_size": (1, 100_000),
-    "seed": (0, 2**32 - 1),
-    "smoothing_epochs": (1, 1_000),
-    "step_seconds": (1e-6, 1e3),
-    "steps": (1, 20_000),
-    "event_threshold": (0, 20_000_000),
-    "psi": (0.0, 1e6),
-    "learning_rate": (1e-9, 1e3),
-    "weight_decay": (0.0, 1e3),
-    "location_weight": (0.0, 1e3),
-    "target_right": (0.0, 1e6),
-    "target_wrong": (0.0, 1e6),
-    "count_scale": (1e-6, 1e3),
-    "label_smoothing": (0.0, 0.999),
-    "initial_scale": (1e-3, 1e3),
-    "event_dropout": (0.0, 1.0),
-    "channel_dropout": (0.0, 1.0),
-    "taxel_dropout": (0.0, 1.0),
-    "time_shift": (0, 20_000),
-    "weight_average": (0.0, 0.99999),
-    "validation_fraction": (0.0, 0.9),
-    "theta": (1e-6, 1e6),
-    "tau_sr": (1e-3, 1e5),
-    "tau_ref": (1e-3, 1e5),
-    "scale_ref": (0.0, 1e6),
-    "tau_rho": (1e-6, 1e6),
-    "scale_rho": (1e-6, 1e6),
-    "decay": (0.0, 1.0),
-    "threshold": (1e-6, 1e6),
-    "window": (1e-6, 1e6),
-    "window_steps": (1, 20_000),
-    "window_stride": (1, 20_000),
-    "neighbours": (1, 38),
-    "nearer_mm": (0.0, 100.0),
-    "hops": (1, 16),
-    "features": (1, 1024),
-    "step_features": (1, 1024),
-    "weight_room": (1e-3, 1e3),
-    "refractory": (1, 65_535),
-    "pruned": (0.0, 0.999),
-    "spike_cost": (0.0, 1e3),
-}
+
+class Range(NamedTuple):
+    """The least and the largest value accepted of a number."""
+
+    low: float
+    high: float
 
 
 @dataclass(frozen=True)
@@ -130,66 +80,67 @@ class TrainingConfig:
     - ``spike_cost`` is added to the loss for every spike of a hidden neuron, averaged over neurons and recordings.
     """
 
-    model: str = "hybrid"
+    model: Annotated[str, tuple(ARCHITECTURES)] = "hybrid"
     order: str = "loop"
     delays: str = "0"
-    hidden: int = 32
-    loss: str = "cross-entropy"
-    location_weight: float = 1.0
-    target_right: float = 60.0
-    target_wrong: float = 3.0
-    count_scale: float = 0.1
-    label_smoothing: float = 0.05
-    optimizer: str = "adamw"
-    schedule: str = "cosine"
-    learning_rate: float = 0.003
-    weight_decay: float = 0.1
-    epochs: int = 250
-    batch_size: int = 16
-    initial_scale: float = 3.0
-    event_dropout: float = 0.5
-    channel_dropout: float = 0.3
-    taxel_dropout: float = 0.0
-    time_shift: int = 0
-    weight_average: float = 0.0
-    validation_fraction: float = 0.125
-    smoothing_epochs: int = 10
+    hidden: Annotated[int, Range(1, 4096)] = 32
+    loss: Annotated[str, LOSSES] = "cross-entropy"
+    location_weight: Annotated[float, Range(0.0, 1e3)] = 1.0
+    target_right: Annotated[float, Range(0.0, 1e6)] = 60.0
+    target_wrong: Annotated[float, Range(0.0, 1e6)] = 3.0
+    count_scale: Annotated[float, Range(1e-6, 1e3)] = 0.1
+    label_smoothing: Annotated[float, Range(0.0, 0.999)] = 0.05
+    optimizer: Annotated[str, OPTIMIZERS] = "adamw"
+    schedule: Annotated[str, SCHEDULES] = "cosine"
+    learning_rate: Annotated[float, Range(1e-9, 1e3)] = 0.003
+    weight_decay: Annotated[float, Range(0.0, 1e3)] = 0.1
+    epochs: Annotated[int, Range(1, 100_000)] = 250
+    batch_size: Annotated[int, Range(1, 100_000)] = 16
+    initial_scale: Annotated[float, Range(1e-3, 1e3)] = 3.0
+    event_dropout: Annotated[float, Range(0.0, 1.0)] = 0.5
+    channel_dropout: Annotated[float, Range(0.0, 1.0)] = 0.3
+    taxel_dropout: Annotated[float, Range(0.0, 1.0)] = 0.0
+    time_shift: Annotated[int, Range(0, 20_000)] = 0
+    weight_average: Annotated[float, Range(0.0, 0.99999)] = 0.0
+    validation_fraction: Annotated[float, Range(0.0, 0.9)] = 0.125
+    smoothing_epochs: Annotated[int, Range(1, 1_000)] = 10
     refit: bool = True
-    seed: int = 0
-    device: str = "cpu"
-    step_seconds: float | None = None
-    steps: int | None = None
-    event_threshold: int | None = None
-    psi: float | None = None
-    theta: float = 10.0
-    tau_sr: float = 10.0
-    tau_ref: float = 1.0
-    scale_ref: float = 2.0
-    tau_rho: float = 1.0
-    scale_rho: float = 1.0
-    decay: float = 0.2
-    threshold: float = 0.5
-    window: float = 0.5
-    graph: str = "manual"
-    neighbours: int = 3
-    nearer_mm: float = 3.0
-    hops: int = 3
-    features: int = 64
-    step_features: int = 8
-    window_steps: int = 6
-    window_stride: int = 3
+    seed: Annotated[int, Range(0, 2**32 - 1)] = 0
+    device: Annotated[str, DEVICES] = "cpu"
+    step_seconds: Annotated[float | None, Range(1e-6, 1e3)] = None
+    steps: Annotated[int | None, Range(1, 20_000)] = None
+    event_threshold: Annotated[int | None, Range(0, 20_000_000)] = None
+    psi: Annotated[float | None, Range(0.0, 1e6)] = None
+    theta: Annotated[float, Range(1e-6, 1e6)] = 10.0
+    tau_sr: Annotated[float, Range(1e-3, 1e5)] = 10.0
+    tau_ref: Annotated[float, Range(1e-3, 1e5)] = 1.0
+    scale_ref: Annotated[float, Range(0.0, 1e6)] = 2.0
+    tau_rho: Annotated[float, Range(1e-6, 1e6)] = 1.0
+    scale_rho: Annotated[float, Range(1e-6, 1e6)] = 1.0
+    decay: Annotated[float, Range(0.0, 1.0)] = 0.2
+    threshold: Annotated[float, Range(1e-6, 1e6)] = 0.5
+    window: Annotated[float, Range(1e-6, 1e6)] = 0.5
+    graph: Annotated[str, GRAPHS] = "manual"
+    neighbours: Annotated[int, Range(1, 38)] = 3
+    nearer_mm: Annotated[float, Range(0.0, 100.0)] = 3.0
+    hops: Annotated[int, Range(1, 16)] = 3
+    features: Annotated[int, Range(1, 1024)] = 64
+    step_features: Annotated[int, Range(1, 1024)] = 8
+    window_steps: Annotated[int, Range(1, 20_000)] = 6
+    window_stride: Annotated[int, Range(1, 20_000)] = 3
     window_levels: str = "1 2"
     target: str = "float"
-    strategy: str = "dendrite"
-    weight_bits: int = 8
-    weight_room: float = 1.25
-    refractory: int = 1
-    pruned: float = 0.0
-    spike_cost: float = 0.0
+    strategy: Annotated[str, TRAINABLE] = "dendrite"
+    weight_bits: Annotated[int, WEIGHT_BITS] = 8
+    weight_room: Annotated[float, Range(1e-3, 1e3)] = 1.25
+    refractory: Annotated[int, Range(1, 65_535)] = 1
+    pruned: Annotated[float, Range(0.0, 0.999)] = 0.0
+    spike_cost: Annotated[float, Range(0.0, 1e3)] = 0.0
 
     def __post_init__(self) -> None:
-        for item in fields(self):
-            _check(item.name, str(item.type), getattr(self, item.name))
+        hints = get_type_hints(TrainingConfig, include_extras=True)
+        for name, kinds in field_kinds(TrainingConfig).items():
+            _check(name, kinds, getattr(self, name), *get_args(hints[name])[1:])
 
 
 def config_from_mapping(values: Mapping[str, Any], where: str = "training configuration") -> TrainingConfig:
@@ -197,13 +148,12 @@ def config_from_mapping(values: Mapping[str, Any], where: str = "training config
 
     Raises ``InputError`` for an unknown key or a value of the wrong kind.
     """
-    known = {item.name: str(item.type) for item in fields(TrainingConfig)}
+    known = field_kinds(TrainingConfig)
     clean: dict[str, Any] = dict(USUAL.get(str(values.get("model")), {}))
     for key, value in values.items():
         if key not in known:
             raise InputError(where, f"key {key!r} is not known", fix=did_you_mean(str(key), known))
-        is_int = isinstance(value, int) and not isinstance(value, bool)
-        clean[key] = float(value) if is_int and known[key].startswith("float") else value
+        clean[key] = float(value) if is_whole(value) and float in known[key] else value
     return TrainingConfig(**clean)
 
 
@@ -230,31 +180,19 @@ def read_config(path: Path | str) -> dict[str, Any]:
     return values
 
 
-def _check(name: str, kind: str, value: object) -> None:
+def _check(
+    name: str, kinds: tuple[type, ...], value: object, limits: Range | tuple[str | int, ...] | None = None
+) -> None:
+    """Refuse a value that is none of ``kinds``, or out of its range, or none of its choices."""
     where = f"training option {name!r}"
-    kind, _, optional = kind.partition(" | ")
-    if optional and value is None:
+    if not is_one_of(value, kinds):
+        fix = "Put it in quotes." if kinds == (str,) else "Correct the value."
+        raise InputError(where, f"it must be {KIND_WORDS[kinds[0]]}", measured=f"got {value!r}", fix=fix)
+    if value is None or limits is None:
         return
-    wanted: dict[str, tuple[type, ...]] = {
-        "int": (int,),
-        "float": (float, int),
-        "str": (str,),
-        "bool": (bool,),
-    }
-    if not isinstance(value, wanted[kind]) or (isinstance(value, bool) and kind != "bool"):
-        words = {"int": "a whole number", "float": "a number", "str": "text", "bool": "true or false"}
-        fix = "Put it in quotes." if kind == "str" else "Correct the value."
-        raise InputError(where, f"it must be {words[kind]}", measured=f"got {value!r}", fix=fix)
-    if name in _CHOICES and value not in _CHOICES[name]:
-        known = [str(choice) for choice in _CHOICES[name]]
-        raise InputError(where, f"{value!r} is not known", fix=did_you_mean(str(value), known))
-    if name in _RANGES:
-        low, high = _RANGES[name]
-        assert isinstance(value, int | float)
-        if not (math.isfinite(value) and low <= value <= high):
-            raise InputError(
-                where,
-                "it is out of range",
-                measured=f"got {value!r} against {low:g}..{high:g}",
-                fix="Correct the value.",
-            )
+    if not isinstance(limits, Range):
+        if value not in limits:
+            raise InputError(where, f"{value!r} is not known", fix=did_you_mean(str(value), map(str, limits)))
+    elif not limits.low <= cast(float, value) <= limits.high:
+        measured = f"got {value!r} against {limits.low:g}..{limits.high:g}"
+        raise InputError(where, "it is out of range", measured=measured, fix="Correct the value.")

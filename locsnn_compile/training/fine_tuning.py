@@ -59,18 +59,15 @@ def fine_tuning_config(config: TrainingConfig, start: NetworkDescription) -> Tra
 def check_recordings(start: NetworkDescription, recordings: Recordings, classes: int) -> None:
     """Refuse recordings of another shape, or of more classes, with an ``InputError``."""
     layout, (_, steps, channels) = start.input, recordings.spikes.shape
-    for what, got, wanted in (("steps", steps, layout.steps), ("channels", channels, layout.channels)):
-        if got != wanted:
+    for what, got, wanted, fits in (
+        ("their steps are not those of", steps, layout.steps, steps == layout.steps),
+        ("their channels are not those of", channels, layout.channels, channels == layout.channels),
+        ("they have more classes than", classes, start.classes, classes <= start.classes),
+    ):
+        if not fits:
             raise InputError(
                 f"recordings {recordings.source!r}",
-                f"their {what} are not those of the network to start from",
+                f"{what} the network to start from",
                 measured=f"{got} against {wanted}",
                 fix="Give recordings like those that it was trained on.",
             )
-    if classes > start.classes:
-        raise InputError(
-            f"recordings {recordings.source!r}",
-            "they have more classes than the network to start from",
-            measured=f"{classes} against {start.classes}",
-            fix="Give recordings like those that it was trained on.",
-        )

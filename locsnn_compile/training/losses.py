@@ -28,19 +28,6 @@ def weighted_counts(branch_counts: dict[str, Tensor], location_weight: float) ->
     return branch_counts["time"] + location_weight * branch_counts["location"]
 
 
-def weighted_spike_count_loss(
-    branch_counts: dict[str, Tensor],
-    labels: Tensor,
-    *,
-    location_weight: float,
-    target_right: float,
-    target_wrong: float,
-) -> Tensor:
-    """Return mean of 1/2 sum_k (sum_t o1_k + lambda sum_l o2_k - target_k)^2, lambda = ``location_weight``."""
-    counts = weighted_counts(branch_counts, location_weight)
-    return spike_count_loss(counts, labels, target_right=target_right, target_wrong=target_wrong)
-
-
 def count_cross_entropy(counts: Tensor, labels: Tensor, *, count_scale: float, label_smoothing: float) -> Tensor:
     """Return the cross-entropy of ``softmax(count_scale * counts)`` against the smoothed labels.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 import torch
@@ -34,29 +34,30 @@ def _loss(network: TouchModel, config: TrainingConfig, activity: Mapping[str, Te
     return loss
 
 
+def _played(network: TouchModel, spikes: NDArray[np.uint8]) -> Iterator[tuple[slice, Mapping[str, Tensor]]]:
+    """Yield rows of spikes (samples, steps, channels), and what ``forward`` returns of them, in its own float type."""
+    like = next(network.parameters())
+    for start in range(0, len(spikes), 32):
+        rows = slice(start, start + 32)
+        yield rows, network(torch.from_numpy(np.array(spikes[rows])).to(like))
+
+
+@torch.no_grad()
 def class_scores(network: TouchModel, spikes: NDArray[np.uint8]) -> NDArray[np.float64]:
     """Return the scores (samples, classes) of all branches together; the first of the largest is predicted."""
-    like = next(network.parameters())
-    found = []
-    with torch.no_grad():
-        for start in range(0, len(spikes), 32):
-            x = torch.from_numpy(np.array(spikes[start : start + 32])).to(like)
-            found.append(torch.stack(list(network.scores(network(x)).values())).sum(dim=0).cpu().numpy())
+    found = [network.total(activity).cpu().numpy() for _, activity in _played(network, spikes)]
     return np.concatenate(found).astype(np.float64)
 
 
+@torch.no_grad()
 def evaluate(
     network: TouchModel, config: TrainingConfig, spikes: NDArray[np.uint8], labels: NDArray[np.int64]
 ) -> tuple[float, float]:
     """Return (mean loss, accuracy) on spikes (samples, steps, channels), in the network's own float type."""
-    like = next(network.parameters())
     loss, right = 0.0, 0
-    with torch.no_grad():
-        for start in range(0, len(labels), 32):
-            x = torch.from_numpy(np.array(spikes[start : start + 32])).to(like)
-            y = torch.from_numpy(labels[start : start + 32].copy()).to(like.device)
-            activity = network(x)
-            scores = torch.stack(list(network.scores(activity).values())).sum(dim=0)
-            loss += float(_loss(network, config, activity, y)) * len(y)
-            right += int((scores.argmax(dim=1) == y).sum())
+    for rows, activity in _played(network, spikes):
+        scores = network.total(activity)
+        y = torch.from_numpy(labels[rows].copy()).to(scores.device)
+        loss += float(_loss(network, config, activity, y)) * len(y)
+        right += int((scores.argmax(dim=1) == y).sum())
     return loss / len(labels), right / len(labels)

@@ -26,7 +26,6 @@ from locsnn_compile.models.chip_numbers import ChipNumbers
 from locsnn_compile.models.description import NetworkDescription
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.models.touch_model import TouchModel
-from locsnn_compile.training.augment import Augmentation
 from locsnn_compile.training.averaging import WeightAverage
 from locsnn_compile.training.batches import batches, epoch_generator, stratified_split
 from locsnn_compile.training.config import TrainingConfig
@@ -171,7 +170,7 @@ def _run_phase(run: _Run, state: TrainingState, rows: NDArray[np.int64], held: N
     spikes, labels = recordings.spikes[rows], recordings.labels[rows]
     network = run.network()
     network.begin(spikes)
-    optimizer, augment = _optimizer(network, config), Augmentation.of(config)
+    optimizer = _optimizer(network, config)
     weights = list(network.parameters())
     if state.weights:
         network.load_state_dict(state.weights)
@@ -183,14 +182,7 @@ def _run_phase(run: _Run, state: TrainingState, rows: NDArray[np.int64], held: N
             group["lr"] = rate
         total = 0.0
         rng = epoch_generator(config.seed, _PHASES[state.phase], epoch)
-        feed = batches(
-            spikes,
-            labels,
-            batch_size=config.batch_size,
-            augment=augment,
-            rng=rng,
-        )
-        for x, y in feed:
+        for x, y in batches(spikes, labels, config, rng):
             placed = (torch.from_numpy(values).to(config.device) for values in (x, y))
             loss = batch_loss(network, config, *placed)
             for weight in weights:  # what zero_grad does, without its overhead

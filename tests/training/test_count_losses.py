@@ -12,7 +12,6 @@ from locsnn_compile.training.losses import (
     count_cross_entropy,
     spike_count_loss,
     weighted_counts,
-    weighted_spike_count_loss,
 )
 
 SEEDS = st.integers(0, 2**31)
@@ -45,9 +44,8 @@ def test_weighted_spike_count_loss(seed: int, weight: float) -> None:
     branches = {"time": torch.from_numpy(time), "location": torch.from_numpy(location)}
     targets = np.where(np.arange(4) == labels[:, None], 150, 5)
     expected = np.mean(0.5 * ((time + weight * location - targets) ** 2).sum(axis=1))
-    found = weighted_spike_count_loss(
-        branches, torch.from_numpy(labels), location_weight=weight, target_right=150, target_wrong=5
-    )
+    counts = weighted_counts(branches, weight)
+    found = spike_count_loss(counts, torch.from_numpy(labels), target_right=150, target_wrong=5)
     assert float(found) == pytest.approx(expected, rel=1e-12)
 
 

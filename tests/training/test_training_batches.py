@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from locsnn_compile.training.augment import (
-    Augmentation,
+    augmented,
     drop_channels,
     drop_events,
     drop_taxels,
@@ -48,7 +48,8 @@ def test_a_seed_gives_its_own_split() -> None:
 def test_every_recording_once(samples: int, size: int, seed: int) -> None:
     spikes = np.zeros((samples, 2, 3), dtype=np.uint8)
     labels = np.arange(samples)
-    fed = list(batches(spikes, labels, batch_size=size, augment=Augmentation(), rng=epoch_generator(seed, 1, 1)))
+    config = TrainingConfig(batch_size=size, event_dropout=0.0, channel_dropout=0.0)
+    fed = list(batches(spikes, labels, config, epoch_generator(seed, 1, 1)))
     assert sorted(np.concatenate([y for _, y in fed])) == list(range(samples))
     assert {len(y) for _, y in fed[:-1]} <= {size}
 
@@ -112,5 +113,5 @@ def test_shifts_go_both_ways() -> None:
 def test_what_is_off_does_not_change_what_is_drawn() -> None:
     spikes = np.ones((4, 5, 78), dtype=np.float32)
     alone = drop_channels(drop_events(spikes, 0.5, rng := epoch_generator(1, 1, 1)), 0.3, rng)
-    both = Augmentation.of(TrainingConfig(event_dropout=0.5, channel_dropout=0.3))
-    assert np.array_equal(both(spikes, epoch_generator(1, 1, 1)), alone)
+    both = augmented(spikes, TrainingConfig(event_dropout=0.5, channel_dropout=0.3), epoch_generator(1, 1, 1))
+    assert np.array_equal(both, alone)
