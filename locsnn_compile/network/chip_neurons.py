@@ -117,11 +117,6 @@ class RefractoryDendrite:
         """The self-synapses that reach it."""
         return RefractoryTaps(np.zeros(1, np.int64), self.mantissa[None], np.array([self.exponent]))
 
-    @property
-    def parts(self) -> dict[str, tuple[IntArray, IntArray]]:
-        """Itself."""
-        return {"refractory": (self.decay, self.decay)}
-
     def parameters(self, size: int) -> list[Parameter]:
         """Return its arrays."""
         return [
@@ -141,16 +136,6 @@ class RefractoryTaps:
     delay: IntArray
     mantissa: IntArray
     exponent: IntArray
-
-    @property
-    def taps(self) -> RefractoryTaps:
-        """Itself."""
-        return self
-
-    @property
-    def parts(self) -> dict[str, tuple[IntArray, IntArray]]:
-        """No dendrite."""
-        return {}
 
     def parameters(self, size: int) -> list[Parameter]:
         """Return its arrays."""
@@ -224,12 +209,14 @@ class ChipSrm(ChipNeuron):
     @property
     def parts(self) -> dict[str, tuple[IntArray, IntArray]]:
         """The alpha dendrite, and the refractory one if there is any."""
-        return {"dendrite": (self.decay_u, self.decay_v), **self.refractory.parts}
+        own, alpha = self.refractory, {"dendrite": (self.decay_u, self.decay_v)}
+        return alpha if isinstance(own, RefractoryTaps) else alpha | {"refractory": (own.decay, own.decay)}
 
     @property
     def own(self) -> dict[str, RefractoryTaps]:
-        """Self-synapses onto the last kind of dendrite."""
-        return {[*self.parts][-1]: self.refractory.taps}
+        """Self-synapses onto the alpha dendrite, or onto the refractory one."""
+        own = self.refractory
+        return {"dendrite": own} if isinstance(own, RefractoryTaps) else {"refractory": own.taps}
 
     def parameters(self, size: int) -> list[Parameter]:
         """Return its arrays, those of the refractory part included."""

@@ -77,7 +77,9 @@ def quantize(
 def integers_of(neuron: Neuron, task: Task) -> Scaled:
     """Return neurons of a task in integers, and how weights onto them are rounded, as their model has registered it."""
     raise TargetError(
-        task.where, f"{task.chip.name} does not have {neuron.needs or type(neuron).__name__}", fix=neuron.way_out
+        task.where,
+        f"{task.chip.name} does not have {neuron.needs or type(neuron).__name__ + ' neurons'}",
+        fix=neuron.way_out,
     )
 
 

@@ -185,7 +185,7 @@ UNREGISTERED = [
     (
         Stepping(),
         TargetError,
-        "population 'n': loihi-sim does not have Stepping. Use neurons that the chip has: SrmAlpha, Cuba or SoftCuba.",
+        "population 'n': loihi-sim does not have Stepping neurons. Use neurons that the chip has: SrmAlpha, Cuba or SoftCuba.",
     ),
 ]
 

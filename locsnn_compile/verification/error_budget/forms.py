@@ -15,7 +15,7 @@ import numpy as np
 
 from hw_model.mapping.graph import CompartmentGraph
 from locsnn_compile.network.matrices import Matrix
-from locsnn_compile.network.neurons import Cuba, Neuron, SoftCuba, SrmAlpha
+from locsnn_compile.network.neurons import Cuba, FloatArray, Neuron, SoftCuba, SrmAlpha
 from locsnn_compile.network.quantized import QuantizedPopulation
 from locsnn_compile.passes.kernels import alpha_recursion, kernel, own_charges
 from locsnn_compile.passes.lower_neurons import dendrite_name
@@ -129,7 +129,7 @@ def _reset(levels: Levels, q: QuantizedPopulation, neuron: SrmAlpha) -> tuple[Nu
     soma = replace(chip, keep_u=nothing, keep_v=nothing, refractory=once)
     whole = _srm(levels, q, neuron, dendrite, None, soma)
     alpha, _, top = whole.groups
-    exact = replace(_real(chip), keep_u=alpha.exact.keep_u, keep_v=alpha.exact.keep_v, threshold=top.exact.threshold)
+    exact = _exactly(chip, alpha.exact.keep_u, alpha.exact.keep_v, top.exact.threshold)
     inputs = [
         replace(s, exact=replace(s.exact, target=name)) for s in whole.synapses if s.exact.target == alpha.exact.name
     ]
@@ -153,7 +153,7 @@ def _srm(
     threshold = neuron.theta * q.scale * (1 - SLACK)
 
     def exactly(chip: TwinGroup, keep: float) -> TwinGroup:
-        return replace(_real(chip), keep_u=np.full(n, keep), keep_v=np.full(n, keep), threshold=threshold)
+        return _exactly(chip, np.full(n, keep), np.full(n, keep), threshold)
 
     a, gain = alpha_recursion(neuron.tau_sr)
     refractory_a, refractory_gain = alpha_recursion(neuron.tau_ref)
@@ -179,14 +179,9 @@ def _(neuron: Cuba, levels: Levels, q: QuantizedPopulation) -> tuple[Numbers, Nu
     """A leaky integrate-and-fire neuron in one compartment."""
     name = q.population.name
     chip = chip_group(levels.compartments.group(name))
-    exact = replace(
-        _real(chip),
-        keep_u=1.0 - neuron.decay_u,
-        keep_v=1.0 - neuron.decay_v,
-        threshold=neuron.threshold * q.scale * (1 + (SLACK if neuron.rule == ">" else -SLACK)),
-        bias=neuron.bias * q.scale,
-    )
-    group = GroupNumbers(exact, chip)
+    threshold = neuron.threshold * q.scale * (1 + (SLACK if neuron.rule == ">" else -SLACK))
+    keeps = 1.0 - neuron.decay_u, 1.0 - neuron.decay_v
+    group = GroupNumbers(replace(_exactly(chip, *keeps, threshold), bias=neuron.bias * q.scale), chip)
     synapses = exact_synapses(levels.network, name, name, q.scale)
     same = Numbers((group,), beside_chip(levels.compartments, synapses, group, name))
     return same, same
@@ -199,8 +194,8 @@ def _(neuron: SoftCuba, levels: Levels, q: QuantizedPopulation) -> tuple[Numbers
     dendrite, soma = (chip_group(graph.group(part)) for part in (f"{name}/dendrite", name))
     threshold = neuron.threshold * q.scale * (1 + SLACK)
     keep_u, keep_v = 1.0 - neuron.decay_u, 1.0 - neuron.decay_v
-    membrane = GroupNumbers(replace(_real(dendrite), keep_u=keep_u, keep_v=keep_v, threshold=threshold), dendrite)
-    top = GroupNumbers(replace(_real(soma), threshold=threshold), soma)
+    membrane = GroupNumbers(_exactly(dendrite, keep_u, keep_v, threshold), dendrite)
+    top = GroupNumbers(_exactly(soma, soma.keep_u, soma.keep_v, threshold), soma)
     drop = neuron.drop * q.scale
     synapses = exact_synapses(levels.network, name, dendrite.name, q.scale)
     for delay, taken in ((0, -drop), (1, drop * keep_u)):
@@ -212,9 +207,9 @@ def _(neuron: SoftCuba, levels: Levels, q: QuantizedPopulation) -> tuple[Numbers
     return same, same
 
 
-def _real(group: TwinGroup) -> TwinGroup:
-    """Return a group whose registers hold any real number."""
-    return replace(group, truncates=False, limited=False)
+def _exactly(group: TwinGroup, keep_u: FloatArray, keep_v: FloatArray, threshold: FloatArray) -> TwinGroup:
+    """Return a group whose registers hold any real number, with other numbers."""
+    return replace(group, keep_u=keep_u, keep_v=keep_v, threshold=threshold, truncates=False, limited=False)
 
 
 def _plain(weights: Matrix) -> Matrix:
