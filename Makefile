@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test test-slow peers bench results check check-rest docs examples format clean
+.PHONY: demo test test-slow peers bench results mutants check check-rest docs examples format clean
 
 demo: .venv/installed  ## install, then compile the example that ships, check it and write its reports
 	$(BIN)/locsnn-compile examples/models/objects-hybrid.pt --events examples/recordings/touches.npz
@@ -19,6 +19,9 @@ peers: .venv/installed-dev  ## compare the engine with public simulators, each i
 
 bench: .venv/installed-dev  ## measure speed and memory beside public simulators; writes docs/benchmarks.md (QUICK=1: only tries it)
 	$(BIN)/python tests/benchmarks/run.py $(if $(QUICK),--quick)
+
+mutants: .venv/installed-dev  ## put small faults into the code, one at a time: do the tests find them? writes tests/mutants/results.csv; an hour on two cores, resumable
+	$(BIN)/python tests/mutants/run_mutants.py $(if $(ONLY),--only $(ONLY))
 
 results: .venv/installed-dev  ## train every published network on both public data sets, five seeds, and write docs/results.md: hours, resumable
 	$(BIN)/python tests/results/run_results.py $(if $(DATA),--data $(DATA))

@@ -32,3 +32,10 @@ def test_a_bound_is_kept_by_what_is_equal_to_it(gate, kept, broken, said, blamed
 def test_every_gate_has_its_row_and_they_come_in_order():
     bounds = {gate: kept for gate, kept, *_ in reversed(ROWS)}
     assert tuple(gate.option for gate in check_gates(REPORT, bounds)) == GATES == tuple(row[0] for row in ROWS)
+
+
+@pytest.mark.parametrize("gate", ["--min-agreement", "--max-spike-error"])
+def test_a_gate_on_what_was_not_compared_fails(gate):
+    silent = REPORT | {"match": {"prediction_agreement": None, "spike_agreement": None}}
+    (found,) = check_gates(silent, {gate: 0.0 if gate == "--min-agreement" else 1.0})
+    assert (found.holds, found.measured) == (False, None)

@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cost_programs import chain, crossroads, hybrid
+from cost_programs import FORGETS, chain, crossroads, hybrid
 from hybrids import assembled
 
 import hw_model as hw
 from hw_model.accounting.cost import critical_path, energy_pj, latency, step_times
+from hw_model.accounting.usage import added_usage, measure
 
 CHIP = hw.chip("loihi-sim")
 
@@ -105,6 +106,69 @@ def test_the_critical_core_is_the_one_that_is_last_for_longest(synapses, core):
     result = hw.simulate(program, np.ones((9, 1), dtype=np.uint8), probe=("activity",))
     activity = {phase: found[0] for phase, found in result.activity.items()}
     assert latency(program, activity, CHIP.profile("davies2018")).critical_core == core
+
+
+@pytest.mark.parametrize(
+    ("worked", "slowest_ns"),
+    [(chain(), 8.4 + 5.3 + 2.1 + 3.5 + 113.0), (hybrid(), 8.4 + 2 * 3.5 + 113.0)],
+    ids=["of one phase", "of the phase that plays rows as they come"],
+)
+def test_the_slowest_step_of_a_row(worked, slowest_ns):
+    result = hw.simulate(worked.program, worked.recording, probe=("activity",))
+    activity = {phase: found[0] for phase, found in result.activity.items()}
+    found = latency(worked.program, activity, CHIP.profile("davies2018"))
+    assert round(found.slowest_step_ns, 9) == round(slowest_ns, 9)
+
+
+def test_the_buffer_is_read_in_cycles_of_the_clock():
+    program = hybrid().program
+    fast = replace(program, chip=replace(program.chip, clock_ghz=4.0))
+    for played, ns in ((program, [1.0, 2.0]), (fast, [0.25, 0.5])):
+        result = hw.simulate(played, hybrid().recording, probe=("activity",))
+        times = step_times(played, "location", result.activity["location"][0], CHIP.profile("davies2018"))
+        assert times.buffer_ns.ravel().tolist() == ns
+
+
+def test_synapses_that_are_due_after_the_end_by_input():
+    """The line of the second input has its own delay, and not that of the first input's first line."""
+    builder = hw.ProgramBuilder(CHIP)
+    y = builder.add_compartments("y", 1, **FORGETS)
+    for name, lines, delay in (("first", 2, 0), ("second", 1, 2)):
+        builder.connect(builder.add_input(name, lines), y, [[20] * lines], delay=delay)
+    rows = {"first": np.zeros((4, 2)), "second": np.array([[0], [1], [1], [0]])}
+    assert hw.simulate(builder.build(), rows).counts.synaptic_ops_after_end == 2
+    rows["first"][3] = 1
+    assert hw.simulate(builder.build(), rows).counts.synaptic_ops_after_end == 4
+
+
+def test_the_most_packets_in_a_step_are_those_of_one_recording():
+    """Whether recordings are measured together, or apart and then added up."""
+    worked, profile = crossroads(), CHIP.profile("davies2018")
+    one, two = (
+        hw.simulate(worked.program, np.stack(many * [worked.recording]), probe=("activity",)) for many in (1, 2)
+    )
+    (_, usage), (_, together) = (measure(worked.program, found.activity, profile) for found in (one, two))
+    for found in (together["time"], added_usage((usage, usage))["time"]):
+        assert np.array_equal(found.link_packets, 2 * usage["time"].link_packets)
+        assert np.array_equal(found.link_most, usage["time"].link_most)
+
+
+def test_spikes_by_piece_are_those_of_its_compartments():
+    """Somas and dendrites share cores, so that the pieces of a core are not those of columns that go on."""
+    small = replace(CHIP, limits=replace(CHIP.limits, compartments_per_core=4))
+    builder = hw.ProgramBuilder(small)
+    x = builder.add_input("x", 5)
+    for name in ("first", "second"):
+        soma = builder.add_compartments(name, 5, **FORGETS)
+        dendrite = builder.add_compartments(f"{name}/dendrite", 5, **(FORGETS | {"threshold": 0}), joined_to=soma)
+        builder.connect(x, dendrite, np.diag([20] * 5))
+    program = builder.build()
+    result = hw.simulate(program, np.tri(6, 5), probe=("spikes", "activity"))
+    counted = result.activity["time"][0].by_piece["spikes"]
+    pieces = [piece for core in program.cores_of("time") for piece in core.slices]
+    for piece, found in zip(pieces, counted.T, strict=True):
+        spikes = result.spikes.get(piece.group, np.zeros((6, 5)))
+        assert np.array_equal(found, spikes[:, piece.start : piece.stop].sum(axis=1)), piece
 
 
 def test_hops_are_counted_from_tile_to_tile():

@@ -179,11 +179,14 @@ def test_the_stop_is_the_first_step_that_the_bound_proves(seed):
         ({"refractory": 4}, 4),
         # With a charge in every step v = 3/4 v + 60 stays below 240.
         ({"threshold": 240}, 0),
+        # A charge just reaches the threshold, or is one more.
+        ({"threshold": 60, "decay_v": 4096}, 0),
+        ({"threshold": 60, "decay_v": 4096, "bias": 1}, 5),
         # Here every charge may wrap, so that nothing is known of v: as if each could spike at any time.
         ({"threshold": 240, "exponent": 7, "decay_u": 1}, 5),
         ({"threshold": 240, "exponent": 7, "decay_u": 1, "refractory": 4}, 4),
     ],
-    ids=["at any time", "refractory", "never", "wraps", "wraps and refractory"],
+    ids=["at any time", "refractory", "never", "at the threshold", "just above it", "wraps", "wraps and refractory"],
 )
 def test_stops_by_hand(options, stop):
     """Two classes, a channel each; the first has an event in each of the first four rows of eight."""
@@ -222,6 +225,16 @@ def test_refractory_steps_take_a_voltage_up_to_0():
     recording[3:, 1] = 1
     played = hw.simulate(program, recording)
     assert (played.spikes["y"].sum(axis=0).tolist(), played.prediction) == ([1, 2], 1)
+
+
+def test_a_batch_stops_as_its_recordings_alone():
+    builder, _ = one_layer([[60, 0], [0, 60]], decay_u=4096)
+    program = builder.build()
+    recordings = np.zeros((4, 9, 2), dtype=np.uint8)
+    recordings[0, :7, 0] = recordings[1, :4, 0] = recordings[2, 2, 1] = 1
+    alone = [hw.stop_when_proven(program, one[None]).steps.tolist() for one in recordings]
+    assert alone == [[5], [5], [9], [9]]
+    assert [[step] for step in hw.stop_when_proven(program, recordings).steps.tolist()] == alone
 
 
 @pytest.mark.parametrize(("winner", "stop"), [(0, 5), (1, 6)], ids=["the first", "the second"])

@@ -1,5 +1,7 @@
 """The proof of range against the worst inputs that can be found."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,8 +14,8 @@ from hw_model.range_proof import PERIODS, prove_range
 CHIP = hw.chip("loihi-sim")
 
 
-def one(weights, exponent=0, **parameters):
-    builder = hw.ProgramBuilder(CHIP)
+def one(weights, exponent=0, chip=CHIP, **parameters):
+    builder = hw.ProgramBuilder(chip)
     x = builder.add_input("x", len(weights))
     n = builder.add_compartments("n", 1, **{"threshold": 131071, "decay_u": 4096, "decay_v": 4096, **parameters})
     builder.connect(x, n, [weights], exponent=exponent)
@@ -106,6 +108,39 @@ def test_a_bias_takes_part_in_the_wrap(sign):
     assert prove_range(one([sign * 252], decay_u=1060, exponent=7))[0].cannot_wrap[0]
 
 
+@pytest.mark.parametrize("sign", [1, -1], ids=["up", "down"])
+def test_a_bias_that_pulls_back_does_not_keep_the_current_from_wrapping(sign):
+    """Here u wraps, and u + bias would not."""
+    program = one([sign * 252], decay_u=1000, bias=-sign * 4095 * 128, exponent=7)
+    assert not prove_range(program)[0].cannot_wrap[0]
+    assert hw.simulate(program, np.ones((100, 1), dtype=np.uint8)).counts.current_wraps > 0
+
+
+def test_a_compartment_that_wraps_is_not_safe_because_it_cannot_clip():
+    """On a chip whose voltage is wider than its current, no current makes v clip."""
+    narrow = replace(CHIP, registers=replace(CHIP.registers, current_bits=20))
+    program = one([252], exponent=7, chip=narrow)
+    proven = prove_range(program)[0]
+    assert (proven.cannot_clip[0], proven.cannot_wrap[0], proven.safe_period[0]) == (True, False, 0)
+    assert hw.simulate(program, [[1], [0]]).counts.current_wraps == 1
+
+
+@pytest.mark.parametrize(
+    ("weight", "exponent", "parameters", "period"),
+    [(250, 6, {"bias": 4095 * 128}, 0), (250, 5, {"decay_u": 1024}, 3)],
+    ids=["with its bias", "more often than every third step"],
+)
+def test_a_rate_at_which_a_narrow_current_would_wrap(weight, exponent, parameters, period):
+    """The voltage, four bits wider, stays far below its end."""
+    narrow = replace(CHIP, registers=replace(CHIP.registers, current_bits=20))
+    program = one([weight], exponent=exponent, chip=narrow, **parameters)
+    assert prove_range(program)[0].safe_period[0] == period
+    steps = np.arange(60)[:, None]
+    assert hw.simulate(program, (steps % max(period - 1, 1) == 0).astype(np.uint8)).counts.current_wraps > 0
+    if period:
+        assert hw.simulate(program, (steps % period == 0).astype(np.uint8)).counts.current_wraps == 0
+
+
 def test_what_a_child_may_do_its_parent_may_suffer():
     """Two children without positive weights, which wrap above 0 nevertheless, and are cut off at vmax."""
     builder = hw.ProgramBuilder(CHIP)
@@ -142,6 +177,28 @@ def test_nothing_kept_for_ever_is_safe():
     assert (proven.u.high[0], proven.safe_period[0]) == (np.inf, 0)
     assert not proven.cannot_wrap[0]
     assert not proven.cannot_clip[0]
+    assert prove_range(one([2], decay_v=0, bias=1))[0].v.high[0] == np.inf
+    assert prove_range(one([-2], decay_v=0, bias=1))[0].v.low[0] == -np.inf
+
+
+@pytest.mark.parametrize("sign", [1, -1], ids=["up", "down"])
+def test_children_pass_on_what_their_limits_leave(sign):
+    """One child beyond vmax is passed on as vmax; three that stay below it are more than their parent holds."""
+    limits = {"vmin": 1 - 2**15, "vmax": 2**15 - 1, "decay_u": 4096, "decay_v": 4096}
+    ends = []
+    for children, exponent in ((1, 2), (3, 0)):
+        builder = hw.ProgramBuilder(CHIP)
+        x = builder.add_input("x", 1)
+        soma = builder.add_compartments("soma", 1, threshold=131071, **limits)
+        for k in range(children):
+            child = builder.add_compartments(f"child{k}", 1, threshold=0, joined_to=soma, **limits)
+            builder.connect(x, child, [[sign * 254]], exponent=exponent)
+        program = builder.build()
+        proven = prove_range(program)[0]
+        end = (proven.v.high if sign > 0 else -proven.v.low)[-1]
+        clips = hw.simulate(program, [[1], [0]]).events["soma" if children == 3 else "child0"]["voltage_clips"]
+        ends.append((end, proven.safe_period[-1], clips))
+    assert ends == [(2**15 - 1, 1, 1), (3 * 254 * 64, 0, 1)]
 
 
 def test_joined_voltages_are_in_the_bound():

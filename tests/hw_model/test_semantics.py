@@ -116,6 +116,21 @@ class TestStep:
         assert result.spikes["soma"].ravel().tolist() == [0, 1, 1, 1]
         assert list(result.spikes) == ["soma"]
 
+    def test_a_parent_waits_for_the_longest_line_of_children(self, engine):
+        """A child that has a child of its own, and one that has none, and comes after it."""
+        builder = hw.ProgramBuilder(CHIP)
+        x = builder.add_input("x", 1)
+        forgets = {"decay_u": 4096, "decay_v": 4096}
+        soma = builder.add_compartments("soma", 1, threshold=250, **forgets)
+        one = builder.add_compartments("one", 1, threshold=0, joined_to=soma, **forgets)
+        two = builder.add_compartments("two", 1, threshold=0, joined_to=soma, **forgets)
+        deep = builder.add_compartments("deep", 1, threshold=0, joined_to=one, **forgets)
+        for child in (one, two, deep):
+            builder.connect(x, child, [[100]])
+        result = played(builder.build(), [0], 3, engine)
+        assert result.potential["soma"].ravel().tolist() == [0, 19200, 0]
+        assert result.spikes["soma"].ravel().tolist() == [0, 1, 0]
+
     def test_steps_beyond_the_rows_are_silent_and_rows_beyond_the_steps_are_counted(self, engine):
         program = one_compartment()
         longer = hw.simulate(program, [[1]], steps=4, engine=engine, probe=("v",))

@@ -1,0 +1,216 @@
+"""Run the mutants: tell which of them the tests find, and write ``results.csv``. Resumable.
+
+Each is in the memory of a process of its own alone, which runs its tests until one fails, in a copy of the tree. What was
+found is kept in ``build/mutants/found.jsonl`` and holds as long as the function and the tests stay as they were.
+
+    python tests/mutants/run_mutants.py [--jobs 2] [--only TEXT] [--dry]
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import hashlib
+import json
+import os
+import re
+import resource
+import shutil
+import sys
+import tempfile
+import time
+from collections import Counter, deque
+from importlib import import_module
+from importlib.machinery import ModuleSpec, SourceFileLoader
+from importlib.util import spec_from_file_location
+from pathlib import Path
+from typing import Never
+
+from mutants import HERE, ROOT, Mutant, file_of, mutants
+
+BUILD = ROOT / "build/mutants"
+TREE = BUILD / "tree"
+FOUND = BUILD / "found.jsonl"
+TABLE = HERE / "results.csv"
+COLUMNS = ("module", "scope", "old", "new", "outcome", "by")
+COPIED = ("hw_model", "locsnn_compile", "tests", "examples", "docs", "pyproject.toml", "README.md", "Makefile")
+PRELOADED = ("hypothesis.extra.numpy", "networkx", "numba", "pytest", "scipy.sparse", "yaml")
+"""Imported once: runs of the tests are forks. The packages that are tested are not among them."""
+HELD = re.compile(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", re.MULTILINE)
+
+
+class Faulty(SourceFileLoader):
+    """Loads a module with a fault in it."""
+
+    def __init__(self, mutant: Mutant) -> None:
+        super().__init__(mutant.module, str(mutant.path(TREE)))
+        self._text = mutant.applied(TREE).encode()
+
+    def find_spec(self, name: str, *_: object) -> ModuleSpec | None:
+        """Be the finder of this module, too."""
+        return spec_from_file_location(name, self.path, loader=self) if name == self.name else None
+
+    def get_data(self, path: str) -> bytes:
+        """Return the faulty text."""
+        return self._text
+
+    def path_stats(self, path: str) -> Never:
+        """Refuse to tell an age: what is compiled to bytes is neither taken from a cache nor kept."""
+        raise OSError
+
+
+def copy_tree() -> None:
+    """Copy what is tested, so that work can go on; files keep their ages, and compiled loops stay valid."""
+    shutil.rmtree(TREE, ignore_errors=True)
+    TREE.mkdir(parents=True)
+    for name in COPIED:
+        if (ROOT / name).is_dir():
+            shutil.copytree(ROOT / name, TREE / name, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy2(ROOT / name, TREE / name)
+
+
+class Run:
+    """Tests in a process of their own: with a fault, of so many seconds of the processor at most, or without one."""
+
+    def __init__(self, mutant: Mutant, limit: int | None) -> None:
+        self.mutant, self.without_fault = mutant, limit is None
+        output, self._output = tempfile.mkstemp(dir=BUILD)
+        self.process = os.fork()
+        if not self.process:
+            os.dup2(output, 1)
+            os.dup2(output, 2)
+            os._exit(self._run(limit))
+        os.close(output)
+
+    def finished(self, code: int) -> tuple[str, str]:
+        """Return ``killed`` and the test that did it, or ``survived``; tests that cannot be run end the program."""
+        text = Path(self._output).read_text(errors="replace")
+        os.unlink(self._output)
+        held = HELD.search(text)
+        by = held[1].rsplit("/", 1)[-1] if held else "out of time" if code < 0 else ""
+        if code and (self.without_fault or not by):
+            fault = "without a fault" if self.without_fault else self.mutant.name
+            raise SystemExit(f"{' '.join(self.mutant.tests)}: pytest fails, {fault}:\n{text[-3000:]}")
+        return ("killed", by) if code else ("survived", "")
+
+    def _run(self, limit: int | None) -> int:
+        os.chdir(TREE)
+        here = str(TREE / HERE.relative_to(ROOT))
+        os.environ["PYTHONPATH"] = f"{TREE}:{here}"
+        sys.path[:] = [str(TREE), here, *(p for p in sys.path if p and not p.startswith(str(ROOT)))]
+        if limit is not None:
+            resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
+            sys.meta_path.insert(0, Faulty(self.mutant))  # type: ignore[arg-type]
+        names = [str(file_of(name, TREE)) + "".join(name.partition("::")[1:]) for name in self.mutant.tests]
+        plugins = [
+            "-p",
+            "no:cacheprovider",
+            "-p",
+            "no_shrinking",
+            *(["-p", "interpreted"] if self.mutant.loops else []),
+        ]
+        quiet = ["-x", "-q", "-n0", "--tb=line", "-W", "ignore:Module already imported"]
+        return int(import_module("pytest").main([*quiet, *plugins, *names]))
+
+
+def digests(mutant: Mutant, root: Path = ROOT) -> dict[str, str]:
+    """Return a number of all that a result depends on: the faulty function, and the tests."""
+    texts = {"scope": mutant.faulty_scope(root), "tests": "".join(file_of(t, root).read_text() for t in mutant.tests)}
+    return {key: hashlib.sha256(text.encode()).hexdigest()[:16] for key, text in texts.items()}
+
+
+def known(every: list[Mutant]) -> dict[str, tuple[str, str]]:
+    """Return what earlier runs found, by name.
+
+    A fault that was found stays so while its function is the same, and the test that found it is still there; one that
+    was not found, while the tests are the same.
+    """
+    rows = [json.loads(line) for line in FOUND.read_text().splitlines()] if FOUND.exists() else []
+    by_name = {row["name"]: row for row in rows}
+    found = {}
+    for mutant in every:
+        row, now = by_name.get(mutant.name), digests(mutant)
+        if row and row["scope"] == now["scope"]:
+            holds = _is_there(row["by"]) if row["outcome"] == "killed" else row["tests"] == now["tests"]
+            if holds:
+                found[mutant.name] = row["outcome"], row["by"]
+    return found
+
+
+def _is_there(by: str) -> bool:
+    """Tell whether a test still exists, by its file and the name of its function."""
+    file, _, test = by.partition("[")[0].partition("::")
+    text = f"def {test.rpartition('::')[2]}("
+    return not test or any(text in path.read_text() for path in (ROOT / "tests").rglob(file))
+
+
+def try_all(wanted: list[Mutant], jobs: int) -> None:
+    """Run mutants, so many at once, and keep what is found; each set of tests first runs without a fault."""
+    copy_tree()
+    os.environ |= {"NUMBA_CACHE_DIR": str(BUILD / "loops"), "OMP_NUM_THREADS": "1"}
+    for name in PRELOADED:
+        import_module(name)
+    taken: dict[tuple[tuple[str, ...], bool], float] = {}
+    waiting, running = deque(wanted), dict[int, Run]()
+    begun, done = time.monotonic(), 0
+    while waiting or running:
+        while waiting and len(running) < jobs:
+            mutant = waiting.popleft()
+            seconds = taken.get((mutant.tests, mutant.loops))
+            run = Run(mutant, None if seconds is None else int(4 * seconds) + 20)
+            running[run.process] = run
+        process, status, usage = os.wait4(-1, 0)
+        run = running.pop(process)
+        outcome, by = run.finished(os.waitstatus_to_exitcode(status))
+        seconds = usage.ru_utime + usage.ru_stime
+        if run.without_fault:
+            taken[run.mutant.tests, run.mutant.loops] = seconds
+            waiting.appendleft(run.mutant)
+            continue
+        done += 1
+        row = {"name": run.mutant.name, "outcome": outcome, "by": by} | digests(run.mutant, TREE)
+        with FOUND.open("a") as file:
+            file.write(json.dumps(row) + "\n")
+        passed = time.monotonic() - begun
+        print(f"{done}/{len(wanted)} {passed:.0f} s, {seconds:.1f} s: {outcome}: {run.mutant.name} {by}", flush=True)
+
+
+def outcome_of(mutant: Mutant, found: tuple[str, str]) -> tuple[str, str]:
+    """Return the outcome as the table has it, and what tells of it: a test, or the reason."""
+    if not mutant.equivalent:
+        return found
+    return ("equivalent", mutant.equivalent) if found[0] == "survived" else ("not equivalent", found[1])
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--only", default="", metavar="TEXT", help="those whose name holds this")
+    parser.add_argument("--dry", action="store_true", help="only list what is left to run")
+    args = parser.parse_args()
+    every = mutants()
+    kept = known(every)
+    left = [m for m in every if args.only in m.name and m.name not in kept]
+    print(f"{len(every)} mutants, {len(left)} of them to run")
+    if args.dry:
+        print("\n".join(m.name for m in left))
+        return 0
+    BUILD.mkdir(parents=True, exist_ok=True)
+    if left:
+        try_all(left, args.jobs)
+        kept = known(every)
+    rows = [(m, *outcome_of(m, kept[m.name])) for m in every if m.name in kept]
+    if len(rows) == len(every):
+        with TABLE.open("w", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(COLUMNS)
+            writer.writerows((m.module, m.scope, m.old, m.new, outcome, by) for m, outcome, by in rows)
+    print(", ".join(f"{n} {outcome}" for outcome, n in Counter(outcome for _, outcome, _ in rows).items()))
+    wrong = [f"{outcome}: {m.name} {by}" for m, outcome, by in rows if outcome not in ("killed", "equivalent")]
+    print("\n".join(wrong))
+    return 1 if wrong or len(rows) < len(every) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
