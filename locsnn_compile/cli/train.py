@@ -165,6 +165,7 @@ def _start(args: argparse.Namespace) -> Checkpoint | None:
 
 
 def _config(args: argparse.Namespace, start: Checkpoint | None) -> TrainingConfig:
+    from locsnn_compile.models.architectures import ARCHITECTURES
     from locsnn_compile.training.config import config_from_mapping, read_config
     from locsnn_compile.training.fine_tuning import FINE_TUNING, check_fits_start, fine_tuning_config
     from locsnn_compile.training.unused import check_used
@@ -181,8 +182,11 @@ def _config(args: argparse.Namespace, start: Checkpoint | None) -> TrainingConfi
     usual = {} if start is None else {"model": start.description.architecture} | FINE_TUNING
     config = config_from_mapping(usual | values | asked)
     check_used({name: flags.get(name, f"--{name.replace('_', '-')}") for name in asked}, config)
-    # A file may be shared: what counts in it by itself may stay there, whatever options make of it.
-    check_used(of_file, config, config_from_mapping(usual | values))
+    # A file may be shared: what counts in it by itself may stay there, whatever options make of it, and what counts
+    # for some network, where the file leaves that open.
+    models = ARCHITECTURES if args.model is not None and "model" not in values else [config.model]
+    shared = [config_from_mapping(usual | {"model": model} | values) for model in models]
+    check_used(of_file, config, *shared)
     if start is None:
         return config
     check_fits_start(values | asked, start.description)
