@@ -200,7 +200,8 @@ def test_a_folder_of_different_lengths_is_trained_on(tmp_path: Path, name: str) 
         for i, steps in enumerate(lengths):
             spikes = (rng.random((39, 2, steps)) < 0.2).astype(np.uint8)
             np.save(tmp_path / "set" / part / f"sample_{i}_label_{i % 2}.npy", spikes)
-    sizes = ("--model", name, "--hidden", "4", "--epochs", "1", "--quiet")
+    hidden = () if name == "window-snn" else ("--hidden", "4")
+    sizes = ("--model", name, *hidden, "--epochs", "1", "--quiet")
     if name == "hybrid-graph":
         (tmp_path / "c.yaml").write_text("features: 2\nstep_features: 2\n")
         sizes = (*sizes, "--config", str(tmp_path / "c.yaml"))
