@@ -54,6 +54,7 @@ class TestStep:
         result = played(one_compartment(threshold=1, decay_u=0, refractory=3), [0], 8, engine)
         assert result.spikes["n"].ravel().tolist() == [0, 1, 0, 0, 1, 0, 0, 1]
         assert result.v["n"].ravel().tolist() == [0] * 8
+        assert result.potential["n"].ravel().tolist() == [0, 6400, 0, 0, 6400, 0, 0, 6400]
 
     def test_bias_acts_from_step_0(self, engine):
         result = played(one_compartment(bias=-4096 * 128), [], 2, engine)
@@ -81,6 +82,77 @@ class TestStep:
             5 * 2080768 - 2**24,
         ]
         assert result.counts.current_wraps == 1
+
+    def test_current_and_bias_wrap_together(self, engine):
+        program = one_compartment(weight=252, exponent=7, decay_u=0, decay_v=4096, bias=4095 * 128)
+        result = played(program, [0, 1, 2, 3], 6, engine)
+        drives = [2064384 * k + 524160 for k in (0, 1, 2, 3)]
+        assert result.v["n"].ravel().tolist() == [*drives, *2 * [2064384 * 4 + 524160 - 2**24]]
+        assert result.counts.current_wraps == 2
+
+    def test_a_charge_acts_once(self, engine):
+        """Also where it was, a tile of steps later, and in the next recording."""
+        rows = np.zeros((2, 200, 1), dtype=np.uint8)
+        rows[0, 0] = 1
+        result = hw.simulate(one_compartment(delay=3), rows, engine=engine, probe=("u",))
+        assert np.argwhere(result.u["n"][:, :, 0]).tolist() == [[0, 4]]
+
+    @pytest.mark.parametrize(
+        ("parameters", "active"),
+        [
+            ({"decay_u": 4096, "decay_v": 4096}, 2),
+            ({"decay_u": 4096, "decay_v": 0}, 4),
+            ({"decay_u": 0, "decay_v": 4096, "threshold": 99}, 4),
+            ({"decay_u": 4096, "decay_v": 4096, "bias": 1}, 5),
+        ],
+        ids=["a charge, and what it left", "a voltage", "a current alone", "a bias"],
+    )
+    def test_what_a_compartment_works_on(self, engine, parameters, active):
+        """An event of row 0 in five steps; where it spikes, the voltage is 0 and the current is left."""
+        result = played(one_compartment(**parameters), [0], 5, engine)
+        assert result.counts.neuron_updates_active == active
+
+    @pytest.mark.parametrize("reached", [0, 20], ids=["by children alone", "by a synapse, too"])
+    def test_a_joined_voltage_is_work(self, engine, reached):
+        builder = hw.ProgramBuilder(CHIP)
+        x = builder.add_input("x", 2)
+        forgets = {"decay_u": 4096, "decay_v": 4096}
+        soma = builder.add_compartments("soma", 1, threshold=10, **forgets)
+        child = builder.add_compartments("child", 1, threshold=0, joined_to=soma, **forgets)
+        builder.connect(x, child, [[100, 0]])
+        builder.connect(x, soma, [[0, reached]])
+        # The child works on its charge and, a step later, on its current and voltage; the soma on what is joined.
+        counts = hw.simulate(builder.build(), [[1, 0], *4 * [[0, 0]]], engine=engine).counts
+        assert counts.neuron_updates_active == 3
+
+    def test_compartments_of_a_chunk_by_themselves(self, engine):
+        builder = hw.ProgramBuilder(CHIP)
+        x = builder.add_input("x", 20)
+        n = builder.add_compartments("n", 20, decay_u=4096, decay_v=4096, threshold=[10, 200] * 10)
+        builder.connect(x, n, 100 * np.eye(20))
+        rows = np.concatenate((np.tri(20, dtype=np.uint8), np.zeros((2, 20), dtype=np.uint8)))
+        result = hw.simulate(builder.build(), rows, engine=engine)
+        assert np.array_equal(result.spikes["n"][1:, ::2], rows[:-1, ::2])
+        assert not result.spikes["n"][:, 1::2].any()
+        assert result.counts.neuron_updates_active == 20 * 21 // 2 + 20
+
+    def test_what_wraps_or_is_cut_off_in_a_refractory_step_is_not_counted(self, engine):
+        """The bias makes it spike at once, and for 62 steps nothing is compared."""
+        wide = {"weight": 252, "exponent": 7, "decay_u": 0, "decay_v": 4096, "bias": 4095 * 128, "vmax": 2**19 - 1}
+        result = played(one_compartment(**wide, threshold=100, refractory=63), [0, 1, 2, 3], 9, engine)
+        assert (result.counts.spikes, result.counts.wraps, result.counts.clips) == (1, 0, 0)
+        assert result.potential["n"].ravel().tolist() == [4095 * 128, *8 * [0]]
+
+    def test_what_is_cut_off_in_a_refractory_sum_is_not_counted(self, engine):
+        builder = hw.ProgramBuilder(CHIP)
+        x = builder.add_input("x", 1)
+        common = {"decay_u": 4096, "decay_v": 4096, "vmax": 2**13 - 1}
+        soma = builder.add_compartments("soma", 1, threshold=100, refractory=5, **common)
+        for name in ("one", "two"):
+            builder.connect(x, builder.add_compartments(name, 1, threshold=0, joined_to=soma, **common), [[100]])
+        result = played(builder.build(), [0, 1], 4, engine)
+        assert (result.counts.spikes, result.counts.clips) == (1, 1)
+        assert result.potential["soma"].ravel().tolist() == [0, 8191, 0, 0]
 
     def test_voltage_clips_to_the_register(self, engine):
         result = played(one_compartment(weight=254, exponent=7, decay_u=4096), [0, 1, 2, 3, 4], 7, engine)

@@ -36,6 +36,8 @@ COLUMNS = ("module", "scope", "old", "new", "outcome", "by")
 COPIED = ("hw_model", "locsnn_compile", "tests", "examples", "docs", "pyproject.toml", "README.md", "Makefile")
 PRELOADED = ("hypothesis.extra.numpy", "networkx", "numba", "pytest", "scipy.sparse", "yaml")
 """Imported once: runs of the tests are forks. The packages that are tested are not among them."""
+MEMORY = 8 << 30
+"""Bytes that a run with a fault may take: some faults ask for more and more."""
 HELD = re.compile(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", re.MULTILINE)
 
 
@@ -101,6 +103,7 @@ class Run:
         sys.path[:] = [str(TREE), here, *(p for p in sys.path if p and not p.startswith(str(ROOT)))]
         if limit is not None:
             resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
+            resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
             sys.meta_path.insert(0, Faulty(self.mutant))  # type: ignore[arg-type]
         names = [str(file_of(name, TREE)) + "".join(name.partition("::")[1:]) for name in self.mutant.tests]
         plugins = [
@@ -155,9 +158,13 @@ def try_all(wanted: list[Mutant], jobs: int) -> None:
     waiting, running = deque(wanted), dict[int, Run]()
     begun, done = time.monotonic(), 0
     while waiting or running:
-        while waiting and len(running) < jobs:
-            mutant = waiting.popleft()
+        checked = {(run.mutant.tests, run.mutant.loops) for run in running.values() if run.without_fault}
+        while len(running) < jobs and (ready := [m for m in waiting if (m.tests, m.loops) not in checked]):
+            mutant = ready[0]
+            waiting.remove(mutant)
             seconds = taken.get((mutant.tests, mutant.loops))
+            if seconds is None:
+                checked.add((mutant.tests, mutant.loops))
             run = Run(mutant, None if seconds is None else int(4 * seconds) + 20)
             running[run.process] = run
         process, status, usage = os.wait4(-1, 0)
