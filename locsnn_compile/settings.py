@@ -113,21 +113,22 @@ class Setting:
         )
 
 
-def settings(network: Network, wanted: Mapping[str, Sequence[Value]]) -> tuple[Setting, ...]:
+def settings(network: Network, wanted: Mapping[str, Sequence[Value]], most_bits: int) -> tuple[Setting, ...]:
     """Return the grid, the last axis fastest: on each axis the values wanted, by its name, else all that matter.
+
+    The chip's widest weights have ``most_bits``; wider ones are tried only where they are asked for.
 
     Raises ``InputError`` for values of weights that are not rounded.
     """
     of_weights = [axis for axis in AXES if axis.matters is has_float_weights and wanted.get(axis.name)]
     check_matters(network, {axis.name: axis.option for axis in of_weights})
-    tried = [tuple(dict.fromkeys(wanted.get(axis.name) or _default(axis, network))) for axis in AXES]
+    tried = [tuple(dict.fromkeys(wanted.get(axis.name) or _default(axis, network, most_bits))) for axis in AXES]
     return tuple(itertools.starmap(Setting, itertools.product(*tried)))
 
 
-def usual_settings(network: Network) -> tuple[Setting, ...]:
+def usual_settings(network: Network, most_bits: int) -> tuple[Setting, ...]:
     """Return what ``auto`` tries where no bound is given: each strategy, all else as it is by default."""
-    neutral: list[Any] = [axis.neutral for axis in AXES[1:]]
-    return tuple(Setting(strategy, *neutral) for strategy in map(str, _default(AXES[0], network)))
+    return tuple(Setting(str(strategy), most_bits) for strategy in _default(AXES[0], network, most_bits))
 
 
 def check_matters(network: Network, given: Mapping[str, str]) -> None:
@@ -149,5 +150,8 @@ def check_values(wanted: Mapping[str, Sequence[Value]]) -> None:
             axis.check(value)
 
 
-def _default(axis: Axis, network: Network) -> tuple[Value, ...]:
+def _default(axis: Axis, network: Network, most_bits: int) -> tuple[Value, ...]:
+    if axis.name == "weight_bits":
+        held = tuple(value for value in axis.values if int(value) <= most_bits)
+        return held if axis.matters(network) else held[-1:]
     return axis.values if axis.matters(network) else (axis.neutral,)

@@ -117,6 +117,7 @@ def _explore(
     from locsnn_compile.explore.store import Store
     from locsnn_compile.explore.study import Study
     from locsnn_compile.explore.sweep import sweep
+    from locsnn_compile.passes.quantize import weight_bits_of
     from locsnn_compile.verification.error_bounds import ErrorBudget
 
     model = ModelFile(args.model, args.config, args.dt, args.reset, args.discretisation)
@@ -131,7 +132,8 @@ def _explore(
     study = Study(network, model.digest(), chip, events.recordings, calibration, tuple(dict.fromkeys(args.engines)))
     store = Store(folder / "points")
     with progress_bar("exploring", show=not args.quiet) as progress:
-        points = sweep(study, settings(network, wanted), store, executor, progress)
+        tried = settings(network, wanted, weight_bits_of(chip, None))
+        points = sweep(study, tried, store, executor, progress)
         asked = ErrorBudget(args.min_agreement, args.max_spike_error)
         budget = asked if asked.given else auto_bounds(study, points, store, executor)
     events = written(events, folder / "events.npz")

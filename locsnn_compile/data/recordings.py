@@ -52,6 +52,11 @@ class Binned:
         return {**vars(self), "dropped": self.dropped}
 
 
+def so_many(count: int, kind: str = "recording") -> str:
+    """Return ``1 recording``, ``2 recordings``."""
+    return f"{count} {kind}{'' if count == 1 else 's'}"
+
+
 @dataclass(frozen=True, eq=False)
 class Recordings:
     """``spikes`` (samples, steps, channels) uint8, 0 or 1; ``labels`` (samples,) int64, class numbers from 0,

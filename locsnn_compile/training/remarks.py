@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.recordings import Recordings, so_many
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.touch_model import TouchModel
 from locsnn_compile.training.measure import class_scores
@@ -25,7 +25,7 @@ def check_events(recordings: Recordings) -> None:
         raise InputError(
             f"recordings {recordings.source!r}",
             "none of them has an event",
-            measured=recordings.binned.words if recordings.binned and lost else f"{len(recordings)} recordings",
+            measured=recordings.binned.words if recordings.binned and lost else so_many(len(recordings)),
             fix="Lower --threshold, or give more --steps." if lost else "Give recordings with events.",
         )
 
@@ -37,7 +37,7 @@ def data_remarks(recordings: Recordings, classes: int) -> list[str]:
     found = []
     empty = int((~recordings.spikes.any(axis=(1, 2))).sum())
     if empty:
-        found.append(f"{empty} of {len(recordings)} recordings to train on have no event.")
+        found.append(f"{empty} of {so_many(len(recordings))} to train on {'has' if empty == 1 else 'have'} no event.")
     missing = sorted(set(range(classes)) - set(labels.tolist()))
     if missing:
         more = f" and {len(missing) - _NAMED} more" if len(missing) > _NAMED else ""
@@ -56,7 +56,7 @@ def result_remarks(network: TouchModel, recordings: Recordings) -> list[str]:
     if (scores == scores[:, :1]).all() and scores.shape[1] > 1:
         spiking = network.description.structure.spiking and network.description.structure.neurons != "windows"
         what = "No output neuron spikes" if spiking else "All class scores are equal"
-        return [f"{what} in any of the {len(labels)} recordings it was trained on: every prediction is a tie."]
+        return [f"{what} in any of the {so_many(len(labels))} it was trained on: every prediction is a tie."]
     accuracy = float((scores.argmax(axis=1) == labels).mean())
     return chance_remarks(accuracy, labels, "it was trained on")
 
@@ -67,6 +67,6 @@ def chance_remarks(accuracy: float, labels: NDArray[np.int64], which: str) -> li
     if chance == 1 or accuracy > chance + _LIKELY * math.sqrt(chance * (1 - chance) / len(labels)):
         return []
     return [
-        f"Accuracy {accuracy:.3f} on the {len(labels)} recordings {which} cannot be told from chance, "
+        f"Accuracy {accuracy:.3f} on the {so_many(len(labels))} {which} cannot be told from chance, "
         f"{chance:.3f} for the commonest label."
     ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from locsnn_compile.data.recordings import Binned, Origin, Recordings
+from locsnn_compile.data.recordings import Binned, Origin, Recordings, so_many
 from locsnn_compile.network.network import Network
 
 
@@ -64,11 +64,11 @@ def _of_step(network: Network, known: float | None) -> Iterator[str]:
 def _of_calibration(network: Network, recordings: Recordings, calibration: Recordings) -> Iterator[str]:
     if all(population.on_grid for population in network.populations):
         return
-    on = f"{len(calibration)} recordings that the model carries"
+    on = f"{so_many(len(calibration))} that the model carries"
     if calibration is recordings:
         on = "the recordings of the check itself"
     elif calibration.origin == "made up":
-        on = f"{len(calibration)} made-up recordings ({calibration.source})"
+        on = f"{so_many(len(calibration), 'made-up recording')} ({calibration.source})"
     elif calibration.origin == "given":
         return
     yield f"The program was calibrated on {on}: its weights and settings suit these. Give others with --calibration."

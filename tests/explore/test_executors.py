@@ -45,7 +45,7 @@ def study(model, events):
 def grid(study):
     neutral = {axis.name: [axis.neutral] for axis in AXES}
     wanted = {"strategy": ["dendrite", "reset"], "weight_bits": [1, 2, 3, 4, 5, 6, 8]}
-    return settings(study.network, neutral | wanted)
+    return settings(study.network, neutral | wanted, 8)
 
 
 @pytest.fixture(scope="module")

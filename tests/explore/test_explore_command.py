@@ -82,6 +82,21 @@ def test_bounds_by_default_are_those_of_auto(model, events, tmp_path, strategies
     assert capsys.readouterr() == ("", "")
 
 
+def test_a_chip_of_narrow_weights_is_explored_up_to_its_widest(model, events, tmp_path):
+    """Its bounds by default are those of ``auto`` on this chip, which has no 8 bits to start from."""
+    narrow_chip = tmp_path / "narrow.yaml"
+    document = hw.chip("loihi-sim").document
+    narrow_chip.write_text(document.replace("\n  delay_max:", "\n  weight_bits_max: 4\n  delay_max:"))
+    options = ("--strategy", "dendrite", "reset", "--split-weights", 0, "--engines", "-o", tmp_path / "out", "--quiet")
+    assert explore(model, "--target", narrow_chip, "--events", events, *options) == 0
+    found = explored(tmp_path / "out")
+    assert settings_of(found) == [(strategy, bits) for strategy in ("dendrite", "reset") for bits in (1, 2, 3, 4)]
+    assert all(row["figures"] for row in found["points"])
+    compiled = lc.compile(lc.load(model), str(narrow_chip), calibration=events, events=events, diagnosis=False)
+    bounds = {name: compiled.report["strategy_choice"][name] for name in ("min_agreement", "max_spike_error")}
+    assert {name: found["recommended"][name] for name in bounds} == bounds
+
+
 def test_nothing_is_recommended_where_no_neuron_spikes(model, tmp_path, capsys):
     silence = tmp_path / "silence.npz"
     np.savez(silence, spikes=np.zeros((2, 78, 40), dtype=np.uint8))

@@ -44,14 +44,15 @@ def test_the_last_axis_is_the_fastest_and_nothing_is_twice(model):
         "weight_bits": [4, 8, 4],
         "strategy": ["reset", "dendrite"],
     }
-    found = [setting.values[:2] for setting in settings(network, wanted)]
+    found = [setting.values[:2] for setting in settings(network, wanted, 8)]
     assert found == [("reset", 4), ("reset", 8), ("dendrite", 4), ("dendrite", 8)]
 
 
 def test_options_that_change_nothing_are_not_tried():
     """A network of the chip's integers keeps its neurons and weights as they are."""
     network = lc.load("examples/models/objects-hybrid-loihi.pt")
-    (setting,) = settings(network, {})
+    (setting,) = settings(network, {}, 8)
+    assert [one.weight_bits for one in settings(network, {}, 4)] == [4]
     assert setting.values == tuple(axis.neutral for axis in AXES)
     assert setting.arguments(network) == []
 
