@@ -54,8 +54,8 @@ def _of_recordings(network: Network, recordings: Recordings) -> Iterator[str]:
 def _of_step(network: Network, known: float | None) -> Iterator[str]:
     if known is None:
         yield (
-            "How long a step lasts is not known, as neither the model nor the recordings say it (--step-seconds): "
-            "there are no seconds, and no pace against a sensor."
+            "How long a step lasts is not known, as neither the model nor the recordings say it (--step-seconds, or "
+            "--dt of a NIR graph): there are no seconds, and no pace against a sensor."
         )
     elif network.step_seconds is None:
         yield f"A step lasts {known:g} s, as wide as the bins of the recordings; the model does not say."

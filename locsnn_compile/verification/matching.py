@@ -79,10 +79,9 @@ class Match:
 
     ``reference_prediction`` and ``chip_prediction`` are classes (samples,), -1 where all scores tie: nothing was
     predicted; ``labels`` likewise or None. ``helpers`` are the populations that a frontend made up, which count for
-    nothing else. ``counts``
-    holds the chip's counts of every recording, ``latencies`` their times under the default profile, and
-    ``latency_range_ns`` the least and most of their mean where the profile has ranges; ``usage`` says by phase what
-    they did step by step, ``additions`` the reference's operations by axis over all recordings.
+    nothing else. ``counts`` holds the chip's counts of every recording, ``latencies`` their times under the default
+    profile, and ``latency_range_ns`` the least and most of their mean where the profile has ranges; ``usage`` says by
+    phase what they did step by step, ``additions`` the reference's operations by axis over all recordings.
     """
 
     samples: int

@@ -30,7 +30,7 @@ TRAINED_ON = (
     "lower."
 )
 NO_STEP = (
-    "How long a step lasts is not known, as neither the model nor the recordings say it (--step-seconds): there are no "
+    "How long a step lasts is not known, as neither the model nor the recordings say it (--step-seconds, or --dt of a NIR graph): there are no "
     "seconds, and no pace against a sensor."
 )
 STEP_OF_BINS = "A step lasts 0.01 s, as wide as the bins of the recordings; the model does not say."
