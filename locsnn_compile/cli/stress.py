@@ -38,8 +38,8 @@ def run(args: argparse.Namespace) -> int:
     """Run the rows; print a table of verdicts, or JSON, and write the page if one is wanted."""
     import hw_model as hw
     from locsnn_compile.cli.places import check_places
-    from locsnn_compile.stress.document import stress_document
     from locsnn_compile.stress.page import check_page, write_page
+    from locsnn_compile.stress.row import stress_document
     from locsnn_compile.stress.run import run_stress
 
     chip = hw.chip(args.target)

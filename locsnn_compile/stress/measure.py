@@ -1,23 +1,29 @@
-"""Measure a case: lower it, play it, and compare potentials and spikes with the float network's."""
+"""Measure a case: lower it, play it, and compare potentials and spikes with the float network's.
+
+Every way to compute a program must give the same integers; which of them does not is named.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 import hw_model as hw
 from hw_model.arithmetic.fixed_point import DECAY_ONE
+from hw_model.engine.trace import ByteArray
+from hw_model.simulation import SimulationResult
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.network.check import check_network
 from locsnn_compile.network.matrices import values_of
 from locsnn_compile.network.recordings import fit_recordings
 from locsnn_compile.pipeline import Levels, lower
 from locsnn_compile.reference.calibration import calibrate
+from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.strategies import NATIVE
 from locsnn_compile.stress.bounds import SOURCES, error_bound
 from locsnn_compile.stress.cases.case import POPULATION, SEED, Case, random_input
-from locsnn_compile.stress.engines import odd_one_out
 from locsnn_compile.stress.row import Lost, Measured
 from locsnn_compile.stress.sides import Sides
 from locsnn_compile.verification.error_budget.stages import STAGES
@@ -28,6 +34,7 @@ FLOAT_ROUNDING = 1e-9
 CALIBRATION_SEED = SEED + 2
 COARSE = 0.01
 """A decay that fades faster or slower than asked for by more than this share is named."""
+PROBES: tuple[Any, ...] = ("spikes", "u", "v", "potential")
 WITHOUT_LIMITS = tuple(stage for stage in STAGES if stage != "wraps_clips")
 
 
@@ -77,7 +84,7 @@ def measure(case: Case, chip: hw.Chip) -> Measured:
         biases=_lost_biases(levels),
         coarse_decays=_coarse_decays(sides),
         outside=int(outside.sum()),
-        odd_engine=odd_one_out(levels, sides, recordings, found),
+        odd_engine=_odd_one_out(levels, sides, recordings, found),
     )
 
 
@@ -108,3 +115,44 @@ def _coarse_decays(sides: Sides) -> tuple[str, ...]:
                 changed = 100 * abs(held - exact) / exact
                 found.append(f"a decay of {exact:.4g} in 4096 is {held:g}: it fades {changed:.2g} % {way}")
     return tuple(dict.fromkeys(found))
+
+
+def _odd_one_out(levels: Levels, sides: Sides, recordings: ByteArray, found: SimulationResult) -> str | None:
+    """Name the first of four that differs from ``found``, what the fast engine made of recordings; None if none does.
+
+    The population's own integer arithmetic and the float64 twin play all recordings; the reference engine, and the
+    fast one without skipping, the first.
+    """
+    integers = evaluate(
+        levels.quantized.on_grid(), recordings, potentials=True, registers=levels.program.chip.registers
+    )
+    spikes, potential = found.spikes[POPULATION], found.potential[POPULATION]
+    if not (np.array_equal(integers.spikes[POPULATION], spikes) and _equal(integers.potential, found.potential)):
+        return "the integer evaluation of the population"
+    twin = sides.free()
+    if not (np.array_equal(twin.spikes[POPULATION], spikes) and np.array_equal(twin.potential[POPULATION], potential)):
+        return "the float64 twin of the compartments"
+    first = hw.simulate(levels.program, recordings[:1], probe=PROBES)
+    if not _same(first, hw.simulate(levels.program, recordings[:1], engine="reference", probe=PROBES)):
+        return "the reference engine"
+    if not _same(first, hw.simulate(levels.program, recordings[:1], probe=PROBES, skip=False)):
+        return "the fast engine without skipping"
+    return None
+
+
+def _equal(one: Any, other: Any) -> bool:
+    return np.array_equal(one[POPULATION], other[POPULATION])
+
+
+def _same(one: SimulationResult, other: SimulationResult) -> bool:
+    """Compare spikes, registers, counts but for skipped steps, and wraps and clips by population."""
+    counted = [{**dict(result.counts), "skipped_steps": 0} for result in (one, other)]
+    return (
+        counted[0] == counted[1]
+        and one.events == other.events
+        and all(
+            np.array_equal(array, getattr(other, kind)[name])
+            for kind in PROBES
+            for name, array in getattr(one, kind).items()
+        )
+    )

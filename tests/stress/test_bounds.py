@@ -9,7 +9,7 @@ import hw_model as hw
 from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.pipeline import lower
 from locsnn_compile.stress.bounds import SOURCES, error_bound, state_bound
-from locsnn_compile.stress.cases.case import POPULATION, chip_network, float_network, lif, random_input, srm, weights
+from locsnn_compile.stress.cases.case import POPULATION, lif, network_of, random_input, srm, weights
 from locsnn_compile.stress.sides import Sides
 from locsnn_compile.verification.error_budget.stages import STAGES
 
@@ -56,7 +56,7 @@ def played(network, strategy="dendrite"):
 @pytest.mark.parametrize("tau", [0.7, 3.0, 33.0])
 def test_a_leaky_integrator_by_hand(tau):
     """Weights, decay and cut of a neuron that never spikes, step by step."""
-    network = float_network(lif(tau, size=1, threshold=1e4), weights(tau, response="leak", size=1)[:, :3], steps=60)
+    network = network_of(lif(tau, size=1, threshold=1e4), weights(tau, response="leak", size=1)[:, :3], steps=60)
     sides, bound = played(network)
     (pair,) = sides.phase.program_neurons.groups
     (synapses,) = sides.phase.program_neurons.synapses
@@ -78,14 +78,14 @@ def test_a_leaky_integrator_by_hand(tau):
 
 @pytest.mark.parametrize("strategy", ["dendrite", "delay-line", "reset"])
 def test_every_potential_is_within_its_bound(strategy):
-    sides, bound = played(float_network(srm(), weights()), strategy)
+    sides, bound = played(network_of(srm(), weights()), strategy)
     error = np.abs(sides.forced(*STAGES) - sides.float.potential)
     assert (error <= sides.model_error() + bound.total + 1e-6).all()
     assert error.max() > 0
 
 
 def test_stages_alone_are_within_their_parts():
-    sides, bound = played(float_network(lif(), weights(response="leak")))
+    sides, bound = played(network_of(lif(), weights(response="leak")))
     exact = sides.forced()
     for stages, source in ((("weights",), "weights"), (("states",), "states")):
         assert (np.abs(sides.forced(*stages) - exact) <= 1.01 * bound.parts[source] + 1e-6).all()
@@ -93,14 +93,14 @@ def test_stages_alone_are_within_their_parts():
 
 def test_numbers_that_the_chip_holds_leave_only_truncation():
     neuron = ChipCuba.of(3, decay_u=4096, decay_v=100, threshold=900, refractory=3)
-    _, bound = played(chip_network(neuron, np.arange(-9, 9).reshape(3, 6) * 20))
+    _, bound = played(network_of(neuron, np.arange(-9, 9).reshape(3, 6) * 20))
     assert not bound.parts["weights"].any()
     assert not bound.parts["decays"].any()
     assert 0 < bound.parts["states"].max() <= state_bound(0.0, 1 - 100 / 4096)
 
 
 def test_a_spike_forgets_the_error_of_the_voltage():
-    network = float_network(lif(size=1, threshold=1.0), [[5.0]], steps=10)
+    network = network_of(lif(size=1, threshold=1.0), [[5.0]], steps=10)
     sides, bound = played(network)
     spikes = sides.float.spikes[0, :, 0]
     assert spikes.any()

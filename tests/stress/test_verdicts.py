@@ -7,13 +7,13 @@ import pytest
 
 import hw_model as hw
 from locsnn_compile.stress import run
-from locsnn_compile.stress.cases.case import Case, float_network, lif, random_input, srm, weights
+from locsnn_compile.stress.cases.case import Case, lif, network_of, random_input, srm, weights
 from locsnn_compile.stress.judge import judge
 from locsnn_compile.stress.row import Lost, Measured
 from locsnn_compile.verification.matching import PopulationMatch
 
 CHIP = hw.chip("loihi-sim")
-CASE = Case("case", "reset", float_network(srm(), weights()), random_input())
+CASE = Case("case", "reset", network_of(srm(), weights()), random_input())
 FINE = Measured(
     spikes=PopulationMatch(10, 10, 9), error=0.05, bound=0.2, parts={"weights": 0.15, "decays": 0.04, "states": 0.01},
     model_error=0.0, otherwise=1, ties=0, decisions=100, overflowed=0, wraps=0, clips=0, weights=Lost(0, 24),
@@ -45,7 +45,7 @@ def test_causes(changes, verdict, causes):
 
 
 def test_a_refusal_is_a_row():
-    row = run.run_case(replace(CASE, network=float_network(lif(), np.full((4, 6), np.inf))), CHIP)
+    row = run.run_case(replace(CASE, network=network_of(lif(), np.full((4, 6), np.inf))), CHIP)
     assert row.verdict == "refused"
     assert row.causes == (
         "projection 'touch' -> 'n': a weight is not a finite number. Train again, with a lower learning rate.",

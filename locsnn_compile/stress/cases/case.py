@@ -12,7 +12,7 @@ import numpy.typing as npt
 from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.engine.trace import ByteArray
 from hw_model.mapping.graph import Readout
-from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection, ChipSrm, Signs
+from locsnn_compile.network.chip_neurons import ChipNeuron, ChipProjection, Signs
 from locsnn_compile.network.matrices import matrix
 from locsnn_compile.network.network import InputView, Network, Population, Projection
 from locsnn_compile.network.neurons import Cuba, FloatArray, Neuron, SrmAlpha
@@ -80,41 +80,54 @@ def lif_case(
 def case_of(
     name: str,
     strategy: str,
-    neuron: SrmAlpha | Cuba,
+    neuron: Neuron,
     given: npt.ArrayLike,
     played: ByteArray | None = None,
     *,
-    steps: int = STEPS,
     delay: int | IntArray = 0,
+    exponent: int = 0,
+    signs: Signs = "apart",
     **more: Any,
 ) -> Case:
-    """Return float neurons with weights, a random input played to them by default; ``more`` fields of the case."""
-    network = float_network(neuron, given, steps=steps, delay=delay)
-    return Case(name, strategy, network, random_input() if played is None else played, **more)
+    """Return neurons with weights, a random input played to them by default; ``more`` fields of the case."""
+    recordings = random_input() if played is None else played
+    steps = recordings.shape[1]
+    network = network_of(neuron, given, steps=steps, delay=delay, exponent=exponent, signs=signs)
+    return Case(name, strategy, network, recordings, **more)
 
 
-def float_network(
-    neuron: SrmAlpha | Cuba, weights: npt.ArrayLike, *, steps: int = STEPS, delay: int | IntArray = 0
-) -> Network:
-    """Return one population of float neurons behind inputs, one for each column of its weights."""
-    held = matrix(weights, np.float64)
-    return _network(neuron, held.shape, Projection(TOUCH, POPULATION, held, delay), steps)
-
-
-def chip_network(
-    neuron: ChipCuba | ChipSrm,
-    mantissa: npt.ArrayLike,
+def network_of(
+    neuron: Neuron,
+    given: npt.ArrayLike,
     *,
-    exponent: int = 0,
-    weight_bits: int = 8,
-    signs: Signs = "apart",
     steps: int = STEPS,
     delay: int | IntArray = 0,
+    exponent: int = 0,
+    signs: Signs = "apart",
 ) -> Network:
-    """Return one population of neurons on the chip's grid, behind inputs."""
-    held = matrix(mantissa, np.int64)
-    projection = ChipProjection(TOUCH, POPULATION, held, exponent, weight_bits, signs, delay)
-    return _network(neuron, held.shape, projection, steps)
+    """Return one population behind inputs, one for each column of its weights.
+
+    Weights of neurons on the chip's grid are mantissas, of an ``exponent`` and with ``signs`` as given.
+    """
+    if isinstance(neuron, ChipNeuron):
+        held = matrix(given, np.int64)
+        projection: Projection | ChipProjection = ChipProjection(TOUCH, POPULATION, held, exponent, 8, signs, delay)
+    else:
+        held = matrix(given, np.float64)
+        projection = Projection(TOUCH, POPULATION, held, delay)
+    size, channels = held.shape
+    return Network(
+        name="stress",
+        channels=channels,
+        steps=steps,
+        step_seconds=None,
+        fingertips=None,
+        views=(InputView(TOUCH, "time", channels),),
+        populations=(Population(POPULATION, "time", size, neuron),),
+        projections=(projection,),
+        readout=Readout((POPULATION,), (1.0,)),
+        sha256="0" * 64,
+    )
 
 
 def srm(**changes: float) -> SrmAlpha:
@@ -148,19 +161,3 @@ def random_input(
     """Return recordings (samples, steps, channels) in which every channel spikes at random, at a rate a step."""
     drawn = np.random.default_rng(seed).random((samples, steps, channels)) < rate
     return drawn.astype(np.uint8)
-
-
-def _network(neuron: Neuron, shape: tuple[int, int], projection: Projection | ChipProjection, steps: int) -> Network:
-    size, channels = shape
-    return Network(
-        name="stress",
-        channels=channels,
-        steps=steps,
-        step_seconds=None,
-        fingertips=None,
-        views=(InputView(TOUCH, "time", channels),),
-        populations=(Population(POPULATION, "time", size, neuron),),
-        projections=(projection,),
-        readout=Readout((POPULATION,), (1.0,)),
-        sha256="0" * 64,
-    )

@@ -1,0 +1,157 @@
+"""What reaches a neuron: weights and what rounding makes of them, delays, and inputs from silence to every line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from hw_model.arithmetic.weights import WEIGHT_BITS, WEIGHT_EXPONENTS
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm, Signs
+from locsnn_compile.passes.rounding.rounding import FINE, NEAREST, Rounding
+from locsnn_compile.strategies import NATIVE
+from locsnn_compile.stress.cases import case as usual
+from locsnn_compile.stress.cases.case import CHANNELS, NEURONS, THETA, Case, case_of, lif, lif_case, srm, srm_cases
+from locsnn_compile.stress.cases.case import weights as usual_weights
+
+DECADES = range(-6, 7)
+QUICK = (-6, 0, 6)
+DELAYS = (0, 1, 61, 62, 63, 10**9)
+ROUNDINGS: dict[str, Rounding] = {
+    "nearest": NEAREST,
+    "two decays": Rounding(fitted_decays=True),
+    "several formats": Rounding(graded=True),
+    "together": Rounding(error_aware=True),
+    "scales apart": Rounding(scaled_apart=True),
+    "all of these": FINE,
+    "a quarter split": replace(FINE, split=0.25),
+    "all split": replace(FINE, split=1.0),
+}
+TIME_CONSTANTS = (10.0, 100.0)
+CROWD = 4096
+"""Input axons that a core has; a neuron with a self-synapse takes one for itself."""
+
+
+def one_scale_for_all() -> Iterator[Case]:
+    """Twelve orders of magnitude, and equal integers: only ratios reach the chip."""
+    for decade in DECADES[::3]:
+        by, name, quick = 10.0**decade, f"both times 1e{decade:+d}", decade in QUICK
+        scaled, given = srm(theta=THETA * by), usual_weights() * by
+        yield from srm_cases(name, scaled, given, quick=quick, quick_as=("delay-line",))
+        yield lif_case(name, lif(threshold=THETA * by), usual_weights(response="leak") * by, quick=quick)
+
+
+def weights_against_thresholds() -> Iterator[Case]:
+    """Twelve orders of magnitude against one threshold. Below, weights round to 0; above, a single step's charge fills
+    its register.
+    """
+    for decade in DECADES:
+        by, name, quick = 10.0**decade, f"weights times 1e{decade:+d}", decade in QUICK
+        yield from srm_cases(name, given=usual_weights() * by, x=by, quick=quick)
+        yield lif_case(name, given=usual_weights(response="leak") * by, x=by, quick=quick)
+
+
+def weight_shapes() -> Iterator[Case]:
+    """One exponent serves a population, so one huge weight takes the bits of all others."""
+    shape, drawn = (NEURONS, CHANNELS), usual_weights()
+    lonely, uneven = np.zeros(shape), drawn.copy()
+    lonely[0, 0] = THETA
+    uneven[0, 0] = 1000 * THETA
+    for name, given in (
+        ("all equal", np.full(shape, 0.1 * THETA)),
+        ("all zero", np.zeros(shape)),
+        ("one, of all", lonely),
+        ("one huge among small ones", uneven),
+        ("one neuron far heavier", drawn * np.array([1000.0, 1.0, 1.0, 1.0])[:, None]),
+        ("all negative", -np.abs(drawn)),
+        ("negative zeros", np.full(shape, -0.0)),
+    ):
+        yield from srm_cases(name, given=given, quick=True)
+        yield lif_case(name, given=given, quick=name == "one, of all")
+
+
+def weight_bits() -> Iterator[Case]:
+    """Every width of a synapse format, and 7, which none has."""
+    for bits in (*WEIGHT_BITS, 7):
+        name = "1 bit" if bits == 1 else f"{bits} bits"
+        yield from srm_cases(name, weight_bits=bits, quick=bits in (1, 7))
+        yield lif_case(name, weight_bits=bits, quick=bits in (1, 4))
+
+
+def roundings() -> Iterator[Case]:
+    """Each step beyond rounding to the nearest, alone and all together; the other groups have all but splitting, as
+    `locsnn-compile` does. Weights are rounded for recordings that are not played here.
+    """
+    for name, rounding in ROUNDINGS.items():
+        for tau in TIME_CONSTANTS:
+            quick = tau == 100 and name in ("nearest", "all split")
+            neuron, given = srm(tau_sr=tau), usual_weights(tau)
+            yield from srm_cases(f"{name}, tau_sr {tau:g}", neuron, given, rounding=rounding, quick=quick)
+        yield lif_case(name, rounding=rounding)
+
+
+def weight_exponents() -> Iterator[Case]:
+    """Integer weights at the ends of their grid; the threshold grows with the exponent. A negative exponent takes the
+    low bits, of the smallest weights all.
+    """
+    ends: dict[Signs, tuple[int, ...]] = {"apart": (-255, -1, 1, 255), "mixed": (-256, -2, 2, 254)}
+    for signs, mantissas in ends.items():
+        mantissa = np.random.default_rng(usual.SEED).choice(mantissas, (NEURONS, CHANNELS))
+        for exponent in WEIGHT_EXPONENTS[:: 1 if signs == "mixed" else 5]:
+            neuron = ChipCuba.of(NEURONS, decay_u=4096, decay_v=410, threshold=max(1, int(255 * 2.0**exponent)))
+            name, quick = f"exponent {exponent}, signs {signs}", exponent in (-8, 7)
+            yield case_of(name, NATIVE, neuron, mantissa, exponent=exponent, signs=signs, quick=quick)
+
+
+def delays() -> Iterator[Case]:
+    """Up to 62 steps."""
+    for delay in DELAYS:
+        name, quick = f"delay {delay}", delay in (62, 63)
+        yield case_of(name, "dendrite", srm(), usual_weights(), delay=delay, quick=quick)
+        yield lif_case(name, delay=delay, quick=quick)
+    many = np.random.default_rng(usual.SEED).integers(0, 63, (NEURONS, CHANNELS))
+    yield lif_case("delays 0 to 62, each its own", delay=many)
+
+
+def input_patterns() -> Iterator[Case]:
+    """Silence, single spikes, alternating, bursts and every line in every step, onto the published neuron."""
+    none = np.zeros((1, usual.STEPS, CHANNELS), dtype=np.uint8)
+    once, alternating, bursts = none.copy(), none.copy(), none.copy()
+    once[0, 0, 0] = 1
+    alternating[0, ::2] = 1
+    bursts[0, np.arange(usual.STEPS) % 50 < 10] = 1
+    for name, played in (
+        ("none", none),
+        ("one spike", once),
+        ("one a channel, in turn", np.eye(CHANNELS, dtype=np.uint8)[np.arange(usual.STEPS) % CHANNELS][None]),
+        ("alternating", alternating),
+        ("bursts", bursts),
+        ("every step", np.ones_like(none)),
+        ("random", usual.random_input()),
+    ):
+        yield from srm_cases(name, played=played, quick=True)
+        yield lif_case(name, played=played)
+
+
+def crowds() -> Iterator[Case]:
+    """All the inputs that a core has, with the largest weights there are, in every step: the charge of one step wraps,
+    and every wrap is counted.
+    """
+    neuron = ChipCuba.of(1, decay_u=410, decay_v=410, threshold=1000)
+    dendrite = ChipSrm.with_dendrite(
+        1, decay=390, threshold=8000, refractory_decay=2589, refractory_mantissa=-250, refractory_exponent=6
+    )
+
+    def crowd(name: str, strategy: str, model: ChipNeuron, lines: int, weight: int, **more: Any) -> Case:
+        every = np.ones((1, 20, lines), dtype=np.uint8)
+        return case_of(f"{lines} inputs{name}", strategy, model, np.full((1, lines), weight), every, **more)
+
+    for sign, word in ((1, "excite"), (-1, "inhibit")):
+        for exponent in (0, 7):
+            name, quick = f" {word}, exponent {exponent}", exponent == 7 and sign == 1
+            held = {"exponent": exponent, "quick": quick}
+            yield crowd(name, NATIVE, neuron, CROWD, sign * 255, **held)
+            yield crowd(name, "dendrite", dendrite, CROWD - 1, sign * 255, **held)
+    yield crowd("", "dendrite", dendrite, CROWD, 255)
