@@ -9,12 +9,8 @@ from typing import TYPE_CHECKING
 
 from locsnn_compile.report import content
 from locsnn_compile.report.compose import compose
-from locsnn_compile.report.format import plain, shortened
-from locsnn_compile.report.pictures.bars import bar, mark, patterns, span, stack
-from locsnn_compile.report.pictures.mesh import mesh
-from locsnn_compile.report.pictures.plot import curve_mark, plot
-from locsnn_compile.report.pictures.raster import raster, stroke_mark
-from locsnn_compile.report.words import ASSUMED, SIGNS
+from locsnn_compile.report.format import ASSUMED, SIGNS, plain, shortened
+from locsnn_compile.report.pictures import drawings
 
 if TYPE_CHECKING:
     from locsnn_compile.verification.excerpt import Excerpt
@@ -51,7 +47,7 @@ def render_page(report: content.Report, kind: str, footer: str) -> str:
 </head>
 <body>
 <a class="skip" href="#main">Skip to the verdict</a>
-{patterns()}
+{drawings.patterns()}
 <div class="page">
 <header>
 <p class="eyebrow">{text(kind)}</p>
@@ -129,15 +125,18 @@ def _block(block: content.Block) -> str:
         case content.Table():
             return _table(block)
         case content.Stack():
-            return _figure(block.label, stack(block))
+            return _figure(block.label, drawings.stack(block))
         case content.Span():
-            return _span(block)
+            facts = ((drawings.mark(fact.label) + text(fact.label), fact.value) for fact in block.facts)
+            return _figure(block.title, drawings.span(block), f'<dl class="stats">{_rows(facts)}</dl>')
         case content.Plot():
-            return _plot(block)
+            curves = ((drawings.curve_mark(i), curve.label) for i, curve in enumerate(block.curves))
+            return _figure(block.title, drawings.plot(block), f'<dl class="curves">{_rows(curves)}</dl>')
         case content.Raster():
-            return _raster(block)
+            strokes = ((drawings.stroke_mark(one.kind), one.label) for one in block.strokes)
+            return _figure(block.title, drawings.raster(block), f'<dl class="curves">{_rows(strokes)}</dl>')
         case content.Mesh():
-            return _figure(block.title, mesh(block), f'<p class="said">{text(block.description)}</p>')
+            return _figure(block.title, drawings.mesh(block), f'<p class="said">{text(block.description)}</p>')
 
 
 def _figure(title: str, drawn: str, below: str = "") -> str:
@@ -145,35 +144,17 @@ def _figure(title: str, drawn: str, below: str = "") -> str:
 
 
 def _facts(facts: tuple[content.Fact, ...]) -> str:
-    rows = "".join(f"<div><dt>{text(fact.label)}</dt><dd>{text(fact.value)}</dd></div>" for fact in facts)
-    return f"<dl>{rows}</dl>"
+    return f"<dl>{_rows((text(fact.label), fact.value) for fact in facts)}</dl>"
+
+
+def _rows(entries: Iterable[tuple[str, str]]) -> str:
+    """Return rows of a list: each entry is a name, which is markup already, and its value."""
+    return "".join(f"<div><dt>{name}</dt><dd>{text(value)}</dd></div>" for name, value in entries)
 
 
 def _bullets(block: content.Bullets) -> str:
     items = "".join(f"<li>{text(item)}</li>" for item in block.items)
     return f'<div class="bullets"><h3>{text(block.title)}</h3><ul>{items}</ul></div>'
-
-
-def _span(block: content.Span) -> str:
-    facts = "".join(
-        f"<div><dt>{mark(fact.label)}{text(fact.label)}</dt><dd>{text(fact.value)}</dd></div>" for fact in block.facts
-    )
-    return _figure(block.title, span(block), f'<dl class="stats">{facts}</dl>')
-
-
-def _plot(block: content.Plot) -> str:
-    return _figure(
-        block.title, plot(block), _legend((curve_mark(i), curve.label) for i, curve in enumerate(block.curves))
-    )
-
-
-def _raster(block: content.Raster) -> str:
-    return _figure(block.title, raster(block), _legend((stroke_mark(one.kind), one.label) for one in block.strokes))
-
-
-def _legend(entries: Iterable[tuple[str, str]]) -> str:
-    rows = "".join(f"<div><dt>{drawn}</dt><dd>{text(label)}</dd></div>" for drawn, label in entries)
-    return f'<dl class="curves">{rows}</dl>'
 
 
 def _table(table: content.Table) -> str:
@@ -182,7 +163,7 @@ def _table(table: content.Table) -> str:
     shown = [*range(min(MAX_ROWS, last)), last] if table.rows else []
     kinds = _column_kinds(table)
     heads = "".join(_head(name, kind) for name, kind in zip(table.columns, kinds, strict=True))
-    body = "".join(_row(kinds, table.rows[i], table.total and i == last) for i in shown)
+    body = "".join(_table_row(kinds, table.rows[i], table.total and i == last) for i in shown)
     look = ["plain"] if all(table.columns) else ["barred"]
     if len(table.columns) > _MANY_COLUMNS:
         look.append("wide")
@@ -212,7 +193,7 @@ def _head(name: str, kind: str) -> str:
     return f'<th scope="col"{kind}>{text(name) or _DRAWN}</th>'
 
 
-def _row(kinds: list[str], row: tuple[str | content.Bar, ...], total: bool) -> str:
+def _table_row(kinds: list[str], row: tuple[str | content.Bar, ...], total: bool) -> str:
     name, *cells = row
     head = name.label if isinstance(name, content.Bar) else name
     made = "".join(_cell(kind, cell) for kind, cell in zip(kinds[1:], cells, strict=True))
@@ -221,7 +202,7 @@ def _row(kinds: list[str], row: tuple[str | content.Bar, ...], total: bool) -> s
 
 
 def _cell(kind: str, cell: str | content.Bar) -> str:
-    return f"<td{kind}>{bar(cell) if isinstance(cell, content.Bar) else text(cell)}</td>"
+    return f"<td{kind}>{drawings.bar(cell) if isinstance(cell, content.Bar) else text(cell)}</td>"
 
 
 def _breakable(name: str) -> str:
