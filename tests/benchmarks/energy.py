@@ -15,7 +15,8 @@ from typing import Any
 from page_section import put_section
 
 import locsnn_compile as lc
-from locsnn_compile.report.format import count, energy, ratio, share, time, words
+from locsnn_compile.report.format import count, energy, ratio, share, time
+from locsnn_compile.report.words import words
 
 ROOT = Path(__file__).parents[2]
 NETWORKS = ("objects-hybrid", "containers-hybrid", "objects-hybrid-loihi", "containers-hybrid-loihi")

@@ -22,8 +22,9 @@ from locsnn_compile.data.read import read_recordings
 from locsnn_compile.reference.calibration import calibrate
 from locsnn_compile.report.figures.diagnosis import cause_entry
 from locsnn_compile.report.figures.document import report_document
-from locsnn_compile.report.format import STAGES, count, share, short, stage_words
+from locsnn_compile.report.format import count, share, short
 from locsnn_compile.report.sections.accuracy import cause
+from locsnn_compile.report.words import STAGES, stage_words
 from locsnn_compile.settings import Setting
 from locsnn_compile.strategies import STRATEGIES
 from locsnn_compile.verification.diagnosis import diagnose

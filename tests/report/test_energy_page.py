@@ -9,7 +9,7 @@ import pytest
 
 import hw_model as hw
 from locsnn_compile.baselines.ann_energy import ARITHMETICS
-from locsnn_compile.report.format import words
+from locsnn_compile.report.words import words
 from tests.real_recordings import REAL, on_real_recordings
 
 ROOT = Path(__file__).parents[2]

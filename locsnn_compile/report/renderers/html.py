@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 from locsnn_compile.report import content
 from locsnn_compile.report.compose import compose
-from locsnn_compile.report.format import ASSUMED, SIGNS, plain, shortened
+from locsnn_compile.report.format import plain, shortened
 from locsnn_compile.report.pictures import drawings
+from locsnn_compile.report.words import ASSUMED, SIGNS
 
 if TYPE_CHECKING:
     from locsnn_compile.verification.excerpt import Excerpt

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from locsnn_compile.report import content
 from locsnn_compile.report.compose import compose
-from locsnn_compile.report.format import ASSUMED, plain
+from locsnn_compile.report.format import plain
+from locsnn_compile.report.words import ASSUMED
 
 if TYPE_CHECKING:
     from locsnn_compile.verification.excerpt import Excerpt

@@ -10,8 +10,9 @@ from rich.text import Text
 
 from locsnn_compile.report.compose import subtitle
 from locsnn_compile.report.content import Document, Verdict
-from locsnn_compile.report.format import ASSUMED, SIGNS, no_spikes, plain, share, shortened
+from locsnn_compile.report.format import plain, share, shortened
 from locsnn_compile.report.sections.verdict import costs, fits, matches, notices
+from locsnn_compile.report.words import ASSUMED, SIGNS, no_spikes
 
 _STYLES = {"yes": "bold green", "nearly": "bold yellow", "no": "bold red", "unknown": "bold", "modelled": "bold"}
 _BAR = 24

@@ -7,19 +7,8 @@ from collections.abc import Sequence
 from itertools import accumulate
 
 from locsnn_compile.report.content import Bar, Curve, Document, Paragraph, Plot, Section, Table, facts, section, table
-from locsnn_compile.report.format import (
-    NONE,
-    SILENT,
-    STAGES,
-    agreed,
-    any_value,
-    count,
-    listed,
-    plural,
-    share,
-    short,
-    stage_words,
-)
+from locsnn_compile.report.format import NONE, SILENT, agreed, any_value, count, plural, share, short
+from locsnn_compile.report.words import STAGES, listed, stage_words
 
 _DRAWN = 8
 """Populations whose margins are drawn; a table holds those of all."""

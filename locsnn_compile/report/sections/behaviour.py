@@ -5,20 +5,9 @@ from __future__ import annotations
 import math
 
 from locsnn_compile.report.content import Bar, Block, Document, Paragraph, Section, Table, section, share_of
-from locsnn_compile.report.format import (
-    NONE,
-    any_value,
-    count,
-    energy,
-    listed,
-    no_spikes,
-    plural,
-    ratio,
-    share,
-    told_apart,
-    words,
-)
+from locsnn_compile.report.format import NONE, any_value, count, energy, plural, ratio, share, told_apart
 from locsnn_compile.report.sections.accuracy import cause, equal_spikes
+from locsnn_compile.report.words import listed, no_spikes, words
 
 _SCORE = 1.959964
 """Two-sided 95 % point of the normal distribution."""

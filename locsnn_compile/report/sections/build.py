@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from locsnn_compile.report.content import Bar, Bullets, Document, Paragraph, Section, Table, facts, of, section, table
-from locsnn_compile.report.format import NONE, any_value, count, limit_words, memory, share, words
+from locsnn_compile.report.format import NONE, any_value, count, memory, share
 from locsnn_compile.report.sections.choice import settings_compared
 from locsnn_compile.report.sections.verdict import fullness
+from locsnn_compile.report.words import limit_words, words
 from locsnn_compile.strategies import LAYOUTS
 
 _WITHOUT_JOINED = {"reset", "native"}

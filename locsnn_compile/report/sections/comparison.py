@@ -10,19 +10,8 @@ from typing import Any
 from locsnn_compile.errors import InputError
 from locsnn_compile.report.content import Bar, Document, Fact, Notice, Report, Section, Status, Table, Verdict, section
 from locsnn_compile.report.figures.flat import Figures, flatten
-from locsnn_compile.report.format import (
-    NONE,
-    agreed,
-    any_value,
-    count,
-    energy,
-    plural,
-    points,
-    share,
-    shortened,
-    time,
-    words,
-)
+from locsnn_compile.report.format import NONE, agreed, any_value, count, energy, plural, points, share, shortened, time
+from locsnn_compile.report.words import words
 
 MAX_ROWS = 150
 """Changed figures of a section that the page has; --json has all."""

@@ -6,8 +6,9 @@ import math
 from typing import NamedTuple
 
 from locsnn_compile.report.content import Document, Mesh, MeshCore, Paragraph, Section, section
-from locsnn_compile.report.format import core_words, count, energy, plural, share, words
+from locsnn_compile.report.format import count, energy, plural, share
 from locsnn_compile.report.sections.verdict import fullness
+from locsnn_compile.report.words import core_words, words
 
 _CHIPS = 4
 """Chips that are drawn; a board may have thousands."""

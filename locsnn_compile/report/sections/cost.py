@@ -16,9 +16,10 @@ from locsnn_compile.report.content import (
     share_of,
     table,
 )
-from locsnn_compile.report.format import NONE, core_words, count, energy, ratio, share, time, words
+from locsnn_compile.report.format import NONE, count, energy, ratio, share, time
 from locsnn_compile.report.sections.cost_tables import ENERGY, TIME, by_branch, constants, shares
 from locsnn_compile.report.sections.verdict import pace
+from locsnn_compile.report.words import core_words, words
 
 
 def energy_section(document: Document) -> Section:

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from locsnn_compile.report.content import Bar, Block, Curve, Document, Fact, Plot, Span, Table, of, share_of, table
-from locsnn_compile.report.format import NONE, count, energy, share, time, words
+from locsnn_compile.report.format import NONE, count, energy, share, time
 from locsnn_compile.report.pictures.ticks import round_numbers
+from locsnn_compile.report.words import words
 
 Shown = Callable[[float], str]
 _OF_CONSTANTS = {"energy_pj": "pJ", "time_ns": "ns"}

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from locsnn_compile.report.content import Bar, Curve, Document, Paragraph, Plot, Section, Table, facts, section, table
-from locsnn_compile.report.format import count, energy, share, short, words
+from locsnn_compile.report.format import count, energy, share, short
 from locsnn_compile.report.sections.accuracy import sample
 from locsnn_compile.report.sections.cost_tables import ENERGY, PARTS, TIME
+from locsnn_compile.report.words import words
 
 
 def over_time(document: Document) -> Section:

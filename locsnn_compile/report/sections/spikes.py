@@ -8,8 +8,9 @@ import numpy as np
 
 from hw_model.engine.trace import ByteArray
 from locsnn_compile.report.content import Document, Paragraph, Raster, Section, Strokes, Table, section
-from locsnn_compile.report.format import NONE, count, plural, words
+from locsnn_compile.report.format import NONE, count, plural
 from locsnn_compile.report.pictures.ticks import step_ticks
+from locsnn_compile.report.words import words
 
 if TYPE_CHECKING:
     from hw_model.mapping.graph import Axis

@@ -3,23 +3,8 @@
 from __future__ import annotations
 
 from locsnn_compile.report.content import Document, Fact, Notice, Status, Verdict
-from locsnn_compile.report.format import (
-    NONE,
-    SILENT,
-    agreed,
-    count,
-    energy,
-    limit_words,
-    listed,
-    memory,
-    plural,
-    points,
-    ratio,
-    share,
-    stage_words,
-    time,
-    words,
-)
+from locsnn_compile.report.format import NONE, SILENT, agreed, count, energy, memory, plural, points, ratio, share, time
+from locsnn_compile.report.words import limit_words, listed, stage_words, words
 
 _SIDES = {
     "paper operations": ("ratio", "the float network, by the published method"),
