@@ -1,0 +1,176 @@
+"""The fast engine where it takes short cuts: matrices, lists, rests, bundles, tiles of 64 steps, batches.
+
+Each program is small, and is played sparsely over several tiles; the reference engine knows none of this.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import hw_model as hw
+from hw_model.engine.layout import fast_layout
+from hw_model.engine.tiles import LONG
+from hw_model.simulation import ENGINES
+
+CHIP = hw.chip("loihi-sim")
+FORGETS = {"decay_u": 4096, "decay_v": 4096}
+STEPS = 200
+
+
+def matrix() -> hw.ProgramBuilder:
+    """A row of charges so long that eight rows of the matrix are added at once, and one that is not."""
+    r = np.random.default_rng(1)
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 20)
+    wide = builder.add_compartments("wide", LONG + 20, threshold=300, **FORGETS)
+    narrow = builder.add_compartments("narrow", 20, threshold=300, decay_u=3000, decay_v=3000)
+    builder.connect(x, wide, 2 * r.integers(1, 120, (LONG + 20, 20)), delay=2)
+    builder.connect(wide, narrow, 2 * r.integers(-20, 20, (20, LONG + 20)))
+    return builder
+
+
+def delays_of_a_matrix() -> hw.ProgramBuilder:
+    """As many synapses as a matrix has, each with a delay of its own."""
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 4)
+    n = builder.add_compartments("n", 20, threshold=90, **FORGETS)
+    builder.connect(x, n, np.full((20, 4), 100), delay=np.arange(80).reshape(20, 4) % 63)
+    return builder
+
+
+def weights_beyond_16_bits() -> hw.ProgramBuilder:
+    """Two synapses from each source, which together are wider than an entry of a matrix."""
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 4)
+    n = builder.add_compartments("n", 20, threshold=131071, **FORGETS)
+    for _ in range(2):
+        builder.connect(x, n, np.full((20, 4), 254), exponent=7)
+    return builder
+
+
+def late_lists() -> hw.ProgramBuilder:
+    """One synapse a source, late: what is due after a tile is moved, also where the last chunk has nothing."""
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 40)
+    n = builder.add_compartments("n", 40, threshold=90, **FORGETS)
+    builder.connect(x, n, 100 * np.eye(40), delay=np.where(np.eye(40), 3 + np.arange(40), 0))
+    return builder
+
+
+def slow_decay() -> hw.ProgramBuilder:
+    """What is left of a tile decays in the next."""
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 2)
+    n = builder.add_compartments("n", 20, decay_u=4096, decay_v=40, threshold=160)
+    builder.connect(x, n, np.full((20, 2), 100))
+    return builder
+
+
+def recurrence_ahead_of_another() -> hw.ProgramBuilder:
+    """A block that is run row by row, and one behind it that is run tile by tile."""
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 3)
+    h = builder.add_compartments("h", 20, threshold=90, **FORGETS)
+    y = builder.add_compartments("y", 20, threshold=90, decay_u=4096, decay_v=300)
+    builder.connect(x, h, np.full((20, 3), 100))
+    builder.connect(h, h, 100 * np.roll(np.eye(20), 1, axis=0) - 30 * np.eye(20), delay=4)
+    builder.connect(h, y, 40 * np.eye(20))
+    return builder
+
+
+def chunks_that_rest_in_turn() -> hw.ProgramBuilder:
+    """Compartments of two chunks, each with an input of its own."""
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 20)
+    n = builder.add_compartments("n", 20, threshold=90, **FORGETS)
+    y = builder.add_compartments("y", 20, threshold=90, **FORGETS)
+    builder.connect(x, n, 100 * np.eye(20))
+    builder.connect(n, y, 100 * np.eye(20), delay=1)
+    return builder
+
+
+def sums(bias: int) -> hw.ProgramBuilder:
+    """A compartment that only adds up its children, or that has a bias also."""
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 3)
+    soma = builder.add_compartments("soma", 20, threshold=150, bias=bias, **FORGETS)
+    for name, decay in (("a", 2000), ("b", 4096)):
+        child = builder.add_compartments(name, 20, decay_u=4096, decay_v=decay, threshold=0, joined_to=soma)
+        builder.connect(x, child, np.full((20, 3), 100))
+    return builder
+
+
+PROGRAMS = {
+    "matrices": matrix,
+    "delays of a matrix": delays_of_a_matrix,
+    "weights beyond 16 bits": weights_beyond_16_bits,
+    "late lists": late_lists,
+    "slow decay": slow_decay,
+    "recurrence ahead of another": recurrence_ahead_of_another,
+    "chunks that rest in turn": chunks_that_rest_in_turn,
+    "sums": lambda: sums(0),
+    "sums with a bias": lambda: sums(640),
+}
+
+
+def recordings(channels: int) -> np.ndarray:
+    """Events around the ends of tiles, many and few at once; the second ends amid its events, the third is silent."""
+    rows = np.zeros((4, STEPS, channels), dtype=np.uint8)
+    for row, many in ((3, 1), (4, 11), (61, 2), (63, 8), (64, 1), (70, 9), (130, 16), (131, 3)):
+        rows[0, row, :many] = 1
+    rows[1, [0, STEPS - 1]] = 1
+    for row in range(0, STEPS, 7):
+        rows[3, row, (row * 5) % channels] = 1
+    return rows
+
+
+@pytest.mark.parametrize("build", PROGRAMS.values(), ids=PROGRAMS)
+@pytest.mark.parametrize("watched", [False, True], ids=["spikes alone", "registers, too"])
+def test_a_short_cut_changes_nothing(build, watched):
+    program = build().build()
+    rows = recordings(program.streams["x"])
+    probe = ("spikes", "u", "v", "potential") if watched else ("spikes",)
+    fast, slow = (hw.simulate(program, rows, engine=engine, probe=probe) for engine in ENGINES)
+    plain = hw.simulate(program, rows, probe=probe, skip=False)
+    assert plain.counts.skipped_steps == 0
+    assert slow.counts.neuron_updates_active > 0
+    for found in (fast, plain):
+        assert replace(found.counts, skipped_steps=0) == slow.counts
+        for kind in probe:
+            for name, wanted in getattr(slow, kind).items():
+                assert np.array_equal(getattr(found, kind)[name], wanted), (kind, name)
+
+
+@pytest.mark.parametrize("build", PROGRAMS.values(), ids=PROGRAMS)
+def test_no_recording_knows_of_the_one_before(build):
+    program = build().build()
+    rows = recordings(program.streams["x"])
+    together = hw.simulate(program, rows).per_recording
+    assert list(together) == [hw.simulate(program, recording).counts for recording in rows]
+
+
+def many_children(count: int, **limits) -> hw.ChipProgram:
+    """Compartments that add the lowest voltage to one soma."""
+    builder = hw.ProgramBuilder(CHIP)
+    builder.add_input("x", 1)
+    soma = builder.add_compartments("soma", 1, threshold=0, **FORGETS, **limits)
+    for i in range(count):
+        builder.add_compartments(
+            f"c{i}", 1, decay_u=4096, decay_v=0, bias=-4095 << 7, threshold=0, joined_to=soma, **limits
+        )
+    return builder.build()
+
+
+@pytest.mark.parametrize(("children", "bits"), [(254, 32), (255, 64)], ids=["the most in 32 bits", "one more"])
+def test_the_width_of_a_sum_by_hand(children, bits):
+    """256 voltages at the end of their range and a current at the end of its own are 2^31 + 2^23 - 256."""
+    assert fast_layout(many_children(children), "time").chunks.registers.dtype == f"int{bits}"
+
+
+def test_children_at_the_lower_end():
+    """A range that reaches further down than up: 300 lowest voltages are no positive sum."""
+    program = many_children(300, vmin=1 - 2**23, vmax=2**9 - 1)
+    for engine in ENGINES:
+        found = hw.simulate(program, np.zeros((30, 1), dtype=np.uint8), engine=engine)
+        assert found.counts.spikes == 0, engine
