@@ -26,14 +26,14 @@ def neuron(weights, **parameters):
     return build
 
 
-def dendrites(count, weights, soma, **parameters):
-    """A soma that only adds up so many dendrites."""
+def dendrites(count, weights, soma, unlike=1, **parameters):
+    """A soma that only adds up so many dendrites; the weights of each are ``unlike`` times those of the one before."""
 
     def build(builder, x):
         y = builder.add_compartments("y", 1, **FORGETS, **soma)
         for k in range(count):
             child = builder.add_compartments(f"d{k}", 1, threshold=0, joined_to=y, **{**FORGETS, **parameters})
-            builder.connect(x, child, [weights], exponent=7)
+            builder.connect(x, child, unlike**k * np.array([weights]), exponent=7)
 
     return build
 
@@ -46,10 +46,12 @@ PHASES = {
         1, [200, -100], {"threshold": 30_000, "vmax": 2**21 - 1}, decay_v=0, vmax=2**21 - 1
     ),
     "u + bias wraps": neuron([252, -252], **LARGE, threshold=20_000),
+    "a current that outlasts a spike": neuron([20, -10], decay_u=600, threshold=2000),
     "refractory": neuron([200, 100], refractory=4),
     "a soma refractory": dendrites(1, [200, 100], {"threshold": 100, "refractory": 5}),
     "a soma of two, refractory": dendrites(2, [200, 100], {"threshold": 100, "refractory": 5}),
     "a pair": dendrites(2, [200, -100], {"threshold": 10_000}, decay_u=1024, decay_v=512),
+    "a pair of unlike dendrites": dendrites(2, [-120, 60], {"threshold": 500}, unlike=-2, decay_u=1024, decay_v=512),
     "a pair, pulled to vmin": dendrites(2, [100, -200], {"threshold": 300, "vmin": 0}, decay_v=0, vmin=0),
     "a pair, its sum cut off": dendrites(
         2, [250, -60], {"threshold": 30_000, "vmax": 2**21 - 1}, decay_v=2048, vmax=2**21 - 1
