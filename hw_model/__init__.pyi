@@ -1,3 +1,5 @@
+from .accounting.activity import StepActivity as StepActivity
+from .accounting.cost import Latency as Latency
 from .accounting.cost import energy_pj as energy_pj
 from .accounting.cost import latency as latency
 from .description.chip import Chip as Chip
@@ -5,6 +7,7 @@ from .description.chip import chip as chip
 from .description.chip import chip_names as chip_names
 from .description.chip import priced_by as priced_by
 from .description.counts import Counts as Counts
+from .description.profile import Profile as Profile
 from .engine.probes import Probe as Probe
 from .errors import InputError as InputError
 from .errors import LocsnnError as LocsnnError
@@ -12,11 +15,14 @@ from .errors import TargetError as TargetError
 from .program.builder import ProgramBuilder as ProgramBuilder
 from .program.chip_program import ChipProgram as ChipProgram
 from .program.read import load_program as load_program
+from .range_proof import CoreRange as CoreRange
 from .range_proof import prove_range as prove_range
 from .simulation import SimulationResult as SimulationResult
 from .simulation import simulate as simulate
+from .streaming.early_stop import Stops as Stops
 from .streaming.early_stop import calibrate_margin as calibrate_margin
 from .streaming.early_stop import stop_at_margin as stop_at_margin
 from .streaming.early_stop import stop_when_proven as stop_when_proven
 from .streaming.early_stop import timestep_scores as timestep_scores
 from .streaming.session import Session as Session
+from .streaming.session import StepScores as StepScores

@@ -27,6 +27,7 @@ import numpy.typing as npt
 from hw_model.arithmetic.fixed_point import DECAY_ONE, IntArray
 from hw_model.description.chip import Registers
 from hw_model.io.given import checked
+from hw_model.io.shown import shown
 from hw_model.program.chip_program import ChipProgram, Core
 
 FloatArray = npt.NDArray[np.float64]
@@ -59,6 +60,8 @@ class CoreRange:
     the shortest of :data:`PERIODS` p such that neither happens while every source spikes at most once in any p steps; 1
     where the proof holds for any input, 0 where none of the periods is enough.
     """
+
+    __repr__ = shown
 
     core: int
     q: Bounds

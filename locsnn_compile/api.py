@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,13 +12,20 @@ import numpy as np
 import numpy.typing as npt
 
 import hw_model as hw
+from hw_model.io.build_folder import write_build
 from hw_model.io.given import checked
+from hw_model.program.write import program_files
 from hw_model.streaming.session import check_psi
+from locsnn_compile.backends import EXCHANGE_KINDS, LEVEL_KINDS
+from locsnn_compile.backends.exchange import exchange_file
+from locsnn_compile.backends.levels import LEVEL_TEXTS
 from locsnn_compile.choose_strategy import Choice, choose_strategy, lower_as
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.frontends import load
+from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.network.check import check_network
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.recordings import fit_recordings
@@ -25,6 +34,10 @@ from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.calibration import calibrate
 from locsnn_compile.report.figures.choice import choice_document
 from locsnn_compile.report.figures.document import report_document
+from locsnn_compile.report.renderers.csv_files import csv_files
+from locsnn_compile.report.renderers.html import render_html, render_summary
+from locsnn_compile.report.renderers.markdown import render_markdown
+from locsnn_compile.report.sections.verdict import matches
 from locsnn_compile.settings import Setting
 from locsnn_compile.strategies import AUTO, NATIVE, STRATEGIES
 from locsnn_compile.verification.diagnosis import Diagnosis
@@ -54,6 +67,13 @@ class CompiledModel:
     excerpt: Excerpt | None = None
     """What the report shows of a recording; None without a diagnosis."""
 
+    def __repr__(self) -> str:
+        said = matches(self.report).sentence.rstrip(".")
+        return f"<CompiledModel {self.network.name[:60]!r} on {self.program.chip.name}: {said}>"
+
+    def _repr_html_(self) -> str:
+        return render_summary(self.report)
+
     @property
     def program(self) -> hw.ChipProgram:
         """What the chip is loaded with."""
@@ -64,10 +84,36 @@ class CompiledModel:
         """The trained network."""
         return self.levels.network
 
+    def to_html(self) -> str:
+        """Return report.html: a page that needs nothing else."""
+        return render_html(self.report, self.excerpt)
+
+    def files(self, emit: Sequence[str] = ()) -> dict[str, bytes]:
+        """Return the program and its reports as bytes, by name, as ``locsnn-compile`` writes them.
+
+        ``emit``: levels of the compiler, exchange formats and ``csv``, as for ``--emit``. Equal input, equal bytes.
+        """
+        texts = {
+            "report.json": json.dumps(self.report, indent=2, allow_nan=False, ensure_ascii=False) + "\n",
+            "report.md": render_markdown(self.report, self.excerpt),
+            "report.html": self.to_html(),
+            **{f"{kind}.txt": LEVEL_TEXTS[kind](self.levels) for kind in LEVEL_KINDS if kind in emit},
+        }
+        quantized = self.levels.quantized
+        exchanged = {f"network.{kind}": exchange_file(kind, quantized) for kind in EXCHANGE_KINDS if kind in emit}
+        tables = csv_files(self.report, self.excerpt) if "csv" in emit else {}
+        # A name may hold what is no text; JSON reads what stands for it here.
+        written = {name: text.encode(errors="backslashreplace") for name, text in texts.items()}
+        return {**program_files(self.program), **written, **exchanged, **tables}
+
+    def save(self, folder: str | Path) -> None:
+        """Write the program and its reports into a folder, all or none; the rest of what it holds stays."""
+        write_build(Path(folder), self.files())
+
 
 @checked
 def compile(
-    network: Network,
+    network: Network | Checkpoint,
     target: str | Path = "loihi-sim",
     strategy: str = AUTO,
     weight_bits: int | None = None,
@@ -81,7 +127,7 @@ def compile(
     split_weights: float | None = None,
     profile: str | Path | None = None,
 ) -> CompiledModel:
-    """Compile a network for a chip and check it against the float reference.
+    """Compile a network, or what ``train`` returned, for a chip and check it against the float reference.
 
     ``target``: a chip's name, or the path of a chip YAML. ``profile``: the costs that ``auto`` and the report go by, a
     profile of the chip, by default its first, or the path of a YAML file like one. ``events``: recordings to check on -
@@ -103,6 +149,7 @@ def compile(
     chip = hw.chip(target) if profile is None else hw.priced_by(hw.chip(target), profile)
     weight_bits = weight_bits_of(chip, weight_bits)
     _check_share(split_weights)
+    network = load(network) if isinstance(network, Checkpoint) else network
     check_network(network)
     if psi is not None:
         check_psi(psi)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import hw_model as hw
 from hw_model.description.counts import total
+from hw_model.io.shown import shown
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import TargetError
 from locsnn_compile.network.network import Network
@@ -42,6 +43,8 @@ class Candidate(Losses):
 @dataclass(frozen=True, eq=False)
 class Choice:
     """The candidate that was taken, its program, all that were compared, on how many recordings of which source."""
+
+    __repr__ = shown
 
     taken: Candidate
     levels: Levels

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import hw_model as hw
+from hw_model.io.shown import shown
 from hw_model.mapping.arrangement import arrange_cores
 from hw_model.mapping.graph import CompartmentGraph
 from hw_model.mapping.placement import PlacedGraph, place_cores
@@ -22,6 +23,8 @@ from locsnn_compile.reference.calibration import Calibration
 @dataclass(frozen=True, eq=False)
 class Levels:
     """A network at every level, from float to program."""
+
+    __repr__ = shown
 
     network: Network
     quantized: QuantizedNetwork

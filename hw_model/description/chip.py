@@ -16,6 +16,7 @@ from hw_model.description.profile import Profile
 from hw_model.description.read import parse, read_description
 from hw_model.errors import InputError, did_you_mean
 from hw_model.io.given import checked
+from hw_model.io.shown import shown
 
 _YAML = (".yaml", ".yml")
 MAX_CORES = 1 << 20
@@ -123,6 +124,8 @@ class TransposeBuffer:
 @dataclass(frozen=True)
 class Chip:
     """A chip and its board, as `hw_model/chips/*.yaml` describes it."""
+
+    __repr__ = shown
 
     name: str
     description: str

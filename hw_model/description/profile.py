@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from hw_model.io.shown import shown
+
 Range = tuple[float | None, float | None]
 """Least and most that a constant can be; None: not known."""
 End = Literal["least", "most"]
@@ -52,6 +54,8 @@ class Profile:
     ``energy_pj_range`` and ``time_ns_range`` hold the constants that the source gives as a least, a most or both;
     ``sources`` those that are from elsewhere. ``voltage_v``: the supply voltage that they hold at; None: not said.
     """
+
+    __repr__ = shown
 
     source: str
     basis: str

@@ -24,6 +24,7 @@ from hw_model.engine.probes import Kind, Probe
 from hw_model.engine.trace import ByteArray
 from hw_model.errors import InputError
 from hw_model.io.given import checked
+from hw_model.io.shown import shown
 from hw_model.mapping.graph import Phase, Readout
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.range_proof import prove_range
@@ -41,6 +42,8 @@ class Stops:
     stopping; ``counts`` until there, ``all_counts`` without stopping, of all recordings together, in the counts that
     cost energy (:data:`hw_model.description.counts.BY_CORE`).
     """
+
+    __repr__ = shown
 
     steps: IntArray
     all_steps: int

@@ -20,6 +20,7 @@ from hw_model.engine.playing import Spikes, read_streams
 from hw_model.engine.trace import ByteArray
 from hw_model.errors import InputError
 from hw_model.io.given import checked
+from hw_model.io.shown import shown
 from hw_model.mapping.graph import Phase
 from hw_model.program.chip_program import ChipProgram
 from hw_model.streaming.location_phase import Replay
@@ -34,6 +35,8 @@ class StepScores:
 
     ``spikes[name]`` (steps, classes): spikes so far of each population of the readout; ``scores`` (steps, classes).
     """
+
+    __repr__ = shown
 
     spikes: dict[str, IntArray]
     scores: FloatArray

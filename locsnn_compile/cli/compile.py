@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import sys
 from argparse import Namespace, RawDescriptionHelpFormatter
@@ -162,7 +161,7 @@ def run(args: Namespace) -> int:
         )
     gates = check_gates(compiled.report, given(args, GATES))
     compiled = replace(compiled, report=compiled.report | {"gates": gates_entry(gates)})
-    files = build_files(compiled, args.emit) | _emitted(args, compiled, recordings, number)
+    files = compiled.files(args.emit) | _emitted(args, compiled, recordings, number)
     write_build(folder, files)
     if args.junit:
         replace_file(Path(args.junit), junit_file(gates, compiled.network.name), where="--junit")
@@ -174,31 +173,6 @@ def run(args: Namespace) -> int:
     if compiled.choice and not compiled.choice.keeps_budget:
         print(unmet_budget(compiled.choice), file=sys.stderr)
     return code
-
-
-def build_files(compiled: CompiledModel, emit: Sequence[str]) -> dict[str, bytes]:
-    """Return the program, the reports and the levels asked for as bytes, by name; equal input gives equal bytes."""
-    from hw_model.program.write import program_files
-    from locsnn_compile.backends.exchange import exchange_file
-    from locsnn_compile.backends.levels import LEVEL_TEXTS
-    from locsnn_compile.report.renderers.csv_files import csv_files
-    from locsnn_compile.report.renderers.html import render_html
-    from locsnn_compile.report.renderers.markdown import render_markdown
-
-    report = compiled.report
-    texts = {
-        "report.json": json.dumps(report, indent=2, allow_nan=False, ensure_ascii=False) + "\n",
-        "report.md": render_markdown(report, compiled.excerpt),
-        "report.html": render_html(report, compiled.excerpt),
-        **{f"{kind}.txt": LEVEL_TEXTS[kind](compiled.levels) for kind in LEVEL_KINDS if kind in emit},
-    }
-    exchanged = {
-        f"network.{kind}": exchange_file(kind, compiled.levels.quantized) for kind in EXCHANGE_KINDS if kind in emit
-    }
-    tables = csv_files(report, compiled.excerpt) if "csv" in emit else {}
-    # A name may hold what is no text; JSON reads what stands for it here.
-    written = {name: text.encode(errors="backslashreplace") for name, text in texts.items()}
-    return {**program_files(compiled.program), **written, **exchanged, **tables}
 
 
 def _print_summary(report: dict[str, Any], folder: Path, files: dict[str, bytes]) -> None:

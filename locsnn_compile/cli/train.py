@@ -94,10 +94,12 @@ def run(args: argparse.Namespace) -> int:
     _check_places(args, output)
     start = _start(args)
     config = _config(args, start)
-    recordings, test = _read(args.data, config, start)
 
     from locsnn_compile.training.export import export_checkpoint
+    from locsnn_compile.training.parts import all_classes, read_parts
     from locsnn_compile.training.train import train
+
+    recordings, test = read_parts(args.data, config, start)
 
     state_path = _state_path(output)
     if not args.resume:
@@ -108,7 +110,7 @@ def run(args: argparse.Namespace) -> int:
                 recordings,
                 config,
                 name=output.stem,
-                classes=_classes(recordings, test),
+                classes=all_classes(recordings, test),
                 start=start,
                 state_path=state_path,
                 log_path=output.with_suffix(".csv"),
@@ -191,37 +193,6 @@ def _config(args: argparse.Namespace, start: Checkpoint | None) -> TrainingConfi
         return config
     check_fits_start(values | asked, start.description)
     return fine_tuning_config(config, start.description)
-
-
-def _read(data: str, config: TrainingConfig, start: Checkpoint | None) -> tuple[Recordings, Recordings | None]:
-    """Return the train part and the test part, of one length: that of the longest recording, or as asked for."""
-    from locsnn_compile.data.expected import OPEN, Expected
-    from locsnn_compile.data.read import read_recordings, recording_parts
-
-    model = OPEN
-    if start is not None:
-        own = start.description.input
-        model = Expected("the network to start from", own.step_seconds, own.event_threshold, own.steps, own.channels)
-    parts = [part for part in ("train", "test") if part in recording_parts(data)]
-    read = [
-        read_recordings(
-            data,
-            split=part,
-            step_seconds=config.step_seconds,
-            threshold=config.event_threshold,
-            steps=config.steps,
-            model=model,
-        )
-        for part in (parts if "train" in parts else [None])
-    ]
-    steps = max(part.spikes.shape[1] for part in read)
-    recordings, *test = (part.with_steps(steps) for part in read)
-    return recordings, test[0] if test else None
-
-
-def _classes(recordings: Recordings, test: Recordings | None) -> int | None:
-    labels = [part.labels for part in (recordings, test) if part is not None and part.labels is not None]
-    return max((int(vector.max()) + 1 for vector in labels), default=None)
 
 
 def _summary(output: Path, result: TrainingResult, accuracy: float | None, test: Recordings | None) -> str:

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from hw_model.io.shown import shown
 from locsnn_compile.errors import InputError, check_most
 
 #: Largest set of recordings accepted, in array elements: four times the largest published tactile set.
@@ -66,6 +67,8 @@ class Recordings:
     of the file, without directories; ``origin`` says whose they are; ``binned`` is what reading left out, None where it
     took everything as it is. Both arrays are read-only. Raises ``InputError`` for anything else.
     """
+
+    __repr__ = shown
 
     spikes: NDArray[np.uint8]
     labels: NDArray[np.int64] | None

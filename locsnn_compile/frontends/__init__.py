@@ -6,6 +6,7 @@ from pathlib import Path
 
 from hw_model.io.given import checked
 from locsnn_compile.errors import InputError
+from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.network.check import check_network
 from locsnn_compile.network.network import Network
 
@@ -24,7 +25,7 @@ _OPTIONS = {
 
 @checked
 def load(
-    model: str | Path,
+    model: str | Path | Checkpoint,
     config: str | Path | None = None,
     dt: float | None = None,
     *,
@@ -32,19 +33,22 @@ def load(
     discretisation: str | None = None,
     kernels: str | None = None,
 ) -> Network:
-    """Read a model file: a checkpoint of ``locsnn train`` or of slayerPytorch, a NIR graph, or a lava-dl network.
+    """Read a model: a checkpoint of ``locsnn train`` or of slayerPytorch, a NIR graph, or a lava-dl network.
 
-    ``.pt`` is a checkpoint, one of slayerPytorch where ``config``, its YAML description, is given; HDF5 files are told
-    apart by what they hold. For a NIR graph, ``dt`` is the seconds of a step (1e-4 by convention), ``reset`` what a
-    spike does to the potential (``zero``, ``subtract``, ``late-zero`` or ``late-subtract``), ``discretisation``
-    ``euler``, ``hold`` or ``exact``. For a slayerPytorch checkpoint of SRMALPHA neurons, ``kernels`` are ``full``, or
-    ``cut`` as in its training: in the float reference, for the chip keeps the tails. Other formats say these
-    themselves, so giving them is an ``InputError``, like a file that cannot be read or used. Nothing in the file is
-    executed.
+    What ``lc.train`` returned is one, too, without a file. ``.pt`` is a checkpoint, one of slayerPytorch where
+    ``config``, its YAML description, is given; HDF5 files are told apart by what they hold. For a NIR graph, ``dt`` is
+    the seconds of a step (1e-4 by convention), ``reset`` what a spike does to the potential (``zero``, ``subtract``,
+    ``late-zero`` or ``late-subtract``), ``discretisation`` ``euler``, ``hold`` or ``exact``. For a slayerPytorch
+    checkpoint of SRMALPHA neurons, ``kernels`` are ``full``, or ``cut`` as in its training: in the float reference,
+    for the chip keeps the tails. Other formats say these themselves, so giving them is an ``InputError``, like a file
+    that cannot be read or used. Nothing in the file is executed.
     """
-    path = Path(model)
-    where = f"model {path.name!r}"
-    kind = _kind(path, where, described=config is not None)
+    if isinstance(model, Checkpoint):
+        path, where, kind = Path(), f"model {model.description.name!r}", _CHECKPOINT
+    else:
+        path = Path(model)
+        where = f"model {path.name!r}"
+        kind = _kind(path, where, described=config is not None)
     given = {"config": config, "dt": dt, "reset": reset, "discretisation": discretisation, "kernels": kernels}
     for name, value in given.items():
         if value is not None and name not in _OPTIONS[kind]:
@@ -55,9 +59,10 @@ def load(
         assert config is not None  # else it is no checkpoint of slayerPytorch
         network = load_slayer(path, Path(config), kernels)
     elif kind == _CHECKPOINT:
-        from locsnn_compile.frontends.checkpoint import load_checkpoint
+        from locsnn_compile.frontends.checkpoint import network_of
+        from locsnn_compile.models.checkpoint_reader import read_checkpoint
 
-        network = load_checkpoint(path)
+        network = network_of(model if isinstance(model, Checkpoint) else read_checkpoint(path))
     elif kind == _NIR:
         from locsnn_compile.frontends.nir.to_network import load_nir
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,6 @@ from locsnn_compile.errors import TargetError
 from locsnn_compile.frontends.window_network import Parts, window_parts
 from locsnn_compile.models.branch_graph import branch_graph, spread_weights
 from locsnn_compile.models.checkpoint import Checkpoint
-from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.description import LifParameters
 from locsnn_compile.network.chip_neurons import ChipProjection
 from locsnn_compile.network.matrices import matrix
@@ -25,11 +23,6 @@ from locsnn_compile.network.network import InputView, Network, Population, Proje
 from locsnn_compile.network.neurons import Cuba, SrmAlpha
 
 VIEW_NAMES: dict[Axis, str] = {"time": "touch", "location": "touch_transposed"}
-
-
-def load_checkpoint(path: Path) -> Network:
-    """Read a checkpoint and state its network; a file that is not one is an ``InputError``."""
-    return network_of(read_checkpoint(path))
 
 
 def network_of(checkpoint: Checkpoint) -> Network:

@@ -37,6 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw_model.io.files import replace_file
+from hw_model.io.shown import shown
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.chip_entry import chip_entry
@@ -63,12 +64,23 @@ class Checkpoint:
     about, plain values; ``sha256`` of the file; ``chip``: the integers of a network trained on a chip's arithmetic.
     """
 
+    __repr__ = shown
+
     description: NetworkDescription
     weights: dict[str, NDArray[Any]]
     recordings: Recordings | None
     training: dict[str, Plain]
     sha256: str
     chip: ChipNumbers | None = None
+    content: bytes | None = None
+    """The file itself, where it is not written yet."""
+
+    def save(self, path: Path | str) -> None:
+        """Write it to a file, whole or not at all."""
+        if self.content is not None:
+            return replace_file(Path(path), self.content, f"checkpoint {Path(path).name!r}")
+        kept, how, chip = self.recordings, self.training, self.chip
+        save_checkpoint(path, self.description, self.weights, recordings=kept, training=how, chip=chip)
 
     @property
     def float_weights(self) -> dict[str, NDArray[np.float32]]:

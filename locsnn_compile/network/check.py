@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hw_model.mapping.graph import Axis
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.network.chip_neurons import ChipProjection
 from locsnn_compile.network.matrices import values_of
 from locsnn_compile.network.network import InputView, Network, Population, Projection
@@ -39,6 +39,7 @@ def check_network(network: Network) -> None:
             measured=f"steps {', '.join(map(str, walks)) or 'of none'}",
             fix="Give inputs of that axis that take equal steps.",
         )
+    _check_readout(network)
     if not network.projections:
         raise InputError(f"model {network.name!r}", "it has no weights", fix="Connect an input to a population.")
     neurons = {population.name: population.neuron for population in network.populations}
@@ -47,6 +48,21 @@ def check_network(network: Network) -> None:
         _check_kind(projection, neurons[projection.target].on_grid)
         _check_dendrite(projection, neurons[projection.target].dendrites)
         _check_values(projection, (ends[projection.target][1], ends[projection.source][1]))
+
+
+def _check_readout(network: Network) -> None:
+    sizes, readout = {population.name: population.size for population in network.populations}, network.readout
+    for name in readout.populations:
+        if name not in sizes:
+            raise InputError("readout", f"there is no population {name!r}", fix=did_you_mean(name, sizes))
+    found = [sizes[name] for name in readout.populations]
+    if len(set(found)) != 1 or len(readout.weights) != len(found):
+        raise InputError(
+            "readout",
+            "it does not add up scores of populations of one size",
+            measured=f"sizes {found}, {len(readout.weights)} weights",
+            fix="Name populations of one size, each with its weight.",
+        )
 
 
 def _check_view(view: InputView, network: Network) -> None:

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.io.shown import shown
 from locsnn_compile.network.matrices import Matrix, fan_out, matrix
 from locsnn_compile.network.neurons import Neuron, Parameter, spread
 
@@ -68,6 +69,8 @@ class ChipCuba(ChipNeuron):
 
     It spikes where ``v(t) > 64 * threshold``; then v = 0, and stays so without a spike for ``refractory - 1`` steps.
     """
+
+    __repr__ = shown
 
     bias_mantissa: IntArray
     bias_exponent: IntArray
@@ -159,6 +162,8 @@ class ChipSrm(ChipNeuron):
     refractory weight: the potential is the sum of all, and may be as many times as large.
     """
 
+    __repr__ = shown
+
     refractory: RefractoryDendrite | RefractoryTaps
     dendrites: int = 1
 
@@ -230,6 +235,8 @@ class ChipProjection:
     ``delay`` in steps: one for all, or an array like the matrix's values. ``dendrite`` is that of the target's alpha
     dendrites which the charge reaches. Several projections may join the same ends: their weights add up.
     """
+
+    __repr__ = shown
 
     source: str
     target: str

@@ -14,6 +14,7 @@ from scipy import sparse
 
 from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.arithmetic.whole import whole_numbers
+from hw_model.errors import InputError
 
 Values = npt.NDArray[Any]
 Matrix: TypeAlias = Any
@@ -35,6 +36,18 @@ def matrix(given: Any, dtype: npt.DTypeLike) -> Matrix:
     array = _of_type(given, dtype)
     array.setflags(write=False)
     return array
+
+
+def held_matrix(given: Any, where: str) -> Matrix:
+    """Return a matrix of float64 that nobody changes: what is given, where it is one, else a copy."""
+    values = given.data if sparse.issparse(given) else given
+    if isinstance(values, np.ndarray) and values.dtype == np.float64 and not values.flags.writeable:
+        return given
+    try:
+        return matrix(given, np.float64)
+    except (TypeError, ValueError):
+        fix = "Give one row a target and one column a source."
+        raise InputError(where, "the weights are not an array of numbers", fix=fix) from None
 
 
 def _of_type(given: npt.ArrayLike, dtype: npt.DTypeLike) -> Values:

@@ -13,11 +13,13 @@ import numpy as np
 import numpy.typing as npt
 
 from hw_model.arithmetic.fixed_point import IntArray
-from hw_model.mapping.graph import Axis, Readout
+from hw_model.io.shown import shown
+from hw_model.mapping.graph import Axis
+from hw_model.mapping.graph import Readout as Readout
 from locsnn_compile.data.expected import Expected
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.network.chip_neurons import ChipProjection
-from locsnn_compile.network.matrices import Matrix, fan_out
+from locsnn_compile.network.matrices import Matrix, fan_out, held_matrix
 from locsnn_compile.network.neurons import FloatArray, Neuron
 
 
@@ -29,6 +31,8 @@ class InputView:
     at step ``i // together``: an event of it at time step t spikes on line ``(i % together) * (lines // together) + t``
     there. After the walk follow ``silence`` steps without events, in which the last ones still go through the layers.
     """
+
+    __repr__ = shown
 
     name: str
     axis: Axis
@@ -72,6 +76,8 @@ class InputView:
 class Population:
     """``size`` neurons of one model that step along one axis."""
 
+    __repr__ = shown
+
     name: str
     axis: Axis
     size: int
@@ -98,6 +104,8 @@ class Projection:
     values: (n_target, n_source), or (entries,) of a sparse one. The source may be the target, or come after it.
     """
 
+    __repr__ = shown
+
     source: str
     target: str
     weights: Matrix
@@ -105,6 +113,10 @@ class Projection:
 
     on_grid: ClassVar[bool] = False
     dendrite: ClassVar[int] = 0
+
+    def __post_init__(self) -> None:
+        where = f"projection {self.source!r} -> {self.target!r}"
+        object.__setattr__(self, "weights", held_matrix(self.weights, where))
 
     @property
     def held(self) -> Matrix:
@@ -118,22 +130,27 @@ class Projection:
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """A trained network: views of one recording, populations, projections and a readout."""
+    """A trained network: views of one recording, populations, projections and a readout.
+
+    :func:`load` reads one from a file; one is made by hand from its parts, with numpy arrays for weights.
+    """
+
+    __repr__ = shown
 
     name: str
     channels: int
     steps: int
     """Time steps of a recording; a shorter one is followed by silence."""
-    step_seconds: float | None
-    """Seconds of a time step; None where neither its file nor the user says it."""
-    fingertips: int | None
-    """Fingertips of 39 taxels and two polarities, where the channels are those of a tactile sensor."""
     views: tuple[InputView, ...]
     populations: tuple[Population, ...]
     projections: tuple[Projection | ChipProjection, ...]
     readout: Readout
-    sha256: str
-    """Of the file that it was read from."""
+    step_seconds: float | None = None
+    """Seconds of a time step; None where neither its file nor the user says it."""
+    fingertips: int | None = None
+    """Fingertips of 39 taxels and two polarities, where the channels are those of a tactile sensor."""
+    sha256: str = ""
+    """Of the file that it was read from; nothing where it was made by hand."""
     recordings: Recordings | None = None
     """A few recordings that the file carries for the check."""
     origin: object | None = None

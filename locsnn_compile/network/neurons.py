@@ -19,6 +19,8 @@ import numpy.typing as npt
 
 from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.arithmetic.whole import whole_numbers
+from hw_model.errors import InputError
+from hw_model.io.shown import shown
 
 FloatArray = npt.NDArray[np.float64]
 Number = TypeVar("Number", np.float64, np.int64)
@@ -162,6 +164,8 @@ class Cuba(Leaky):
     kept: plain leaky integrate-and-fire (TLIF, LLIF); with ``decay_v`` 0 as well, integrate-and-fire.
     """
 
+    __repr__ = shown
+
     bias: FloatArray
     refractory: IntArray
     rule: Rule = ">"
@@ -201,6 +205,8 @@ class SoftCuba(Leaky):
     ``(1 - decay_v) * threshold``. Every parameter is an array (n,).
     """
 
+    __repr__ = shown
+
     drop: FloatArray
 
     musts: ClassVar[Musts] = {**Leaky.musts, "drop": NOT_NEGATIVE}
@@ -217,6 +223,11 @@ def alpha_taps(tau: float, factor: float, steps: int = MAX_TAPS) -> FloatArray:
 def spread(value: npt.ArrayLike, size: int, dtype: type[Number]) -> npt.NDArray[Number]:
     """Return a read-only array (size,) of a number or of as many numbers; integers must be whole."""
     given = whole_numbers(value) if issubclass(dtype, np.integer) else np.asarray(value, dtype=dtype)
+    if given.shape not in ((), (1,), (size,)):
+        measured = f"{given.shape} against ({size},)"
+        raise InputError(
+            "neurons", "a parameter has the wrong shape", measured=measured, fix="Give one number a neuron."
+        )
     array = np.broadcast_to(given, (size,)).astype(dtype)
     array.setflags(write=False)
     return array

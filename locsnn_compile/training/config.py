@@ -10,6 +10,7 @@ from typing import Annotated, Any, NamedTuple, cast, get_args, get_type_hints
 import yaml
 
 from hw_model.arithmetic.weights import WEIGHT_BITS
+from hw_model.io.shown import shown
 from hw_model.io.yaml_text import load_yaml
 from locsnn_compile.data.taxel_graph import GRAPHS
 from locsnn_compile.errors import InputError, did_you_mean
@@ -79,6 +80,8 @@ class TrainingConfig:
     - ``pruned``: this share of each population's weights, the smallest of the start, is 0 and stays so.
     - ``spike_cost`` is added to the loss for every spike of a hidden neuron, averaged over neurons and recordings.
     """
+
+    __repr__ = shown
 
     model: Annotated[str, tuple(ARCHITECTURES)] = "hybrid"
     order: str = "loop"

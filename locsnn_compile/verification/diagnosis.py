@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hw_model.engine.trace import ByteArray
+from hw_model.io.shown import shown
 from locsnn_compile.network.network import Network
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.verification.error_budget.budget import StageErrors, error_budget
@@ -28,6 +29,8 @@ class Diagnosis:
     ``budget`` is None where every population is on the grid from the start: nothing is rounded, and there is nothing to
     take apart. ``cause`` is None where no spike differs, or there is no budget.
     """
+
+    __repr__ = shown
 
     recordings: tuple[int, ...]
     available: int

@@ -11,6 +11,7 @@ import numpy.typing as npt
 import hw_model as hw
 from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.engine.trace import ByteArray
+from hw_model.io.shown import shown
 from hw_model.mapping.graph import Axis
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import FloatArray
@@ -77,6 +78,8 @@ class Excerpt:
     ``first`` is where both sides first differ; None where they never do, and the first recording is shown.
     ``populations_left_out`` is how many are not among ``populations``.
     """
+
+    __repr__ = shown
 
     recording: int
     first: Divergence | None

@@ -15,6 +15,7 @@ from hw_model.accounting.usage import PhaseUsage, added_usage, measure, total_ns
 from hw_model.description.counts import Counts, total
 from hw_model.description.profile import Range
 from hw_model.engine.trace import ByteArray
+from hw_model.io.shown import shown
 from hw_model.simulation import SimulationResult
 from locsnn_compile.baselines.operations import network_additions
 from locsnn_compile.errors import InputError
@@ -83,6 +84,8 @@ class Match:
     profile, and ``latency_range_ns`` the least and most of their mean where the profile has ranges; ``usage`` says by
     phase what they did step by step, ``additions`` the reference's operations by axis over all recordings.
     """
+
+    __repr__ = shown
 
     samples: int
     events_source: str

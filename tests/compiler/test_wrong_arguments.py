@@ -32,12 +32,12 @@ def network():
 
 
 WITHOUT = [
-    ("a path for a network", lambda: lc.compile("model.pt"), f"compile, network: it must be a Network (got str 'model.pt'). {NETWORK}"),
-    ("a Path for a network", lambda: lc.compile(Path("model.pt")), f"compile, network: it must be a Network (got PosixPath PosixPath('model.pt')). {NETWORK}"),
-    ("nothing for a network", lambda: lc.compile(None), f"compile, network: it must be a Network (got NoneType None). {NETWORK}"),
+    ("a path for a network", lambda: lc.compile("model.pt"), f"compile, network: it must be a Network or Checkpoint (got str 'model.pt'). {NETWORK}"),
+    ("a Path for a network", lambda: lc.compile(Path("model.pt")), f"compile, network: it must be a Network or Checkpoint (got PosixPath PosixPath('model.pt')). {NETWORK}"),
+    ("nothing for a network", lambda: lc.compile(None), f"compile, network: it must be a Network or Checkpoint (got NoneType None). {NETWORK}"),
     ("a path for a build", lambda: lc.verify("build", "d.npz"), "verify, compiled: it must be a CompiledModel (got str 'build'). Make one with lc.compile(network)."),
     ("a diagnosis of a path", lambda: lc.diagnose("build", "d.npz"), "diagnose, compiled: it must be a CompiledModel (got str 'build'). Make one with lc.compile(network)."),
-    ("a number for a model", lambda: lc.load(3), "load, model: it must be a str or Path (got int 3). Correct it."),
+    ("a number for a model", lambda: lc.load(3), "load, model: it must be a str or Path or Checkpoint (got int 3). Correct it."),
     ("a step of text", lambda: lc.load("m.nir", dt="1e-3"), "load, dt: it must be a float (got str '1e-3'). Correct it."),
     ("a model of a long name", lambda: lc.load(f"{LONG}.pt"), f"model '{LONG[:60]}...': the name is too long (303 bytes). Shorten it."),
     ("a model of a NUL", lambda: lc.load("a\0.pt"), r"model 'a\x00.pt': it holds a NUL character. Give the path of a file."),

@@ -17,7 +17,7 @@ import pytest
 import locsnn_compile as lc
 from hw_model.io.build_folder import default_folder, write_build
 from locsnn_compile.backends import LEVEL_KINDS
-from locsnn_compile.cli.compile import build_files, main
+from locsnn_compile.cli.compile import main
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "compiler"))
 from networks import hybrid, recordings
@@ -65,7 +65,7 @@ def renamed(name):
 def test_names_of_populations(name, tmp_path):
     network = renamed(name)
     compiled = lc.compile(network, events=recordings(network))
-    files = build_files(compiled, [*LEVEL_KINDS, "csv"])
+    files = compiled.files([*LEVEL_KINDS, "csv"])
     page = files["report.html"].decode()
     assert len(page) < 2_000_000
     found = Tags(page)

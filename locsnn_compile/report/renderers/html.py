@@ -68,6 +68,16 @@ def render_page(report: content.Report, kind: str, footer: str) -> str:
 """
 
 
+def render_summary(document: content.Document) -> str:
+    """Return the three verdicts as a table for a notebook, without a style of its own."""
+    report = compose(document)
+    rows = "".join(
+        f"<tr><th>{SIGNS[one.status]} {text(one.question)} {text(one.answer)}</th><td>{text(one.sentence)}</td></tr>"
+        for one in report.verdicts
+    )
+    return f"<p><strong>{text(report.title)}</strong><br>{text(report.subtitle)}</p><table>{rows}</table>"
+
+
 def text(value: str) -> str:
     """Return a string safe in text and in quoted attributes; one that is absurdly long, cut."""
     return escape(shortened(plain(value), _LONGEST))

@@ -1,0 +1,42 @@
+"""What a value is, in one line: arrays by their shape, long sequences by their number, texts cut."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+_PLAIN = (str, int, float, type(None))
+_LONGEST, _LONGEST_TEXT, _MOST_ITEMS = 400, 40, 4
+
+
+def shown(value: Any) -> str:
+    """Return what a dataclass holds, but for usual values, in a line of at most 400 characters: its ``__repr__``."""
+    parts = ((field, getattr(value, field.name)) for field in fields(value) if field.repr)
+    said = ", ".join(
+        f"{field.name}={_part(part)}"
+        for field, part in parts
+        if not (isinstance(part, _PLAIN) and part == field.default)
+    )
+    return f"{_cut(f'{type(value).__name__}({said}', _LONGEST)})"
+
+
+def _part(value: Any) -> str:
+    """Return a field's value: itself where that is short, else what it is."""
+    if hasattr(value, "shape") and hasattr(value, "dtype"):
+        return str(value) if value.shape == () else f"<{value.dtype} {value.shape}>"
+    if is_dataclass(value):
+        name = getattr(value, "name", None)
+        return f"<{type(value).__name__}{f' {_part(name)}' if isinstance(name, str) else ''}>"
+    if isinstance(value, str | bytes):
+        return repr(value) if len(value) <= _LONGEST_TEXT else f"{value[:_LONGEST_TEXT]!r}..."
+    if isinstance(value, Mapping):
+        return f"<{len(value)} entries>"
+    if isinstance(value, Collection) and not isinstance(value, range):
+        few = len(value) <= _MOST_ITEMS
+        return f"({', '.join(map(_part, value))})" if few else f"<{len(value)} items>"
+    return _cut(repr(value), _LONGEST_TEXT)
+
+
+def _cut(text: str, most: int) -> str:
+    return text if len(text) <= most else f"{text[:most]}..."

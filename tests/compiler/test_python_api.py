@@ -1,0 +1,192 @@
+"""What people use from Python: names of all that they meet, one line on each, networks by hand, folders and pages."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import typing
+from dataclasses import is_dataclass, replace
+
+import numpy as np
+import pytest
+from networks import hybrid, recordings
+
+import hw_model as hw
+import locsnn_compile as lc
+from hw_model.io.shown import shown
+from locsnn_compile.data.recordings import Recordings
+
+PUBLIC = {name: getattr(package, name) for package in (hw, lc) for name in package.__all__}
+NEURON = {"decay_v": 0.1, "threshold": 1.0}
+
+
+def by_hand(**changes):
+    """Four channels onto three neurons onto two."""
+    made = lc.Network(
+        "by-hand",
+        4,
+        12,
+        views=(lc.InputView("touch", "time", 4),),
+        populations=(
+            lc.Population("hidden", "time", 3, lc.Cuba.of(3, **NEURON)),
+            lc.Population("scores", "time", 2, lc.Cuba.of(2, **NEURON)),
+        ),
+        projections=(
+            lc.Projection("touch", "hidden", [[0.9, 0.1, 0.2, 0.3]] * 3),
+            lc.Projection("hidden", "scores", np.full((2, 3), 0.8, dtype=np.float32)),
+        ),
+        readout=lc.Readout(("scores",), (1.0,)),
+    )
+    return replace(made, **changes)
+
+
+@pytest.fixture(scope="module")
+def compiled():
+    network = hybrid(scale=30.0)
+    return lc.compile(network, events=recordings(network, rate=0.6), labels=[0, 1, 0])
+
+
+@pytest.fixture(scope="module")
+def values(compiled):
+    """One of every public type that holds much."""
+    spikes = recordings(compiled.network)
+    result = hw.simulate(compiled.program, spikes)
+    program = compiled.program
+    return {
+        "CompiledModel": compiled,
+        "Network": compiled.network,
+        "InputView": compiled.network.views[1],
+        "Population": compiled.network.populations[0],
+        "Projection": compiled.network.projections[0],
+        "Cuba": lc.Cuba.of(500, **NEURON),
+        "ChipCuba": lc.ChipCuba.of(500, decay_u=1, decay_v=2, threshold=3),
+        "Levels": compiled.levels,
+        "Match": compiled.match,
+        "Choice": compiled.choice,
+        "Excerpt": compiled.excerpt,
+        "Diagnosis": lc.diagnose(compiled, spikes),
+        "Recordings": Recordings(spikes, None, None, "array"),
+        "TrainingConfig": lc.TrainingConfig(epochs=3),
+        "ErrorBudget": lc.ErrorBudget(0.5),
+        "Chip": program.chip,
+        "ChipProgram": program,
+        "SimulationResult": result,
+        "Profile": program.chip.profile("davies2018"),
+        "StepScores": hw.Session(program).push(spikes[0]),
+        "Stops": hw.stop_when_proven(program, spikes),
+        "ProgramBuilder": hw.ProgramBuilder(program.chip),
+        "Session": hw.Session(program),
+        "Latency": compiled.match.latencies[0],
+        "CoreRange": hw.prove_range(program)[0],
+    }
+
+
+def test_every_public_value_says_what_it_is_in_a_line(values):
+    for name, value in values.items():
+        assert type(value).__name__ == name
+        assert len(repr(value)) <= 450, name
+        assert "\n" not in repr(value), name
+
+
+def test_every_large_public_type_has_such_a_line():
+    """A dataclass whose arrays or parts would be printed whole."""
+    own = {name for name, kind in PUBLIC.items() if is_dataclass(kind) and kind.__repr__ is not shown}
+    assert own == {
+        *("CompiledModel", "Counts", "Divergence", "EpochRecord", "ErrorBudget", "Expected"),
+        *("PopulationMatch", "Probe", "Readout", "SrmAlpha"),
+    }
+
+
+def test_what_the_lines_say(compiled):
+    assert repr(compiled).startswith(
+        "<CompiledModel 'small-hybrid' on loihi-sim: The chip predicts the same class as the float network in 1 of 1 "
+    )
+    assert repr(compiled.network.populations[0]) == (
+        "Population(name='time_hidden', axis='time', size=3, neuron=<SrmAlpha>)"
+    )
+    assert repr(lc.Projection("a" * 99, "b", np.ones((2, 3)))) == (
+        f"Projection(source='{'a' * 40}'..., target='b', weights=<float64 (2, 3)>)"
+    )
+    assert repr(lc.TrainingConfig(epochs=3, theta=2.5)) == "TrainingConfig(epochs=3, theta=2.5)"
+
+
+def own_types(hint):
+    """Give the types of our own in an annotation."""
+    if typing.get_args(hint):
+        return set().union(*(own_types(part) for part in typing.get_args(hint)))
+    return {hint} if inspect.isclass(hint) and hint.__module__.startswith(("hw_model", "locsnn_compile")) else set()
+
+
+def test_every_type_of_a_public_function_can_be_imported():
+    functions = [value for value in PUBLIC.values() if inspect.isfunction(value)]
+    functions += [getter.fget for getter in vars(lc.CompiledModel).values() if isinstance(getter, property)]
+    found = set().union(*(own_types(hint) for f in functions for hint in typing.get_type_hints(f).values()))
+    found |= set().union(*(own_types(hint) for hint in typing.get_type_hints(lc.CompiledModel).values()))
+    assert {kind.__name__ for kind in found} - set(PUBLIC) == set()
+    assert {lc.Match, lc.Network, lc.Checkpoint, hw.Profile} <= found
+
+
+def test_a_folder_holds_what_the_command_writes(compiled, tmp_path):
+    compiled.save(tmp_path / "build")
+    names = {"program.yaml", "program.npz", "report.json", "report.md", "report.html"}
+    assert {file.name: file.read_bytes() for file in (tmp_path / "build").iterdir()} == compiled.files()
+    assert set(compiled.files()) == names
+    assert json.loads((tmp_path / "build/report.json").read_bytes()) == json.loads(json.dumps(compiled.report))
+    assert hw.load_program(tmp_path / "build").populations == compiled.program.populations
+    assert compiled.to_html().encode() == compiled.files()["report.html"]
+
+
+def test_a_folder_that_cannot_be_written_is_refused(compiled, tmp_path):
+    (tmp_path / "file").write_text("mine")
+    with pytest.raises(lc.InputError, match="cannot be written"):
+        compiled.save(tmp_path / "file")
+    assert (tmp_path / "file").read_text() == "mine"
+
+
+def test_a_notebook_shows_the_summary(compiled):
+    page = compiled._repr_html_()
+    assert page.startswith("<p><strong>small-hybrid on loihi-sim</strong>")
+    for question in ("Does it match?", "What does it cost?", "Does it fit?"):
+        assert question in page
+    assert "<script" not in page + compiled.to_html()
+
+
+def test_a_notebook_shows_names_as_text(compiled):
+    report = compiled.report | {"model": {"name": "<script>", "sha256": ""}}
+    assert "<script" not in replace(compiled, report=report)._repr_html_()
+
+
+def test_a_network_by_hand():
+    network = by_hand()
+    found = lc.compile(network, events=recordings(network), diagnosis=False)
+    assert found.match.spikes.reference_spikes > 0
+    assert network.projections[0].weights.dtype == np.float64
+    assert not network.projections[0].weights.flags.writeable
+
+
+def test_what_a_network_holds_stays_as_it_was():
+    weights = np.ones((2, 3))
+    held = lc.Projection("a", "b", weights)
+    weights[0, 0] = 7
+    assert held.weights[0, 0] == 1
+    assert replace(held, target="c").weights is held.weights
+
+
+ONE = lc.Projection("touch", "hidden", np.ones((3, 4)))
+BROKEN = [
+    ("weights that are words", lambda: lc.Projection("touch", "hidden", [["a"]]), "projection 'touch' -> 'hidden': the weights are not an array of numbers. Give one row a target and one column a source."),
+    ("rows of two lengths", lambda: lc.Projection("touch", "hidden", [[1.0], [1.0, 2.0]]), "projection 'touch' -> 'hidden': the weights are not an array of numbers. Give one row a target and one column a source."),
+    ("parameters of other neurons", lambda: lc.Cuba.of(3, decay_v=[0.1, 0.2], threshold=1.0), "neurons: a parameter has the wrong shape ((2,) against (3,)). Give one number a neuron."),
+    ("weights the other way round", lambda: lc.compile(by_hand(projections=(replace(ONE, weights=np.ones((4, 3))),))), "projection 'touch' -> 'hidden': the weights have the wrong shape ((4, 3) against (3, 4)). Give one row a target and one column a source."),
+    ("scores of nobody", lambda: lc.compile(by_hand(readout=lc.Readout(("score",), (1.0,)))), "readout: there is no population 'score'. Did you mean 'scores'?"),
+    ("scores of two sizes", lambda: lc.compile(by_hand(readout=lc.Readout(("scores", "hidden"), (1.0, 1.0)))), "readout: it does not add up scores of populations of one size (sizes [2, 3], 2 weights). Name populations of one size, each with its weight."),
+    ("scores without weights", lambda: lc.compile(by_hand(readout=lc.Readout(("scores",), ()))), "readout: it does not add up scores of populations of one size (sizes [2], 0 weights). Name populations of one size, each with its weight."),
+    ("no scores", lambda: lc.compile(by_hand(readout=lc.Readout((), ()))), "readout: it does not add up scores of populations of one size (sizes [], 0 weights). Name populations of one size, each with its weight."),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("call", "message"), [row[1:] for row in BROKEN], ids=[row[0] for row in BROKEN])
+def test_a_network_by_hand_that_is_none_is_refused(call, message):
+    with pytest.raises(lc.InputError) as found:
+        call()
+    assert str(found.value) == message
