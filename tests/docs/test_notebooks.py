@@ -1,0 +1,54 @@
+"""The notebooks of the examples: they run from top to bottom, and keep no output in the repository."""
+
+from __future__ import annotations
+
+import ast
+import json
+import shutil
+
+import pytest
+from fences import ROOT, name
+
+NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=name)
+def test_a_notebook_is_kept_without_what_it_printed(path):
+    for cell in json.loads(path.read_text("utf-8"))["cells"]:
+        if cell["cell_type"] == "code":
+            assert (cell["outputs"], cell["execution_count"]) == ([], None)
+            ast.parse("".join(cell["source"]))
+
+
+def test_the_two_are_there():
+    assert [path.name for path in NOTEBOOKS] == ["recordings_to_report.ipynb", "snntorch_to_report.ipynb"]
+
+
+def run(path, folder):
+    """Run a notebook in a copy of the examples; return what its cells showed."""
+    import nbformat
+    from nbclient import NotebookClient
+
+    shutil.copytree(ROOT / "examples", folder / "examples", dirs_exist_ok=True)
+    notebook = nbformat.read(path, as_version=4)
+    NotebookClient(notebook, timeout=600, resources={"metadata": {"path": str(folder / "examples")}}).execute()
+    return [output for cell in notebook.cells for output in cell.get("outputs", [])]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=name)
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_a_notebook_runs_and_shows_the_summary(path, tmp_path):
+    shown = run(path, tmp_path)
+    assert [output for output in shown if "Does it match?" in output.get("data", {}).get("text/html", "")]
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_a_notebook_that_fails_is_found(tmp_path):
+    from nbclient.exceptions import CellExecutionError
+
+    broken = NOTEBOOKS[0].read_text("utf-8").replace("motions.npz", "absent.npz")
+    (tmp_path / "broken.ipynb").write_text(broken)
+    with pytest.raises(CellExecutionError, match="it does not exist"):
+        run(tmp_path / "broken.ipynb", tmp_path)
