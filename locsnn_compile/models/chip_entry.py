@@ -129,19 +129,17 @@ def _neuron(strategy: str, size: int, numbers: Mapping[str, int], own: list[list
     if strategy == "reset":
         refractory = numbers["refractory"]
         return ChipCuba.of(size, decay_u=decay, decay_v=decay, threshold=threshold, refractory=refractory)
-    if strategy == "delay-line":
-        mantissa, exponent, delay = np.array(own, dtype=np.int64).reshape(-1, 3).T
-        return ChipSrm.with_taps(
-            size, decay=decay, threshold=threshold, delay=delay, mantissa=mantissa, exponent=exponent
-        )
-    refractory_mantissa, refractory_exponent, _ = own[0] if own else (0, 0, 0)
-    return ChipSrm.with_dendrite(
+    # A refractory dendrite has one synapse, if only of weight 0.
+    dendrite = strategy == "dendrite"
+    mantissa, exponent, delay = np.array(own or ([[0, 0, 0]] if dendrite else []), dtype=np.int64).reshape(-1, 3).T
+    return ChipSrm.with_taps(
         size,
         decay=decay,
         threshold=threshold,
-        refractory_decay=numbers["refractory_decay"],
-        refractory_mantissa=refractory_mantissa,
-        refractory_exponent=refractory_exponent,
+        mantissa=mantissa,
+        exponent=exponent,
+        delay=delay,
+        refractory_decay=numbers["refractory_decay"] if dendrite else None,
     )
 
 

@@ -9,6 +9,7 @@ int64 array (n,).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -55,7 +56,7 @@ class ChipNeuron(Neuron):
         return {}
 
     @property
-    def own(self) -> dict[str, RefractoryTaps]:
+    def own(self) -> dict[str, Refractory]:
         """Self-synapses by the kind of dendrite that they reach."""
         return {}
 
@@ -76,6 +77,8 @@ class ChipCuba(ChipNeuron):
     bias_exponent: IntArray
     refractory: IntArray
 
+    usual: ClassVar[Mapping[str, float]] = {"bias_mantissa": 0, "bias_exponent": 0, "refractory": 1}
+
     @property
     def biased(self) -> npt.NDArray[np.bool_]:
         """Which neurons have a bias."""
@@ -86,67 +89,29 @@ class ChipCuba(ChipNeuron):
         """Bias and refractory count."""
         return {key: getattr(self, key) for key in ("bias_mantissa", "bias_exponent", "refractory")}
 
-    @classmethod
-    def of(
-        cls,
-        size: int,
-        *,
-        decay_u: npt.ArrayLike,
-        decay_v: npt.ArrayLike,
-        threshold: npt.ArrayLike,
-        bias_mantissa: npt.ArrayLike = 0,
-        bias_exponent: npt.ArrayLike = 0,
-        refractory: npt.ArrayLike = 1,
-    ) -> ChipCuba:
-        """Make ``size`` neurons; each parameter is one integer for all, or an array (size,)."""
-        given = (decay_u, decay_v, threshold, bias_mantissa, bias_exponent, refractory)
-        return cls(*(integers(value, size) for value in given))
-
 
 @dataclass(frozen=True, eq=False)
-class RefractoryDendrite:
-    """A second dendrite, which own spikes drive by the effective weight ``64 * floor(mantissa * 2^exponent)``.
-
-    ``s(t) = rz(s(t - 1), decay) + q_own(t)``, ``r(t) = rz(r(t - 1), decay) + s(t)``. Mantissas are -255..255, below 0
-    where a spike inhibits.
-    """
-
-    decay: IntArray
-    mantissa: IntArray
-    exponent: int
-
-    @property
-    def taps(self) -> RefractoryTaps:
-        """The self-synapses that reach it."""
-        return RefractoryTaps(np.zeros(1, np.int64), self.mantissa[None], np.array([self.exponent]))
-
-    def parameters(self, size: int) -> list[Parameter]:
-        """Return its arrays."""
-        return [
-            Parameter("refractory decay", self.decay, (size,)),
-            Parameter("refractory mantissa", self.mantissa, (size,)),
-        ]
-
-
-@dataclass(frozen=True, eq=False)
-class RefractoryTaps:
-    """Own spikes come back to the alpha dendrite through delayed self-synapses, one row a tap.
+class Refractory:
+    """Own spikes come back through self-synapses, one row a tap: to the alpha dendrite, or to one of their own.
 
     Tap k has a ``delay[k]`` in steps and an ``exponent[k]``, both (taps,), and mantissas ``mantissa[k]``, (taps, n),
-    -255..255. The weights of one delay add up.
+    -255..255, below 0 where a spike inhibits. The weights of one delay add up. With a ``decay`` (n,) they drive a
+    refractory dendrite: ``s(t) = rz(s(t - 1), decay) + q_own(t)``, ``r(t) = rz(r(t - 1), decay) + s(t)``.
     """
 
     delay: IntArray
     mantissa: IntArray
     exponent: IntArray
+    decay: IntArray | None = None
 
     def parameters(self, size: int) -> list[Parameter]:
         """Return its arrays."""
         taps = len(self.delay)
-        return [
+        found = [
             Parameter("tap exponent", self.exponent, (taps,)),
             Parameter("tap mantissa", self.mantissa, (taps, size)),
         ]
+        return found if self.decay is None else [Parameter("refractory decay", self.decay, (size,)), *found]
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,32 +122,15 @@ class ChipSrm(ChipNeuron):
         v(t) = rz(v(t - 1), decay_v) + u(t)
         potential(t) = v(t) + r(t)                           r of a refractory dendrite; without one, 0
 
-    It spikes where ``potential(t) > 64 * threshold``; nothing is reset. With taps, own spikes are part of ``q``. A
-    neuron may have ``dendrites`` of both kinds, with the same decays, each with inputs of its own and own spikes of the
-    refractory weight: the potential is the sum of all, and may be as many times as large.
+    It spikes where ``potential(t) > 64 * threshold``; nothing is reset. Without a refractory dendrite, own spikes are
+    part of ``q``. A neuron may have ``dendrites`` of both kinds, with the same decays, each with inputs of its own and
+    own spikes of the refractory weight: the potential is the sum of all, and may be as many times as large.
     """
 
     __repr__ = shown
 
-    refractory: RefractoryDendrite | RefractoryTaps
+    refractory: Refractory
     dendrites: int = 1
-
-    @classmethod
-    def with_dendrite(
-        cls,
-        size: int,
-        *,
-        decay: npt.ArrayLike,
-        threshold: npt.ArrayLike,
-        refractory_decay: npt.ArrayLike,
-        refractory_mantissa: npt.ArrayLike,
-        refractory_exponent: int,
-    ) -> ChipSrm:
-        """Make ``size`` neurons of strategy ``dendrite``; a parameter is one integer for all, or an array (size,)."""
-        refractory = RefractoryDendrite(
-            integers(refractory_decay, size), integers(refractory_mantissa, size), int(refractory_exponent)
-        )
-        return cls(integers(decay, size), integers(decay, size), integers(threshold, size), refractory)
 
     @classmethod
     def with_taps(
@@ -191,37 +139,37 @@ class ChipSrm(ChipNeuron):
         *,
         decay: npt.ArrayLike,
         threshold: npt.ArrayLike,
-        delay: npt.ArrayLike,
         mantissa: npt.ArrayLike,
         exponent: npt.ArrayLike,
+        delay: npt.ArrayLike = 0,
+        refractory_decay: npt.ArrayLike | None = None,
     ) -> ChipSrm:
-        """Make ``size`` neurons of strategy ``delay-line``: taps (taps,), their mantissas (taps,) or (taps, size)."""
-        delays = np.asarray(delay)
-        each = np.asarray(mantissa)
+        """Make ``size`` neurons: taps (taps,), or one, their mantissas (taps,) or (taps, size); else as of others."""
+        delays, each = np.atleast_1d(delay), np.atleast_1d(mantissa)
         mantissas = np.broadcast_to(each[:, None] if each.ndim == 1 else each, (len(delays), size))
-        refractory = RefractoryTaps(
-            integers(delays, len(delays)), matrix(mantissas, np.int64), integers(exponent, len(delays))
+        own = None if refractory_decay is None else integers(refractory_decay, size)
+        refractory = Refractory(
+            integers(delays, len(delays)), matrix(mantissas, np.int64), integers(exponent, len(delays)), own
         )
         return cls(integers(decay, size), integers(decay, size), integers(threshold, size), refractory)
 
     @property
     def strategy(self) -> str:
         """The strategy that lays this neuron out."""
-        if isinstance(self.refractory, RefractoryTaps):
+        if self.refractory.decay is None:
             return "delay-line"
         return "dendrite" if self.dendrites == 1 else "paired-dendrite"
 
     @property
     def parts(self) -> dict[str, tuple[IntArray, IntArray]]:
         """The alpha dendrite, and the refractory one if there is any."""
-        own, alpha = self.refractory, {"dendrite": (self.decay_u, self.decay_v)}
-        return alpha if isinstance(own, RefractoryTaps) else alpha | {"refractory": (own.decay, own.decay)}
+        own, alpha = self.refractory.decay, {"dendrite": (self.decay_u, self.decay_v)}
+        return alpha if own is None else alpha | {"refractory": (own, own)}
 
     @property
-    def own(self) -> dict[str, RefractoryTaps]:
+    def own(self) -> dict[str, Refractory]:
         """Self-synapses onto the alpha dendrite, or onto the refractory one."""
-        own = self.refractory
-        return {"dendrite": own} if isinstance(own, RefractoryTaps) else {"refractory": own.taps}
+        return {"dendrite" if self.refractory.decay is None else "refractory": self.refractory}
 
     def parameters(self, size: int) -> list[Parameter]:
         """Return its arrays, those of the refractory part included."""

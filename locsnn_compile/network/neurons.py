@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal, NamedTuple, TypeVar
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +29,8 @@ Rule = Literal[">", ">="]
 SMALLEST = 0.01
 """slayerPytorch ends a kernel at the first lag beyond tau at which its magnitude is below this."""
 MAX_TAPS = 100_000
+_ARRAYS: dict[str, Any] = {"FloatArray": np.float64, "IntArray": np.int64}
+"""Annotation of a parameter that is an array -> its type."""
 
 
 class Must(NamedTuple):
@@ -68,7 +70,16 @@ class Neuron(ABC):
     """What a chip would have to have to hold it; by default, the model."""
     way_out: ClassVar[str] = "Use neurons that the chip has: SrmAlpha, Cuba or SoftCuba."
     """What to do where a chip has not what it needs."""
+    usual: ClassVar[Mapping[str, float]] = {}
+    """Parameters that :meth:`of` need not be given."""
     dendrites: int = 1
+
+    @classmethod
+    def of(cls, size: int, **given: Any) -> Self:
+        """Make ``size`` neurons by the names of their parameters: one number for all, or an array (size,)."""
+        kinds = {item.name: _ARRAYS.get(str(item.type)) for item in fields(cls)}  # type: ignore[arg-type]
+        values = {**cls.usual, **given}
+        return cls(**{k: v if (kind := kinds.get(k)) is None else spread(v, size, kind) for k, v in values.items()})
 
     def whole(self) -> Neuron:
         """Return it with the tails of its kernels, where it has kernels."""
@@ -171,27 +182,12 @@ class Cuba(Leaky):
     rule: Rule = ">"
 
     musts: ClassVar[Musts] = {**Leaky.musts, "bias": FINITE, "refractory": AT_LEAST_ONE}
+    usual: ClassVar[Mapping[str, float]] = {"decay_u": 1.0, "bias": 0.0, "refractory": 1}
 
     @property
     def biased(self) -> npt.NDArray[np.bool_]:
         """Which neurons have a bias."""
         return np.asarray(self.bias != 0)
-
-    @classmethod
-    def of(
-        cls,
-        size: int,
-        *,
-        decay_u: npt.ArrayLike = 1.0,
-        decay_v: npt.ArrayLike,
-        threshold: npt.ArrayLike,
-        bias: npt.ArrayLike = 0.0,
-        refractory: npt.ArrayLike = 1,
-        rule: Rule = ">",
-    ) -> Cuba:
-        """Make ``size`` neurons; each parameter is one number for all, or an array (size,)."""
-        u, v, theta, drive = (spread(value, size, np.float64) for value in (decay_u, decay_v, threshold, bias))
-        return cls(u, v, theta, drive, spread(refractory, size, np.int64), rule)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,14 +10,7 @@ import numpy as np
 from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.mapping.graph import Axis
 from hw_model.program.text import array_text
-from locsnn_compile.network.chip_neurons import (
-    ChipCuba,
-    ChipNeuron,
-    ChipProjection,
-    ChipSrm,
-    RefractoryDendrite,
-    RefractoryTaps,
-)
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipProjection, ChipSrm, Refractory
 from locsnn_compile.network.matrices import values_of
 from locsnn_compile.network.network import Network, Projection
 from locsnn_compile.network.neurons import Cuba, FloatArray, Leaky, Neuron, SoftCuba, SrmAlpha
@@ -110,15 +103,13 @@ def _decays_text(n: Leaky | ChipNeuron) -> str:
     return f"decay_u {_number_text(n.decay_u)}, decay_v {_number_text(n.decay_v)}"
 
 
-def _refractory_text(part: RefractoryDendrite | RefractoryTaps) -> str:
-    if isinstance(part, RefractoryDendrite):
-        return (
-            f"refractory dendrite of decay {array_text(part.decay)} and weight {array_text(part.mantissa)} * "
-            f"2^{part.exponent}"
-        )
+def _refractory_text(part: Refractory) -> str:
     taps = zip(part.delay.tolist(), part.mantissa, part.exponent.tolist(), strict=True)
-    weights = [f"{array_text(mantissa)} * 2^{exponent} after {delay}" for delay, mantissa, exponent in taps]
-    return f"{len(weights)} refractory taps: {', '.join(weights) or 'none'}"
+    weights = [(f"{array_text(mantissa)} * 2^{exponent}", delay) for delay, mantissa, exponent in taps]
+    if part.decay is not None:
+        return f"refractory dendrite of decay {array_text(part.decay)} and weight {weights[0][0]}"
+    after = [f"{weight} after {delay}" for weight, delay in weights]
+    return f"{len(weights)} refractory taps: {', '.join(after) or 'none'}"
 
 
 def _fit_text(fit: KernelFit) -> str:

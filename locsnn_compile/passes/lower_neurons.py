@@ -21,7 +21,7 @@ from hw_model.arithmetic.fixed_point import DECAY_ONE, IntArray
 from hw_model.arithmetic.weights import WEIGHT_BITS, SignMode, weight_grid
 from hw_model.description.chip import Chip
 from hw_model.mapping.graph import CompartmentGraph, Compartments, Input, Phase, Synapses, check_graph, read_only
-from locsnn_compile.network.chip_neurons import ChipProjection, RefractoryTaps, integers
+from locsnn_compile.network.chip_neurons import ChipProjection, Refractory, integers
 from locsnn_compile.network.matrices import connections, values_of
 from locsnn_compile.network.quantized import QuantizedNetwork, QuantizedPopulation
 
@@ -127,7 +127,7 @@ def _self_synapses(q: QuantizedPopulation, chip: Chip) -> list[Synapses]:
 def _own_synapses(
     name: str,
     target: str,
-    taps: RefractoryTaps,
+    taps: Refractory,
     here: npt.NDArray[np.bool_],
     sign_mode: SignMode,
     chip: Chip,

@@ -12,14 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hw_model.description.chip import Registers
-from locsnn_compile.network.chip_neurons import (
-    ChipCuba,
-    ChipNeuron,
-    ChipProjection,
-    ChipSrm,
-    RefractoryDendrite,
-    RefractoryTaps,
-)
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipProjection, ChipSrm
 from locsnn_compile.network.matrices import Matrix, values_of, with_values
 
 IntArray = npt.NDArray[np.int64]
@@ -72,23 +65,32 @@ def input_response(neuron: ChipNeuron, charge: IntArray, registers: Registers, s
 
 
 class ChipSrmSteps:
-    """SRM neurons (batch, n) of either strategy, of d dendrites each."""
+    """SRM neurons (batch, n) of d dendrites each, whose own spikes come back after the delay of each tap."""
 
     def __init__(self, neuron: ChipSrm, registers: Registers, batch: int) -> None:
         self._threshold, self._registers = 64 * neuron.threshold, registers
-        self._dendrites = neuron.dendrites
+        self._dendrites, own = neuron.dendrites, neuron.refractory
         decay_u, decay_v = (np.tile(decay, neuron.dendrites) for decay in (neuron.decay_u, neuron.decay_v))
         self._alpha = Filter(decay_u, decay_v, registers, batch)
-        part = neuron.refractory
-        self._own = _Dendrite(part, registers, batch) if isinstance(part, RefractoryDendrite) else _Taps(part, batch)
+        self._pull = None if own.decay is None else Filter(own.decay, own.decay, registers, batch)
+        self._taps = list(zip(own.delay, effective(own.mantissa, own.exponent[:, None]), strict=True))
         self.fired = np.zeros((batch, len(neuron.threshold)), dtype=np.bool_)
+        length = int(own.delay.max(initial=0)) + 1
+        self._past = deque([np.zeros_like(self.fired)] * length, maxlen=length)
 
     def step(self, arriving: IntArray) -> tuple[BoolArray, IntArray]:
         """Take the charge that arrives from others, (batch, d n), dendrite by dendrite; return spikes and the potential
         that decided them, (batch, n)."""
-        charge, pull = self._own.step(self.fired)
-        alpha = self._alpha.step(arriving + np.tile(charge, self._dendrites))
-        summed = alpha.reshape(len(alpha), self._dendrites, -1).sum(axis=1) + self._dendrites * pull
+        self._past.appendleft(self.fired)
+        own = np.zeros(self.fired.shape, dtype=np.int64)
+        for delay, weights in self._taps:
+            own += weights * self._past[delay]
+        if self._pull is None:
+            arriving = arriving + np.tile(own, self._dendrites)
+        alpha = self._alpha.step(arriving)
+        summed = alpha.reshape(len(alpha), self._dendrites, -1).sum(axis=1)
+        if self._pull is not None:
+            summed += self._dendrites * self._pull.step(own)
         potential = _clipped(summed, self._registers)
         self.fired = potential > self._threshold
         return self.fired, potential
@@ -118,37 +120,6 @@ def _by_reset(neuron: ChipCuba, registers: Registers, steps: int) -> IntArray:
     state.blocked[:] = neuron.refractory - 1
     charge = state.u - kept(state.u, neuron.decay_u)
     return np.concatenate([state.step(charge)[1] - held for _ in range(steps)])
-
-
-class _Dendrite:
-    """Own spikes through a dendrite of their own, whose voltage joins at the soma."""
-
-    def __init__(self, part: RefractoryDendrite, registers: Registers, batch: int) -> None:
-        self._weight = effective(part.mantissa, part.exponent)
-        self._filter = Filter(part.decay, part.decay, registers, batch)
-
-    def step(self, fired: BoolArray) -> tuple[IntArray, IntArray]:
-        """Take the spikes of the step before; return what joins the alpha dendrite's charge, and the soma's voltage."""
-        return np.zeros_like(fired, dtype=np.int64), self._filter.step(self._weight * fired)
-
-
-class _Taps:
-    """Own spikes back to the alpha dendrite, each tap after its delay."""
-
-    def __init__(self, part: RefractoryTaps, batch: int) -> None:
-        self._weights = effective(part.mantissa, part.exponent[:, None])
-        self._delays = part.delay
-        length = int(part.delay.max(initial=0)) + 1
-        silence = np.zeros((batch, part.mantissa.shape[1]), dtype=np.bool_)
-        self._past = deque([silence] * length, maxlen=length)
-
-    def step(self, fired: BoolArray) -> tuple[IntArray, IntArray]:
-        """Take the spikes of the step before; return what joins the alpha dendrite's charge, and the soma's voltage."""
-        self._past.appendleft(fired)
-        charge = np.zeros(fired.shape, dtype=np.int64)
-        for delay, weights in zip(self._delays, self._weights, strict=True):
-            charge += weights * self._past[delay]
-        return charge, np.zeros_like(charge)
 
 
 class ChipCubaSteps:

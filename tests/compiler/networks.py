@@ -130,13 +130,13 @@ def chip_neuron(r, size):
             refractory=r.integers(1, 6, size=size),
         )
     if kind == 1:
-        return ChipSrm.with_dendrite(
+        return ChipSrm.with_taps(
             size,
             decay=decay[0],
             threshold=threshold,
             refractory_decay=decay[1],
-            refractory_mantissa=r.integers(-255, 1, size=size),
-            refractory_exponent=int(r.integers(-2, 8)),
+            mantissa=r.integers(-255, 1, size=(1, size)),
+            exponent=int(r.integers(-2, 8)),
         )
     taps, longest = int(r.integers(0, 6)), int(r.choice([5, 62]))
     return ChipSrm.with_taps(

@@ -43,9 +43,7 @@ def tapped(**changes):
 
 
 def joined(**changes):
-    neuron = ChipSrm.with_dendrite(
-        2, decay=390, threshold=10, refractory_decay=1, refractory_mantissa=-3, refractory_exponent=0
-    )
+    neuron = ChipSrm.with_taps(2, decay=390, threshold=10, refractory_decay=1, mantissa=-3, exponent=0)
     return replace(neuron, refractory=replace(neuron.refractory, **changes))
 
 

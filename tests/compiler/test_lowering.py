@@ -25,7 +25,7 @@ def integer_srm(drive, q):
     spikes = np.zeros((steps, n), dtype=np.int64)
     limit = 2**23 - 1
     decay, refractory_decay = q.decay_u, q.refractory.decay
-    kick = 64 * q.refractory.mantissa * 2**q.refractory.exponent
+    kick = 64 * q.refractory.mantissa[0] * 2 ** q.refractory.exponent[0]
     for t in range(steps):
         if t:
             current = rz(current, decay) + drive[t - 1]

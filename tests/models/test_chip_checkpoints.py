@@ -35,9 +35,7 @@ def chip_of(make: Callable[[int], ChipNeuron], strategy: str = "dendrite") -> Ch
 
 
 def with_dendrite(size: int) -> ChipSrm:
-    return ChipSrm.with_dendrite(
-        size, decay=390, threshold=6560, refractory_decay=2589, refractory_mantissa=-205, refractory_exponent=6
-    )
+    return ChipSrm.with_taps(size, decay=390, threshold=6560, refractory_decay=2589, mantissa=-205, exponent=6)
 
 
 CHIP = chip_of(with_dendrite)

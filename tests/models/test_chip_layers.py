@@ -57,12 +57,12 @@ class Numbers:
             taps = {name: [getattr(s, name) for s in self.own] for name in ("delay", "mantissa", "exponent")}
             return ChipSrm.with_taps(size, **filters, **taps)
         (own,) = self.own
-        return ChipSrm.with_dendrite(
+        return ChipSrm.with_taps(
             size,
             **filters,
             refractory_decay=self.refractory_decay,
-            refractory_mantissa=own.mantissa,
-            refractory_exponent=own.exponent,
+            mantissa=own.mantissa,
+            exponent=own.exponent,
         )
 
     @property

@@ -11,7 +11,7 @@ import numpy as np
 
 from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.arithmetic.weights import WEIGHT_EXPONENTS, WeightGrid
-from locsnn_compile.network.chip_neurons import ChipSrm, RefractoryTaps
+from locsnn_compile.network.chip_neurons import ChipSrm, Refractory
 from locsnn_compile.network.neurons import SoftCuba
 from locsnn_compile.passes.kernels import keeps, rounded_decays
 from locsnn_compile.passes.rounding.scaling import (
@@ -42,7 +42,7 @@ def quantize_soft(neuron: SoftCuba, task: Task) -> Scaled:
     return Scaled(made, 64 * threshold / neuron.threshold, gain, exponent)
 
 
-def _taps(drop: IntArray, decay_u: IntArray, grid: WeightGrid) -> RefractoryTaps:
+def _taps(drop: IntArray, decay_u: IntArray, grid: WeightGrid) -> Refractory:
     """Return the self-synapses: coarse and fine, at once and a step later; those of no neuron are left out."""
     back = np.rint(drop * keeps(decay_u)).astype(np.int64)
     rows = [
@@ -52,7 +52,7 @@ def _taps(drop: IntArray, decay_u: IntArray, grid: WeightGrid) -> RefractoryTaps
         if part.any()
     ]
     delay, mantissa, exponent = zip(*rows, strict=True) if rows else ((), np.zeros((0, len(drop))), ())
-    return RefractoryTaps(
+    return Refractory(
         np.array(delay, dtype=np.int64), np.array(mantissa, dtype=np.int64), np.array(exponent, dtype=np.int64)
     )
 

@@ -36,13 +36,13 @@ def lay_out(neuron: SrmAlpha, size: int, decay: int, thresholds: Iterable[int], 
 
     threshold = min(thresholds, key=lambda t: rounded(t)[0])
     _, mantissa, exponent = rounded(threshold)
-    return ChipSrm.with_dendrite(
+    return ChipSrm.with_taps(
         size,
         decay=decay,
         threshold=threshold,
         refractory_decay=refractory_decay,
-        refractory_mantissa=mantissa,
-        refractory_exponent=exponent,
+        mantissa=mantissa,
+        exponent=exponent,
     )
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import IntArray
-from locsnn_compile.network.chip_neurons import ChipProjection, ChipSrm, RefractoryDendrite, integers
+from locsnn_compile.network.chip_neurons import ChipProjection, ChipSrm, Refractory, integers
 from locsnn_compile.network.matrices import charge as charge_of
 from locsnn_compile.network.neurons import FloatArray, SrmAlpha
 from locsnn_compile.passes.rounding.drive import Drive, drive_of
@@ -61,7 +61,7 @@ def fine_srm(neuron: SrmAlpha, known: Task, plain: Scaled) -> Rounded | None:
     if drive is None:
         return None
     task = _Task(**vars(known), neuron=neuron, drive=drive)
-    if rounding.scaled_apart and isinstance(made.refractory, RefractoryDendrite):
+    if rounding.scaled_apart and made.refractory.decay is not None:
         made = _scaled_apart(task, made)
     rounded = _rounded(task, made, BEAM)
     return Scaled(made, _scale(task, made), plain.gain, plain.exponent), _projections(task, rounded)
@@ -75,7 +75,7 @@ def _scale(task: _Task, made: ChipSrm) -> FloatArray:
 
 def _scaled_apart(task: _Task, made: ChipSrm) -> ChipSrm:
     """Return the neurons each at the scale with which its potential errs least; the plain scale is always allowed."""
-    assert isinstance(made.refractory, RefractoryDendrite)
+    assert made.refractory.decay is not None
     share, dendrites = of_a_dendrite(task.neuron, made.dendrites), made.dendrites
     wanted = np.append(SCALES * _largest_threshold(task, share, dendrites), made.threshold[0])
     thresholds, mantissas, exponent = srm_dendrite.whole_mantissas(share, wanted, own_grid(task.chip))
@@ -94,7 +94,8 @@ def _at(
     """Return neurons with these threshold and refractory mantissas, (n,)."""
     size = len(thresholds)
     u, v, own, threshold, mantissa = (integers(value, size) for value in (*decays, thresholds, mantissas))
-    return ChipSrm(u, v, threshold, RefractoryDendrite(own, mantissa, exponent), dendrites)
+    taps = Refractory(integers(0, 1), mantissa[None], integers(exponent, 1), own)
+    return ChipSrm(u, v, threshold, taps, dendrites)
 
 
 def _largest_threshold(task: _Task, share: SrmAlpha, dendrites: int) -> float:

@@ -137,8 +137,7 @@ def srm(**changes: float) -> SrmAlpha:
 
 def lif(tau: float = 10.0, size: int = NEURONS, **changes: npt.ArrayLike) -> Cuba:
     """Return leaky integrate-and-fire neurons without a current, of a time constant in steps, with changes."""
-    given: dict[str, npt.ArrayLike] = {"decay_v": -np.expm1(-1.0 / tau), "threshold": THETA, **changes}
-    return Cuba.of(size, **given)  # type: ignore[arg-type]
+    return Cuba.of(size, **{"decay_v": -np.expm1(-1.0 / tau), "threshold": THETA, **changes})
 
 
 def weights(tau: float = 10.0, *, response: str = "alpha", size: int = NEURONS, channels: int = CHANNELS) -> FloatArray:

@@ -61,13 +61,13 @@ def decays() -> Iterator[Case]:
         quick = decay_u == 4095 - decay_v
         yield case_of(f"decay_u {decay_u}, decay_v {decay_v}", NATIVE, neuron, mantissa, quick=quick)
     for decay, own in ((0, 4096), (1, 4095), (4095, 1), (4096, 0)):
-        dendrite = ChipSrm.with_dendrite(
+        dendrite = ChipSrm.with_taps(
             NEURONS,
             decay=decay,
             threshold=THRESHOLD,
             refractory_decay=own,
-            refractory_mantissa=-200,
-            refractory_exponent=1,
+            mantissa=-200,
+            exponent=1,
         )
         yield case_of(f"decays {decay}, refractory {own}", "dendrite", dendrite, mantissa, quick=decay == 1)
         taps = ChipSrm.with_taps(
@@ -96,9 +96,7 @@ def exact_thresholds() -> Iterator[Case]:
     for over, word in ((0, "at"), (1, "a unit above")):
         memoryless = ChipCuba.of(1, decay_u=4096, decay_v=4096, threshold=100, bias_mantissa=over)
         yield case_of(f"integers, {word} it", NATIVE, memoryless, [[100]], one, quick=True)
-    memoryless_srm = ChipSrm.with_dendrite(
-        1, decay=4096, threshold=100, refractory_decay=4096, refractory_mantissa=-1, refractory_exponent=0
-    )
+    memoryless_srm = ChipSrm.with_taps(1, decay=4096, threshold=100, refractory_decay=4096, mantissa=-1, exponent=0)
     yield case_of("integers, at it", "dendrite", memoryless_srm, [[100]], one)
 
 

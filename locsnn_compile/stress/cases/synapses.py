@@ -140,9 +140,7 @@ def crowds() -> Iterator[Case]:
     and every wrap is counted.
     """
     neuron = ChipCuba.of(1, decay_u=410, decay_v=410, threshold=1000)
-    dendrite = ChipSrm.with_dendrite(
-        1, decay=390, threshold=8000, refractory_decay=2589, refractory_mantissa=-250, refractory_exponent=6
-    )
+    dendrite = ChipSrm.with_taps(1, decay=390, threshold=8000, refractory_decay=2589, mantissa=-250, exponent=6)
 
     def crowd(name: str, strategy: str, model: ChipNeuron, lines: int, weight: int, **more: Any) -> Case:
         every = np.ones((1, 20, lines), dtype=np.uint8)
