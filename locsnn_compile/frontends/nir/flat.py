@@ -15,8 +15,9 @@ import networkx as nx
 import numpy as np
 
 from locsnn_compile.errors import InputError, did_you_mean
-from locsnn_compile.frontends.linear_maps import Shape, Window, check_shape
+from locsnn_compile.frontends.linear_maps import Shape, check_shape
 from locsnn_compile.frontends.nir.graph import Edge, NirGraph, NirNode
+from locsnn_compile.frontends.nir.layers import WITH_WEIGHTS, Layer, layer_of
 
 NEURONS = ("IF", "LIF", "CubaLIF", "Threshold", "LI", "CubaLI")
 """What becomes a population; the last two never spike."""
@@ -25,11 +26,12 @@ READOUTS = ("LI", "CubaLI")
 
 @dataclass(frozen=True, eq=False)
 class FlatGraph:
-    """Nodes by name, the edges between their names, a ``DiGraph``, and the shapes that they give."""
+    """Nodes by name, the edges between their names, a ``DiGraph``, the shapes that they give, and their layers."""
 
     nodes: Mapping[str, NirNode]
     edges: Any
     shapes: Mapping[str, Shape]
+    layers: Mapping[str, Layer]
 
     def sources(self, name: str) -> list[str]:
         """Return the names of the nodes that feed one, in the file's order."""
@@ -52,7 +54,7 @@ def flatten_graph(graph: NirGraph, where: str) -> FlatGraph:
     edges.add_nodes_from(nodes)
     places = {name: place for place, name in enumerate(nodes)}
     edges.add_edges_from(sorted(pairs, key=lambda pair: places[pair[1]]))
-    return FlatGraph(nodes, edges, _shapes(nodes, edges, where))
+    return FlatGraph(nodes, edges, *_shapes(nodes, edges, where))
 
 
 def _flat(graph: NirGraph, where: str, prefix: str, *, top: bool = False) -> tuple[dict[str, NirNode], list[Edge]]:
@@ -112,8 +114,10 @@ def _check_circles(nodes: Mapping[str, NirNode], edges: list[Edge], where: str) 
     )
 
 
-def _shapes(nodes: Mapping[str, NirNode], edges: Any, where: str) -> dict[str, Shape]:
+def _shapes(nodes: Mapping[str, NirNode], edges: Any, where: str) -> tuple[dict[str, Shape], dict[str, Layer]]:
+    """Return the shape of what every node gives, and the layers of those with weights."""
     shapes: dict[str, Shape] = {}
+    layers: dict[str, Layer] = {}
     waiting = deque(name for name, node in nodes.items() if node.kind == "Input" or not edges.in_degree(name))
     # Nodes in a circle that know their own size start it, where what feeds them does not.
     waiting.extend(name for name, node in nodes.items() if node.kind in NEURONS and _own_shape(node))
@@ -122,8 +126,13 @@ def _shapes(nodes: Mapping[str, NirNode], edges: Any, where: str) -> dict[str, S
         if name in shapes:
             continue
         given = next((shapes[source] for source in edges.predecessors(name) if source in shapes), None)
-        place = f"{where}, node {name!r}"
-        shape = output_shape(nodes[name], given, place)
+        node, place = nodes[name], f"{where}, node {name!r}"
+        if node.kind in WITH_WEIGHTS:
+            layer = layer_of(node, given, place)
+            layers |= {} if layer is None else {name: layer}
+            shape = None if layer is None else layer.shape
+        else:
+            shape = _passed_shape(node, given, place)
         if shape is None:
             continue
         check_shape(shape, place)
@@ -132,7 +141,7 @@ def _shapes(nodes: Mapping[str, NirNode], edges: Any, where: str) -> dict[str, S
     for name in nodes:
         if name not in shapes:
             raise InputError(f"{where}, node {name!r}", "its size cannot be found", fix="Connect it to the input.")
-    return shapes
+    return shapes, layers
 
 
 def _own_shape(node: NirNode) -> Shape:
@@ -145,75 +154,14 @@ def _own_shape(node: NirNode) -> Shape:
     return shape if math.prod(shape) > 1 else ()
 
 
-def output_shape(node: NirNode, given: Shape | None, where: str) -> Shape | None:
-    """Return the shape of what a node gives for what it is given; None where that is needed and not known."""
+def _passed_shape(node: NirNode, given: Shape | None, where: str) -> Shape | None:
+    """Return the shape of what a node without weights gives; None where what it is given is needed and not known."""
     if node.kind == "Input":
         return _as_shape(node, "shape", where)
     if node.kind in NEURONS:
         own = _own_shape(node)
         return _joined(own, given, where) if given is not None else own or None
-    if node.kind in ("Linear", "Affine"):
-        weight = node.array("weight")
-        if weight.ndim != 2:
-            raise InputError(
-                where, "its weight is no matrix", measured=f"{weight.shape}", fix="Give (outputs, inputs)."
-            )
-        return (weight.shape[0],)
-    if node.kind in ("Conv1d", "Conv2d"):
-        return _convolved(node, given, where)
-    if given is None:
-        return None
-    if node.kind in ("SumPool2d", "AvgPool2d"):
-        channels, *image = pool_shape(given)
-        if len(image) != 2:
-            raise InputError(where, "it is given no image", measured=f"{given}", fix="Pool before flattening.")
-        kernel = ints(node, "kernel_size", 2, where)
-        return (channels, *window_of(node, where).slid(tuple(image), kernel))
-    return _flattened(node, given) if node.kind == "Flatten" else given
-
-
-def ints(node: NirNode, name: str, axes: int, where: str) -> tuple[int, ...]:
-    """Return a parameter of whole numbers, one an axis; a single one stands for all."""
-    values = node.array(name)
-    if values.size not in (1, axes) or (values != np.rint(values)).any() or np.abs(values).max(initial=0) > 1e9:
-        raise InputError(where, f"{name} must be {axes} whole numbers", measured=f"{values.shape}", fix="Correct it.")
-    return tuple(int(v) for v in np.broadcast_to(values.reshape(-1), (axes,)))
-
-
-def window_of(node: NirNode, where: str) -> Window:
-    """Return how the kernel of a convolution or of pooling slides."""
-    axes = 1 if node.kind == "Conv1d" else 2
-    stride = ints(node, "stride", axes, where)
-    dilation = ints(node, "dilation", axes, where) if "dilation" in node.parameters else (1,) * axes
-    padding = node.parameters["padding"]
-    return Window(stride, padding if isinstance(padding, str) else ints(node, "padding", axes, where), dilation)
-
-
-def image_shape(node: NirNode, given: Shape | None, where: str) -> Shape | None:
-    """Return the input shape (channels, *spatial) of a convolution, from itself or from what it is given."""
-    weight = node.array("weight")
-    axes = 1 if node.kind == "Conv1d" else 2
-    if weight.ndim != axes + 2:
-        raise InputError(where, "its weight has the wrong axes", measured=f"{weight.shape}", fix="Give (out, in, ...).")
-    if "input_shape" in node.parameters:
-        return (weight.shape[1] * ints(node, "groups", 1, where)[0], *ints(node, "input_shape", axes, where))
-    # A leading axis of one is a batch that some exporters leave in.
-    return given[1:] if given is not None and len(given) == axes + 2 and given[0] == 1 else given
-
-
-def _convolved(node: NirNode, given: Shape | None, where: str) -> Shape | None:
-    shape = image_shape(node, given, where)
-    if shape is None:
-        return None
-    outs, _, *kernel = node.array("weight").shape
-    if len(shape) != len(kernel) + 1:
-        raise InputError(where, "it is given no image", measured=f"{shape}", fix="Set its input_shape.")
-    return (outs, *window_of(node, where).slid(shape[1:], tuple(kernel)))
-
-
-def pool_shape(given: Shape) -> Shape:
-    """Return the image (channels, height, width) that a pooling layer is given."""
-    return given[1:] if len(given) == 4 and given[0] == 1 else given
+    return _flattened(node, given) if given is not None and node.kind == "Flatten" else given
 
 
 def _flattened(node: NirNode, given: Shape) -> Shape:

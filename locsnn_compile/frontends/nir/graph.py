@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import numpy.typing as npt
 
 from locsnn_compile.errors import InputError, did_you_mean
@@ -64,6 +65,14 @@ class NirNode:
         value = self.parameters[name]
         assert not isinstance(value, str)
         return value
+
+    def each(self, name: str, size: int, of: str, where: str) -> npt.NDArray[np.float64]:
+        """Return a parameter of one number a neuron, or what it is ``of``, (size,); a single one stands for all."""
+        values = self.array(name).astype(np.float64).reshape(-1)
+        if values.size not in (1, size):
+            what, measured = f"{name} is not one number a {of}", f"{self.array(name).shape} against {size}"
+            raise InputError(where, what, measured=measured, fix="Give as many.")
+        return np.broadcast_to(values, (size,))
 
 
 @dataclass(frozen=True, eq=False)

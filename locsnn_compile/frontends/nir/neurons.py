@@ -74,7 +74,7 @@ def neurons_of(
     node: NirNode, signal: Signal, size: int, dt: float, how: Discretisation, reset: Reset, where: str
 ) -> Stated:
     """Return the neurons of a node."""
-    values = {name: _spread(node, name, size, where) for name in node.parameters}
+    values = {name: node.each(name, size, "neuron", where) for name in node.parameters}
     stepping = _STEPPING[node.kind](values, dt, how, where)
     leak, floor = (values.get(name, np.zeros(size)) for name in ("v_leak", "v_reset"))
     # A current that takes up decay_u of this in every step settles at what the constant gives.
@@ -131,17 +131,6 @@ def _check_threshold(limit: FloatArray, zero: FloatArray, name: str, where: str)
             measured=f"by {above[above <= 0][0]:g}",
             fix="Train with a threshold above v_reset and v_leak, and above 0.",
         )
-
-
-def _spread(node: NirNode, name: str, size: int, where: str) -> FloatArray:
-    values = node.array(name)
-    if values.size == size:
-        return np.asarray(values.reshape(-1), dtype=np.float64)
-    if values.size == 1:
-        return np.full(size, float(values.reshape(-1)[0]))
-    raise InputError(
-        where, f"{name} is not one number a neuron", measured=f"{values.shape} against {size}", fix="Give as many."
-    )
 
 
 def _lost(tau: FloatArray, dt: float, how: Discretisation, name: str, where: str) -> FloatArray:

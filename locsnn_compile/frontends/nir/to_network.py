@@ -7,7 +7,6 @@ step t behind k populations comes at step t + k.
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, get_args
@@ -18,18 +17,8 @@ from scipy import sparse
 
 from hw_model.mapping.graph import Readout
 from locsnn_compile.errors import InputError, did_you_mean
-from locsnn_compile.frontends.linear_maps import check_entries, convolution, pooling
 from locsnn_compile.frontends.nir.assumed import DT_SECONDS, nir_assumptions
-from locsnn_compile.frontends.nir.flat import (
-    NEURONS,
-    READOUTS,
-    FlatGraph,
-    flatten_graph,
-    image_shape,
-    ints,
-    pool_shape,
-    window_of,
-)
+from locsnn_compile.frontends.nir.flat import NEURONS, READOUTS, FlatGraph, flatten_graph
 from locsnn_compile.frontends.nir.graph import NirGraph, NirNode, read_nir
 from locsnn_compile.frontends.nir.neurons import Discretisation, Reset, Stated, neurons_of
 from locsnn_compile.frontends.nir.signals import Signal, Term
@@ -212,52 +201,19 @@ def _passed(flat: FlatGraph, name: str, signal: Signal, dt: float, where: str) -
     if node.kind in ("Output", "Pass", "Flatten"):
         return signal
     if node.kind == "Scale":
-        return signal.scaled(_each(node, "scale", size, where))
+        return signal.scaled(node.each("scale", size, "value", where))
     if node.kind == "Delay":
         return signal.delayed(_delay_steps(node, size, dt, where))
-    given = next((flat.shapes[source] for source in flat.sources(name)), None)
-    weights, constant = _linear(node, given, where)
-    if weights.shape[1] != size:
-        raise InputError(
-            where, "it is given another size", measured=f"{size} against {weights.shape[1]}", fix="Correct its weight."
-        )
-    return signal.through(weights, constant, where)
-
-
-def _linear(node: NirNode, given: tuple[int, ...] | None, where: str) -> tuple[Any, Any]:
-    """Return the matrix, CSR, and the constant of a layer of weights."""
-    if node.kind in ("Linear", "Affine"):
-        weight = node.array("weight")
-        check_entries(weight.size, where)
-        bias = _each(node, "bias", len(weight), where) if node.kind == "Affine" else 0.0
-        return sparse.csr_array(weight.astype(np.float64)), bias
-    if node.kind in ("Conv1d", "Conv2d"):
-        shape = image_shape(node, given, where)
-        assert shape is not None  # its output's shape was found from it
-        weight, groups = node.array("weight").astype(np.float64), ints(node, "groups", 1, where)[0]
-        weights, out = convolution(weight, shape, window_of(node, where), groups=groups, where=where)
-        return weights, np.repeat(_each(node, "bias", out[0], where), int(np.prod(out[1:])))
-    assert given is not None  # its output's shape was found from it
-    kernel = ints(node, "kernel_size", 2, where)
-    if min(kernel) < 1:
-        raise InputError(where, "its kernel is smaller than 1", measured=f"{kernel}", fix="Correct it.")
-    # An average divides by the whole kernel, padding included, as torch does unless told otherwise.
-    each = 1.0 / math.prod(kernel) if node.kind == "AvgPool2d" else 1.0
-    return pooling(np.broadcast_to(each, kernel), pool_shape(given), window_of(node, where), where=where)[0], 0.0
-
-
-def _each(node: NirNode, name: str, size: int, where: str) -> Any:
-    values = node.array(name).astype(np.float64).reshape(-1)
-    if values.size not in (1, size):
-        raise InputError(
-            where, f"{name} has the wrong size", measured=f"{values.size} against {size}", fix="Correct it."
-        )
-    return np.broadcast_to(values, (size,))
+    layer = flat.layers[name]
+    if layer.weights.shape[1] != size:
+        measured = f"{size} against {layer.weights.shape[1]}"
+        raise InputError(where, "it is given another size", measured=measured, fix="Correct its weight.")
+    return signal.through(layer.weights, layer.constant, where)
 
 
 def _delay_steps(node: NirNode, size: int, dt: float, where: str) -> Any:
     """Return delays in whole steps, (size,)."""
-    steps = _each(node, "delay", size, where) / dt
+    steps = node.each("delay", size, "value", where) / dt
     whole = np.rint(steps)
     bad = steps[(steps < -0.01) | (np.abs(steps - whole) > 0.01) | (whole > 1e6)]
     if bad.size:
