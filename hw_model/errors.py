@@ -11,6 +11,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from functools import partial
+from typing import Any
 
 MAX_PART, MAX_FIX = 500, 2000
 """Characters of a part of a message; the way out may list all that exists."""
@@ -26,6 +28,10 @@ class LocsnnError(Exception):
         self.where, self.what, self.measured, self.fix = where, what, measured, fix
         detail = f" ({_shown(measured)})" if measured else ""
         super().__init__(f"{_shown(where)}: {_shown(what)}{detail}. {_shown(fix, MAX_FIX)}".rstrip())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # What goes to another process is made again from its parts.
+        return partial(type(self), measured=self.measured, fix=self.fix), (self.where, self.what)
 
 
 def _shown(text: str, most: int = MAX_PART) -> str:

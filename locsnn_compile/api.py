@@ -20,6 +20,8 @@ from locsnn_compile.backends import EXCHANGE_KINDS, LEVEL_KINDS
 from locsnn_compile.backends.exchange import exchange_file
 from locsnn_compile.backends.levels import LEVEL_TEXTS
 from locsnn_compile.choose_strategy import Choice, choose_strategy, lower_as
+from locsnn_compile.cluster.dask_cluster import spread_over
+from locsnn_compile.cluster.spread import Spread, here
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.synthetic import synthetic_touches
@@ -126,6 +128,7 @@ def compile(
     psi: float | None = None,
     split_weights: float | None = None,
     profile: str | Path | None = None,
+    scheduler: str | None = None,
 ) -> CompiledModel:
     """Compile a network, or what ``train`` returned, for a chip and check it against the float reference.
 
@@ -140,8 +143,8 @@ def compile(
     at most ``weight_bits``, by default the chip's most, that keeps it on ``calibration``. Weights are rounded for these
     recordings, too. They are given like ``events``, of a divided archive the train part; by default they are what the
     model carries, else synthetic touches, so that the program does not depend on the recordings that it is checked on;
-    else ``events``. Raises ``InputError`` for what cannot be used and ``TargetError`` for a model that the chip cannot
-    hold.
+    else ``events``. ``scheduler``: the address of a Dask cluster that plays the recordings, with the same results.
+    Raises ``InputError`` for what cannot be used and ``TargetError`` for a model that the chip cannot hold.
     """
     known = (AUTO, *STRATEGIES)
     if strategy not in known:
@@ -158,15 +161,11 @@ def compile(
     if network.any_length:
         network = replace(network, steps=recordings.spikes.shape[1])
     calibrated = _calibration(network, recordings, calibration)
-    levels, choice = _lower(
-        network,
-        chip,
-        Setting(strategy, weight_bits, split_weights or 0.0),
-        calibrated,
-        budget or ErrorBudget(),
-        settled=split_weights is not None,
-    )
-    match = _compare(levels, recordings, progress)
+    asked = Setting(strategy, weight_bits, split_weights or 0.0)
+    with spread_over(scheduler) as spread:
+        settled = split_weights is not None
+        levels, choice = _lower(network, chip, asked, calibrated, budget or ErrorBudget(), spread, settled=settled)
+        match = _compare(levels, recordings, progress, spread)
     found, followed, excerpt = None, None, None
     if diagnosis:
         played = fit_recordings(network, recordings.spikes, recordings.source)
@@ -180,10 +179,18 @@ def compile(
 
 @checked
 def verify(
-    compiled: CompiledModel, events: Events, labels: npt.ArrayLike | None = None, progress: Progress | None = None
+    compiled: CompiledModel,
+    events: Events,
+    labels: npt.ArrayLike | None = None,
+    progress: Progress | None = None,
+    scheduler: str | None = None,
 ) -> Match:
-    """Compare a compiled model with its float reference on other recordings, spike by spike."""
-    return _compare(compiled.levels, recordings_for(compiled.network, events, labels), progress)
+    """Compare a compiled model with its float reference on other recordings, spike by spike.
+
+    ``scheduler``: the address of a Dask cluster that plays them, with the same result.
+    """
+    with spread_over(scheduler) as spread:
+        return _compare(compiled.levels, recordings_for(compiled.network, events, labels), progress, spread)
 
 
 @checked
@@ -237,7 +244,14 @@ def calibration_recordings(network: Network, calibration: str | Path) -> Recordi
 
 
 def _lower(
-    network: Network, chip: hw.Chip, asked: Setting, calibration: Recordings, budget: ErrorBudget, *, settled: bool
+    network: Network,
+    chip: hw.Chip,
+    asked: Setting,
+    calibration: Recordings,
+    budget: ErrorBudget,
+    spread: Spread,
+    *,
+    settled: bool,
 ) -> tuple[Levels, Choice | None]:
     """Lower as asked for, or as the dial settles where it is asked; refuse a strategy that no neuron has.
 
@@ -252,6 +266,7 @@ def _lower(
             budget,
             tuple(STRATEGIES) if asked.strategy == AUTO else (asked.strategy,),
             asked.split_weights if settled else None,
+            spread,
         )
         if choice:
             return choice.levels, choice
@@ -286,7 +301,7 @@ def _check_share(share: float | None) -> None:
         )
 
 
-def _compare(levels: Levels, recordings: Recordings, progress: Progress | None) -> Match:
+def _compare(levels: Levels, recordings: Recordings, progress: Progress | None, spread: Spread = here) -> Match:
     return compare(
         levels.quantized,
         levels.program,
@@ -294,4 +309,5 @@ def _compare(levels: Levels, recordings: Recordings, progress: Progress | None) 
         labels=recordings.labels,
         source=recordings.source,
         progress=progress,
+        spread=spread,
     )

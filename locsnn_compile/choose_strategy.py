@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 import hw_model as hw
 from hw_model.description.counts import total
 from hw_model.io.shown import shown
+from locsnn_compile.cluster.spread import Spread, here
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import TargetError
 from locsnn_compile.network.network import Network
@@ -67,6 +68,7 @@ def choose_strategy(
     budget: ErrorBudget,
     strategies: Sequence[str] = tuple(STRATEGIES),
     split_weights: float | None = None,
+    spread: Spread = here,
 ) -> Choice | None:
     """Take the cheapest setting tried that keeps the budget, or, if none does, the most accurate.
 
@@ -76,7 +78,7 @@ def choose_strategy(
     """
     if not network.by_strategy:
         return None
-    trial = _Trial(network, chip, recordings, calibrate(network, recordings, chip.registers))
+    trial = _Trial(network, chip, recordings, calibrate(network, recordings, chip.registers), spread)
     firsts = [Setting(strategy, weight_bits, split_weights or 0.0) for strategy in strategies]
     usual = [setting for setting in firsts if not STRATEGIES[setting.strategy].last_resort] or firsts
     for setting in usual:
@@ -135,6 +137,7 @@ class _Trial:
     chip: hw.Chip
     recordings: Recordings
     calibration: Calibration
+    spread: Spread
     candidates: dict[Setting, Candidate] = field(default_factory=dict)
     levels: dict[Setting, Levels] = field(default_factory=dict)
     errors: list[TargetError] = field(default_factory=list)
@@ -148,7 +151,7 @@ class _Trial:
                 self.errors.append(error)
                 return None
             self.levels[setting] = levels
-            self.candidates[setting] = _measured(setting, levels, self.recordings)
+            self.candidates[setting] = _measured(setting, levels, self.recordings, self.spread)
         return self.candidates[setting]
 
 
@@ -158,8 +161,8 @@ def lower_as(network: Network, chip: hw.Chip, setting: Setting, calibration: Cal
     return lower(network, chip, setting.weight_bits, setting.strategy, rounding, calibration)
 
 
-def _measured(setting: Setting, levels: Levels, recordings: Recordings) -> Candidate:
-    match = compare(levels.quantized, levels.program, recordings.spikes, source=recordings.source)
+def _measured(setting: Setting, levels: Levels, recordings: Recordings, spread: Spread) -> Candidate:
+    match = compare(levels.quantized, levels.program, recordings.spikes, source=recordings.source, spread=spread)
     chip = levels.program.chip
     energy_pj = sum(hw.energy_pj(total(match.counts), chip.profile(chip.default_profile)).values())
     return Candidate(match.prediction_agreement, match.spikes.agreement, energy_pj / match.samples, setting)

@@ -102,6 +102,7 @@ def parser() -> Parser:
     )
     add("--max-cores", type=int, metavar="N", help="exit 3 where more cores are used")
     add("--junit", metavar="FILE", help="write the gates as JUnit XML")
+    add("--scheduler", metavar="ADDRESS", help="play the recordings on the Dask cluster of this scheduler")
     return made
 
 
@@ -158,6 +159,7 @@ def run(args: Namespace) -> int:
             split_weights=args.split_weights,
             psi=args.psi,
             profile=args.profile,
+            scheduler=args.scheduler,
         )
     gates = check_gates(compiled.report, given(args, GATES))
     compiled = replace(compiled, report=compiled.report | {"gates": gates_entry(gates)})

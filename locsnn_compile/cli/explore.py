@@ -153,11 +153,9 @@ def _check_places(args: argparse.Namespace, folder: Path, names: Sequence[str]) 
 
 
 def _executor(args: argparse.Namespace) -> Executor:
-    from locsnn_compile.explore.executors import here, in_processes
+    from locsnn_compile.explore.executors import here, in_processes, on_dask
 
     if args.scheduler:
-        from locsnn_compile.explore.dask_cluster import on_dask
-
         return on_dask(args.scheduler)
     return in_processes(args.workers) if args.workers else here
 

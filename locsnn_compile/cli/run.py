@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from functools import partial
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.cli.checks import check_known, check_number, check_psi
 from locsnn_compile.cli.shell import progress_bar
-from locsnn_compile.cli.step_options import add_step_options, read_for_program
+from locsnn_compile.cli.step_options import CHUNK, add_step_options, chunks_for_program, read_for_program
 from locsnn_compile.errors import InputError
 
 if TYPE_CHECKING:
     import hw_model as hw
+    from locsnn_compile.cluster.spread import Spread
     from locsnn_compile.data.recordings import Recordings
 
 HELP = "play recordings to a compiled program"
@@ -28,7 +33,6 @@ was enough on the recordings of --calibrate; give some that have neither trained
 with a train part, those are taken.
 """
 STOPS = ("proven", "margin")
-_CHUNK = 16
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -50,6 +54,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--min-agreement", type=float, metavar="X", help="of stops with the end, on those recordings (default 0.99)")
     add("--margin", type=float, metavar="X", help="the margin, where it is known")
     add_step_options(parser)
+    add("--scheduler", metavar="ADDRESS", help="play on the Dask cluster of this scheduler (needs the extra dask)")
     add("--json", action="store_true", help="print the result as JSON")
 
 
@@ -59,30 +64,50 @@ def run(args: argparse.Namespace) -> int:
     import hw_model as hw
     from locsnn_compile.cli.run_stop import find_stops, known_margin, stop_lines
     from locsnn_compile.cli.run_stream import stream_all, stream_lines
+    from locsnn_compile.cluster.dask_cluster import spread_over
 
     program = hw.load_program(args.program)
     if args.profile:
         program = replace(program, chip=hw.priced_by(program.chip, args.profile))
-    recordings = read_for_program(args, args.events, program)
+    if program.readout is None:
+        raise InputError(f"program {program.name!r}", "has no readout, so it predicts nothing", fix="Compile a model.")
+    # What is streamed or stopped is played again; of all else no more than a few recordings are held at a time.
+    again = bool(args.stream or args.stop)
+    chunks = iter([read_for_program(args, args.events, program)]) if again else chunks_for_program(args, program)
+    recordings = next(chunks)
     if args.step_seconds is not None and not args.stream and recordings.threshold is None:
         raise InputError("--step-seconds", "nothing that is asked for is timed", fix="Add --stream.")
-    rows, counts = _play(program, recordings, args.engine)
-    totals = hw.energy_pj(counts, program.chip.profile(program.chip.default_profile))
-    result: dict[str, Any] = {"program": program.name, "recordings": rows, "counts": dict(counts), "energy_pj": totals}
-    if recordings.binned is not None:
-        result["binning"] = recordings.binned.document()
     margin = known_margin(args, program) if args.stop == "margin" else None
-    if args.stream:
-        result["stream"] = stream_all(args, program, recordings, rows, margin)
-    elif not args.json:
-        for row in rows:
-            print(recording_line(row))
-    if args.stop:
-        result["stop"] = find_stops(args, program, recordings, rows, margin)
+    counts, tally, rows = hw.Counts(), Counter[str](), list[dict[str, Any]]()
+    lines = not (args.json or args.stream)
+    with spread_over(args.scheduler) as spread:
+        with progress_bar("simulating", show=not lines) as progress:
+            for found, added in _play(program, chain([recordings], chunks), args.engine, spread):
+                counts += added
+                tally.update(known=sum(row["label"] is not None for row in found), all=len(found))
+                tally.update(right=sum(row["prediction"] == row["label"] for row in found))
+                rows += found if again or args.json else []
+                if progress:
+                    progress(tally["all"], len(recordings) if again else None)
+                if lines:
+                    print("\n".join(map(recording_line, found)))
+        totals = hw.energy_pj(counts, program.chip.profile(program.chip.default_profile))
+        result: dict[str, Any] = {
+            "program": program.name,
+            "recordings": rows,
+            "counts": dict(counts),
+            "energy_pj": totals,
+        }
+        if recordings.binned is not None:
+            result["binning"] = recordings.binned.document()
+        if args.stream:
+            result["stream"] = stream_all(args, program, recordings, rows, margin)
+        if args.stop:
+            result["stop"] = find_stops(args, program, recordings, rows, margin, spread)
     if args.json:
         print(json.dumps(result, indent=2, allow_nan=False))
         return 0
-    for line in _summary(program, rows, counts, totals):
+    for line in _summary(program, tally, counts, totals):
         print(line)
     if recordings.binned is not None:
         print(f"binning: {recordings.binned.words}")
@@ -99,41 +124,44 @@ def recording_line(row: dict[str, Any]) -> str:
     return f"recording {row['recording']}: class {row['prediction']}{label}  {row['spikes']} spikes"
 
 
-def _summary(
-    program: hw.ChipProgram, rows: list[dict[str, Any]], counts: hw.Counts, totals: dict[str, float]
-) -> list[str]:
+def _summary(program: hw.ChipProgram, tally: Counter[str], counts: hw.Counts, totals: dict[str, float]) -> list[str]:
     from locsnn_compile.report.format import plural
 
-    known = [row for row in rows if row["label"] is not None]
-    lines = []
-    if known:
-        accuracy = sum(row["prediction"] == row["label"] for row in known) / len(known)
-        lines.append(f"accuracy {accuracy:.3f} on {plural(len(known), 'recording')}")
+    lines, played = [], tally["all"]
+    if tally["known"]:
+        lines.append(f"accuracy {tally['right'] / tally['known']:.3f} on {plural(tally['known'], 'recording')}")
     lines.append(
-        f"mean of a recording: {counts.synaptic_ops / len(rows):.0f} synaptic operations, "
-        f"{sum(totals.values()) / len(rows) / 1e6:.2f} µJ (profile {program.chip.default_profile}), "
+        f"mean of a recording: {counts.synaptic_ops / played:.0f} synaptic operations, "
+        f"{sum(totals.values()) / played / 1e6:.2f} µJ (profile {program.chip.default_profile}), "
         f"{plural(counts.wraps, 'wrap')} and {plural(counts.clips, 'clip')} in all"
     )
     return lines
 
 
-def _play(program: hw.ChipProgram, recordings: Recordings, engine: Any) -> tuple[list[dict[str, Any]], hw.Counts]:
+def _play(
+    program: hw.ChipProgram, chunks: Iterable[Recordings], engine: str, spread: Spread
+) -> Iterator[tuple[list[dict[str, Any]], hw.Counts]]:
+    """Yield rows and counts of some recordings after the other."""
+    parts = (
+        (found.spikes[start : start + CHUNK], None if found.labels is None else found.labels[start : start + CHUNK])
+        for found in chunks
+        for start in range(0, len(found), CHUNK)
+    )
+    number = 0
+    for rows, counts in spread(partial(_play_part, program, engine), parts):
+        yield [{"recording": number + i, **row} for i, row in enumerate(rows)], counts
+        number += len(rows)
+
+
+def _play_part(program: hw.ChipProgram, engine: Any, part: tuple[Any, Any]) -> tuple[list[dict[str, Any]], hw.Counts]:
+    """Play spikes with their labels; return rows and counts."""
     import hw_model as hw
 
-    if program.readout is None:
-        raise InputError(f"program {program.name!r}", "has no readout, so it predicts nothing", fix="Compile a model.")
-    rows: list[dict[str, Any]] = []
-    counts = hw.Counts()
-    with progress_bar("simulating", show=True) as progress:
-        for start in range(0, len(recordings), _CHUNK):
-            found = hw.simulate(program, recordings.spikes[start : start + _CHUNK], engine=engine, probe=())
-            counts = counts + found.counts
-            for i, (prediction, one) in enumerate(zip(found.prediction, found.per_recording, strict=True), start):
-                label = None if recordings.labels is None else int(recordings.labels[i])
-                rows.append({"recording": i, "prediction": int(prediction), "label": label, "spikes": one.spikes})
-            if progress:
-                progress(len(rows), len(recordings))
-    return rows, counts
+    spikes, labels = part
+    found = hw.simulate(program, spikes, engine=engine, probe=())
+    labels = [None] * len(spikes) if labels is None else labels.tolist()
+    each = zip(found.prediction.tolist(), labels, found.per_recording, strict=True)
+    return [{"prediction": one, "label": label, "spikes": its.spikes} for one, label, its in each], found.counts
 
 
 def _check_options(args: argparse.Namespace) -> None:
@@ -148,6 +176,8 @@ def _check_options(args: argparse.Namespace) -> None:
         raise InputError("--stop margin", f"the margin {both}", fix="Give one of --calibrate FILE and --margin X.")
     if args.min_agreement is not None and args.calibrate is None:
         raise InputError("--min-agreement", "no margin is calibrated", fix="Add --calibrate FILE.")
+    if args.scheduler and args.stream:
+        raise InputError("--scheduler", "steps are timed on this machine", fix="Leave out --scheduler or --stream.")
     if args.psi is not None and not (args.stream or by_margin):
         raise InputError("--psi", "nothing that is asked for is weighed", fix="Add --stream or --stop margin.")
     check_psi(args.psi)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ from locsnn_compile.errors import InputError
 
 if TYPE_CHECKING:
     import hw_model as hw
+    from locsnn_compile.cluster.spread import Spread
     from locsnn_compile.data.recordings import Recordings
 
 Row = dict[str, Any]
@@ -45,7 +47,12 @@ def known_margin(args: argparse.Namespace, program: hw.ChipProgram) -> Row:
 
 
 def find_stops(
-    args: argparse.Namespace, program: hw.ChipProgram, recordings: Recordings, rows: list[Row], margin: Row | None
+    args: argparse.Namespace,
+    program: hw.ChipProgram,
+    recordings: Recordings,
+    rows: list[Row],
+    margin: Row | None,
+    spread: Spread,
 ) -> Row:
     """Stop every recording; add its ``stop`` to the rows and return what is saved, and what it costs in agreement."""
     import numpy as np
@@ -53,13 +60,12 @@ def find_stops(
     import hw_model as hw
     from locsnn_compile.verification.over_time import savings, stop_all
 
-    def stop(part: Any) -> Any:
-        if margin is None:
-            return hw.stop_when_proven(program, part)
-        return hw.stop_at_margin(program, part, margin["margin"], args.psi)
-
+    if margin is None:
+        stop = partial(hw.stop_when_proven, program)
+    else:
+        stop = partial(hw.stop_at_margin, program, margin=margin["margin"], psi=args.psi)
     with progress_bar("stopping", show=True) as progress:
-        stops = stop_all(stop, recordings.spikes, progress)
+        stops = stop_all(stop, recordings.spikes, progress, spread=spread)
     for row, step, prediction in zip(rows, stops.steps.tolist(), stops.prediction.tolist(), strict=True):
         row["stop"] = {"step": step, "prediction": prediction}
     saved = savings(program, stops)

@@ -130,8 +130,8 @@ def _show_log() -> None:
 class Moved(Protocol):
     """What moves a progress bar."""
 
-    def __call__(self, done: int, total: int, now: str = ..., /) -> None:
-        """Show how much is done, and what."""
+    def __call__(self, done: int, total: int | None, now: str = ..., /) -> None:
+        """Show how much is done, of how much where that is known, and what."""
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.errors import InputError
@@ -12,6 +13,9 @@ if TYPE_CHECKING:
     from locsnn_compile.data.expected import Expected
     from locsnn_compile.data.recordings import Recordings
     from locsnn_compile.network.network import Network
+
+CHUNK = 16
+"""Recordings that are held at a time, where they can be read so."""
 
 
 def add_step_options(parser: argparse.ArgumentParser, threshold: str = "threshold") -> None:
@@ -36,6 +40,13 @@ def read_for_program(
     from locsnn_compile.data.read import read_recordings
 
     return read_recordings(path, split=split, model=expected_by(program), **asked_steps(args))
+
+
+def chunks_for_program(args: argparse.Namespace, program: hw.ChipProgram) -> Iterator[Recordings]:
+    """Yield the recordings of ``--events`` likewise, a few at a time where the file allows it."""
+    from locsnn_compile.data.in_chunks import read_in_chunks
+
+    return read_in_chunks(args.events, CHUNK, model=expected_by(program), **asked_steps(args))
 
 
 def expected_by(program: hw.ChipProgram) -> Expected:

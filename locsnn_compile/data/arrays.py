@@ -66,7 +66,7 @@ def read_arrays(path: Path, binning: Binning, asked_seconds: float | None) -> Re
         spikes = to_step_major(found, where, binning.channels)
     labels = entries.get("labels")
     if labels is None:
-        labels = _labels_beside(path, len(spikes))
+        labels = labels_beside(path, len(spikes))
     seconds = binning.step_seconds if own is None else own
     return Recordings(spikes, labels, seconds, path.name, binned=binned)
 
@@ -164,7 +164,8 @@ def _find_spikes(entries: Mapping[str, NDArray[Any]], where: str) -> NDArray[Any
     return entries[others[0]]
 
 
-def _labels_beside(path: Path, samples: int) -> NDArray[Any] | None:
+def labels_beside(path: Path, samples: int) -> NDArray[Any] | None:
+    """Return the labels of a ``.npy`` file of so many recordings, where a file next to it or its name says them."""
     beside = path.with_name(f"{path.stem}_labels.npy")
     if path.suffix == ".npy" and beside.exists():
         where = f"file {beside.name!r}"

@@ -48,6 +48,12 @@ def load_npy(data: bytes, where: str) -> NDArray[Any]:
     return array
 
 
+def is_one(shape: tuple[int, ...]) -> bool:
+    """Whether an array of this shape is one recording: see :func:`to_step_major`."""
+    fingertips = len(shape) == 3 and shape[1] == 2 and shape[0] > 0 and shape[0] % 39 == 0
+    return len(shape) == 2 or fingertips
+
+
 def to_step_major(array: NDArray[Any], where: str, channels: int | None = None) -> NDArray[Any]:
     """Return (samples, steps, channels) of an array in one of the orders that files have.
 
@@ -59,8 +65,7 @@ def to_step_major(array: NDArray[Any], where: str, channels: int | None = None) 
     # A tensor may claim any size over a few stored values; reshaping would make it true.
     check_most(array.size, MAX_ELEMENTS, where, "it is too large", unit="values", fix="Give fewer recordings.")
     check_axes(array, where, channels)
-    one = array.ndim == 3 and array.shape[1] == 2 and array.shape[0] > 0 and array.shape[0] % 39 == 0
-    if array.ndim == 2 or one:
+    if is_one(array.shape):
         array = array[np.newaxis]
     if array.ndim == 4:
         samples, taxels, polarities, steps = array.shape

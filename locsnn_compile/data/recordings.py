@@ -65,7 +65,8 @@ class Recordings:
 
     ``step_seconds`` is the width of a time bin, None where the file does not say it; ``source`` is the name
     of the file, without directories; ``origin`` says whose they are; ``binned`` is what reading left out, None where it
-    took everything as it is. Both arrays are read-only. Raises ``InputError`` for anything else.
+    took everything as it is; ``first`` the number of the first one in its file. Both arrays are read-only. Raises
+    ``InputError`` for anything else.
     """
 
     __repr__ = shown
@@ -76,10 +77,11 @@ class Recordings:
     source: str
     origin: Origin = "given"
     binned: Binned | None = None
+    first: int = 0
 
     def __post_init__(self) -> None:
         where = f"recordings {self.source!r}"
-        object.__setattr__(self, "spikes", clean_spikes(where, np.asarray(self.spikes)))
+        object.__setattr__(self, "spikes", clean_spikes(where, np.asarray(self.spikes), self.first))
         if self.labels is not None:
             object.__setattr__(self, "labels", _clean_labels(where, np.asarray(self.labels), len(self.spikes)))
         seconds = self.step_seconds
@@ -120,8 +122,11 @@ class Recordings:
         return replace(self, spikes=self.spikes[rows], labels=labels)
 
 
-def clean_spikes(where: str, spikes: NDArray[np.generic]) -> NDArray[np.uint8]:
-    """Return spikes (samples, steps, channels) as read-only uint8; ``InputError`` for what is none."""
+def clean_spikes(where: str, spikes: NDArray[np.generic], first: int = 0) -> NDArray[np.uint8]:
+    """Return spikes (samples, steps, channels) as read-only uint8; ``InputError`` for what is none.
+
+    ``first``: the number of the first sample.
+    """
     fix = "Give a binned array (samples, channels, steps) of zeros and ones."
     if spikes.ndim != 3 or 0 in spikes.shape:
         raise InputError(where, "no recordings inside", measured=f"shape {spikes.shape}", fix=fix)
@@ -134,7 +139,7 @@ def clean_spikes(where: str, spikes: NDArray[np.generic]) -> NDArray[np.uint8]:
         raise InputError(
             where,
             "its values are not all 0 or 1",
-            measured=f"{spikes[sample, step, channel]} at sample {sample}, channel {channel}, step {step}",
+            measured=f"{spikes[sample, step, channel]} at sample {first + sample}, channel {channel}, step {step}",
             fix=fix,
         )
     clean = np.array(spikes, dtype=np.uint8, order="C")

@@ -13,8 +13,10 @@ from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from multiprocessing import active_children, get_context
 
+from locsnn_compile.cluster.dask_cluster import connected, installed_dask
+from locsnn_compile.cluster.spread import packed, work_packed
 from locsnn_compile.errors import InputError
-from locsnn_compile.explore.point import Point, measure, measure_packed
+from locsnn_compile.explore.point import Point, measure
 from locsnn_compile.explore.study import Study
 from locsnn_compile.settings import Setting
 
@@ -31,6 +33,23 @@ def here(study: Study, settings: Sequence[Setting]) -> Points:
         yield measure(study, setting)
 
 
+def on_dask(address: str) -> Executor:
+    """Return the executor on the cluster of a scheduler; ``InputError`` where Dask is not installed."""
+    installed_dask()
+    return partial(_on_dask, address)
+
+
+def _on_dask(address: str, study: Study, settings: Sequence[Setting]) -> Points:
+    job = packed(partial(measure, study))
+    with connected(address) as cluster:
+        submit = partial(cluster.client.submit, work_packed, job)
+        futures = {submit(packed(setting), key=study.key(setting)) for setting in settings}
+        for future in cluster.distributed.as_completed(futures, loop=cluster.client.loop):
+            point = cluster.result(future)
+            futures.discard(future)
+            yield point
+
+
 def in_processes(workers: int) -> Executor:
     """Return the executor with so many processes of this machine."""
     return partial(_in_processes, workers)
@@ -38,11 +57,11 @@ def in_processes(workers: int) -> Executor:
 
 def _in_processes(workers: int, study: Study, settings: Sequence[Setting]) -> Points:
     left = dict.fromkeys(settings)
-    packed = study.packed()
+    job = packed(partial(measure, study))
     attempts = ATTEMPTS
     while left and attempts:
         attempts -= 1
-        for point in _one_pool(workers, packed, tuple(left)):
+        for point in _one_pool(workers, job, tuple(left)):
             del left[point.setting]
             attempts = ATTEMPTS
             yield point
@@ -55,13 +74,13 @@ def _in_processes(workers: int, study: Study, settings: Sequence[Setting]) -> Po
         )
 
 
-def _one_pool(workers: int, packed: bytes, settings: Sequence[Setting]) -> Points:
+def _one_pool(workers: int, job: bytes, settings: Sequence[Setting]) -> Points:
     """Yield what a pool finishes before one of its processes dies, if one does: that ends the pool."""
     before = set(active_children())
     # Forking a process with threads, the engine's, may hang.
     pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_leave_interrupts_to_parent)
     try:
-        futures = [pool.submit(measure_packed, packed, setting) for setting in settings]
+        futures = [pool.submit(work_packed, job, packed(setting)) for setting in settings]
         for future in as_completed(futures):
             try:
                 point = future.result()

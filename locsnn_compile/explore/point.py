@@ -15,9 +15,9 @@ import hw_model as hw
 from hw_model.engine.trace import ByteArray
 from hw_model.simulation import Engine
 from locsnn_compile.api import CompiledModel, compile
+from locsnn_compile.cluster.code import code_version
 from locsnn_compile.errors import InputError, LocsnnError, TargetError
-from locsnn_compile.explore.code import code_version
-from locsnn_compile.explore.study import Study, unpacked
+from locsnn_compile.explore.study import Study
 from locsnn_compile.network.recordings import fit_recordings
 from locsnn_compile.settings import Setting
 from locsnn_compile.verification.error_bounds import Losses
@@ -113,11 +113,6 @@ def measure(study: Study, setting: Setting) -> Point:
     played = fit_recordings(compiled.network, study.recordings.spikes, study.recordings.source)
     timings = _timings(compiled.program, played, study.engines)
     return Point(setting, Figures.of(compiled.report), None, timings, code_version())
-
-
-def measure_packed(packed: bytes, setting: Setting) -> Point:
-    """Measure a setting of a study that comes from another process."""
-    return measure(unpacked(packed), setting)
 
 
 def _compile(study: Study, setting: Setting) -> CompiledModel:

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from locsnn_compile.explore.code import code_version
+from locsnn_compile.cluster.code import code_version
 from locsnn_compile.explore.events import Chosen
 from locsnn_compile.explore.exploration import Exploration
 from locsnn_compile.explore.front import FRONT_RULE, OBJECTIVES

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from hw_model.io.files import replace_file
+from locsnn_compile.cluster.code import code_version
 from locsnn_compile.errors import InputError
-from locsnn_compile.explore.code import code_version
 from locsnn_compile.explore.point import Figures, Point, Refusal, Timing
 from locsnn_compile.settings import Setting
 

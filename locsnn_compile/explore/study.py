@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-import pickle
-import zlib
 from dataclasses import asdict, dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import hw_model as hw
 from hw_model.simulation import Engine
+from locsnn_compile.cluster.code import code_version
 from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.explore.code import code_version
 from locsnn_compile.network.network import Network
 from locsnn_compile.settings import Setting
 
@@ -36,10 +34,6 @@ class Study:
         parts = [self._digest, asdict(setting), code_version()]
         return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
 
-    def packed(self) -> bytes:
-        """Return bytes to send to another process: recordings are mostly zeros, and shrink a hundredfold."""
-        return zlib.compress(pickle.dumps(self))
-
     @cached_property
     def _digest(self) -> str:
         played = [_recordings_digest(self.recordings), _recordings_digest(self.calibration)]
@@ -53,11 +47,3 @@ def _recordings_digest(recordings: Recordings) -> str:
     digest.update(spikes.tobytes())
     digest.update(b"" if labels is None else labels.astype("<i8").tobytes())
     return digest.hexdigest()
-
-
-@lru_cache(maxsize=2)
-def unpacked(packed: bytes) -> Study:
-    """Return the study of bytes that :meth:`Study.packed` gave in a process of ours; kept for the next point."""
-    study = pickle.loads(zlib.decompress(packed))
-    assert isinstance(study, Study)
-    return study

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import closing
 
+from locsnn_compile.cluster.code import check_code
 from locsnn_compile.errors import InputError
-from locsnn_compile.explore.code import check_code
 from locsnn_compile.explore.executors import Executor
 from locsnn_compile.explore.point import Point
 from locsnn_compile.explore.store import Store

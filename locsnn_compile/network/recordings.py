@@ -30,4 +30,4 @@ def fit_recordings(network: Network, recordings: ByteArray, source: str) -> Byte
             measured=f"{recordings.shape[1]} steps against {network.steps}",
             fix=f"Cut them to {network.steps} steps.",
         )
-    return np.pad(recordings, ((0, 0), (0, missing), (0, 0)))
+    return np.pad(recordings, ((0, 0), (0, missing), (0, 0))) if missing else recordings

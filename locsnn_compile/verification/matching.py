@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, dataclass, field
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -13,11 +14,11 @@ import hw_model as hw
 from hw_model.accounting.cost import Latency
 from hw_model.accounting.usage import PhaseUsage, added_usage, measure, total_ns
 from hw_model.description.counts import Counts, total
-from hw_model.description.profile import Range
+from hw_model.description.profile import Profile, Range
 from hw_model.engine.trace import ByteArray
 from hw_model.io.shown import shown
-from hw_model.simulation import SimulationResult
 from locsnn_compile.baselines.operations import network_additions
+from locsnn_compile.cluster.spread import Spread, here
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.quantized import QuantizedNetwork
@@ -139,8 +140,9 @@ def compare(
     labels: npt.NDArray[np.int64] | None = None,
     source: str = "array",
     progress: Progress | None = None,
+    spread: Spread = here,
 ) -> Match:
-    """Play recordings (samples, steps, channels) to both sides and compare every spike."""
+    """Play recordings (samples, steps, channels) to both sides, some at a time, and compare every spike."""
     network = quantized.network
     recordings = fit_recordings(network, recordings, source)
     _check_labels(network, labels, len(recordings), source)
@@ -150,30 +152,31 @@ def compare(
     counts: list[Counts] = []
     by_phase: dict[str, Counts] = {phase.name: Counts() for phase in program.phases}
     wraps_and_clips: dict[str, dict[str, int]] = {}
-    times = _Times(program)
+    latencies: list[Latency] = []
+    usage: dict[str, PhaseUsage] = {}
+    ends_ns = [0.0, 0.0]
     additions: dict[str, int] = dict.fromkeys(network.axes, 0)
     first: Place | None = None
-    for start in range(0, len(recordings), CHUNK):
-        chunk = recordings[start : start + CHUNK]
-        wanted = evaluate(network, chunk, registers=program.chip.registers)
-        found = hw.simulate(program, chunk, probe=("spikes", "activity"))
-        assert found.scores is not None  # a network has a readout
+    chunks = ((start, recordings[start : start + CHUNK]) for start in range(0, len(recordings), CHUNK))
+    for part in spread(partial(_compare_part, network, program), chunks):
         for name in matches:
-            matches[name] += PopulationMatch.of(wanted.spikes[name], found.spikes[name])
-        if first is None:
-            first = _first_difference(network, wanted.spikes, found.spikes, start)
-        predictions.append((decided(wanted.scores), decided(found.scores)))
-        counts += found.per_recording
-        for phase, added in found.counts_by_phase.items():
+            matches[name] += part.matches[name]
+        first = first or part.first
+        predictions.append(part.predictions)
+        counts += part.counts
+        for phase, added in part.by_phase.items():
             by_phase[phase] += added
-        for name, events in found.events.items():
+        for name, events in part.wraps_and_clips.items():
             before = wraps_and_clips.setdefault(name, dict.fromkeys(events, 0))
             wraps_and_clips[name] = {event: before[event] + n for event, n in events.items()}
-        times.add(found)
-        for axis, n in network_additions(network, wanted.spikes).items():
+        latencies += part.latencies
+        usage = added_usage((usage, part.usage))
+        for i, ns in enumerate(part.ends_ns):
+            ends_ns[i] += ns
+        for axis, n in part.additions.items():
             additions[axis] += n
         if progress:
-            progress(start + len(chunk), len(recordings))
+            progress(len(counts), len(recordings))
     reference, chip = (np.concatenate(side) for side in zip(*predictions, strict=True))
     assert total(counts) == total(by_phase.values())
     return Match(
@@ -188,42 +191,65 @@ def compare(
         counts=tuple(counts),
         counts_by_phase=by_phase,
         wraps_and_clips=wraps_and_clips,
-        latencies=tuple(times.latencies),
-        latency_range_ns=times.range_ns,
-        usage=times.usage,
+        latencies=tuple(latencies),
+        latency_range_ns=_mean_range(program, ends_ns, len(recordings)),
+        usage=usage,
         additions=additions,
     )
 
 
-class _Times:
-    """Latencies under the default profile of a chip, and what the recordings did, added up."""
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """What some recordings did: as in :class:`Match`, and their time at both ends of the default profile's ranges."""
 
-    def __init__(self, program: hw.ChipProgram) -> None:
-        self._program = program
-        self._profile = profile = program.chip.profile(program.chip.default_profile)
-        self._ends = [profile.with_times(end) for end in ("least", "most")]
-        self._sums = [0.0, 0.0]
-        self.latencies: list[Latency] = []
-        self.usage: dict[str, PhaseUsage] = {}
+    matches: dict[str, PopulationMatch]
+    first: Place | None
+    predictions: tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]
+    counts: tuple[Counts, ...]
+    by_phase: dict[str, Counts]
+    wraps_and_clips: Mapping[str, Mapping[str, int]]
+    latencies: list[Latency]
+    usage: dict[str, PhaseUsage]
+    ends_ns: list[float]
+    additions: dict[str, int]
 
-    def add(self, played: SimulationResult) -> None:
-        """Add recordings that were played with their activity."""
-        latencies, usage = measure(self._program, played.activity, self._profile)
-        self.latencies += latencies
-        self.usage = added_usage((self.usage, usage))
-        for i, end in enumerate(self._ends):
-            if end is not None and end.time_ns != self._profile.time_ns:
-                self._sums[i] += total_ns(self._program, played.activity, end)
-            else:
-                self._sums[i] += sum(one.total_ns for one in latencies)
 
-    @property
-    def range_ns(self) -> Range:
-        """Least and most of the mean; None where an end is not known."""
-        least, most = (
-            None if end is None else ns / len(self.latencies) for end, ns in zip(self._ends, self._sums, strict=True)
-        )
-        return least, most
+def _compare_part(network: Network, program: hw.ChipProgram, numbered: tuple[int, ByteArray]) -> _Part:
+    """Play recordings, of which the first has a number, to both sides."""
+    start, recordings = numbered
+    wanted = evaluate(network, recordings, registers=program.chip.registers)
+    found = hw.simulate(program, recordings, probe=("spikes", "activity"))
+    assert found.scores is not None  # a network has a readout
+    profile = program.chip.profile(program.chip.default_profile)
+    latencies, usage = measure(program, found.activity, profile)
+    return _Part(
+        matches={p.name: PopulationMatch.of(wanted.spikes[p.name], found.spikes[p.name]) for p in network.populations},
+        first=_first_difference(network, wanted.spikes, found.spikes, start),
+        predictions=(decided(wanted.scores), decided(found.scores)),
+        counts=found.per_recording,
+        by_phase=found.counts_by_phase,
+        wraps_and_clips=found.events,
+        latencies=latencies,
+        usage=usage,
+        ends_ns=[
+            sum(one.total_ns for one in latencies)
+            if end is None or end.time_ns == profile.time_ns
+            else total_ns(program, found.activity, end)
+            for end in _ends(program)
+        ],
+        additions=network_additions(network, wanted.spikes),
+    )
+
+
+def _ends(program: hw.ChipProgram) -> list[Profile | None]:
+    profile = program.chip.profile(program.chip.default_profile)
+    return [profile.with_times(end) for end in ("least", "most")]
+
+
+def _mean_range(program: hw.ChipProgram, sums: Sequence[float], recordings: int) -> Range:
+    """Return the least and most of a mean; None where an end is not known."""
+    least, most = (None if end is None else ns / recordings for end, ns in zip(_ends(program), sums, strict=True))
+    return least, most
 
 
 def _check_labels(network: Network, labels: npt.NDArray[np.int64] | None, samples: int, source: str) -> None:

@@ -15,6 +15,7 @@ from hw_model.engine.compiled import in_parts
 from hw_model.engine.trace import ByteArray
 from hw_model.streaming.early_stop import Stops
 from hw_model.streaming.session import check_psi, location_share
+from locsnn_compile.cluster.spread import Spread, here
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.network import Network
 from locsnn_compile.pipeline import Levels
@@ -124,14 +125,18 @@ def savings(program: hw.ChipProgram, stops: Stops) -> Savings:
 
 
 def stop_all(
-    stop: Callable[[ByteArray], Stops], recordings: ByteArray, progress: Progress | None = None, chunk: int = SAMPLE
+    stop: Callable[[ByteArray], Stops],
+    recordings: ByteArray,
+    progress: Progress | None = None,
+    chunk: int = SAMPLE,
+    spread: Spread = here,
 ) -> Stops:
     """Stop recordings by chunks, so that memory does not grow with their number."""
     parts = []
-    for start in range(0, len(recordings), chunk):
-        parts.append(stop(recordings[start : start + chunk]))
+    for found in spread(stop, (recordings[start : start + chunk] for start in range(0, len(recordings), chunk))):
+        parts.append(found)
         if progress:
-            progress(min(start + chunk, len(recordings)), len(recordings))
+            progress(min(len(parts) * chunk, len(recordings)), len(recordings))
     return Stops(
         steps=np.concatenate([part.steps for part in parts]),
         all_steps=parts[0].all_steps,

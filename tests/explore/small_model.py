@@ -1,9 +1,11 @@
 """A small network, recordings for it, and explorations of it from the command line."""
 
 import json
+import os
 
 import numpy as np
 import pytest
+from distributed import Client, LocalCluster
 
 from locsnn_compile.cli.main import main
 from locsnn_compile.explore.point import Figures, Point
@@ -41,6 +43,18 @@ def divided(tmp_path_factory):
             touch = (r.random((39, 2, STEPS)) < 0.2).astype(np.float32)
             np.save(folder / part / f"sample_{i}_label_{i % 3}.npy", touch)
     return folder
+
+
+@pytest.fixture(scope="session")
+def cluster():
+    """Two workers of this machine, each a process that is started again when it dies."""
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50) as made:
+        yield made
+
+
+def workers_of(cluster):
+    with Client(cluster.scheduler_address, set_as_default=False) as client:
+        return list(client.run(os.getpid).values())
 
 
 def labelled(path, *, seed, many=5):

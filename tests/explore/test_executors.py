@@ -5,19 +5,21 @@ import os
 import signal
 import sys
 from dataclasses import replace
+from functools import partial
 
 import pytest
-from distributed import Client, LocalCluster
-from small_model import explore, lasting, narrow, setting
+from distributed import LocalCluster
+from small_model import explore, lasting, narrow, setting, workers_of
 
 import hw_model as hw
 import locsnn_compile as lc
+from locsnn_compile.cluster import code, dask_cluster
+from locsnn_compile.cluster.spread import packed, work_packed
 from locsnn_compile.errors import InputError
-from locsnn_compile.explore import code, dask_cluster, executors
-from locsnn_compile.explore.dask_cluster import on_dask
+from locsnn_compile.explore import executors
 from locsnn_compile.explore.events import choose_events
-from locsnn_compile.explore.executors import here, in_processes
-from locsnn_compile.explore.point import measure, measure_packed
+from locsnn_compile.explore.executors import here, in_processes, on_dask
+from locsnn_compile.explore.point import measure
 from locsnn_compile.explore.store import Store
 from locsnn_compile.explore.study import Study
 from locsnn_compile.explore.sweep import sweep
@@ -54,17 +56,6 @@ def points(study, grid, tmp_path_factory):
     return sweep(study, grid, Store(tmp_path_factory.mktemp("here")), here)
 
 
-@pytest.fixture(scope="module")
-def cluster():
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50) as made:
-        yield made
-
-
-def workers_of(cluster):
-    with Client(cluster.scheduler_address, set_as_default=False) as client:
-        return list(client.run(os.getpid).values())
-
-
 def killed_after(first, pids):
     """A progress callback that kills processes once so many points are finished; and what it killed."""
     killed = []
@@ -80,7 +71,7 @@ def killed_after(first, pids):
 
 def test_a_packed_study_is_the_same(study):
     one = setting("dendrite", 4)
-    assert measure_packed(study.packed(), one) == measure(study, one)
+    assert work_packed(packed(partial(measure, study)), packed(one)) == measure(study, one)
 
 
 def test_processes_find_the_same_bytes(model, events, serial, tmp_path):

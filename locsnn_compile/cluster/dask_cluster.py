@@ -1,0 +1,99 @@
+"""Work done by the workers of a Dask cluster; needs the extra ``dask``."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+from locsnn_compile.cluster.code import check_code, code_version
+from locsnn_compile.cluster.spread import Part, Result, Spread, here, packed, work_packed
+from locsnn_compile.errors import InputError
+
+PATIENCE_SECONDS = 30
+"""For the scheduler to answer, and for its first worker."""
+AHEAD = 2
+"""Parts for each thread of the cluster that are under way: the next one is there when one is done."""
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """A connected ``distributed.Client``; ``where`` is how errors name it."""
+
+    client: Any
+    where: str
+    distributed: ModuleType
+
+    def result(self, future: Any) -> Any:
+        """Return the result of a future; whose worker died is done again by others, and by none after a few times."""
+        try:
+            return future.result()
+        except self.distributed.KilledWorker:
+            fix = "Give them more memory, or fewer recordings."
+            raise InputError(self.where, "its workers die at their work", fix=fix) from None
+        except self.distributed.CancelledError:
+            raise InputError(self.where, "it was lost", fix="Start it and the command again.") from None
+
+    def spread(self, work: Callable[[Part], Result], parts: Iterable[Part], /) -> Iterator[Result]:
+        """Have parts done by the workers, so many at a time; see :class:`locsnn_compile.cluster.spread.Spread`."""
+        # The work goes with every part, not to the workers beforehand, where it would be lost with them.
+        job, waiting = packed(work), deque[Any]()
+        most = AHEAD * max(1, sum(self.client.nthreads().values()))
+        for part in parts:
+            waiting.append(self.client.submit(work_packed, job, packed(part), pure=False))
+            if len(waiting) == most:
+                yield self.result(waiting.popleft())
+        while waiting:
+            yield self.result(waiting.popleft())
+
+
+@contextmanager
+def spread_over(address: str | None) -> Iterator[Spread]:
+    """Give what does the parts of a job: the cluster of a scheduler, or this process where none is named."""
+    if address is None:
+        yield here
+        return
+    with connected(address) as cluster:
+        yield cluster.spread
+
+
+def installed_dask() -> ModuleType:
+    """Return the package; ``InputError`` where it is not installed."""
+    try:
+        import distributed
+    except ImportError:
+        fix = "Install it with: pip install 'locsnn-compile[dask]'"
+        raise InputError("--scheduler", "Dask is not installed", fix=fix) from None
+    found: ModuleType = distributed
+    return found
+
+
+@contextmanager
+def connected(address: str) -> Iterator[Cluster]:
+    """Connect to a scheduler that has at least one worker, all of them with this code."""
+    distributed = installed_dask()
+    where, waited = f"--scheduler {address}", f"within {PATIENCE_SECONDS} s"
+    try:
+        client = distributed.Client(address, timeout=PATIENCE_SECONDS, set_as_default=False)
+    except ValueError as error:
+        raise InputError(where, f"it is no address: {error}", fix="Give one such as tcp://127.0.0.1:8786.") from None
+    except OSError:
+        fix = "Start one with: dask scheduler"
+        raise InputError(where, "no scheduler answers", measured=waited, fix=fix) from None
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=PATIENCE_SECONDS)
+        except TimeoutError:
+            fix = f"Start some with: dask worker {address}"
+            raise InputError(where, "it has no workers", measured=waited, fix=fix) from None
+        try:
+            codes = client.run(code_version)
+        except ImportError as error:
+            fix = "Install it there."
+            raise InputError(where, "a worker has no locsnn-compile", measured=str(error), fix=fix) from None
+        for code in codes.values():
+            check_code(where, code)
+        yield Cluster(client, where, distributed)

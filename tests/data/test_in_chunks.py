@@ -1,0 +1,122 @@
+"""Recordings read some at a time are those that are read at once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from locsnn_compile.data.expected import OPEN, Expected
+from locsnn_compile.data.in_chunks import read_in_chunks
+from locsnn_compile.data.read import read_recordings
+from locsnn_compile.errors import InputError
+
+TWENTY = (np.random.default_rng(0).random((20, 39, 2, 7)) < 0.3).astype(np.uint8)
+NOTHING = {"step_seconds": None, "threshold": None, "steps": None}
+
+
+def sizes(path: Path, model: Expected = OPEN, many: int = 6, **asked: Any) -> list[int]:
+    """Read both ways, compare, and return how many recordings each chunk has."""
+    chunks = list(read_in_chunks(str(path), many, model=model, **NOTHING | asked))
+    whole = read_recordings(path, model=model, **asked)
+    assert np.array_equal(np.concatenate([chunk.spikes for chunk in chunks]), whole.spikes)
+    labels = [chunk.labels for chunk in chunks]
+    assert (
+        all(found is None for found in labels)
+        if whole.labels is None
+        else np.array_equal(np.hstack(labels), whole.labels)
+    )
+    beside = [(chunk.source, chunk.step_seconds, chunk.origin, chunk.binned) for chunk in chunks]
+    assert set(beside) == {(whole.source, whole.step_seconds, whole.origin, whole.binned)}
+    return [len(chunk) for chunk in chunks]
+
+
+@pytest.mark.parametrize(
+    ("array", "found"),
+    [
+        (TWENTY, [6, 6, 6, 2]),
+        (TWENTY.reshape(20, 78, 7), [6, 6, 6, 2]),
+        (TWENTY.astype(np.float32), [6, 6, 6, 2]),
+        (TWENTY.astype(np.bool_), [6, 6, 6, 2]),
+        (np.repeat(TWENTY, 2, axis=0)[:, :, 0], [6, 6, 6, 6, 6, 6, 4]),
+        (TWENTY[:6], [6]),
+        (TWENTY[0], [1]),
+        (TWENTY[0].reshape(78, 7), [1]),
+        (np.asfortranarray(TWENTY), [20]),
+    ],
+    ids=["taxels", "channels", "floats", "booleans", "sizes of an order in the last four", "one chunk", "one recording", "one of channels", "Fortran's order"],
+)  # fmt: skip
+def test_a_file_in_chunks(tmp_path: Path, array: np.ndarray[Any, Any], found: list[int]) -> None:
+    np.save(tmp_path / "x.npy", array)
+    assert sizes(tmp_path / "x.npy") == found
+
+
+def test_the_last_two_are_no_polarities(tmp_path: Path) -> None:
+    """Two recordings of 39 channels have the sizes of (polarities, taxels, steps); eight have not."""
+    np.save(tmp_path / "x.npy", TWENTY[:8, :, 0])
+    assert sizes(tmp_path / "x.npy") == [6, 2]
+
+
+def test_labels_and_what_a_model_says(tmp_path: Path) -> None:
+    np.save(tmp_path / "x.npy", TWENTY)
+    np.save(tmp_path / "x_labels.npy", np.arange(20) % 3)
+    assert sizes(tmp_path / "x.npy", Expected("model 'm'", 0.02, 0, 7, 78)) == [6, 6, 6, 2]
+
+
+def test_with_an_option_and_of_other_files_all_are_read_at_once(tmp_path: Path) -> None:
+    np.save(tmp_path / "x.npy", TWENTY)
+    assert sizes(tmp_path / "x.npy", steps=9) == [20]
+    np.savez(tmp_path / "x.npz", spikes=TWENTY)
+    assert sizes(tmp_path / "x.npz") == [20]
+
+
+def damaged(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:-1])
+
+
+def graded(path: Path) -> None:
+    array = np.load(path)
+    array[17, 3, 1, 5] = 2
+    np.save(path, array)
+
+
+def labels_of_others(path: Path) -> None:
+    np.save(path.with_name("x_labels.npy"), np.arange(19))
+
+
+def other_order(path: Path) -> None:
+    np.save(path, np.load(path).transpose(0, 3, 1, 2))
+
+
+def gone(path: Path) -> None:
+    path.unlink()
+
+
+def text(path: Path) -> None:
+    np.save(path, np.array(["a"] * 20))
+
+
+@pytest.mark.parametrize(
+    "spoil", [damaged, graded, labels_of_others, other_order, gone, text], ids=lambda f: f.__name__
+)
+def test_what_is_wrong_is_said_in_the_same_words(tmp_path: Path, spoil: Any) -> None:
+    np.save(tmp_path / "x.npy", TWENTY)
+    spoil(tmp_path / "x.npy")
+    with pytest.raises(InputError) as whole:
+        read_recordings(tmp_path / "x.npy")
+    with pytest.raises(InputError) as found:
+        list(read_in_chunks(str(tmp_path / "x.npy"), 6, model=OPEN, **NOTHING))
+    assert str(found.value) == str(whole.value)
+
+
+def test_a_file_that_is_cut_while_it_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "x.npy"
+    np.save(path, TWENTY)
+    chunks = read_in_chunks(str(path), 6, model=OPEN, **NOTHING)
+    assert len(next(chunks)) == 6
+    path.write_bytes(path.read_bytes()[:-600])
+    with pytest.raises(InputError) as caught:
+        list(chunks)
+    assert str(caught.value) == "file 'x.npy': it became shorter while it was read. Start again."

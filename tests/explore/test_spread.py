@@ -1,0 +1,175 @@
+"""Recordings spread over Dask workers give the bytes of one machine, whoever dies, and are held a few at a time."""
+
+import os
+import signal
+import sys
+import tracemalloc
+from contextlib import redirect_stdout
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_model import labelled, workers_of
+
+import hw_model as hw
+import locsnn_compile as lc
+from locsnn_compile.cli.compile import main as compile_main
+from locsnn_compile.cli.main import main
+from locsnn_compile.cluster import dask_cluster
+from locsnn_compile.cluster.dask_cluster import connected, spread_over
+from locsnn_compile.cluster.spread import packed, unpacked
+from locsnn_compile.errors import InputError, TargetError
+
+MANY = 70
+"""Recordings, in five chunks."""
+
+
+@pytest.fixture(scope="module")
+def many(tmp_path_factory):
+    return labelled(tmp_path_factory.mktemp("many") / "many.npz", seed=3, many=MANY)
+
+
+@pytest.fixture(scope="module")
+def compiled(model, many):
+    return lc.compile(lc.load(model), events=many, diagnosis=False, strategy="dendrite")
+
+
+@pytest.fixture(scope="module")
+def build(compiled, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("build") / "small"
+    compiled.program.save(folder)
+    return folder
+
+
+def files(folder):
+    return {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize("options", [(), ("--stop", "proven", "--json")])
+def test_run_prints_the_same(build, many, cluster, capsys, options):
+    arguments = ["run", str(build), "--events", str(many), *options]
+    assert main(arguments) == 0
+    here = capsys.readouterr()
+    assert main([*arguments, "--scheduler", cluster.scheduler_address]) == 0
+    assert capsys.readouterr() == here
+    assert f"recording {MANY - 1}" in here.out or f'"recording": {MANY - 1}' in here.out
+
+
+def test_compile_writes_the_same(model, many, cluster, tmp_path):
+    arguments = [str(model), "--events", str(many), "--quiet", "--min-agreement", "0.1"]
+    assert compile_main([*arguments, "-o", str(tmp_path / "here")]) == 0
+    assert compile_main([*arguments, "-o", str(tmp_path / "there"), "--scheduler", cluster.scheduler_address]) == 0
+    assert files(tmp_path / "there") == files(tmp_path / "here")
+
+
+def test_a_worker_killed_in_the_middle_loses_nothing(compiled, many, cluster):
+    before, killed, moved = workers_of(cluster), [], []
+
+    def progress(done, total):
+        moved.append((done, total))
+        if not killed:
+            killed.append(before[0])
+            os.kill(before[0], signal.SIGKILL)
+
+    found = lc.verify(compiled, many, progress=progress, scheduler=cluster.scheduler_address)
+    assert vars(found).keys() == vars(compiled.match).keys()
+    for name, value in vars(compiled.match).items():
+        assert repr(getattr(found, name)) == repr(value), name
+    assert killed == before[:1]
+    assert moved == [(16, MANY), (32, MANY), (48, MANY), (64, MANY), (MANY, MANY)]
+
+
+def test_no_more_is_taken_than_is_under_way(cluster):
+    taken = []
+    with spread_over(cluster.scheduler_address) as spread:
+        for i, found in enumerate(spread(abs, (taken.append(i) or -i for i in range(40)))):
+            assert found == i
+            assert len(taken) <= i + dask_cluster.AHEAD * 2
+    assert len(taken) == 40
+
+
+def test_an_error_of_a_worker_is_the_line_it_is_here(build, cluster, tmp_path, capsys):
+    np.save(tmp_path / "wide.npy", np.zeros((3, 80, 40), dtype=np.uint8))
+    arguments = ["run", str(build), "--events", str(tmp_path / "wide.npy")]
+    assert main(arguments) == 2
+    here = capsys.readouterr()
+    assert main([*arguments, "--scheduler", cluster.scheduler_address]) == 2
+    assert capsys.readouterr() == here
+    assert here.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("kind", [InputError, TargetError])
+def test_errors_go_to_other_processes(kind):
+    error = kind("here", "it fails", measured="1 against 2", fix="Give 2.")
+    again = unpacked(packed(error))
+    assert (type(again), str(again), vars(again)) == (kind, str(error), vars(error))
+
+
+def test_workers_that_always_die_are_one_line(cluster):
+    with pytest.raises(InputError) as caught, connected(cluster.scheduler_address) as found:
+        list(found.spread(os._exit, [1]))
+    where = f"--scheduler {cluster.scheduler_address}"
+    assert str(caught.value) == f"{where}: its workers die at their work. Give them more memory, or fewer recordings."
+
+
+def commands(build, model, many):
+    """Both commands on recordings, by name."""
+    return {
+        "run": lambda *more: main(["run", str(build), "--events", str(many), *more]),
+        "compile": lambda *more: compile_main([str(model), "--events", str(many), *more]),
+    }
+
+
+@pytest.mark.parametrize("command", ["run", "compile"])
+def test_a_scheduler_that_does_not_answer(build, model, many, command, monkeypatch, capsys):
+    monkeypatch.setattr(dask_cluster, "PATIENCE_SECONDS", 0.2)
+    assert commands(build, model, many)[command]("--scheduler", "tcp://127.0.0.1:9") == 2
+    line = "--scheduler tcp://127.0.0.1:9: no scheduler answers (within 0.2 s). Start one with: dask scheduler\n"
+    assert capsys.readouterr() == ("", line)
+
+
+@pytest.mark.parametrize("command", ["run", "compile"])
+def test_without_dask(build, model, many, command, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    assert commands(build, model, many)[command]("--scheduler", "tcp://127.0.0.1:8786") == 2
+    line = "--scheduler: Dask is not installed. Install it with: pip install 'locsnn-compile[dask]'\n"
+    assert capsys.readouterr() == ("", line)
+
+
+def test_what_is_timed_is_not_spread(build, many, capsys):
+    assert main(["run", str(build), "--events", str(many), "--stream", "--scheduler", "tcp://127.0.0.1:8786"]) == 2
+    line = "--scheduler: steps are timed on this machine. Leave out --scheduler or --stream.\n"
+    assert capsys.readouterr() == ("", line)
+
+
+@pytest.fixture(scope="module")
+def tiny(tmp_path_factory):
+    """A program of four inputs and two classes."""
+    builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
+    touch = builder.add_input("touch", 4)
+    out = builder.add_compartments("out", 2, decay_u=4096, threshold=10)
+    builder.connect(touch, out, [[20, 4, 0, 0], [0, 0, 8, 40]])
+    builder.read_out(out)
+    folder = tmp_path_factory.mktemp("tiny") / "tiny"
+    builder.build().save(folder)
+    return folder
+
+
+def held(program, folder, recordings):
+    """Most bytes that ``locsnn run`` held at a time, over what was held before."""
+    file = folder / f"{recordings}.npy"
+    np.save(file, (np.random.default_rng(0).random((recordings, 4, 50)) < 0.1).astype(np.uint8))
+    with Path(os.devnull).open("w") as nowhere, redirect_stdout(nowhere):
+        tracemalloc.start()
+        try:
+            assert main(["run", str(program), "--events", str(file)]) == 0
+            return tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+
+
+def test_memory_does_not_grow_with_recordings(tiny, tmp_path):
+    held(tiny, tmp_path, 32)
+    few, many = held(tiny, tmp_path, 200), held(tiny, tmp_path, 20_000)
+    # A recording has 200 bytes, its line of the result 400. What waits for the garbage collector does not grow for ever.
+    assert (many - few) / (20_000 - 200) < 50
