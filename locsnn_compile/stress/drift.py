@@ -6,6 +6,7 @@ of one population. A session, which holds no more than a block, must count the s
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -36,10 +37,10 @@ def long_row(run: LongRun, chip: hw.Chip, float_run: Float) -> Row:
     """Return the row of a long run: that of its beginning, and how it went on."""
     row = judge(run.case, measure(run.case, chip))
     drift, odd = measure_drift(run, chip, float_run)
-    defects = [*([odd] if odd else []), *_beyond(drift)]
+    defects = tuple(defect for defect in (odd, _beyond(drift)) if defect)
     if defects or row.verdict == "unexplained":
         before = row.causes if row.verdict == "unexplained" else ()
-        return replace(row, verdict="unexplained", causes=(*before, *defects), drift=drift)
+        return replace(row, verdict="unexplained", causes=before + defects, drift=drift)
     causes = (*row.causes, *_growth(row, drift, run.fades))
     return replace(row, verdict="limited" if causes else "ok", causes=causes, drift=drift)
 
@@ -106,24 +107,20 @@ def _session_differs(program: hw.ChipProgram, played: ByteArray, spikes: ByteArr
     return None
 
 
-def _beyond(drift: Drift) -> list[str]:
+def _beyond(drift: Drift) -> str | None:
     largest = max(drift.error or (0.0,))
     if largest <= drift.bound * (1 + 1e-6):
-        return []
-    return [f"an error of {short(largest)} thresholds in the long run is beyond the bound of {short(drift.bound)}"]
+        return None
+    return f"an error of {short(largest)} thresholds in the long run is beyond the bound of {short(drift.bound)}"
 
 
-def _growth(row: Row, drift: Drift, fades: bool) -> list[str]:
+def _growth(row: Row, drift: Drift, fades: bool) -> Iterator[str]:
     """Name what is worse in the last tenth of the run than in its beginning."""
-    found = []
     assert row.measured is not None
     if not fades and drift.error is not None and drift.error[-1] > TENTH:
-        found.append(
-            f"nothing fades, so rounding adds up: {short(drift.error[-1])} thresholds in {drift.steps:,} steps"
-        )
+        yield f"nothing fades, so rounding adds up: {short(drift.error[-1])} thresholds in {drift.steps:,} steps"
     first, last = row.measured.spikes.agreement, drift.spikes[-1].agreement
     # Where no side spikes in the beginning, nothing differs there.
     if last is not None and last < (1.0 if first is None else first) - LESS:
         equal = f"{share(first)} are equal" if first is not None else "there are none"
-        found.append(f"spikes drift apart: {equal} in the beginning, {share(last)} in the last tenth")
-    return found
+        yield f"spikes drift apart: {equal} in the beginning, {share(last)} in the last tenth"
