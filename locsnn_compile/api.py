@@ -34,7 +34,7 @@ from locsnn_compile.network.recordings import fit_recordings
 from locsnn_compile.passes.quantize import weight_bits_of
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.calibration import calibrate
-from locsnn_compile.report.figures.choice import choice_document
+from locsnn_compile.report.figures.checks import choice_document
 from locsnn_compile.report.figures.document import report_document
 from locsnn_compile.report.renderers.csv_files import csv_files
 from locsnn_compile.report.renderers.html import render_html, render_summary

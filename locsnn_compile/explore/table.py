@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from locsnn_compile.explore.exploration import Exploration
-from locsnn_compile.explore.front import FRONT_RULE
 from locsnn_compile.explore.point import Figures, Point
+from locsnn_compile.explore.recommend import FRONT_RULE
 from locsnn_compile.report.format import NONE, agreed, count, energy, plain, share, time
 from locsnn_compile.settings import AXES
 

@@ -9,8 +9,7 @@ from locsnn_compile.report.format import plural, shortened
 from locsnn_compile.report.sections import accuracy, behaviour, build, cost
 from locsnn_compile.report.sections.cores import cores
 from locsnn_compile.report.sections.over_time import over_time
-from locsnn_compile.report.sections.potential import potential
-from locsnn_compile.report.sections.spikes import spikes
+from locsnn_compile.report.sections.recording import potential, spikes
 from locsnn_compile.report.sections.verdict import costs, fits, matches, notices
 
 if TYPE_CHECKING:

@@ -15,11 +15,10 @@ from locsnn_compile.baselines.operations import ANN_NAMES, ann_counts
 from locsnn_compile.network.network import Network
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.report.content import Document
-from locsnn_compile.report.figures.diagnosis import budget_entry, cause_entry, margins_entry
+from locsnn_compile.report.figures.checks import budget_entry, cause_entry, margins_entry, over_time_entry
 from locsnn_compile.report.figures.energy import energy_entry
 from locsnn_compile.report.figures.flat import picked
 from locsnn_compile.report.figures.latency import latency_entry
-from locsnn_compile.report.figures.over_time import over_time_entry
 from locsnn_compile.report.figures.spread import place
 from locsnn_compile.verification.diagnosis import Diagnosis
 from locsnn_compile.verification.grounds import Grounds

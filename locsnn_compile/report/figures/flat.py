@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
+
+from locsnn_compile.report.format import plain
 
 Figures = dict[str, Any]
 """Leaves by dotted keys, in order."""
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")
+"""A spreadsheet may take a text that begins with one of them for something to work out."""
 
 
 def picked(found: object, *names: str) -> Figures:
@@ -35,10 +39,19 @@ def flatten(value: object, key: str = "") -> Figures:
 
 def csv_bytes(rows: Sequence[Mapping[str, Any]]) -> bytes:
     """Return rows as a table with a column for each key that one of them has; of no rows, nothing."""
-    if not rows:
-        return b""
+    columns = dict.fromkeys(key for row in rows for key in row)
+    return table_bytes(columns, ([row.get(key) for key in columns] for row in rows)) if rows else b""
+
+
+def table_bytes(columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> bytes:
+    """Return a table for a spreadsheet or a script; a text is on one line, and never a formula."""
     made = io.StringIO()
-    writer = csv.DictWriter(made, dict.fromkeys(key for row in rows for key in row), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
+    writer = csv.writer(made, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows([_cell(value) for value in row] for row in rows)
     return made.getvalue().encode()
+
+
+def _cell(value: Any) -> Any:
+    line = plain(value) if isinstance(value, str) else ""
+    return f"'{line}" if line.startswith(_FORMULA) else line or value

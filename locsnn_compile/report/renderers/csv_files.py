@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from locsnn_compile.report.content import Document
-from locsnn_compile.report.figures.flat import flatten
-from locsnn_compile.report.format import plain
+from locsnn_compile.report.figures.flat import flatten, table_bytes
 
 if TYPE_CHECKING:
     from locsnn_compile.verification.excerpt import Excerpt
@@ -26,8 +23,6 @@ _UNITS = {
     "steps": "steps",
 }
 """What a key's last word says of its unit."""
-_FORMULA = ("=", "+", "-", "@", "\t", "\r")
-"""A spreadsheet may take a text that begins with one of them for something to work out."""
 Cell = str | int | float | None
 
 
@@ -38,10 +33,10 @@ def csv_files(document: Document, excerpt: Excerpt | None) -> dict[str, bytes]:
         for section, part in document.items()
         for name, value in flatten(part).items()
     )
-    files = {"csv/figures.csv": _table(("section", "name", "unit", "value"), figures)}
+    files = {"csv/figures.csv": table_bytes(("section", "name", "unit", "value"), figures)}
     if excerpt is not None:
-        files["csv/spikes.csv"] = _table(("axis", "source", "step", "row", "reference", "chip"), _spikes(excerpt))
-        files["csv/potential.csv"] = _table(
+        files["csv/spikes.csv"] = table_bytes(("axis", "source", "step", "row", "reference", "chip"), _spikes(excerpt))
+        files["csv/potential.csv"] = table_bytes(
             ("population", "neuron", "step", "reference", "chip", "threshold", "reference_spike", "chip_spike"),
             _potential(excerpt),
         )
@@ -74,19 +69,3 @@ def _potential(excerpt: Excerpt) -> Iterable[tuple[Cell, ...]]:
     for i, (reference, chip) in enumerate(zip(shown.reference.tolist(), shown.chip.tolist(), strict=True)):
         fired = int(shown.reference_spikes[i]), int(shown.chip_spikes[i])
         yield shown.population, shown.neuron, shown.first_step + i, reference, chip, shown.threshold, *fired
-
-
-def _table(head: tuple[str, ...], rows: Iterable[tuple[Cell, ...]]) -> bytes:
-    made = io.StringIO()
-    writer = csv.writer(made, lineterminator="\n")
-    writer.writerow(head)
-    writer.writerows([_cell(value) for value in row] for row in rows)
-    return made.getvalue().encode()
-
-
-def _cell(value: Cell) -> Cell:
-    """Return a value as it is, but for a text: on one line, and never a formula."""
-    if not isinstance(value, str):
-        return value
-    line = plain(value)
-    return f"'{line}" if line.startswith(_FORMULA) else line

@@ -1,22 +1,25 @@
-"""The section that shows spikes: the input, and both sides of every population, of one recording."""
+"""Sections of one recording: its input and the spikes of both sides, and the potential that differs first."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from hw_model.engine.trace import ByteArray
-from locsnn_compile.report.content import Document, Paragraph, Raster, Section, Strokes, Table, section
-from locsnn_compile.report.format import NONE, count, plural
-from locsnn_compile.report.pictures.ticks import step_ticks
+from locsnn_compile.report.content import Curve, Document, Paragraph, Plot, Raster, Section, Strokes, Table, section
+from locsnn_compile.report.format import NONE, count, plural, told_apart
+from locsnn_compile.report.pictures.ticks import step_ticks, value_axis
 from locsnn_compile.report.words import words
 
 if TYPE_CHECKING:
     from hw_model.mapping.graph import Axis
-    from locsnn_compile.verification.excerpt import Excerpt, InputSpikes, PopulationSpikes
+    from locsnn_compile.verification.excerpt import Excerpt, InputSpikes, NeuronPotential, PopulationSpikes
 
 _AXIS_LABELS = {"time": "time step", "location": "location step"}
+_BESIDE = 3
+"""Steps before and after the one in the middle that the table has."""
 
 
 def spikes(document: Document, excerpt: Excerpt | None) -> Section | None:
@@ -32,7 +35,7 @@ def spikes(document: Document, excerpt: Excerpt | None) -> Section | None:
         "One recording, a row a neuron, the first at the top. A ring marks the first spike that is on one side only; "
         "without a reset the sides may stay apart from there, spike after spike, by a step or two."
     )
-    return section("spikes", "Spikes", lead, Paragraph(_shown(excerpt)), *rasters, _table(excerpt, side))
+    return section("spikes", "Spikes", lead, Paragraph(_shown(excerpt)), *rasters, _spike_table(excerpt, side))
 
 
 def _shown(excerpt: Excerpt) -> str:
@@ -94,7 +97,7 @@ def _axes(spikes: ByteArray, axis: Axis, excerpt: Excerpt) -> tuple[int, int, st
     return *spikes.shape, _AXIS_LABELS[axis], step_ticks(excerpt.steps[axis], centred=True)
 
 
-def _table(excerpt: Excerpt, side: str) -> Table:
+def _spike_table(excerpt: Excerpt, side: str) -> Table:
     rows = []
     for item in excerpt.populations:
         equal, reference, chip = _sides(item)
@@ -115,3 +118,78 @@ def _strokes(kind: Literal["equal", "reference", "chip", "event"], found: ByteAr
     """Return the (column, row) of every spike, row by row."""
     rows, columns = np.nonzero(found.T)
     return Strokes(kind, f"{count(len(rows))} {label}", tuple(zip(columns.tolist(), rows.tolist(), strict=True)))
+
+
+def potential(document: Document, excerpt: Excerpt | None) -> Section | None:
+    """Potentials of both sides with the threshold, and what they differ by; None where nothing was kept to show."""
+    if excerpt is None:
+        return None
+    side = "network" if document["match"]["reference"] == "integers" else "float"
+    shown, first = excerpt.potential, excerpt.first
+    where = f"{shown.population}, neuron {shown.neuron}, recording {excerpt.recording}"
+    lead = f"{where}: the potential that the threshold sees, before any reset. " + (
+        "Its first spike that differs is marked."
+        if first
+        else "No spike differs; this neuron of the readout is an example."
+    )
+    at = None if first is None else first.step - shown.first_step
+    title = "Potential around the first difference" if first else "Potential of a neuron"
+    blocks = (make(shown, side, at) for make in (_potentials, _difference, _around))
+    return section("potential", title, lead, *blocks)
+
+
+def _potentials(shown: NeuronPotential, side: str, at: int | None) -> Plot:
+    both = {f"{side} potential": shown.reference.tolist(), "chip potential": shown.chip.tolist()}
+    title, level = f"{shown.population}, neuron {shown.neuron}: potential", shown.threshold
+    marked = None if at is None else at / max(1, len(shown.reference) - 1)
+    return _plot(title, shown, both, (f"threshold, {level:.6g}", level), marked=marked)
+
+
+def _difference(shown: NeuronPotential, side: str, at: int | None) -> Plot:
+    """Draw how far the chip is off, as long as all spikes are equal: what follows comes from the spike that differs."""
+    until = None if at is None else at + 1
+    off = 100.0 * (shown.chip - shown.reference)[:until] / (abs(shown.threshold) or 1.0)
+    title = "Error of the chip's potential, in percent of the threshold"
+    title += "" if at is None else ", until it counts"
+    return _plot(title, shown, {f"chip less {side}": off.tolist()}, ("no error", 0.0), " %")
+
+
+def _plot(
+    title: str,
+    shown: NeuronPotential,
+    series: dict[str, list[float]],
+    level: tuple[str, float],
+    unit: str = "",
+    marked: float | None = None,
+) -> Plot:
+    """Draw values by step, all from the first step on, with a level and its name."""
+    low, high, ticks = value_axis([value for values in series.values() for value in values] + [level[1]])
+    steps = len(next(iter(series.values())))
+
+    def curve(label: str, values: Sequence[float]) -> Curve:
+        last = max(1, len(values) - 1)
+        return Curve(label, tuple((i / last, (value - low) / (high - low)) for i, value in enumerate(values)))
+
+    return Plot(
+        title=title,
+        x_label=f"{shown.axis} step",
+        x_ticks=step_ticks(range(shown.first_step, shown.first_step + steps), centred=False),
+        y_ticks=tuple(((value - low) / (high - low), f"{value:.6g}{unit}") for value in ticks),
+        curves=(*(curve(*one) for one in series.items()), curve(level[0], [level[1]] * 2)),
+        marked=marked,
+    )
+
+
+def _around(shown: NeuronPotential, side: str, at: int | None) -> Table:
+    centre = len(shown.reference) // 2 if at is None else at
+    kept = range(max(0, centre - _BESIDE), min(len(shown.reference), centre + _BESIDE + 1))
+    texts = told_apart([float(v) for i in kept for v in (shown.reference[i], shown.chip[i], shown.threshold)])
+    rows = []
+    for n, i in enumerate(kept):
+        fired = [name for name, at_step in ((side, shown.reference_spikes), ("chip", shown.chip_spikes)) if at_step[i]]
+        rows.append((str(shown.first_step + i), texts[3 * n], texts[3 * n + 1], " and ".join(fired) or NONE))
+    return Table(
+        f"{shown.population}, neuron {shown.neuron}, threshold {shown.threshold:.6g}",
+        ("step", f"{side} potential", "chip potential", "spike of"),
+        tuple(rows),
+    )

@@ -1,7 +1,13 @@
-"""The diagnosis as plain values of report.json: error budget, cause of the first divergence, margins."""
+"""What report.json says of the checks beyond the match: where errors come from, predictions over time, settings."""
 
 from __future__ import annotations
 
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hw_model.program.chip_program import ChipProgram
 from locsnn_compile.report.content import Document
 from locsnn_compile.report.figures.flat import picked
 from locsnn_compile.verification.diagnosis import Diagnosis
@@ -9,8 +15,15 @@ from locsnn_compile.verification.error_budget.budget import Deviation
 from locsnn_compile.verification.error_budget.cause import Cause
 from locsnn_compile.verification.margins import EDGES, PopulationMargins
 from locsnn_compile.verification.matching import PopulationMatch
+from locsnn_compile.verification.over_time import LeftOut, OverTime, savings
+
+if TYPE_CHECKING:
+    from locsnn_compile.choose_strategy import Choice
 
 _REGISTERS = ("peak_u", "share_u", "peak_v", "share_v", "headroom_bits", "wraps", "clips")
+_POINTS = 50
+"""Steps of a recording whose figures are kept, evenly spread, the last among them."""
+_ORDER = ("together", "time", "location", "time_weighted")
 
 
 def budget_entry(diagnosis: Diagnosis) -> Document | None:
@@ -76,4 +89,45 @@ def _population(found: PopulationMargins) -> Document:
         **picked(found, "within_error", "decided_otherwise"),
         "distance_histogram": found.distance_histogram.tolist(),
         "error_histogram": found.error_histogram.tolist(),
+    }
+
+
+def over_time_entry(found: OverTime | LeftOut, program: ChipProgram, step_seconds: float | None) -> dict[str, Any]:
+    """Return ``over_time``; where nothing was followed, only why."""
+    if isinstance(found, LeftOut):
+        return {"left_out": found.reason}
+    steps = len(next(iter(found.right.values())))
+    kept = np.unique(np.ceil(np.arange(1, _POINTS + 1) * steps / _POINTS).astype(np.int64))
+    return {
+        "recordings": list(found.recordings),
+        "recordings_available": found.available,
+        "right_is": "the label" if found.labelled else "the prediction after the last step",
+        "psi": found.psi,
+        "step_seconds": step_seconds,
+        "steps": kept.tolist(),
+        "right": {name: found.right[name][kept - 1].tolist() for name in _ORDER if name in found.right},
+        "proven_stop": asdict(savings(program, found.proven)),
+    }
+
+
+def choice_document(choice: Choice | None) -> dict[str, Any] | None:
+    """Return the candidates as plain values; None where nothing was chosen."""
+    if choice is None:
+        return None
+    return {
+        "calibration_source": choice.source,
+        "calibration_samples": choice.samples,
+        **asdict(choice.budget),
+        "kept": choice.keeps_budget,
+        "taken": choice.taken.strategy,
+        "taken_weight_bits": choice.taken.setting.weight_bits,
+        "taken_split_weights": choice.taken.setting.split_weights,
+        "candidates": [
+            {
+                **asdict(candidate.setting),
+                **picked(candidate, "prediction_agreement", "spike_error", "energy_pj"),
+                "within_budget": candidate.keeps(choice.budget),
+            }
+            for candidate in choice.candidates
+        ],
     }
