@@ -2,22 +2,9 @@
 
 from __future__ import annotations
 
-from locsnn_compile.report.content import (
-    Bar,
-    Block,
-    Document,
-    Paragraph,
-    Section,
-    Stack,
-    Table,
-    facts,
-    of,
-    section,
-    share_of,
-    table,
-)
+from locsnn_compile.report.content import Bar, Document, Paragraph, Section, Table, facts, of, section, share_of, table
 from locsnn_compile.report.format import NONE, count, energy, ratio, share, time
-from locsnn_compile.report.sections.cost_tables import ENERGY, TIME, by_branch, constants, shares
+from locsnn_compile.report.sections.cost_tables import ENERGY, TIME, by_branch, constants, shares, stack
 from locsnn_compile.report.sections.verdict import pace
 from locsnn_compile.report.words import core_words, words
 
@@ -41,7 +28,7 @@ def energy_section(document: Document) -> Section:
         lead,
         ENERGY.span(document),
         facts(*ENERGY.facts(document)),
-        _stack(breakdown, f"Where the energy goes, profile {profile}"),
+        stack(breakdown, f"Where the energy goes, profile {profile}"),
         shares("operation", f"Energy by operation, {mean}", operations, patterned=True),
         by_branch(columns, "Energy by branch and profile, mean per recording", energy),
         shares("population", f"Energy by population, its dendrites included, {mean}", populations + elsewhere),
@@ -85,13 +72,7 @@ def latency_section(document: Document) -> Section:
     )
 
 
-def _stack(breakdown: dict[str, float], label: str) -> Stack:
-    total = sum(breakdown.values())
-    parts = [(words(name), share_of(pj, total), i) for i, (name, pj) in enumerate(breakdown.items()) if pj]
-    return Stack(label, tuple(Bar(its, f"{name} {share(its)}", i) for name, its, i in parts))
-
-
-def _static(static: Document) -> tuple[Block, ...]:
+def _static(static: Document) -> tuple[Paragraph, Table]:
     chips = "1 chip" if static["chips"] == 1 else f"{static['chips']} chips"
     rows = (("at the chip's latency", "at_latency_pj"), ("at the sensor's real time", "at_real_time_pj"))
     return (

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from locsnn_compile.report.content import Bar, Block, Curve, Document, Fact, Plot, Span, Table, of, share_of, table
+from locsnn_compile.report.content import Bar, Curve, Document, Fact, Plot, Span, Stack, Table, of, share_of, table
 from locsnn_compile.report.format import NONE, count, energy, share, time
 from locsnn_compile.report.pictures.ticks import round_numbers
 from locsnn_compile.report.words import words
@@ -65,7 +65,7 @@ class Cost:
             ("most", of(most, self.shown)),
         )
 
-    def course(self, document: Document) -> tuple[Block, ...]:
+    def course(self, document: Document) -> tuple[Plot, Table]:
         """Draw means over a few steps each in their middles; the last of a branch may be of fewer and is left out."""
         found = document[self.key]
         by_step, of_profile = found[f"by_step_{self.unit}"], f"profile {found['profile']}"
@@ -99,6 +99,13 @@ class Cost:
 
 ENERGY = Cost("Energy", "energy", "pj", energy)
 TIME = Cost("Time", "latency", "ns", time)
+
+
+def stack(breakdown: dict[str, float], label: str) -> Stack:
+    """Return parts of an energy as one bar."""
+    total = sum(breakdown.values())
+    parts = [(words(name), share_of(pj, total), i) for i, (name, pj) in enumerate(breakdown.items()) if pj]
+    return Stack(label, tuple(Bar(its, f"{name} {share(its)}", i) for name, its, i in parts))
 
 
 def shares(what: str, caption: str, parts: Iterable[tuple[str, float]], *, patterned: bool = False) -> Table:

@@ -10,18 +10,7 @@ import numpy as np
 from hw_model.engine.trace import ByteArray
 from locsnn_compile.network.neurons import Cuba, FloatArray, SrmAlpha
 from locsnn_compile.strategies import NATIVE, USUAL
-from locsnn_compile.stress.cases.case import (
-    CHANNELS,
-    NEURONS,
-    SEED,
-    THETA,
-    Case,
-    case_of,
-    lif,
-    random_input,
-    srm,
-    weights,
-)
+from locsnn_compile.stress.cases.case import NEURONS, SEED, THETA, Case, case_of, lif, random_input, srm, weights
 
 GROUP = "a million steps"
 BLOCK = 1000
@@ -57,9 +46,8 @@ def long_runs() -> Iterator[LongRun]:
     # A decay that the chip has: nothing but truncation and weights is left.
     yield _run("leak of 1 in 4096", NATIVE, lif(decay_v=1 / 4096), given, block, SETTLED * 4096 // BLOCK)
     yield _run("no leak, balanced input", NATIVE, lif(decay_v=0.0), *_balanced(), 2, fades=False)
-    nothing = np.zeros((NEURONS, CHANNELS))
     ticking = lif(decay_v=0.0, bias=THETA * np.array([0.3, 0.03, 0.003, 0.0003]))
-    yield _run("no leak, bias alone", NATIVE, ticking, nothing, block, 2, fades=False)
+    yield _run("no leak, bias alone", NATIVE, ticking, np.zeros_like(given), block, 2, fades=False)
 
 
 def _mostly_quiet(given: FloatArray) -> FloatArray:
