@@ -22,6 +22,7 @@ from .simulation import simulate as simulate
 from .streaming.early_stop import Stops as Stops
 from .streaming.early_stop import calibrate_margin as calibrate_margin
 from .streaming.early_stop import stop_at_margin as stop_at_margin
+from .streaming.early_stop import stop_in_silence as stop_in_silence
 from .streaming.early_stop import stop_when_proven as stop_when_proven
 from .streaming.early_stop import timestep_scores as timestep_scores
 from .streaming.session import Session as Session

@@ -94,6 +94,12 @@ class StepTimes:
         return self.begin_ns + self.buffer_ns + self.of(DELIVERIES + SYNAPSES)
 
     @property
+    def step_ns(self) -> FloatArray:
+        """Time of each step, (..., steps)."""
+        step_ns: FloatArray = self.core_ns.max(axis=-1) + self.barrier_ns
+        return step_ns
+
+    @property
     def _arrived_ns(self) -> FloatArray:
         """When the last packet of each way arrives; 0 where there is none."""
         arrived: FloatArray = (self.sent_ns[..., self.routes.source] + self.mesh_ns) * self.used

@@ -169,7 +169,8 @@ def advance(registers, at, charge, row, slot, widths):  # type: ignore[no-untype
         added = registers[k + _JOINED]
         registers[k + _JOINED] = 0
         v = _respond(registers, k, charge[row, slot + i], added, half_charge, half_current)
-        fired, _, _, state = _fire(registers, k, v)
+        fired, _, seen, state = _fire(registers, k, v)
+        registers[k + _POTENTIAL] = seen
         spikes |= np.int32(fired) << np.int32(i)
         remains |= registers[k + _U] | state
     return spikes, remains

@@ -15,10 +15,11 @@ import numpy as np
 
 from hw_model.engine.chunks import add_up, advance, advance_pair, pass_on
 from hw_model.engine.compiled import absorbed, borrowed, compiled, entry, trailing_zeros
-from hw_model.engine.layout import BIAS, BLOCKED, FIELDS, LANES, REFRACTORY, FastLayout, U
+from hw_model.engine.layout import BIAS, BLOCKED, FIELDS, LANES, POTENTIAL, REFRACTORY, FastLayout, U
 from hw_model.engine.tiles import AnyArray
 from hw_model.engine.trace import ByteArray
 from hw_model.mapping.graph import Input
+from hw_model.streaming.time_phase import Read
 
 
 class Visits(NamedTuple):
@@ -37,7 +38,8 @@ class Order(NamedTuple):
     """Chunks in the order of their updates, bundle by bundle, (members,) each; :class:`hw_model.engine.layout.Chunks`.
 
     ``parent`` is a member; ``forgets``: nothing is kept from step to step; ``never_rests``: there is a bias;
-    ``is_pair``: the first of two dendrites whose sum is all that the third member is, and which keeps nothing.
+    ``is_pair``: the first of two dendrites whose sum is all that the third member is, and which keeps nothing;
+    ``read``: its potentials are kept.
     """
 
     member: AnyArray
@@ -47,14 +49,16 @@ class Order(NamedTuple):
     forgets: AnyArray
     never_rests: AnyArray
     is_pair: AnyArray
+    read: AnyArray
 
 
 class History(NamedTuple):
     """Every step of a phase: ``charge`` (steps, slots), ``masks`` (steps, chunks) the spikes as bits.
 
     ``after`` (steps, members, :data:`KEPT`) are the registers after it; ``reached`` (steps, chunks) marks charges that
-    ever changed; ``spikes`` (columns,) counts spikes; ``changed`` (blocks,) is the first step with another charge, or
-    the number of steps; ``run`` (1,) how many steps of blocks have been run; ``block_of`` (nodes,).
+    ever changed; ``spikes`` (columns,) counts spikes, or holds the largest potential of a column that is read, of
+    ``potential`` (steps, slots); ``changed`` (blocks,) is the first step with another charge, or the number of steps;
+    ``run`` (1,) how many steps of blocks have been run; ``block_of`` (nodes,), ``slot`` (columns,).
     """
 
     charge: AnyArray
@@ -65,12 +69,15 @@ class History(NamedTuple):
     changed: AnyArray
     run: AnyArray
     block_of: AnyArray
+    potential: AnyArray
+    slot: AnyArray
 
 
 KEPT = (BLOCKED + 1 - U) * LANES
 """Numbers of a chunk's state: u, v, potential and blocked, which lie side by side."""
 U_AND_V = 2 * LANES
 _LANES, _CHUNK, _STATE = np.uint64(LANES), np.uint64(FIELDS * LANES), np.uint64(U * LANES)
+_POTENTIAL = np.uint64(POTENTIAL * LANES)
 
 
 class Replay:
@@ -79,15 +86,16 @@ class Replay:
     ``inputs``: those of the phase, all of them transposed.
     """
 
-    def __init__(self, layout: FastLayout, steps: int, inputs: Sequence[Input]) -> None:
+    def __init__(self, layout: FastLayout, steps: int, inputs: Sequence[Input], read: Read) -> None:
         chunks, blocks = layout.chunks, len(layout.chunks.feeds_itself)
+        slots = len(chunks.node) * LANES
         block_of = np.full(len(layout.nodes.first), -1, dtype=np.int64)
         for block in range(blocks):
             low, high = chunks.bundle[chunks.of_block[block : block + 2]]
             block_of[chunks.node[chunks.member[low:high]]] = block
         self._layout, self._steps = layout, steps
         self._history = History(
-            charge=np.zeros((steps, len(chunks.node) * LANES), dtype=chunks.registers.dtype),
+            charge=np.zeros((steps, slots), dtype=chunks.registers.dtype),
             after=np.zeros((steps, len(chunks.node), KEPT), dtype=chunks.registers.dtype),
             masks=np.zeros((steps, len(chunks.node)), dtype=np.int32),
             reached=np.zeros((steps, len(chunks.node)), dtype=np.uint8),
@@ -95,10 +103,12 @@ class Replay:
             changed=np.zeros(blocks, dtype=np.int64),
             run=np.zeros(1, dtype=np.int64),
             block_of=block_of,
+            potential=np.zeros((steps if len(read.columns) else 0, slots), dtype=chunks.registers.dtype),
+            slot=layout.slot,
         )
         visits = _visits(inputs)
         self._played = (
-            visits, layout.nodes, chunks, layout.links, _order(layout),
+            visits, read, layout.nodes, chunks, layout.links, _order(layout, read),
             chunks.registers[chunks.member].reshape(-1), np.zeros(len(chunks.member), dtype=np.bool_), self._history,
         )  # fmt: skip
         self._silence = np.zeros((1, len(visits.step)), dtype=np.uint8)
@@ -117,7 +127,7 @@ class Replay:
     def push(self, before: int, rows: ByteArray) -> AnyArray:
         """Add rows from row ``before`` on, (rows, channels), side by side in memory and writeable.
 
-        Return the spike counts after each, (rows, columns).
+        Return what every column gives so far after each, (rows, columns): its spikes or, if read, largest potential.
         """
         counts = np.empty((len(rows), self._layout.columns), dtype=np.int64)
         self._push(before, rows, *self._played, counts)
@@ -152,16 +162,18 @@ def _visits(inputs: Sequence[Input]) -> Visits:
     )
 
 
-def _order(layout: FastLayout) -> Order:
+def _order(layout: FastLayout, of: Read) -> Order:
     chunks = layout.chunks
     member, count = chunks.member, len(chunks.member)
     place = np.full(count + 1, -1, dtype=np.int64)  # the last is the place of no chunk
     place[member] = np.arange(count)
     parent, sums = place[chunks.parent[member]], chunks.sums[member].astype(np.bool_)
+    read = np.isin(member, layout.slot[of.columns] // LANES)
     forgets = sums & (chunks.registers[member][:, REFRACTORY].max(axis=1) <= 1)
     is_pair = np.zeros(count, dtype=np.bool_)
     for low, high in pairwise(chunks.bundle.tolist()):
         is_pair[low] = high - low == 3 and forgets[high - 1] and (parent[low : high - 1] == high - 1).all()
+        is_pair[low] &= not read[low:high].any()  # a pair is run without a potential of its own
     return Order(
         member=member,
         begins=chunks.begins,
@@ -170,15 +182,16 @@ def _order(layout: FastLayout) -> Order:
         forgets=forgets,
         never_rests=(chunks.registers[member][:, BIAS] != 0).max(axis=1),
         is_pair=is_pair,
+        read=read,
     )
 
 
 @compiled
 def _push(  # type: ignore[no-untyped-def]
-    before, rows, visits, nodes, chunks, links, order, registers, at_rest, history, counts
+    before, rows, visits, read, nodes, chunks, links, order, registers, at_rest, history, counts
 ):
-    visits, nodes, chunks, links, order, registers, at_rest, history = borrowed(
-        (visits, nodes, chunks, links, order, registers, at_rest, history)
+    visits, read, nodes, chunks, links, order, registers, at_rest, history = borrowed(
+        (visits, read, nodes, chunks, links, order, registers, at_rest, history)
     )
     steps = len(history.masks)
     for row in range(len(rows)):
@@ -190,13 +203,28 @@ def _push(  # type: ignore[no-untyped-def]
                     for link in range(len(links.source)):
                         if links.source[link] == node:
                             _change(np.uint64(link), line, visits.step[channel], 1, links, history)
+        ran = False
         for block in range(len(history.changed)):
             start = history.changed[block]
             if start < steps:
                 history.changed[block] = steps
                 _run_again(block, start, nodes, chunks, links, order, registers, at_rest, history)
+                ran = True
+        if ran:
+            for j in range(len(read.columns)):
+                history.spikes[read.columns[j]] = _largest(read.columns[j], read.first, history)
         for column in range(counts.shape[1]):
             counts[row, column] = history.spikes[column]
+
+
+@absorbed
+def _largest(column, first, history):  # type: ignore[no-untyped-def]
+    """Return the largest potential of a column from step ``first`` on; of no steps, 0."""
+    slot, steps = history.slot[column], len(history.potential)
+    largest = history.potential[first, slot] if first < steps else 0
+    for step in range(first + 1, steps):
+        largest = max(largest, history.potential[step, slot])
+    return largest
 
 
 @absorbed
@@ -278,7 +306,8 @@ def _run_member(step, index, stirred, widths, order, registers, at_rest, history
     """Update one chunk in one step; return the spikes as bits, and whether its bundle is stirred now."""
     k, at = np.uint64(order.member[index]), index * _CHUNK
     mask = np.int32(0)
-    if not at_rest[index] or history.reached[step, k] or stirred:
+    runs = not at_rest[index] or history.reached[step, k] or stirred
+    if runs:
         if order.sums[index]:
             mask, _, remains = add_up(registers, at)
         else:
@@ -287,6 +316,9 @@ def _run_member(step, index, stirred, widths, order, registers, at_rest, history
         stirred = True
         if order.parent[index] >= 0:
             pass_on(registers, at, np.uint64(order.parent[index]) * _CHUNK)
+    if order.read[index]:
+        for i in range(_LANES):
+            history.potential[step, k * _LANES + i] = registers[at + _POTENTIAL + i] if runs else 0
     if not order.forgets[index]:
         for i in range(np.uint64(KEPT)):
             history.after[step, index, i] = registers[at + _STATE + i]

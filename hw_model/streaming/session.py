@@ -21,10 +21,10 @@ from hw_model.engine.trace import ByteArray
 from hw_model.errors import InputError
 from hw_model.io.given import checked
 from hw_model.io.shown import shown
-from hw_model.mapping.graph import Phase
+from hw_model.mapping.graph import Phase, Readout
 from hw_model.program.chip_program import ChipProgram
 from hw_model.streaming.location_phase import Replay
-from hw_model.streaming.time_phase import Live
+from hw_model.streaming.time_phase import Live, Read
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -33,12 +33,14 @@ FloatArray = npt.NDArray[np.float64]
 class StepScores:
     """The state of the readout after each of some steps.
 
-    ``spikes[name]`` (steps, classes): spikes so far of each population of the readout; ``scores`` (steps, classes).
+    ``spikes[name]`` (steps, classes): spikes so far of each population of the readout, or, where potentials predict,
+    ``potential[name]``: the largest so far. ``scores`` (steps, classes).
     """
 
     __repr__ = shown
 
     spikes: dict[str, IntArray]
+    potential: dict[str, IntArray]
     scores: FloatArray
 
     @property
@@ -74,13 +76,8 @@ class Session:
             raise InputError(
                 f"program {program.name!r}", "has no readout, so it predicts nothing", fix="Add a readout."
             )
-        if program.readout.potentials_from is not None:
-            raise InputError(
-                f"program {program.name!r}",
-                "predicts by potentials, which are not followed step by step",
-                fix="Simulate whole recordings.",
-            )
         self.program, self.psi = program, psi
+        self._by_spikes = program.readout.potentials_from is None
         self.steps = 0
         self._length = _length(program, psi)
         self._branches = [_Branch(program, phase) for phase in program.phases]
@@ -110,7 +107,8 @@ class Session:
         self.steps += rows
         found = {output.population: counts[output.branch][:, output.columns] for output in self._output}
         scores = sum(self._weight(output, rows) * found[output.population] for output in self._output)
-        return StepScores(found, np.asarray(scores, dtype=np.float64))
+        by_spikes, by_potentials = (found, {}) if self._by_spikes else ({}, found)
+        return StepScores(by_spikes, by_potentials, np.asarray(scores, dtype=np.float64))
 
     @property
     def replayed(self) -> tuple[int, int]:
@@ -126,7 +124,7 @@ class Session:
         raise InputError(f"population {population!r}", "is in no transposed phase", fix="Read its counts from push.")
 
     def _weight(self, output: _Output, rows: int) -> float | FloatArray:
-        """Return what spikes count for after each of the last rows: a number, or (rows, 1)."""
+        """Return what a spike or potential counts for after each of the last rows: a number, or (rows, 1)."""
         if self.psi is None:
             return output.weight
         location = location_share(self.psi, np.arange(self.steps - rows + 1, self.steps + 1), self._length)
@@ -172,7 +170,11 @@ class _Branch:
             )
         layout = fast_layout(program, phase.name)
         last = int(max((at.max(initial=0) for at in positions), default=0))
-        self.run = Replay(layout, phase.steps or last + 1, inputs) if positions else Live(layout, phase.steps)
+        read = _read(program.readout, self.columns)
+        if positions:
+            self.run: Replay | Live = Replay(layout, phase.steps or last + 1, inputs, read)
+        else:
+            self.run = Live(layout, phase.steps, read)
 
     def push(self, before: int, streams: dict[str, ByteArray]) -> IntArray:
         """Push rows (1, rows, channels), and return the spikes so far after each, (rows, columns)."""
@@ -180,6 +182,14 @@ class _Branch:
         # A copy, whatever came: loops are compiled anew for what is read-only, or not side by side.
         rows = np.array(given[0] if len(given) == 1 else np.concatenate(given, axis=1), order="C")
         return self.run.push(before, rows)
+
+
+def _read(readout: Readout | None, columns: Mapping[str, slice]) -> Read:
+    """Return the columns of a phase whose potentials predict."""
+    first = None if readout is None else readout.potentials_from
+    names = () if readout is None or first is None else readout.populations
+    parts = [np.arange(columns[name].start, columns[name].stop) for name in names if name in columns]
+    return Read(np.concatenate([np.empty(0, dtype=np.int64), *parts]), first or 0)
 
 
 def _length(program: ChipProgram, psi: float | None) -> int:

@@ -6,16 +6,33 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hw_model.engine.compiled import borrowed, compiled, entry
+from hw_model.engine.compiled import absorbed, borrowed, compiled, entry
 from hw_model.engine.layout import FastLayout
-from hw_model.engine.tiles import NOTHING_KEPT, TILE, AnyArray, Kept, first_state, reset, run_tile, workspace
+from hw_model.engine.tiles import (
+    NO_REGISTER,
+    TILE,
+    AnyArray,
+    Kept,
+    KeptRegister,
+    first_state,
+    reset,
+    run_tile,
+    workspace,
+)
 from hw_model.engine.trace import ByteArray
+
+
+class Read(NamedTuple):
+    """The columns that predict by their largest potentials from step ``first`` on; none where spikes predict."""
+
+    columns: AnyArray
+    first: int
 
 
 class Room(NamedTuple):
     """What a tile of rows is played from and to: event lists, spikes, and what :func:`run_tile` counts.
 
-    ``so_far`` (columns,): the spikes since the first step.
+    ``so_far`` (columns,): the spikes since the first step, or the largest potentials of the columns that are ``read``.
     """
 
     first: AnyArray
@@ -25,14 +42,18 @@ class Room(NamedTuple):
     sent: AnyArray
     active: AnyArray
     kept: Kept
+    read: Read
 
 
 class Live:
     """A phase of ``steps`` steps, or without end, before its first step."""
 
-    def __init__(self, layout: FastLayout, steps: int | None) -> None:
+    def __init__(self, layout: FastLayout, steps: int | None, read: Read) -> None:
         inputs = layout.inputs
         lines = int(layout.nodes.size[:inputs].sum())
+        place = np.full(layout.columns, -1, dtype=np.int64)
+        place[read.columns] = np.arange(len(read.columns))
+        potential = KeptRegister(place, 0, np.zeros((1, TILE, len(read.columns)), dtype=np.int64))
         room = Room(
             first=np.zeros((TILE + 1, inputs), dtype=np.int64),
             line=np.empty(TILE * lines, dtype=np.int32),
@@ -40,13 +61,14 @@ class Live:
             so_far=np.zeros(layout.columns, dtype=np.int64),
             sent=np.zeros(lines + layout.columns, dtype=np.int64),
             active=np.zeros((TILE, layout.pieces), dtype=np.int64),
-            kept=NOTHING_KEPT,
+            kept=Kept(len(read.columns) > 0, NO_REGISTER, NO_REGISTER, potential),
+            read=read,
         )
         self._steps, self._columns = steps, layout.columns
         self._state, self._so_far = first_state(layout), room.so_far
         self._played = (layout.nodes, layout.chunks, layout.links, self._state, workspace(layout), room)
         rows, counts = np.zeros((1, lines), dtype=np.uint8), np.zeros((1, layout.columns), dtype=np.int64)
-        self._push = entry(_push, rows, 1, *self._played, counts)
+        self._push = entry(_push, rows, 1, 0, *self._played, counts)
 
     def reset(self) -> None:
         """Go back to before the first step."""
@@ -56,25 +78,29 @@ class Live:
     def push(self, before: int, rows: ByteArray) -> AnyArray:
         """Play rows (rows, lines), side by side in memory and writeable, from step ``before`` on.
 
-        Return the spike counts after each, (rows, columns).
+        Return what every column gives so far after each, (rows, columns): its spikes or, if read, largest potential.
         """
         lasting = len(rows) if self._steps is None else max(0, min(len(rows), self._steps - before))
         counts = np.empty((len(rows), self._columns), dtype=np.int64)
-        self._push(rows, lasting, *self._played, counts)
+        self._push(rows, lasting, before, *self._played, counts)
         return counts
 
 
 @compiled
-def _push(rows, lasting, nodes, chunks, links, state, work, room, counts):  # type: ignore[no-untyped-def]
+def _push(  # type: ignore[no-untyped-def]
+    rows, lasting, before, nodes, chunks, links, state, work, room, counts
+):
     nodes, chunks, links, state, work, room = borrowed((nodes, chunks, links, state, work, room))
     for low in range(0, lasting, len(room.spikes)):
         many = min(len(room.spikes), lasting - low)
         _list_rows(rows, low, many, nodes, room.first, room.line)
         run_tile(
-            low, many, room.first, room.line, nodes, chunks, links, state, work, True,
+            0, many, room.first, room.line, nodes, chunks, links, state, work, True,
             room.spikes, room.sent, room.active, 0, room.kept,
         )  # fmt: skip
         for row in range(many):
+            if room.kept.watched:
+                _read_potentials(row, before + low + row, room)
             for column in range(len(room.so_far)):
                 room.so_far[column] += room.spikes[row, column]
                 room.spikes[row, column] = 0
@@ -82,6 +108,17 @@ def _push(rows, lasting, nodes, chunks, links, state, work, room, counts):  # ty
     for row in range(lasting, len(rows)):
         for column in range(len(room.so_far)):
             counts[row, column] = room.so_far[column]
+
+
+@absorbed
+def _read_potentials(row, step, room):  # type: ignore[no-untyped-def]
+    """Take the potentials of a row of a tile into the largest so far, instead of spikes; leave room for a next tile."""
+    for j in range(len(room.read.columns)):
+        column, seen = room.read.columns[j], room.kept.potential.rows[0, row, j]
+        room.kept.potential.rows[0, row, j] = 0
+        room.spikes[row, column] = 0
+        if step == room.read.first or (step > room.read.first and seen > room.so_far[column]):
+            room.so_far[column] = seen
 
 
 @compiled

@@ -28,11 +28,12 @@ example:
   locsnn run build/objects-hybrid --events examples/recordings/touches.npz --stream
 
 With --stream events come step by step, and what is predicted so far is shown whenever it changes. --stop proven ends a
-recording as soon as no remaining spike can change the winner. --stop margin ends it as soon as the winner leads by what
-was enough on the recordings of --calibrate; give some that have neither trained the model nor test it. Of an archive
-with a train part, those are taken.
+recording as soon as nothing that remains can change the winner. --stop margin ends it as soon as the winner leads by
+what was enough on the recordings of --calibrate; give some that have neither trained the model nor test it. Of an
+archive with a train part, those are taken. --stop silence ends it after --silence steps without an event, once
+everything is at rest.
 """
-STOPS = ("proven", "margin")
+STOPS = ("proven", "margin", "silence")
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -49,10 +50,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="X",
         help="with --stream or --stop margin: weigh the branches by time, such as 10",
     )
-    add("--stop", metavar="HOW", help="stop early: proven, or margin")
+    add("--stop", metavar="HOW", help="stop early: proven, margin or silence")
     add("--calibrate", metavar="FILE", help="recordings to find the margin on")
     add("--min-agreement", type=float, metavar="X", help="of stops with the end, on those recordings (default 0.99)")
     add("--margin", type=float, metavar="X", help="the margin, where it is known")
+    add("--silence", type=int, metavar="N", help="with --stop silence: steps without an event")
     add_step_options(parser)
     add("--scheduler", metavar="ADDRESS", help="play on the Dask cluster of this scheduler (needs the extra dask)")
     add("--json", action="store_true", help="print the result as JSON")
@@ -174,6 +176,8 @@ def _check_options(args: argparse.Namespace) -> None:
     if by_margin and (args.calibrate is None) == (args.margin is None):
         both = "is given twice" if args.margin is not None else "is not known"
         raise InputError("--stop margin", f"the margin {both}", fix="Give one of --calibrate FILE and --margin X.")
+    if (args.silence is None) == (args.stop == "silence"):
+        raise InputError("--stop silence", "it goes together with --silence N", fix="Give both or neither.")
     if args.min_agreement is not None and args.calibrate is None:
         raise InputError("--min-agreement", "no margin is calibrated", fix="Add --calibrate FILE.")
     if args.scheduler and args.stream:
@@ -182,5 +186,6 @@ def _check_options(args: argparse.Namespace) -> None:
         raise InputError("--psi", "nothing that is asked for is weighed", fix="Add --stream or --stop margin.")
     check_psi(args.psi)
     check_number("--margin", args.margin, "it is no lead", lambda x: x > 0, "Give more than 0.")
+    check_number("--silence", args.silence, "it is not a number of steps", lambda x: x > 0, "Give 1 or more.")
     check_number("--step-seconds", args.step_seconds, "it is no time", lambda x: x > 0, "Give more than 0.")
     check_number("--min-agreement", args.min_agreement, "it is no share", lambda x: 0 <= x <= 1, "Give 0 to 1.")

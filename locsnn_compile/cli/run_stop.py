@@ -60,7 +60,9 @@ def find_stops(
     import hw_model as hw
     from locsnn_compile.verification.over_time import savings, stop_all
 
-    if margin is None:
+    if args.silence is not None:
+        stop = partial(hw.stop_in_silence, program, silence=args.silence)
+    elif margin is None:
         stop = partial(hw.stop_when_proven, program)
     else:
         stop = partial(hw.stop_at_margin, program, margin=margin["margin"], psi=args.psi)
@@ -85,7 +87,7 @@ def find_stops(
 
 def stop_lines(found: Row) -> list[str]:
     """Return where the margin comes from, what is saved, and how predictions compare, a line each."""
-    from locsnn_compile.report.format import count, energy, plural, share
+    from locsnn_compile.report.format import count, energy, plural, share, time
 
     lines = []
     calibrated = found.get("calibrated_on")
@@ -101,7 +103,8 @@ def stop_lines(found: Row) -> list[str]:
         f"stopped ({found['kind']}) after {count(found['steps'])} of {count(found['all_steps'])} steps on average, "
         f"{share(saved['steps'])} saved; {share(saved['synaptic_ops'])} of synaptic operations; "
         f"{share(saved['energy_pj'])} of energy, {energy(found['energy_pj'])} instead of "
-        f"{energy(found['all_energy_pj'])} (profile {found['profile']})"
+        f"{energy(found['all_energy_pj'])}, and {time(found['latency_ns'])} instead of "
+        f"{time(found['all_latency_ns'])} (profile {found['profile']})"
     )
     same = f"as the whole recording in {share(found['agreement'])} of {plural(found['recordings'], 'recording')}"
     if found["accuracy"] is not None:

@@ -62,7 +62,7 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class Savings:
-    """Means of a recording until it stops, and of a whole one; energy by a named profile."""
+    """Means of a recording until it stops, and of a whole one; energy and latency by a named profile."""
 
     steps: float
     all_steps: float
@@ -70,6 +70,8 @@ class Savings:
     all_synaptic_ops: float
     energy_pj: float
     all_energy_pj: float
+    latency_ns: float
+    all_latency_ns: float
     profile: str
 
 
@@ -106,7 +108,7 @@ def over_time(levels: Levels, recordings: ByteArray, labels: IntArray | None, ps
 
 
 def savings(program: hw.ChipProgram, stops: Stops) -> Savings:
-    """Return what recordings take until their stops; energy by the chip's default profile."""
+    """Return what recordings take until their stops; energy and latency by the chip's default profile."""
     profile = program.chip.profile(program.chip.default_profile)
     batch = len(stops.steps)
 
@@ -120,6 +122,8 @@ def savings(program: hw.ChipProgram, stops: Stops) -> Savings:
         all_synaptic_ops=stops.all_counts.synaptic_ops / batch,
         energy_pj=energy_pj(stops.counts),
         all_energy_pj=energy_pj(stops.all_counts),
+        latency_ns=stops.latency_ns / batch,
+        all_latency_ns=stops.all_latency_ns / batch,
         profile=program.chip.default_profile,
     )
 
@@ -144,6 +148,8 @@ def stop_all(
         final=np.concatenate([part.final for part in parts]),
         counts=total(part.counts for part in parts),
         all_counts=total(part.all_counts for part in parts),
+        latency_ns=sum(part.latency_ns for part in parts),
+        all_latency_ns=sum(part.all_latency_ns for part in parts),
     )
 
 
@@ -164,10 +170,11 @@ def _scores(program: hw.ChipProgram, recordings: ByteArray, psi: float) -> dict[
         session, found = hw.Session(program), []
         for recording in recordings[start:stop]:
             session.reset()
-            spikes = session.push(recording).spikes
+            pushed = session.push(recording)
+            given = {**pushed.spikes, **pushed.potential}
             by_axis: dict[str, FloatArray] = {}
             for name, weight in voters:
-                scores = weight * spikes[name].astype(np.float64)
+                scores = weight * given[name].astype(np.float64)
                 by_axis[axis_of[name]] = by_axis[axis_of[name]] + scores if axis_of[name] in by_axis else scores
             found.append(by_axis)
         return found

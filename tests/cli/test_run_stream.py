@@ -192,13 +192,32 @@ def test_proven_stops(build, program, capsys):
     assert [line.split(":")[0] for line in lines[:3]] == ["recording 0", "recording 1", "recording 2"]
     assert re.fullmatch(
         r"stopped \(proven\) after \d+ of 328 steps on average, [\d.]+ % saved; [\d.]+ % of synaptic operations; "
-        r"[\d.]+ % of energy, [\d.]+ µJ instead of [\d.]+ µJ \(profile davies2018\)",
+        r"[\d.]+ % of energy, [\d.]+ µJ instead of [\d.]+ µJ, and [\d.]+ [µm]s instead of [\d.]+ [µm]s \(profile davies2018\)",
         lines[-2],
     )
     accuracy = stop["whole_accuracy"]
     assert lines[-1] == (
         f"predicted as the whole recording in 100 % of 3 recordings; accuracy {accuracy:.3f} instead of {accuracy:.3f}"
     )
+
+
+def test_stops_in_silence(build, program, capsys):
+    given = spikes(build)
+    given = np.concatenate((given, np.zeros((3, 190, 78), dtype=np.uint8)), axis=1)
+    stops = hw.stop_in_silence(program, given, 9)
+    stop = as_json(build, capsys, "--stop", "silence", "--silence", 9)["stop"]
+    assert (stop["kind"], stop["steps"], stop["all_steps"]) == ("silence", stops.steps.mean(), 250)
+    assert 69 < stop["steps"] < 250
+    assert (stop["latency_ns"], stop["all_latency_ns"]) == (
+        pytest.approx(stops.latency_ns / 3), pytest.approx(stops.all_latency_ns / 3),
+    )  # fmt: skip
+    report = json.loads((build / "out/report.json").read_text())
+    assert stop["all_latency_ns"] == pytest.approx(report["latency"]["per_sample_ns"])
+    assert stop["latency_ns"] < stop["all_latency_ns"]
+    assert stop["energy_pj"] < stop["all_energy_pj"]
+    assert stop["agreement"] == 1.0
+    assert run(build, "--stop", "silence", "--silence", 9) == 0
+    assert capsys.readouterr().out.splitlines()[-2].startswith("stopped (silence) after ")
 
 
 @pytest.mark.parametrize("psi", [None, 10.0], ids=["plain", "time-weighted"])
@@ -275,6 +294,9 @@ def test_the_train_part_calibrates_and_the_test_part_is_played(build, program, c
         ("--margin 3", "--margin: nothing that is asked for has a margin. Add --stop margin."),
         ("--stop proven --calibrate more.npy", "--calibrate: nothing that is asked for has a margin. Add --stop margin."),
         ("--stop margin --margin 3 --min-agreement 0.9", "--min-agreement: no margin is calibrated. Add --calibrate FILE."),
+        ("--stop silence", "--stop silence: it goes together with --silence N. Give both or neither."),
+        ("--silence 3", "--stop silence: it goes together with --silence N. Give both or neither."),
+        ("--stop silence --silence 0", "--silence: it is not a number of steps (got 0). Give 1 or more."),
         ("--stop margin --margin 0", "--margin: it is no lead (got 0). Give more than 0."),
         ("--stop margin --margin nan", "--margin: it is no lead (got nan). Give more than 0."),
         ("--stop margin --calibrate more.npy --min-agreement 1.5", "--min-agreement: it is no share (got 1.5). Give 0 to 1."),
@@ -285,7 +307,7 @@ def test_the_train_part_calibrates_and_the_test_part_is_played(build, program, c
         ("--stop margin --calibrate few.npy", "--calibrate 'few.npy': these recordings are the ones that are played, and a margin fits those that it was found on. Give others."),
         ("--stop margin --calibrate gone.npy", "file 'gone.npy': it does not exist. Check the path."),
     ],
-    ids=["kind", "no margin", "two margins", "margin alone", "calibrate alone", "agreement alone", "no lead", "not a number", "no share", "psi alone", "negative psi", "length alone", "endless step", "same recordings", "no file"],
+    ids=["kind", "no margin", "two margins", "margin alone", "calibrate alone", "agreement alone", "no length", "silence alone", "no silence", "no lead", "not a number", "no share", "psi alone", "negative psi", "length alone", "endless step", "same recordings", "no file"],
 )  # fmt: skip
 def test_bad_options_are_one_line(build, capsys, monkeypatch, options, line):
     monkeypatch.chdir(build)

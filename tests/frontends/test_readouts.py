@@ -49,7 +49,9 @@ def test_the_chip_predicts_so_too_in_both_engines_and_from_a_file(kind, tmp_path
             result = hw.simulate(program, GIVEN, engine=engine, probe=("potential",))
             np.testing.assert_array_equal(result.prediction, predicted)
             np.testing.assert_array_equal(result.scores, result.potential["read"][:, 2:].max(axis=1))
-    assert compiled.report["over_time"] is None or "left_out" in str(compiled.report["over_time"])
+    over_time = compiled.report["over_time"]
+    assert over_time["right"]["together"][-1] == 1.0
+    assert over_time["proven_stop"]["steps"] <= over_time["proven_stop"]["all_steps"] == 60
 
 
 def test_neurons_of_a_readout_share_a_scale(tmp_path):
@@ -81,18 +83,26 @@ def test_a_readout_without_leak_is_refused(tmp_path):
     assert str(caught.value) == message
 
 
-REFUSED = [
-    ("a session", lambda program: hw.Session(program), "program 'graph': predicts by potentials, which are not followed step by step. Simulate whole recordings."),
-    ("an early stop", lambda program: hw.stop_when_proven(program, GIVEN), "program 'graph': predicts by potentials, which no spike settles. Play whole recordings."),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("call", "message"), [row[1:] for row in REFUSED], ids=[row[0] for row in REFUSED])
-def test_what_potentials_do_not_allow_is_said_in_a_line(call, message, tmp_path):
-    compiled = lc.compile(load(graph("LI"), tmp_path), events=GIVEN, diagnosis=False)
-    with pytest.raises(lc.InputError) as caught:
-        call(compiled.program)
-    assert str(caught.value) == message
+@pytest.mark.parametrize("kind", ["LI", "CubaLI"])
+def test_sessions_and_stops_predict_by_potentials(kind, tmp_path):
+    program = lc.compile(load(graph(kind), tmp_path), events=GIVEN, diagnosis=False).program
+    whole = hw.simulate(program, GIVEN, probe=("potential",))
+    session = hw.Session(program)
+    for recording, potential, prediction in zip(GIVEN, whole.potential["read"], whole.prediction, strict=True):
+        session.reset()
+        rows = [session.push(row) for row in recording]
+        assert rows[1].scores.tolist() == [[0] * 5]
+        assert rows[2].scores.tolist() == [potential[2].tolist()]
+        assert rows[30].potential["read"].tolist() == [potential[2:31].max(axis=0).tolist()]
+        assert rows[-1].prediction == prediction
+        assert rows[-1].spikes == {}
+    proven = hw.stop_when_proven(program, GIVEN)
+    assert np.array_equal(proven.prediction, whole.prediction)
+    margin = hw.calibrate_margin(program, GIVEN, 1.0)
+    stops = hw.stop_at_margin(program, GIVEN, margin)
+    assert np.array_equal(stops.prediction, stops.final)
+    assert stops.steps.mean() < 60
+    assert stops.counts.synaptic_ops < stops.all_counts.synaptic_ops
 
 
 PROBES = {

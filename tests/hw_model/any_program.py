@@ -82,6 +82,9 @@ def parameters(r: np.random.Generator, size: int, chip: hw.Chip) -> dict[str, np
     }  # fmt: skip
 
 
+POTENTIALS_FROM = st.sampled_from([None, None, 0, 2, 7])
+"""From which step on the readout predicts by potentials; None: by spikes."""
+
 SHAPES = {"none": (0, 0), "fan": (2, 4), "chain": (2, 5), "tree": (3, 6), "many": (MANY_CHILDREN,) * 2}
 """Ways to join compartments, and how many at least and at most."""
 
@@ -178,7 +181,7 @@ def programs(draw: st.DrawFn, widths: bool = True) -> Drawn:
     lines, classes = draw(st.integers(1, 5), label="lines"), draw(st.integers(1, 4), label="classes")
     graph, seen = draw(graphs(chip, lines, classes))
     chip = small_cores(draw, chip, graph)
-    program = hybrids.assembled(chip, Readout(("y",), (1.0,)), graph)
+    program = hybrids.assembled(chip, Readout(("y",), (1.0,), draw(POTENTIALS_FROM)), graph)
     r = np.random.default_rng(draw(st.integers(0, 2**32 - 1), label="recording"))
     shape = (2, draw(st.sampled_from([40, 20, 20, 5, 1]), label="steps"), lines)
     spikes = (r.random(shape) < r.choice([0.0, 0.05, 0.3, 1.0], (2, 1, 1))).astype(np.uint8)
@@ -198,7 +201,7 @@ def hybrid_programs(draw: st.DrawFn) -> Drawn:
     silence = int(r.integers(0, 3))
     program = hybrids.assembled(
         chip,
-        Readout(("time/y", "location/y"), (1.0, float(r.choice([1.0, -2.0])))),
+        Readout(("time/y", "location/y"), (1.0, float(r.choice([1.0, -2.0]))), draw(POTENTIALS_FROM)),
         hybrids.in_phase(time, "time", steps),
         hybrids.in_phase(location, "location", channels + silence, r.permutation(channels)),
     )

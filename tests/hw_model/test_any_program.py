@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from test_early_stop import futures, in_streams
-from test_session import check_every_step
+from test_session import check_every_step, largest_so_far
 
 import hw_model as hw
 from hw_model.engine import layout
@@ -67,10 +67,16 @@ def check_program(drawn: any_program.Drawn) -> Counter[str]:
     found = check_engines(drawn)
     check_ranges(drawn.program, found)
     session = hw.Session(drawn.program)
-    for recording, spikes in zip(drawn.spikes, found.spikes["y"], strict=True):
+    first = drawn.program.readout.potentials_from
+    for recording, spikes, potential in zip(drawn.spikes, found.spikes["y"], found.potential["y"], strict=True):
         session.reset()
-        assert np.array_equal(session.push(recording).spikes["y"], spikes.cumsum(axis=0, dtype=np.int64))
+        pushed = session.push(recording)
+        if first is None:
+            assert np.array_equal(pushed.spikes["y"], spikes.cumsum(axis=0, dtype=np.int64))
+        else:
+            assert np.array_equal(pushed.potential["y"], largest_so_far(potential, first))
     met = Counter({event: int(found.counts[event]) for event in EVENTS})
+    met["predict by potentials"] += first is not None
     return drawn.drawn + met + Counter({"spikes": int(found.counts.spikes), "recordings": len(drawn.spikes)})
 
 
@@ -102,7 +108,7 @@ def draw_and_check(check, strategy, examples: int, phases=tuple(Phase)) -> Count
 def test_any_program():
     met = draw_and_check(check_program, any_program.programs(), 40)
     for what in (*EVENTS, "spikes", "joined compartments", "fans of more than 255", "biases of more than 31 bits",
-                 "recurrent links", "programs of other widths", "programs of several cores"):  # fmt: skip
+                 "predict by potentials", "recurrent links", "programs of other widths", "programs of several cores"):  # fmt: skip
         assert met[what] > 0, what
 
 

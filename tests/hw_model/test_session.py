@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 import hw_model as hw
 from hw_model.mapping.graph import Readout
+from hw_model.streaming.session import StepScores
 from tests.real_recordings import REAL, on_real_recordings
 
 ROOT = Path(__file__).parents[2]
@@ -29,18 +30,32 @@ def so_far(recording: np.ndarray) -> np.ndarray:
     return until[:, :, None] * recording
 
 
+def largest_so_far(potential: np.ndarray, first: int) -> np.ndarray:
+    """The largest of each column up to every step (steps, n), from step ``first`` on, and 0 before that."""
+    return np.stack([potential[first : t + 1].max(axis=0, initial=-(2**40)) if t >= first else 0 * potential[t]
+                     for t in range(len(potential))])  # fmt: skip
+
+
 def check_every_step(program: hw.ChipProgram, recording: np.ndarray, found) -> None:
-    """Time populations: their spikes up to the step. Location populations: a full run on the recording so far."""
-    whole = hw.simulate(program, recording)
-    again = hw.simulate(program, so_far(recording))
+    """Time populations: their spikes up to the step. Location populations: a full run on the recording so far.
+
+    Where potentials predict, the largest of those instead of spikes.
+    """
+    whole = hw.simulate(program, recording, probe=("spikes", "potential"))
+    again = hw.simulate(program, so_far(recording), probe=("spikes", "potential"))
     wanted = np.zeros_like(found.scores)
+    first = program.readout.potentials_from
     axis = {name: phase.axis for phase in program.phases for name in program.columns_of(phase.name)}
     for name, weight in zip(program.readout.populations, program.readout.weights, strict=True):
-        if axis[name] == "time":
+        if first is not None:
+            counts = largest_so_far(whole.potential[name][: len(recording)], first)
+            if axis[name] == "location":
+                counts = np.stack([largest_so_far(one, first)[-1] for one in again.potential[name]])
+        elif axis[name] == "time":
             counts = whole.spikes[name].cumsum(axis=0, dtype=np.int64)[: len(recording)]
         else:
             counts = again.spikes[name].sum(axis=1, dtype=np.int64)
-        assert np.array_equal(found.spikes[name], counts), name
+        assert np.array_equal((found.spikes if first is None else found.potential)[name], counts), name
         wanted += weight * counts
     assert np.array_equal(found.scores, wanted)
     assert np.array_equal(found.scores[-1], whole.scores)
@@ -58,6 +73,21 @@ def test_every_step_equals_a_run_of_the_recording_so_far(seed, together, silence
     whole = hw.simulate(program, recording)
     for name in program.spiking & program.columns_of("location").keys():
         assert np.array_equal(session.spikes(name), whole.spikes[name]), name
+
+
+@settings(max_examples=30, deadline=None, derandomize=True)
+@given(seed=SEEDS, first=st.integers(0, 9), rows=st.sampled_from([1, 3, 80]))
+def test_the_largest_potentials_so_far(seed, first, rows):
+    """Row by row, in tiles and at once, and once more after a reset."""
+    program, recording = random_hybrid(seed)
+    program = replace(program, readout=replace(program.readout, potentials_from=first))
+    session = hw.Session(program)
+    for _ in range(2):
+        parts = [session.push(recording[at : at + rows]) for at in range(0, len(recording), rows)]
+        joined = {key: np.concatenate([part.potential[key] for part in parts]) for key in parts[0].potential}
+        scores = np.concatenate([part.scores for part in parts])
+        check_every_step(program, recording, StepScores({}, joined, scores))
+        session.reset()
 
 
 @settings(max_examples=25, deadline=None, derandomize=True)

@@ -105,6 +105,8 @@ def over_time() -> dict[str, Any]:
             "all_synaptic_ops": 2000.0,
             "energy_pj": 80000.0,
             "all_energy_pj": 100000.0,
+            "latency_ns": 30000.0,
+            "all_latency_ns": 40000.0,
             "profile": "davies2018",
         },
     }

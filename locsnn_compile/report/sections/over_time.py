@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from locsnn_compile.report.content import Bar, Curve, Document, Paragraph, Plot, Section, Table, facts, section, table
-from locsnn_compile.report.format import count, energy, share, short
+from locsnn_compile.report.format import count, energy, share, short, time
 from locsnn_compile.report.sections.accuracy import sample
 from locsnn_compile.report.sections.cost_tables import ENERGY, PARTS, TIME
 from locsnn_compile.report.words import words
@@ -82,9 +82,10 @@ def _weights(psi: float) -> str:
 
 def _stop(found: Document) -> Table:
     rows = []
-    for name, shown in (("steps", count), ("synaptic_ops", count), ("energy_pj", energy)):
+    for name, shown in (("steps", count), ("synaptic_ops", count), ("energy_pj", energy), ("latency_ns", time)):
         until, whole = found[name], found[f"all_{name}"]
-        label = f"energy, profile {found['profile']}" if name == "energy_pj" else words(name)
+        what, _, unit = name.rpartition("_")
+        label = f"{what}, profile {found['profile']}" if unit in ("pj", "ns") else words(name)
         rows.append((label, 1.0 - until / whole if whole else 0.0, shown(whole), shown(until)))
     return table(
         "Stopped as soon as the winner is proven, mean per recording",
@@ -99,7 +100,7 @@ def _stop(found: Document) -> Table:
 
 def _proof(found: Document) -> str:
     return (
-        "A recording stops where no spikes that are still possible, whatever the input, could change the class with "
-        f"the most: the predictions are those of the whole recording. Its {count(found['all_steps'])} steps are those "
-        "of all branches, one after the other."
+        "A recording stops where nothing that is still possible, whatever the input, could change the class with the "
+        f"highest score: the predictions are those of the whole recording. Its {count(found['all_steps'])} steps are "
+        "those of all branches, one after the other."
     )

@@ -1,0 +1,252 @@
+"""Which winner stands, whatever the inputs may still do.
+
+The proof. Whatever the inputs do, the registers of a readout compartment stay at or below a run in which every source
+spikes in every step, none of its negative weights counts, and no spike resets it. For u = rz(u) + q, v = rz(v) + u +
+bias + joined, and the clipping of v all grow with what they are given, as long as nothing wraps, which
+:func:`hw_model.prove_range` tells. So in a step in which that run stays at or below the threshold there is no spike,
+and with a refractory count of k at most one in any k steps: this bounds the spikes that each class can still win. The
+same run bounds the potentials of a class from above; from below its register does, and the largest that there was.
+
+Once a recording is over, all that a phase will be given is known. Where that is nothing, and the phase is at rest, no
+spike is to come, and every potential is 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from hw_model.accounting.activity import StepActivity
+from hw_model.arithmetic.fixed_point import IntArray, clip, decay
+from hw_model.mapping.graph import Phase, Readout
+from hw_model.program.chip_program import ChipProgram, Core
+from hw_model.range_proof import prove_range
+from hw_model.simulation import SimulationResult
+
+BoolArray = npt.NDArray[np.bool_]
+
+
+class Proof:
+    """What is known of a batch that was run to its end, ``rows`` long, asked as if it had been run only so far."""
+
+    def __init__(self, program: ChipProgram, readout: Readout, result: SimulationResult, rows: int) -> None:
+        kind = _BySpikes if readout.potentials_from is None else _ByPotentials
+        self._phases: list[tuple[int, IntArray, list[_Voter]]] = []
+        for phase in program.phases:
+            voters: list[_Voter] = [
+                kind(program, phase, name, weight, result)
+                for name, weight in zip(readout.populations, readout.weights, strict=True)
+                if name in program.columns_of(phase.name)
+            ]
+            activity = result.activity[phase.name]
+            self._phases.append((len(activity[0].count("spikes")), _rests_from(activity), voters))
+        self._batch, self._classes = len(activity), program.populations[readout.populations[0]]
+        self.all_steps = sum(steps for steps, _, _ in self._phases)
+        # A transposed phase begins when the buffer holds the whole recording.
+        turned = any(item.positions is not None for item in program.inputs_of(program.phases[0].name))
+        self._over = 0 if turned else min(rows, self._phases[0][0])
+        # Scores of weights that are not whole are rounded: equal ones then prove nothing.
+        whole = all(float(weight).is_integer() for weight in readout.weights)
+        most = self.all_steps if kind is _BySpikes else program.chip.registers.voltage_max
+        self._slack = 0.0 if whole else 1e-9 * sum(map(abs, readout.weights)) * most
+
+    def stops(self) -> IntArray:
+        """Search for the first step by halves: what is proven after a step is proven after every later one."""
+        low, high = np.zeros(self._batch, dtype=np.int64), np.full(self._batch, self.all_steps, dtype=np.int64)
+        while (low < high).any():
+            middle = (low + high) // 2
+            settled = self._settled(middle)
+            high = np.where(settled, middle, high)
+            low = np.where(settled, low, np.minimum(middle + 1, high))
+        return high
+
+    def _settled(self, step: IntArray) -> BoolArray:
+        """Tell for each recording whether its winner stands after ``step`` steps, counted over all phases."""
+        score, least, most = np.zeros((3, self._batch, self._classes))
+        before = 0
+        for steps, rests_from, voters in self._phases:
+            done = np.clip(step - before, 0, steps)
+            nothing_comes = (step >= self._over) & (done >= rests_from)
+            for voter in voters:
+                score += voter.weight * voter.given(done)
+                low, high = (voter.weight * end for end in voter.ends(done, nothing_comes[:, None]))
+                least += np.minimum(low, high)
+                most += np.maximum(low, high)
+            before += steps
+        known = (least == most).all(axis=1)
+        winner = score.argmax(axis=1)
+        each = np.arange(self._batch)
+        bound = least[each, winner][:, None] - self._slack
+        most[each, winner] = -np.inf
+        # A tie goes to the first class: those before the winner must stay below it.
+        earlier = np.arange(self._classes)[None] < winner[:, None]
+        settled: BoolArray = np.where(earlier, most < bound, most <= bound).all(axis=1) | known
+        return settled
+
+
+def _rests_from(activity: Sequence[StepActivity]) -> IntArray:
+    """Return the step from which on a phase is given nothing and has nothing to work on, (batch,)."""
+    found = np.zeros(len(activity), dtype=np.int64)
+    for b, item in enumerate(activity):
+        busy = item.by_piece["neuron_updates_active"].any(axis=1) | item.by_piece["synaptic_ops"].any(axis=1)
+        found[b] = np.flatnonzero(busy).max(initial=-1) + 1
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Member:
+    """One group of a readout's bundle, (n,) each: what its compartments keep, and their largest charge and drive."""
+
+    name: str
+    decay_u: IntArray
+    decay_v: IntArray
+    charge: IntArray
+    bias: IntArray
+    vmin: IntArray
+    vmax: IntArray
+    parent: str | None
+
+
+class _Voter:
+    """A readout population in its phase."""
+
+    def __init__(self, program: ChipProgram, phase: Phase, name: str, weight: float, result: SimulationResult) -> None:
+        self.weight = weight
+        self._members = [_member(program, phase.name, member) for member in members_of(program, name)]
+        self._safe = all(_cannot_wrap(program, phase.name, member.name) for member in self._members)
+        self._u = {member.name: result.u[member.name] for member in self._members}
+        self._v = {member.name: result.v[member.name] for member in self._members}
+        self._steps = self._u[name].shape[1]
+
+    def given(self, step: IntArray) -> IntArray:
+        """Return what counts after the first steps, (batch, n)."""
+        raise NotImplementedError
+
+    def ends(self, step: IntArray, nothing_comes: BoolArray) -> tuple[IntArray, IntArray]:
+        """Return what counts at the end at the least and at the most, (batch, n), as known after ``step`` steps."""
+        raise NotImplementedError
+
+    def _voltages(self, step: IntArray) -> Iterator[IntArray]:
+        """Yield the highest voltages of every step from ``step`` on, (batch, n)."""
+        each, last = np.arange(len(step)), np.maximum(step - 1, 0)
+        started = (step > 0)[:, None]
+        u = {name: np.where(started, kept[each, last], 0) for name, kept in self._u.items()}
+        v = {name: np.where(started, kept[each, last], 0) for name, kept in self._v.items()}
+        for _ in range(int((self._steps - step).max(initial=0))):
+            joined: dict[str | None, IntArray | int] = {}
+            for member in self._members:
+                u[member.name] = decay(u[member.name], member.decay_u) + member.charge
+                drive = u[member.name] + member.bias + joined.get(member.name, 0)
+                voltage = clip(decay(v[member.name], member.decay_v) + drive, member.vmin, member.vmax)
+                # A spike, or a refractory step, brings the v of a spiking compartment to 0, which may be higher.
+                v[member.name] = voltage if member.parent else np.maximum(voltage, 0)
+                joined[member.parent] = joined.get(member.parent, 0) + v[member.name]
+            yield voltage
+
+
+class _BySpikes(_Voter):
+    """A population whose spikes count."""
+
+    def __init__(self, program: ChipProgram, phase: Phase, name: str, weight: float, result: SimulationResult) -> None:
+        super().__init__(program, phase, name, weight, result)
+        self._threshold = _each(program, phase.name, name, lambda core: core.threshold_voltage)
+        self._refractory = _each(program, phase.name, name, lambda core: core.setting("refractory"))
+        spikes = result.spikes[name]
+        before = np.zeros((len(spikes), 1, spikes.shape[2]), dtype=np.int64)
+        self._counts = np.concatenate((before, spikes.cumsum(axis=1, dtype=np.int64)), axis=1)
+        free_from = np.where(spikes, np.arange(self._steps)[:, None] + self._refractory, 0)
+        self._free_from = np.concatenate((before, np.maximum.accumulate(free_from, axis=1)), axis=1)
+
+    def given(self, step: IntArray) -> IntArray:
+        return np.asarray(self._counts[np.arange(len(step)), step])
+
+    def ends(self, step: IntArray, nothing_comes: BoolArray) -> tuple[IntArray, IntArray]:
+        given = self.given(step)
+        return given, given + np.where(nothing_comes, 0, self._spikes_after(step))
+
+    def _spikes_after(self, step: IntArray) -> IntArray:
+        """Return how many spikes there can be after the first steps at the most, (batch, n)."""
+        found = np.zeros(self._counts[:, 0].shape, dtype=np.int64)
+        free_from = self._free_from[np.arange(len(step)), step] - step[:, None]
+        for ahead, voltage in enumerate(self._voltages(step)):
+            can = (voltage > self._threshold) | (not self._safe)
+            spikes = can & (ahead >= free_from) & (step[:, None] + ahead < self._steps)
+            found += spikes
+            free_from = np.where(spikes, ahead + self._refractory, free_from)
+        return found
+
+
+class _ByPotentials(_Voter):
+    """A population whose largest potential counts."""
+
+    def __init__(self, program: ChipProgram, phase: Phase, name: str, weight: float, result: SimulationResult) -> None:
+        super().__init__(program, phase, name, weight, result)
+        assert program.readout is not None
+        assert program.readout.potentials_from is not None
+        self._first = program.readout.potentials_from
+        rows = result.potential[name]
+        self._largest = np.zeros((len(rows), self._steps + 1, rows.shape[2]), dtype=np.int64)
+        self._largest[:, self._first + 1 :] = np.maximum.accumulate(rows[:, self._first :], axis=1)
+
+    def given(self, step: IntArray) -> IntArray:
+        return np.asarray(self._largest[np.arange(len(step)), step])
+
+    def ends(self, step: IntArray, nothing_comes: BoolArray) -> tuple[IntArray, IntArray]:
+        read, (vmin, vmax) = step[:, None], (self._members[-1].vmin, self._members[-1].vmax)
+        given = self.given(step)
+        most = np.broadcast_to(vmin, given.shape)
+        for ahead, voltage in enumerate(self._voltages(step)):
+            counts = (read + ahead >= self._first) & (read + ahead < self._steps)
+            highest = np.maximum(voltage, 0) if self._safe else vmax
+            most = np.where(counts, np.maximum(most, highest), most)
+        at_least = np.where(read > self._first, given, vmin)
+        ends = (np.maximum(at_least, np.where(nothing_comes, 0, end)) for end in (vmin, most))
+        decided = np.maximum(read, self._first) >= self._steps
+        low, high = (np.where(decided, given, end) for end in ends)
+        return low, high
+
+
+def members_of(program: ChipProgram, name: str) -> list[str]:
+    """Return the groups joined to a group, children first, and the group itself last."""
+    found, begun = [], [name]
+    while begun:
+        found.append(begun.pop())
+        begun += [child for child, parent in program.joined_to.items() if parent == found[-1]]
+    return found[::-1]
+
+
+def _each(program: ChipProgram, phase: str, name: str, values: Callable[[Core], IntArray | int]) -> IntArray:
+    """Return what ``values`` gives for the compartments of a core, for those of a group, (n,)."""
+    return program.by_column(phase, values)[program.columns_of(phase)[name]]
+
+
+def _member(program: ChipProgram, phase: str, name: str) -> _Member:
+    return _Member(
+        name=name,
+        decay_u=_each(program, phase, name, lambda core: core.setting("decay_u")),
+        decay_v=_each(program, phase, name, lambda core: core.setting("decay_v")),
+        charge=_each(program, phase, name, _largest_charge),
+        bias=_each(program, phase, name, lambda core: core.bias),
+        vmin=_each(program, phase, name, lambda core: core.vmin),
+        vmax=_each(program, phase, name, lambda core: core.vmax),
+        parent=program.joined_to.get(name),
+    )
+
+
+def _largest_charge(core: Core) -> IntArray:
+    charge = np.zeros(core.compartments, dtype=np.int64)
+    np.add.at(charge, core.axons.target, np.maximum(core.effective_weights, 0))
+    return charge
+
+
+@lru_cache(maxsize=8)
+def _proof(program: ChipProgram) -> dict[int, npt.NDArray[np.bool_]]:
+    return {found.core: found.cannot_wrap for found in prove_range(program)}
+
+
+def _cannot_wrap(program: ChipProgram, phase: str, name: str) -> bool:
+    return bool(_each(program, phase, name, lambda core: _proof(program)[core.number].astype(np.int64)).all())
