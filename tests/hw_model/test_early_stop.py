@@ -179,7 +179,9 @@ def first_proven(program: hw.ChipProgram, recording: np.ndarray) -> int:
         low = [min(weight * a, weight * b) for a, b in ends]
         high = [max(weight * a, weight * b) for a, b in ends]
         w = score.index(max(score))
-        if all(high[c] < low[w] or (exact and c > w and high[c] == low[w]) for c in range(len(score)) if c != w):
+        if low == high or all(
+            high[c] < low[w] or (exact and c > w and high[c] == low[w]) for c in range(len(score)) if c != w
+        ):
             return at
     return steps
 
