@@ -17,7 +17,7 @@ from locsnn_compile.cluster.spread import Spread, here
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import TargetError
 from locsnn_compile.network.network import Network
-from locsnn_compile.passes.rounding.rounding import FINE
+from locsnn_compile.passes.rounding.task import FINE
 from locsnn_compile.pipeline import Levels, lower
 from locsnn_compile.reference.calibration import Calibration, calibrate
 from locsnn_compile.settings import Setting

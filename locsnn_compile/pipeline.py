@@ -16,7 +16,7 @@ from locsnn_compile.network.network import Network
 from locsnn_compile.network.quantized import QuantizedNetwork
 from locsnn_compile.passes.lower_neurons import lower_neurons
 from locsnn_compile.passes.quantize import quantize
-from locsnn_compile.passes.rounding.rounding import NEAREST, Rounding
+from locsnn_compile.passes.rounding.task import NEAREST, Rounding
 from locsnn_compile.reference.calibration import Calibration
 
 

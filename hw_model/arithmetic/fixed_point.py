@@ -1,4 +1,4 @@
-"""The chip's integer arithmetic: every primitive once, its exact formula in the docstring.
+"""The chip's integer arithmetic: every primitive once, its exact formula in the docstring, and the grids of weights.
 
 All values are int64 arrays holding integers that fit the chip's registers; no float enters here.
 Letters: ``x`` a register value, ``d`` an effective decay in 0..4096, ``m`` a weight mantissa, ``e`` an exponent.
@@ -6,8 +6,13 @@ Letters: ``x`` a register value, ``d`` an effective decay in 0..4096, ``m`` a we
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Literal, get_args
+
 import numpy as np
 import numpy.typing as npt
+
+from hw_model.errors import InputError, did_you_mean
 
 IntArray = npt.NDArray[np.int64]
 
@@ -28,14 +33,12 @@ def decay(x: IntArray, d: IntArray | int) -> IntArray:
 def wrap(x: IntArray, bits: int) -> IntArray:
     """Return ``x`` in two's complement of ``bits`` bits plus sign: ``((x + 2^bits) mod 2^(bits + 1)) - 2^bits``."""
     half = 1 << bits
-    wrapped: IntArray = ((x + half) & (2 * half - 1)) - half
-    return wrapped
+    return ((x + half) & (2 * half - 1)) - half
 
 
 def clip(x: IntArray, low: IntArray | int, high: IntArray | int) -> IntArray:
     """Return ``min(max(x, low), high)``."""
-    clipped: IntArray = np.minimum(np.maximum(x, low), high)
-    return clipped
+    return np.minimum(np.maximum(x, low), high)
 
 
 def effective_weight(m: IntArray, e: IntArray | int) -> IntArray:
@@ -43,5 +46,49 @@ def effective_weight(m: IntArray, e: IntArray | int) -> IntArray:
     exponent = np.asarray(e, dtype=np.int64)
     left = np.maximum(exponent, 0)
     right = np.maximum(-exponent, 0)
-    value: IntArray = ((np.asarray(m, dtype=np.int64) << left) >> right) << WEIGHT_SHIFT
-    return value
+    return ((np.asarray(m, dtype=np.int64) << left) >> right) << WEIGHT_SHIFT
+
+
+SignMode = Literal["mixed", "excitatory", "inhibitory"]
+SIGN_MODES: tuple[SignMode, ...] = get_args(SignMode)
+WEIGHT_BITS = (1, 2, 3, 4, 5, 6, 8)
+WEIGHT_EXPONENTS = range(-8, 8)
+
+
+@dataclass(frozen=True)
+class WeightGrid:
+    """Mantissas ``low, low + step, ..., high``."""
+
+    weight_bits: int
+    sign_mode: SignMode
+    step: int
+    low: int
+    high: int
+
+    def round(self, values: npt.NDArray[np.float64]) -> IntArray:
+        """Round half to even onto the grid, then clip: the one place where weights are rounded."""
+        steps = np.rint(np.asarray(values, dtype=np.float64) / self.step)
+        mantissas: IntArray = np.clip(steps * self.step, self.low, self.high).astype(np.int64)
+        return mantissas
+
+    def off_grid(self, mantissas: IntArray) -> npt.NDArray[np.bool_]:
+        """Mark the mantissas that this format cannot hold."""
+        outside = (mantissas < self.low) | (mantissas > self.high)
+        marked: npt.NDArray[np.bool_] = outside | (mantissas % self.step != 0)
+        return marked
+
+
+def weight_grid(weight_bits: int, sign_mode: SignMode) -> WeightGrid:
+    """Return the grid of a format; a width or sign mode that no format has is an ``InputError``."""
+    if weight_bits not in WEIGHT_BITS:
+        raise InputError(
+            "weight bits",
+            f"no synapse format has {weight_bits} bits",
+            fix="Choose one of 1, 2, 3, 4, 5, 6, 8.",
+        )
+    if sign_mode not in SIGN_MODES:
+        raise InputError("sign mode", f"{sign_mode!r} does not exist", fix=did_you_mean(sign_mode, SIGN_MODES))
+    step = 1 << (9 - weight_bits if sign_mode == "mixed" else 8 - weight_bits)
+    low = {"mixed": -256, "excitatory": 0, "inhibitory": step - 256}[sign_mode]
+    high = 0 if sign_mode == "inhibitory" else 256 - step
+    return WeightGrid(weight_bits, sign_mode, step, low, high)

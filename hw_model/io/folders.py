@@ -189,5 +189,4 @@ def _renameat2() -> Callable[..., int] | None:
     except (OSError, AttributeError):
         return None
     function.argtypes = (ctypes.c_int, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_uint)
-    found: Callable[..., int] = function
-    return found
+    return function

@@ -9,8 +9,7 @@ from itertools import combinations
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import IntArray
-from hw_model.arithmetic.weights import SignMode
+from hw_model.arithmetic.fixed_point import IntArray, SignMode
 from hw_model.description.chip import Chip
 from hw_model.mapping.graph import CompartmentGraph, Synapses
 

@@ -13,8 +13,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE, IntArray
-from hw_model.arithmetic.weights import WEIGHT_EXPONENTS, SignMode, weight_grid
+from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_EXPONENTS, IntArray, SignMode, weight_grid
 from hw_model.description.chip import Chip
 from hw_model.errors import InputError, TargetError
 

@@ -43,8 +43,7 @@ def _core(routed: RoutedCore, graph: CompartmentGraph) -> Core:
 
     def column(name: str) -> IntArray:
         parts = [getattr(g, name)[p.start : p.stop] for g, p in zip(groups, routed.slices, strict=True)]
-        joined: IntArray = np.concatenate(parts)
-        return joined
+        return np.concatenate(parts)
 
     sizes = [piece.size for piece in routed.slices]
     joined = np.repeat([int(not group.spiking) for group in groups], sizes)
@@ -74,5 +73,4 @@ def _parents(slices: tuple[Slice, ...], groups: list[Compartments]) -> IntArray:
     for piece, group in zip(slices, groups, strict=True):
         beside: Any = [p for p in slices if p.group == group.joined_to and p.start == piece.start]
         parents.append(beside[0].offset + np.arange(piece.size) if beside else np.full(piece.size, -1))
-    joined: IntArray = np.concatenate(parents).astype(np.int64)
-    return joined
+    return np.concatenate(parents).astype(np.int64)

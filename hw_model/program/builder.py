@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
-from hw_model.arithmetic.fixed_point import IntArray
-from hw_model.arithmetic.weights import SignMode
+from hw_model.arithmetic.fixed_point import IntArray, SignMode
 from hw_model.description.chip import Chip
 from hw_model.errors import InputError, TargetError
 from hw_model.io.given import checked

@@ -47,8 +47,7 @@ class Pieces:
 
     def of_pieces(self, values: IntArray) -> IntArray:
         """Add up values (..., pieces) by core, (..., cores)."""
-        added: IntArray = np.add.reduceat(values, self.of_core[:-1], axis=-1)
-        return added
+        return np.add.reduceat(values, self.of_core[:-1], axis=-1)
 
 
 @lru_cache(maxsize=32)

@@ -169,7 +169,7 @@ def _start(args: argparse.Namespace) -> Checkpoint | None:
 def _config(args: argparse.Namespace, start: Checkpoint | None) -> TrainingConfig:
     from locsnn_compile.models.architectures import ARCHITECTURES
     from locsnn_compile.training.config import config_from_mapping, read_config
-    from locsnn_compile.training.fine_tuning import FINE_TUNING, check_fits_start, fine_tuning_config
+    from locsnn_compile.training.describe import FINE_TUNING, check_fits_start, fine_tuning_config
     from locsnn_compile.training.unused import check_used
 
     values: dict[str, Any] = read_config(args.config) if args.config is not None else {}

@@ -17,10 +17,9 @@ from locsnn_compile.frontends.window_network import Parts, window_parts
 from locsnn_compile.models.branch_graph import branch_graph, spread_weights
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.description import LifParameters
-from locsnn_compile.network.chip_neurons import ChipProjection
-from locsnn_compile.network.matrices import matrix
-from locsnn_compile.network.network import InputView, Network, Population, Projection
+from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import Cuba, SrmAlpha
+from locsnn_compile.network.projections import ChipProjection, Projection, matrix
 
 VIEW_NAMES: dict[Axis, str] = {"time": "touch", "location": "touch_transposed"}
 

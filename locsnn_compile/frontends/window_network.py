@@ -14,10 +14,9 @@ from scipy import sparse
 from hw_model.mapping.graph import Readout
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.windows import BIAS, WEIGHT
-from locsnn_compile.network.chip_neurons import ChipProjection
-from locsnn_compile.network.matrices import matrix, row_sums
-from locsnn_compile.network.network import InputView, Population, Projection
+from locsnn_compile.network.network import InputView, Population
 from locsnn_compile.network.neurons import Cuba
+from locsnn_compile.network.projections import ChipProjection, Projection, matrix, row_sums
 
 Parts = tuple[Sequence[InputView], Sequence[Population], Sequence[Projection | ChipProjection], Readout]
 """Views, populations, projections and readout of a network."""

@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE
-from hw_model.arithmetic.weights import WEIGHT_BITS, WEIGHT_EXPONENTS
+from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_BITS, WEIGHT_EXPONENTS
 from locsnn_compile.models.chip_numbers import (
     TRAINED_BITS,
     ChipNumbers,

@@ -17,9 +17,8 @@ from torch import Tensor
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT, effective_weight
 from locsnn_compile.models.chip_numbers import USUAL_REGISTERS, ChipPopulation, RegisterWidths
 from locsnn_compile.models.chip_scan import charge_gradient, register_ends, scan
-from locsnn_compile.models.dense_layer import DenseLayer
+from locsnn_compile.models.dense_layer import DenseLayer, to_device, to_host
 from locsnn_compile.models.description import NeuronParameters
-from locsnn_compile.models.host import to_device, to_host
 
 
 class _Round(torch.autograd.Function):

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from hw_model.arithmetic.weights import WeightGrid, weight_grid
+from hw_model.arithmetic.fixed_point import WeightGrid, weight_grid
 from locsnn_compile.network.chip_neurons import ChipNeuron
 
 

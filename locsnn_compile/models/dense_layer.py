@@ -1,12 +1,18 @@
-"""What fully connected spiking layers have in common: a neuron, and weights that start at random."""
+"""What spiking layers have in common: a neuron, weights that start at random, and scans on the processor.
+
+The steps of a spiking layer follow from one another, so they run as compiled scans on the processor, whatever device
+the matrix products run on; what they take and give is copied there and back.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
+import numpy as np
 import torch
-from torch import nn
+from numpy.typing import NDArray
+from torch import Tensor, nn
 
 from locsnn_compile.models.description import LifParameters, NeuronParameters
 
@@ -44,3 +50,14 @@ def uniform_weight(
     """Return weights that are uniform within +-``initial_scale`` / sqrt(inputs), float32."""
     bound = initial_scale / math.sqrt(inputs)
     return nn.Parameter(torch.empty(*shape, dtype=torch.float32).uniform_(-bound, bound, generator=generator))
+
+
+def to_host(values: Tensor) -> NDArray[Any]:
+    """Return the values as a C-contiguous array, not copied where they lie in the processor's memory like that."""
+    array: NDArray[Any] = values.detach().cpu().numpy()
+    return np.ascontiguousarray(array)
+
+
+def to_device(array: NDArray[Any], like: Tensor) -> Tensor:
+    """Return the array as a tensor on the device of another, not copied where that is the processor."""
+    return torch.from_numpy(array).to(like.device)

@@ -21,9 +21,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from locsnn_compile.models.dense_layer import DenseLayer
+from locsnn_compile.models.dense_layer import DenseLayer, to_device, to_host
 from locsnn_compile.models.description import LifParameters
-from locsnn_compile.models.host import to_device, to_host
 from locsnn_compile.models.lif_scan import list_active, scan, scan_active, scan_active_back, scan_back
 
 _WORTH_LISTING = 1 << 14

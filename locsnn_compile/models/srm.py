@@ -19,9 +19,8 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from hw_model.engine.compiled import compiled
-from locsnn_compile.models.dense_layer import DenseLayer
+from locsnn_compile.models.dense_layer import DenseLayer, to_device, to_host
 from locsnn_compile.models.description import NeuronParameters
-from locsnn_compile.models.host import to_device, to_host
 from locsnn_compile.models.kernels import psp_recursion, refractory_recursion
 
 

@@ -9,10 +9,9 @@ import numpy.typing as npt
 
 from hw_model.mapping.graph import Axis
 from locsnn_compile.errors import InputError, did_you_mean
-from locsnn_compile.network.chip_neurons import ChipProjection
-from locsnn_compile.network.matrices import values_of
-from locsnn_compile.network.network import InputView, Network, Population, Projection
+from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import POSITIVE
+from locsnn_compile.network.projections import ChipProjection, Projection, values_of
 
 _Array = npt.NDArray[Any]
 _Ends = dict[str, tuple[Axis, int]]
@@ -126,7 +125,7 @@ def _check_magnitude(where: str, key: str, values: _Array, least: float) -> None
 
 
 def _check_ends(projection: Projection | ChipProjection, ends: _Ends) -> None:
-    where = _where(projection)
+    where = projection.where
     if projection.source not in ends or projection.target not in ends:
         raise InputError(where, "an end does not exist", fix="Name an input or a population.")
     source_axis, target_axis = ends[projection.source][0], ends[projection.target][0]
@@ -137,7 +136,7 @@ def _check_ends(projection: Projection | ChipProjection, ends: _Ends) -> None:
 def _check_kind(projection: Projection | ChipProjection, on_grid: bool) -> None:
     if projection.on_grid != on_grid:
         raise InputError(
-            _where(projection),
+            projection.where,
             "float weights reach integer neurons" if on_grid else "integer weights reach float neurons",
             fix="Give a population and the weights onto it in one kind of number.",
         )
@@ -146,7 +145,7 @@ def _check_kind(projection: Projection | ChipProjection, on_grid: bool) -> None:
 def _check_dendrite(projection: Projection | ChipProjection, dendrites: int) -> None:
     if not 0 <= projection.dendrite < dendrites:
         raise InputError(
-            _where(projection),
+            projection.where,
             "the target has no such dendrite",
             measured=f"{projection.dendrite} of {dendrites}, counted from 0",
             fix="Name one that it has.",
@@ -154,7 +153,7 @@ def _check_dendrite(projection: Projection | ChipProjection, dendrites: int) -> 
 
 
 def _check_values(projection: Projection | ChipProjection, shape: tuple[int, int]) -> None:
-    where = _where(projection)
+    where = projection.where
     weights = projection.held
     if weights.shape != shape:
         raise InputError(
@@ -176,7 +175,3 @@ def _check_values(projection: Projection | ChipProjection, shape: tuple[int, int
         )
     if delay.dtype.kind not in "iu" or (delay < 0).any():
         raise InputError(where, "a delay is not a whole number of steps from 0 on", fix="Round the delays.")
-
-
-def _where(projection: Projection | ChipProjection) -> str:
-    return f"projection {projection.source!r} -> {projection.target!r}"

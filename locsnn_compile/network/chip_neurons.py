@@ -11,18 +11,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.io.shown import shown
-from locsnn_compile.network.matrices import Matrix, fan_out, matrix
 from locsnn_compile.network.neurons import Neuron, Parameter, spread
-
-Signs = Literal["apart", "mixed"]
-"""``apart``: positive and negative weights in formats of their own, all bits magnitude; ``mixed``: both in one."""
+from locsnn_compile.network.projections import matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,37 +171,6 @@ class ChipSrm(ChipNeuron):
     def parameters(self, size: int) -> list[Parameter]:
         """Return its arrays, those of the refractory part included."""
         return super().parameters(size) + self.refractory.parameters(size)
-
-
-@dataclass(frozen=True, eq=False)
-class ChipProjection:
-    """Mantissas (n_target, n_source), int64, dense or CSR; effective weights are ``64 * floor(mantissa * 2^exponent)``.
-
-    ``delay`` in steps: one for all, or an array like the matrix's values. ``dendrite`` is that of the target's alpha
-    dendrites which the charge reaches. Several projections may join the same ends: their weights add up.
-    """
-
-    __repr__ = shown
-
-    source: str
-    target: str
-    mantissa: Matrix
-    exponent: int
-    weight_bits: int
-    signs: Signs = "apart"
-    delay: int | IntArray = 0
-    dendrite: int = 0
-
-    on_grid: ClassVar[bool] = True
-
-    @property
-    def held(self) -> Matrix:
-        """What it holds: its mantissas."""
-        return self.mantissa
-
-    def fan_out(self) -> IntArray:
-        """Return the synapses that each source has, (n_source,)."""
-        return fan_out(self.mantissa)
 
 
 def integers(value: npt.ArrayLike, size: int) -> IntArray:

@@ -7,20 +7,17 @@ Network -> QuantizedNetwork -> CompartmentGraph -> PlacedGraph -> RoutedGraph ->
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.io.shown import shown
 from hw_model.mapping.graph import Axis
 from hw_model.mapping.graph import Readout as Readout
 from locsnn_compile.data.expected import Expected
 from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.network.chip_neurons import ChipProjection
-from locsnn_compile.network.matrices import Matrix, fan_out, held_matrix
 from locsnn_compile.network.neurons import FloatArray, Neuron
+from locsnn_compile.network.projections import ChipProjection, Projection
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,38 +91,6 @@ class Population:
     def thresholds(self) -> FloatArray:
         """The threshold of each neuron in the units of its potential, (n,)."""
         return np.broadcast_to(np.asarray(self.neuron.spikes_at, dtype=np.float64), (self.size,))
-
-
-@dataclass(frozen=True, eq=False)
-class Projection:
-    """Weights (n_target, n_source), float64, dense or CSR, from an input view or a population to a population.
-
-    A spike of step t acts at step ``t + 1 + delay``; ``delay`` in steps, one for all, or an array like the matrix's
-    values: (n_target, n_source), or (entries,) of a sparse one. The source may be the target, or come after it.
-    """
-
-    __repr__ = shown
-
-    source: str
-    target: str
-    weights: Matrix
-    delay: int | IntArray = 0
-
-    on_grid: ClassVar[bool] = False
-    dendrite: ClassVar[int] = 0
-
-    def __post_init__(self) -> None:
-        where = f"projection {self.source!r} -> {self.target!r}"
-        object.__setattr__(self, "weights", held_matrix(self.weights, where))
-
-    @property
-    def held(self) -> Matrix:
-        """What it holds: its weights."""
-        return self.weights
-
-    def fan_out(self) -> IntArray:
-        """Return the weights other than 0 that each source has, (n_source,)."""
-        return fan_out(self.weights)
 
 
 @dataclass(frozen=True, eq=False)

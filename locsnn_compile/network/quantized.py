@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from hw_model.mapping.graph import Readout
-from locsnn_compile.network.chip_neurons import ChipNeuron, ChipProjection
+from locsnn_compile.network.chip_neurons import ChipNeuron
 from locsnn_compile.network.network import Network, Population
 from locsnn_compile.network.neurons import FloatArray
+from locsnn_compile.network.projections import ChipProjection
 
 
 @dataclass(frozen=True)

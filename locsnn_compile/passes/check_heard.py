@@ -12,9 +12,8 @@ from functools import singledispatch
 import numpy as np
 
 from locsnn_compile.errors import TargetError
-from locsnn_compile.network.chip_neurons import ChipProjection
-from locsnn_compile.network.matrices import values_of
 from locsnn_compile.network.neurons import FloatArray, Leaky, Neuron, SrmAlpha
+from locsnn_compile.network.projections import ChipProjection, values_of
 from locsnn_compile.passes.kernels import kernel
 from locsnn_compile.passes.rounding.task import Task
 

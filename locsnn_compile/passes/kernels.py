@@ -99,8 +99,7 @@ def best_gain(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> Flo
     with np.errstate(divide="ignore", invalid="ignore"):
         gain = _overlap(a, b, c, d) / _overlap(c, d, c, d)
         end = (1 - np.minimum(c, d)) / (1 - np.minimum(a, b))
-    found: FloatArray = np.where(fades, gain, np.where(np.minimum(a, b) < 1, end, 1.0))
-    return found
+    return np.where(fades, gain, np.where(np.minimum(a, b) < 1, end, 1.0))
 
 
 def keeps(decay: IntArray) -> FloatArray:
@@ -117,19 +116,16 @@ def alpha_recursion(tau: float) -> tuple[float, float]:
 def own_charges(response: FloatArray, keep: FloatArray | float) -> FloatArray:
     """Return the charges that a dendrite answers by a response (lags, n): it filtered by ``(1 - keep z^-1)^2``."""
     before = np.concatenate((np.zeros_like(response, shape=(2, response.shape[1])), response))
-    charges: FloatArray = response - 2 * keep * before[1:-1] + keep**2 * before[:-2]
-    return charges
+    return response - 2 * keep * before[1:-1] + keep**2 * before[:-2]
 
 
 def kernel(tau: float, k: npt.NDArray[np.float64]) -> FloatArray:
     """Return ``(k / tau) * exp(1 - k / tau)``."""
-    values: FloatArray = k / tau * np.exp(1.0 - k / tau)
-    return values
+    return k / tau * np.exp(1.0 - k / tau)
 
 
 def _overlap(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> FloatArray:
-    overlap: FloatArray = (1 - a * b * c * d) / ((1 - a * c) * (1 - a * d) * (1 - b * c) * (1 - b * d))
-    return overlap
+    return (1 - a * b * c * d) / ((1 - a * c) * (1 - a * d) * (1 - b * c) * (1 - b * d))
 
 
 def _energy(r: float) -> float:

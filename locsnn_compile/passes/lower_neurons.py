@@ -17,12 +17,11 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE, IntArray
-from hw_model.arithmetic.weights import WEIGHT_BITS, SignMode, weight_grid
+from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_BITS, IntArray, SignMode, weight_grid
 from hw_model.description.chip import Chip
 from hw_model.mapping.graph import CompartmentGraph, Compartments, Input, Phase, Synapses, check_graph, read_only
-from locsnn_compile.network.chip_neurons import ChipProjection, Refractory, integers
-from locsnn_compile.network.matrices import connections, values_of
+from locsnn_compile.network.chip_neurons import Refractory, integers
+from locsnn_compile.network.projections import ChipProjection, connections, values_of
 from locsnn_compile.network.quantized import QuantizedNetwork, QuantizedPopulation
 
 

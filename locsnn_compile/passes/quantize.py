@@ -13,23 +13,20 @@ from functools import singledispatch
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE
-from hw_model.arithmetic.weights import WEIGHT_EXPONENTS, WeightGrid, weight_grid
+from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_EXPONENTS, WeightGrid, weight_grid
 from hw_model.description.chip import Chip
 from locsnn_compile.errors import InputError, TargetError
-from locsnn_compile.network.chip_neurons import ChipNeuron, ChipProjection
-from locsnn_compile.network.matrices import of_target, values_of, with_values
-from locsnn_compile.network.network import Network, Population, Projection
+from locsnn_compile.network.chip_neurons import ChipNeuron
+from locsnn_compile.network.network import Network, Population
 from locsnn_compile.network.neurons import Cuba, Neuron, SoftCuba, SrmAlpha
+from locsnn_compile.network.projections import ChipProjection, Projection, of_target, values_of, with_values
 from locsnn_compile.network.quantized import QuantizedNetwork, QuantizedPopulation
 from locsnn_compile.passes.check_heard import check_heard
 from locsnn_compile.passes.cuba.quantize import quantize_cuba
 from locsnn_compile.passes.cuba.soft import quantize_soft
 from locsnn_compile.passes.rounding.apart import round_apart
 from locsnn_compile.passes.rounding.grades import GRADES
-from locsnn_compile.passes.rounding.rounding import NEAREST, Rounding
-from locsnn_compile.passes.rounding.scaling import Rounded, Scaled
-from locsnn_compile.passes.rounding.task import Task
+from locsnn_compile.passes.rounding.task import NEAREST, Rounded, Rounding, Scaled, Task
 from locsnn_compile.passes.srm.fine import fine_srm
 from locsnn_compile.passes.srm.kernel_fit import kernel_fit
 from locsnn_compile.passes.srm.quantize import quantize_srm

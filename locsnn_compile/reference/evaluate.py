@@ -18,10 +18,10 @@ import hw_model as hw
 from hw_model.description.chip import Registers
 from hw_model.engine.trace import ByteArray
 from locsnn_compile.errors import InputError
-from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection, ChipSrm
-from locsnn_compile.network.matrices import Matrix, by_delay, charge
-from locsnn_compile.network.network import Network, Population, Projection
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
+from locsnn_compile.network.network import Network, Population
 from locsnn_compile.network.neurons import Cuba, FloatArray, Neuron, SoftCuba, SrmAlpha
+from locsnn_compile.network.projections import ChipProjection, Matrix, Projection, by_delay, charge
 from locsnn_compile.reference.float_neurons import CubaSteps, SoftCubaSteps, SrmSteps
 from locsnn_compile.reference.integer_neurons import ChipCubaSteps, ChipSrmSteps, effective_weights
 

@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from hw_model.description.chip import Registers
-from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipProjection, ChipSrm
-from locsnn_compile.network.matrices import Matrix, values_of, with_values
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm
+from locsnn_compile.network.projections import ChipProjection, Matrix, values_of, with_values
 
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
@@ -22,14 +22,12 @@ BoolArray = npt.NDArray[np.bool_]
 def kept(x: IntArray, decay: IntArray | int) -> IntArray:
     """Return x * (4096 - decay) / 4096, truncated toward zero."""
     product = x * (4096 - decay)
-    truncated: IntArray = (product + np.where(product < 0, 4095, 0)) >> 12
-    return truncated
+    return (product + np.where(product < 0, 4095, 0)) >> 12
 
 
 def effective(mantissa: IntArray, exponent: int | IntArray) -> IntArray:
     """Return 64 * floor(mantissa * 2^exponent)."""
-    scaled: IntArray = np.floor(np.ldexp(np.asarray(mantissa, dtype=np.float64), exponent)).astype(np.int64) * 64
-    return scaled
+    return np.floor(np.ldexp(np.asarray(mantissa, dtype=np.float64), exponent)).astype(np.int64) * 64
 
 
 def effective_weights(projection: ChipProjection) -> Matrix:
@@ -147,11 +145,9 @@ def _wrapped(x: IntArray, bits: int) -> IntArray:
     """Return x in two's complement of ``bits`` bits plus sign."""
     span = 2 << bits
     rest = x % span
-    wrapped: IntArray = np.where(rest >= span // 2, rest - span, rest)
-    return wrapped
+    return np.where(rest >= span // 2, rest - span, rest)
 
 
 def _clipped(x: IntArray, registers: Registers) -> IntArray:
     """Return x within the voltage register."""
-    clipped: IntArray = np.clip(x, -registers.voltage_max, registers.voltage_max)
-    return clipped
+    return np.clip(x, -registers.voltage_max, registers.voltage_max)

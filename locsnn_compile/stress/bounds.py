@@ -26,8 +26,8 @@ from typing import Literal, get_args
 import numpy as np
 
 from hw_model.engine.trace import ByteArray
-from locsnn_compile.network.matrices import Matrix, values_of, with_values
 from locsnn_compile.network.neurons import FloatArray
+from locsnn_compile.network.projections import Matrix, values_of, with_values
 from locsnn_compile.verification.error_budget.numbers import GroupNumbers, Numbers
 
 Source = Literal["weights", "decays", "states"]

@@ -14,8 +14,8 @@ import numpy.typing as npt
 
 import hw_model as hw
 from hw_model.engine.trace import ByteArray
-from locsnn_compile.network.matrices import charge
-from locsnn_compile.network.network import Network, Projection
+from locsnn_compile.network.network import Network
+from locsnn_compile.network.projections import Projection, charge
 from locsnn_compile.reference.evaluate import steps_of
 from locsnn_compile.report.format import share, short
 from locsnn_compile.stress.bounds import error_bound

@@ -16,7 +16,7 @@ from hw_model.engine.trace import ByteArray
 from hw_model.simulation import SimulationResult
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.network.check import check_network
-from locsnn_compile.network.matrices import values_of
+from locsnn_compile.network.projections import values_of
 from locsnn_compile.network.recordings import fit_recordings
 from locsnn_compile.pipeline import Levels, lower
 from locsnn_compile.reference.calibration import calibrate

@@ -9,7 +9,7 @@ from typing import Annotated, Any, NamedTuple, cast, get_args, get_type_hints
 
 import yaml
 
-from hw_model.arithmetic.weights import WEIGHT_BITS
+from hw_model.arithmetic.fixed_point import WEIGHT_BITS
 from hw_model.io.shown import shown
 from hw_model.io.yaml_text import load_yaml
 from locsnn_compile.data.taxel_graph import GRAPHS

@@ -1,6 +1,10 @@
-"""The network that a training configuration asks for, on data of a shape."""
+"""Between a configuration and a network: the one that it asks for, and what one to start from decides."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, fields, replace
+from typing import Any
 
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import POLARITIES, TAXELS, parse_location_order
@@ -64,17 +68,73 @@ def _whole_numbers(option: str, text: str, example: str) -> tuple[int, ...]:
 
 
 def _neuron(config: TrainingConfig) -> NeuronParameters | LifParameters | WindowParameters | None:
+    """Return the constants of the neurons, whose names are those of options."""
     neurons = ARCHITECTURES[config.model].neurons
-    if neurons == "srm":
-        return NeuronParameters(
-            config.theta, config.tau_sr, config.tau_ref, config.scale_ref, config.tau_rho, config.scale_rho
-        )
     if neurons == "windows":
         levels = _whole_numbers("window_levels", config.window_levels, "1 2")
         return WindowParameters(config.window_steps, config.window_stride, levels)
-    return LifParameters(config.decay, config.threshold, config.window) if neurons == "lif" else None
+    if neurons == "none":
+        return None
+    kind = NeuronParameters if neurons == "srm" else LifParameters
+    return kind(**{item.name: getattr(config, item.name) for item in fields(kind)})
 
 
 def _graph(config: TrainingConfig) -> GraphParameters:
     edges = taxel_graph(config.graph, neighbours=config.neighbours, nearer_mm=config.nearer_mm)
     return GraphParameters(config.graph, edges, config.hops, config.features, config.step_features)
+
+
+FINE_TUNING: dict[str, Any] = {"epochs": 60, "learning_rate": 0.001, "validation_fraction": 0.0}
+"""Options that differ from a run from scratch. A network that was refitted has seen all of the train part, so that
+nothing of it could choose an epoch."""
+
+
+def fixed_by(start: NetworkDescription) -> dict[str, Any]:
+    """Return the options that a network to start from decides."""
+    found: dict[str, Any] = {"model": start.architecture, "hidden": start.hidden}
+    if start.location_order is not None:
+        found["order"] = start.location_order
+    if start.delays != (0,):
+        found["delays"] = " ".join(map(str, start.delays))
+    if isinstance(start.neuron, WindowParameters):
+        windows = asdict(start.neuron) | {"levels": " ".join(map(str, start.neuron.levels))}
+        found |= {f"window_{name}": value for name, value in windows.items()}
+    elif start.neuron is not None:
+        found |= asdict(start.neuron)
+    if (graph := start.graph) is not None:
+        found |= {"graph": graph.name} | {key: getattr(graph, key) for key in ("hops", "features", "step_features")}
+    return found
+
+
+def check_fits_start(values: Mapping[str, Any], start: NetworkDescription) -> None:
+    """Refuse given options that contradict the network to start from with an ``InputError``."""
+    for name, wanted in fixed_by(start).items():
+        if name in values and values[name] != wanted:
+            raise InputError(
+                f"training option {name!r}",
+                "the network to start from has another value",
+                measured=f"got {values[name]!r} against {wanted!r}",
+                fix="Leave the option out.",
+            )
+
+
+def fine_tuning_config(config: TrainingConfig, start: NetworkDescription) -> TrainingConfig:
+    """Return ``config`` with everything that the network to start from decides taken from it."""
+    return replace(config, **fixed_by(start))
+
+
+def check_recordings(start: NetworkDescription, recordings: Recordings, classes: int) -> None:
+    """Refuse recordings of another shape, or of more classes, with an ``InputError``."""
+    layout, (_, steps, channels) = start.input, recordings.spikes.shape
+    for what, got, wanted, fits in (
+        ("their steps are not those of", steps, layout.steps, steps == layout.steps),
+        ("their channels are not those of", channels, layout.channels, channels == layout.channels),
+        ("they have more classes than", classes, start.classes, classes <= start.classes),
+    ):
+        if not fits:
+            raise InputError(
+                f"recordings {recordings.source!r}",
+                f"{what} the network to start from",
+                measured=f"{got} against {wanted}",
+                fix="Give recordings like those that it was trained on.",
+            )

@@ -29,8 +29,7 @@ from locsnn_compile.models.touch_model import TouchModel
 from locsnn_compile.training.averaging import WeightAverage
 from locsnn_compile.training.batches import batches, epoch_generator, stratified_split
 from locsnn_compile.training.config import TrainingConfig
-from locsnn_compile.training.describe import describe
-from locsnn_compile.training.fine_tuning import check_recordings
+from locsnn_compile.training.describe import check_recordings, describe
 from locsnn_compile.training.measure import batch_loss, evaluate
 from locsnn_compile.training.profile import profile
 from locsnn_compile.training.remarks import check_events, data_remarks, result_remarks

@@ -19,7 +19,7 @@ from page_section import put_section
 
 import hw_model as hw
 import locsnn_compile as lc
-from hw_model.arithmetic.weights import weight_grid
+from hw_model.arithmetic.fixed_point import weight_grid
 from hw_model.description.counts import total
 from hw_model.mapping.arrangement import arrange_cores
 from hw_model.mapping.placement import place_cores
@@ -33,7 +33,7 @@ from locsnn_compile.network.quantized import QuantizedNetwork
 from locsnn_compile.passes.kernels import alpha_kernel
 from locsnn_compile.passes.lower_neurons import lower_neurons
 from locsnn_compile.passes.quantize import quantize
-from locsnn_compile.passes.rounding.rounding import FINE, Rounding
+from locsnn_compile.passes.rounding.task import FINE, Rounding
 from locsnn_compile.reference.calibration import Calibration, calibrate
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.report.format import energy, share

@@ -31,8 +31,8 @@ from locsnn_compile.models.checkpoint import Checkpoint, save_checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.strategies import TRAINABLE
 from locsnn_compile.training.config import TrainingConfig, config_from_mapping, read_config
+from locsnn_compile.training.describe import FINE_TUNING, fine_tuning_config
 from locsnn_compile.training.export import export_checkpoint, training_entry
-from locsnn_compile.training.fine_tuning import FINE_TUNING, fine_tuning_config
 from locsnn_compile.training.state import load_state, run_key
 from locsnn_compile.training.train import train
 

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 import hw_model as hw
-from hw_model.arithmetic.weights import weight_grid
+from hw_model.arithmetic.fixed_point import weight_grid
 from locsnn_compile.errors import TargetError
-from locsnn_compile.network.chip_neurons import ChipProjection
-from locsnn_compile.network.network import Population, Projection
+from locsnn_compile.network.network import Population
 from locsnn_compile.network.neurons import Cuba, SoftCuba, SrmAlpha
+from locsnn_compile.network.projections import ChipProjection, Projection
 from locsnn_compile.passes.check_heard import check_heard
-from locsnn_compile.passes.rounding.rounding import NEAREST
-from locsnn_compile.passes.rounding.task import Task
+from locsnn_compile.passes.rounding.task import NEAREST, Task
 
 STEPS = 4
 SRM = SrmAlpha(tau_sr=1.0, theta=4.0, tau_ref=1.0, scale_ref=1.0)

@@ -9,8 +9,12 @@ from scipy import sparse
 
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.check import check_network
-from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection, ChipSrm
-from locsnn_compile.network.matrices import (
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
+from locsnn_compile.network.network import InputView
+from locsnn_compile.network.neurons import Cuba
+from locsnn_compile.network.projections import (
+    ChipProjection,
+    Projection,
     charge,
     connections,
     fan_out,
@@ -20,8 +24,6 @@ from locsnn_compile.network.matrices import (
     values_of,
     with_values,
 )
-from locsnn_compile.network.network import InputView, Projection
-from locsnn_compile.network.neurons import Cuba
 
 
 def lif(**changes):

@@ -12,13 +12,13 @@ from networks import NEURON, hybrid, recordings, single
 from scipy import sparse
 
 import hw_model as hw
-from hw_model.arithmetic.weights import WEIGHT_BITS, WEIGHT_EXPONENTS, weight_grid
+from hw_model.arithmetic.fixed_point import WEIGHT_BITS, WEIGHT_EXPONENTS, weight_grid
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.passes.kernels import alpha_kernel, fitted_decays
 from locsnn_compile.passes.rounding.drive import RIDGE, drive_of
 from locsnn_compile.passes.rounding.grades import Grades, coarsest, nearest
-from locsnn_compile.passes.rounding.rounding import FINE, NEAREST, Rounding
+from locsnn_compile.passes.rounding.task import FINE, NEAREST, Rounding
 from locsnn_compile.passes.rounding.together import round_together
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.calibration import SAMPLES, calibrate

@@ -11,9 +11,9 @@ from scipy import sparse
 
 import hw_model as hw
 from locsnn_compile.errors import TargetError
-from locsnn_compile.network.matrices import matrix
-from locsnn_compile.network.network import Population, Projection
+from locsnn_compile.network.network import Population
 from locsnn_compile.network.neurons import Cuba
+from locsnn_compile.network.projections import Projection, matrix
 from locsnn_compile.passes.kernels import best_gain
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.pipeline import lower

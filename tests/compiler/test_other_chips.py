@@ -190,11 +190,11 @@ def test_taps_that_a_chips_delays_do_not_hold(tmp_path, delay_max):
 @pytest.mark.parametrize("bits", [1, 2, 3, 4, 5, 6, 8])
 def test_a_drop_of_any_weight_bits(bits):
     """Two self-synapses hold what a spike takes, exactly, whatever the chip's widest weights."""
-    from hw_model.arithmetic.weights import weight_grid
-    from locsnn_compile.network.network import Population, Projection
+    from hw_model.arithmetic.fixed_point import weight_grid
+    from locsnn_compile.network.network import Population
+    from locsnn_compile.network.projections import Projection
     from locsnn_compile.passes.cuba.soft import quantize_soft
-    from locsnn_compile.passes.rounding.rounding import NEAREST
-    from locsnn_compile.passes.rounding.task import Task
+    from locsnn_compile.passes.rounding.task import NEAREST, Task
 
     chip = parse_chip(chip_text(weight_bits_max=bits), "other.yaml")
     neuron = SoftCuba(*(np.full(5, value) for value in (0.5, 0.1, 1.0)), drop=np.linspace(0.2, 1.0, 5))

@@ -10,14 +10,13 @@ from hypothesis import strategies as st
 from networks import NEURON, hybrid, single
 
 import hw_model as hw
-from hw_model.arithmetic.weights import WEIGHT_BITS
+from hw_model.arithmetic.fixed_point import WEIGHT_BITS
 from locsnn_compile.errors import TargetError
-from locsnn_compile.network.matrices import values_of
 from locsnn_compile.network.neurons import Cuba
+from locsnn_compile.network.projections import values_of
 from locsnn_compile.passes.kernels import alpha_kernel
 from locsnn_compile.passes.quantize import quantize
-from locsnn_compile.passes.rounding.rounding import Rounding
-from locsnn_compile.passes.rounding.scaling import HEADROOM
+from locsnn_compile.passes.rounding.task import HEADROOM, Rounding
 from locsnn_compile.pipeline import lower
 
 CHIP = hw.chip("loihi-sim")

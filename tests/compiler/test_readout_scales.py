@@ -6,8 +6,9 @@ import numpy as np
 
 import hw_model as hw
 from hw_model.mapping.graph import Readout
-from locsnn_compile.network.network import InputView, Network, Population, Projection
+from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import Cuba
+from locsnn_compile.network.projections import Projection
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
 

@@ -17,7 +17,7 @@ from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.graph_parameters import GraphParameters
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.models.touch_model import TouchModel
-from locsnn_compile.passes.rounding.rounding import FINE
+from locsnn_compile.passes.rounding.task import FINE
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
 

@@ -11,8 +11,7 @@ from vcd.reader import TokenKind, tokenize
 
 import hw_model as hw
 from locsnn_compile.backends.played import play_recording
-from locsnn_compile.backends.probed import Compartment, probed
-from locsnn_compile.backends.waves import vcd_file
+from locsnn_compile.backends.waves import Compartment, probed, vcd_file
 from locsnn_compile.errors import InputError
 
 

@@ -7,7 +7,7 @@ import pytest
 from small_model import explore, explored, narrow
 
 import locsnn_compile as lc
-from hw_model.arithmetic.weights import WEIGHT_BITS
+from hw_model.arithmetic.fixed_point import WEIGHT_BITS
 from locsnn_compile import settings as grid
 from locsnn_compile.cli import explore as explore_cli
 from locsnn_compile.cli.compile import parser

@@ -16,7 +16,7 @@ import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.backends.exchange import exchange_file
 from locsnn_compile.network.chip_neurons import ChipSrm
-from locsnn_compile.network.matrices import values_of
+from locsnn_compile.network.projections import values_of
 from locsnn_compile.passes.quantize import quantize
 
 CHIP = hw.chip("loihi-sim")

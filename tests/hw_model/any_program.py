@@ -14,7 +14,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 import hw_model as hw
-from hw_model.arithmetic.weights import SIGN_MODES, WEIGHT_BITS, weight_grid
+from hw_model.arithmetic.fixed_point import SIGN_MODES, WEIGHT_BITS, weight_grid
 from hw_model.description.chip import check_chip
 from hw_model.mapping.graph import CompartmentGraph, Readout, voltage_maxima, voltage_minima
 from hw_model.program.builder import Node

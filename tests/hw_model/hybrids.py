@@ -8,7 +8,7 @@ import numpy as np
 from scipy import sparse
 
 import hw_model as hw
-from hw_model.arithmetic.weights import weight_grid
+from hw_model.arithmetic.fixed_point import weight_grid
 from hw_model.mapping.graph import Axis, CompartmentGraph, Phase, Readout, read_only
 from hw_model.mapping.placement import place_cores
 from hw_model.mapping.routing import route_axons

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hw_model as hw
-from hw_model.arithmetic.weights import weight_grid
+from hw_model.arithmetic.fixed_point import weight_grid
 from hw_model.simulation import ENGINES
 
 CHIP = hw.chip("loihi-sim")

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from test_placement import delivered
 
 import hw_model as hw
-from hw_model.arithmetic.weights import SIGN_MODES, WEIGHT_BITS
+from hw_model.arithmetic.fixed_point import SIGN_MODES, WEIGHT_BITS
 from hw_model.mapping.fan_in import SynapseFormat, share_formats
 
 CHIP = hw.chip("loihi-sim")

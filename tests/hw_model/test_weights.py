@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hw_model.arithmetic.weights import SIGN_MODES, WEIGHT_BITS, weight_grid
+from hw_model.arithmetic.fixed_point import SIGN_MODES, WEIGHT_BITS, weight_grid
 from hw_model.errors import InputError
 
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hw_model as hw
-from hw_model.arithmetic.weights import WEIGHT_BITS, weight_grid
+from hw_model.arithmetic.fixed_point import WEIGHT_BITS, weight_grid
 from locsnn_compile.models.chip_layers import ChipLayer
 from locsnn_compile.models.chip_numbers import USUAL_REGISTERS, ChipPopulation, RegisterWidths
 from locsnn_compile.models.description import NeuronParameters

@@ -159,7 +159,7 @@ def test_delays_that_are_no_numbers() -> None:
 
 
 def test_another_network_to_start_from_fixes_them(tmp_path: Path) -> None:
-    from locsnn_compile.training.fine_tuning import fixed_by
+    from locsnn_compile.training.describe import fixed_by
 
     assert fixed_by(description())["delays"] == "0 7 30"
     assert "delays" not in fixed_by(replace(description(), delays=(0,)))

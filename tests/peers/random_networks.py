@@ -12,7 +12,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 from peer_networks import Network, Population, Projection
 
-from hw_model.arithmetic.weights import WEIGHT_BITS, weight_grid
+from hw_model.arithmetic.fixed_point import WEIGHT_BITS, weight_grid
 
 STEPS = 80
 DECAYS = (0, 1, 128, 390, 1024, 2589, 4095, 4096)

@@ -10,7 +10,7 @@ import pytest
 import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.errors import LocsnnError
-from locsnn_compile.passes.rounding.rounding import FINE
+from locsnn_compile.passes.rounding.task import FINE
 from locsnn_compile.report.renderers.html import render_html
 from locsnn_compile.report.renderers.markdown import render_markdown
 from locsnn_compile.strategies import NATIVE

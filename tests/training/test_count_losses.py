@@ -8,7 +8,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from locsnn_compile.training.losses import (
+from locsnn_compile.training.measure import (
     count_cross_entropy,
     spike_count_loss,
     weighted_counts,

@@ -7,14 +7,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from locsnn_compile.training.augment import (
+from locsnn_compile.training.batches import (
     augmented,
+    batches,
     drop_channels,
     drop_events,
     drop_taxels,
+    epoch_generator,
     shift_in_time,
+    stratified_split,
 )
-from locsnn_compile.training.batches import batches, epoch_generator, stratified_split
 from locsnn_compile.training.config import TrainingConfig
 
 

@@ -22,10 +22,10 @@ import numpy as np
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.nir.assumed import DT_SECONDS
 from locsnn_compile.frontends.nir.graph import Array, Edge, NirGraph, NirNode
-from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection, ChipSrm
-from locsnn_compile.network.matrices import Matrix, connections, values_of
-from locsnn_compile.network.network import Network, Population, Projection
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
+from locsnn_compile.network.network import Network, Population
 from locsnn_compile.network.neurons import Cuba
+from locsnn_compile.network.projections import ChipProjection, Matrix, Projection, connections, values_of
 from locsnn_compile.network.quantized import QuantizedNetwork
 
 _VERSION = "1.0"

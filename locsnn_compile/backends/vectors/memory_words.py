@@ -57,8 +57,7 @@ def bits_of(values: IntArray, field: Field) -> BitArray:
     low, high = (-(1 << field.width - 1), 1 << field.width - 1) if field.signed else (0, 1 << field.width)
     assert values.size == 0 or (low <= values.min() and values.max() < high), field.name
     shifts = np.arange(field.width)
-    bits: BitArray = ((values[:, None] >> shifts) & 1).astype(np.uint8)
-    return bits
+    return ((values[:, None] >> shifts) & 1).astype(np.uint8)
 
 
 def hex_words(bits: BitArray) -> bytes:

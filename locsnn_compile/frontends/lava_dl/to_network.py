@@ -23,9 +23,9 @@ from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.lava_dl.layers import NetFile, NetLayer, export_again, read_net
 from locsnn_compile.frontends.linear_maps import Ints, Shape, Window, check_entries, check_shape, convolution, pooling
 from locsnn_compile.frontends.synthetic_input import synthetic_recordings
-from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection, Signs, integers
-from locsnn_compile.network.matrices import Matrix, matrix, of_source, of_target, values_of
+from locsnn_compile.network.chip_neurons import ChipCuba, integers
 from locsnn_compile.network.network import InputView, Network, Population
+from locsnn_compile.network.projections import ChipProjection, Matrix, Signs, matrix, of_source, of_target, values_of
 
 STEPS = 100
 """Steps of synthetic recordings where the file names no tSample."""

@@ -37,8 +37,8 @@ from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.nir.flat import READOUTS
 from locsnn_compile.frontends.nir.graph import NirNode
 from locsnn_compile.frontends.nir.signals import Signal
-from locsnn_compile.network.matrices import matrix
 from locsnn_compile.network.neurons import Cuba, FloatArray, SoftCuba
+from locsnn_compile.network.projections import matrix
 
 Discretisation = Literal["euler", "exact", "hold"]
 Reset = Literal["zero", "subtract", "late-zero", "late-subtract"]

@@ -11,9 +11,8 @@ from scipy import sparse
 
 from hw_model.arithmetic.fixed_point import IntArray
 from locsnn_compile.frontends.linear_maps import product
-from locsnn_compile.network.matrices import Matrix, matrix
-from locsnn_compile.network.network import Projection
 from locsnn_compile.network.neurons import FloatArray
+from locsnn_compile.network.projections import Matrix, Projection, matrix
 
 DENSE = 0.5
 """Share of connections from which a matrix is kept dense."""

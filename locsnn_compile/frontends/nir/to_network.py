@@ -23,9 +23,9 @@ from locsnn_compile.frontends.nir.graph import NirGraph, NirNode, read_nir
 from locsnn_compile.frontends.nir.neurons import Discretisation, Reset, Stated, neurons_of
 from locsnn_compile.frontends.nir.signals import Signal, Term
 from locsnn_compile.frontends.synthetic_input import synthetic_recordings
-from locsnn_compile.network.matrices import matrix
-from locsnn_compile.network.network import InputView, Network, Population, Projection
+from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import Cuba, FloatArray
+from locsnn_compile.network.projections import Projection, matrix
 
 BIAS = "nir/bias"
 """The population of one neuron that spikes in every step and brings the biases; no node's name has a slash."""

@@ -9,8 +9,8 @@ from typing import Any
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.linear_maps import Shape, Window, convolution, pooling
 from locsnn_compile.frontends.slayer.config import LayerEntry
-from locsnn_compile.network.matrices import Matrix
 from locsnn_compile.network.neurons import FloatArray
+from locsnn_compile.network.projections import Matrix
 
 
 def dense_layer(kernel: FloatArray, where: str) -> tuple[Matrix, int]:

@@ -29,10 +29,18 @@ from locsnn_compile.frontends.slayer.kernels import check_kernels, cut
 from locsnn_compile.frontends.slayer.layers import dense_layer, listed_layers
 from locsnn_compile.frontends.synthetic_input import synthetic_recordings, touch_fingertips
 from locsnn_compile.models.checkpoint import FORMAT
-from locsnn_compile.network.chip_neurons import ChipCuba, ChipProjection
-from locsnn_compile.network.matrices import Matrix, matrix, of_source, values_of, with_values
-from locsnn_compile.network.network import InputView, Network, Population, Projection
+from locsnn_compile.network.chip_neurons import ChipCuba
+from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import FloatArray, SrmAlpha
+from locsnn_compile.network.projections import (
+    ChipProjection,
+    Matrix,
+    Projection,
+    matrix,
+    of_source,
+    values_of,
+    with_values,
+)
 
 STEPS = 100
 """Steps of synthetic recordings where the description names no tSample."""

@@ -11,12 +11,10 @@ from hw_model.arithmetic.fixed_point import DECAY_ONE, IntArray
 from hw_model.description.chip import Chip
 from locsnn_compile.errors import TargetError
 from locsnn_compile.network.chip_neurons import ChipCuba
-from locsnn_compile.network.matrices import row_sums
-from locsnn_compile.network.network import Projection
 from locsnn_compile.network.neurons import Cuba, FloatArray
+from locsnn_compile.network.projections import Projection, row_sums
 from locsnn_compile.passes.kernels import rounded_decays
-from locsnn_compile.passes.rounding.scaling import HEADROOM, Scaled, check_threshold, exponent_and_threshold
-from locsnn_compile.passes.rounding.task import Task
+from locsnn_compile.passes.rounding.task import HEADROOM, Scaled, Task, check_threshold, exponent_and_threshold
 
 
 def quantize_cuba(neuron: Cuba, task: Task) -> Scaled:

@@ -9,20 +9,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import IntArray
-from hw_model.arithmetic.weights import WEIGHT_EXPONENTS, WeightGrid
+from hw_model.arithmetic.fixed_point import WEIGHT_EXPONENTS, IntArray, WeightGrid
 from locsnn_compile.network.chip_neurons import ChipSrm, Refractory
 from locsnn_compile.network.neurons import SoftCuba
 from locsnn_compile.passes.kernels import keeps, rounded_decays
-from locsnn_compile.passes.rounding.scaling import (
+from locsnn_compile.passes.rounding.task import (
     Scaled,
+    Task,
     check_threshold,
     exponent_and_threshold,
     exponent_holding,
     largest_charge,
     own_grid,
 )
-from locsnn_compile.passes.rounding.task import Task
 
 
 def quantize_soft(neuron: SoftCuba, task: Task) -> Scaled:

@@ -6,12 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from locsnn_compile.network.chip_neurons import ChipProjection
-from locsnn_compile.network.matrices import of_target, values_of
 from locsnn_compile.network.neurons import FloatArray
+from locsnn_compile.network.projections import ChipProjection, of_target, values_of
 from locsnn_compile.passes.rounding.grades import BoolArray, grades_for, in_grades, nearest
-from locsnn_compile.passes.rounding.scaling import Scaled
-from locsnn_compile.passes.rounding.task import Task
+from locsnn_compile.passes.rounding.task import Scaled, Task
 
 
 def round_apart(task: Task, scaled: Scaled) -> list[list[ChipProjection]]:

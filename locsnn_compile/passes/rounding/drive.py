@@ -10,8 +10,8 @@ from scipy import sparse
 from scipy.signal import lfilter
 
 from hw_model.engine.trace import ByteArray
-from locsnn_compile.network.network import Projection
 from locsnn_compile.network.neurons import FloatArray, SrmAlpha
+from locsnn_compile.network.projections import Projection
 from locsnn_compile.passes.kernels import alpha_recursion, keeps
 from locsnn_compile.reference.calibration import CHUNK, Calibration
 

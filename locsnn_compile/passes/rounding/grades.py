@@ -14,12 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from hw_model.arithmetic.fixed_point import IntArray
-from hw_model.arithmetic.weights import WEIGHT_EXPONENTS
-from locsnn_compile.network.chip_neurons import ChipNeuron, ChipProjection
-from locsnn_compile.network.matrices import with_values
-from locsnn_compile.network.network import Projection
+from hw_model.arithmetic.fixed_point import WEIGHT_EXPONENTS, IntArray
+from locsnn_compile.network.chip_neurons import ChipNeuron
 from locsnn_compile.network.neurons import FloatArray
+from locsnn_compile.network.projections import ChipProjection, Projection, with_values
 from locsnn_compile.passes.rounding.task import Task
 
 MANTISSA_BITS = 8
@@ -53,19 +51,16 @@ class Grades:
         """Return the finest grade of every magnitude that still holds it with a step added, else the coarsest."""
         most = [float(self.largest_of(np.array(k)) - (1 << k if self.weight_bits > 1 else 0)) for k in self.held]
         index = np.minimum(np.searchsorted(most, magnitude), len(self.held) - 1)
-        found: IntArray = np.array(self.held, dtype=np.int64)[index]
-        return found
+        return np.array(self.held, dtype=np.int64)[index]
 
     def second_grade(self, grade: IntArray) -> IntArray:
         """Return the grade of a split weight's second synapse: the finest that holds all that is below the first's."""
         index = np.searchsorted(self.held, np.asarray(grade) - self.weight_bits)
-        found: IntArray = np.array(self.held, dtype=np.int64)[index]
-        return found
+        return np.array(self.held, dtype=np.int64)[index]
 
     def largest_of(self, grade: IntArray) -> IntArray:
         """Return the largest magnitude of every grade, in quanta."""
-        found: IntArray = ((1 << self.weight_bits) - 1) << grade
-        return found
+        return ((1 << self.weight_bits) - 1) << grade
 
     def exponent(self, grade: int) -> int:
         """Return the weight exponent of a grade's format."""
@@ -102,8 +97,7 @@ def grades_for(largest: float, task: Task, neuron: ChipNeuron) -> Grades:
 def nearest(quanta: FloatArray, step: IntArray, most: IntArray) -> IntArray:
     """Round to the nearest multiples of the steps, half to even, and clip to magnitudes; 0 where a step is."""
     rounded = np.rint(quanta / np.maximum(step, 1)) * step
-    found: IntArray = np.clip(rounded, -most, most).astype(np.int64)
-    return found
+    return np.clip(rounded, -most, most).astype(np.int64)
 
 
 def coarsest(weight_bits: int) -> int:

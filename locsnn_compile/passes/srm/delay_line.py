@@ -18,14 +18,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE, IntArray
-from hw_model.arithmetic.weights import WeightGrid
+from hw_model.arithmetic.fixed_point import DECAY_ONE, IntArray, WeightGrid
 from hw_model.description.chip import Chip
 from locsnn_compile.errors import TargetError
 from locsnn_compile.network.chip_neurons import ChipSrm
 from locsnn_compile.network.neurons import FloatArray, SrmAlpha
 from locsnn_compile.passes.kernels import kernel, own_charges
-from locsnn_compile.passes.rounding.scaling import exponent_holding, own_grid
+from locsnn_compile.passes.rounding.task import exponent_holding, own_grid
 
 TAPS_MAX = 256
 """Taps that are tried at most, on chips whose delays would allow more."""

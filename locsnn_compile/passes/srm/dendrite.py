@@ -7,13 +7,12 @@ from collections.abc import Iterable
 import numpy as np
 import numpy.typing as npt
 
-from hw_model.arithmetic.fixed_point import IntArray
-from hw_model.arithmetic.weights import WeightGrid
+from hw_model.arithmetic.fixed_point import IntArray, WeightGrid
 from hw_model.description.chip import Chip
 from locsnn_compile.network.chip_neurons import ChipSrm
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.passes.kernels import alpha_kernel
-from locsnn_compile.passes.rounding.scaling import exponent_holding, own_grid
+from locsnn_compile.passes.rounding.task import exponent_holding, own_grid
 
 
 def heaviest_charge(neuron: SrmAlpha, decay: int, chip: Chip, where: str) -> float:

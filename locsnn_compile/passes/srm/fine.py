@@ -12,13 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import IntArray
-from locsnn_compile.network.chip_neurons import ChipProjection, ChipSrm, Refractory, integers
-from locsnn_compile.network.matrices import charge as charge_of
+from locsnn_compile.network.chip_neurons import ChipSrm, Refractory, integers
 from locsnn_compile.network.neurons import FloatArray, SrmAlpha
+from locsnn_compile.network.projections import ChipProjection
+from locsnn_compile.network.projections import charge as charge_of
 from locsnn_compile.passes.rounding.drive import Drive, drive_of
 from locsnn_compile.passes.rounding.grades import BoolArray, Grades, coarsest, grades_for, in_grades, nearest, shares
-from locsnn_compile.passes.rounding.scaling import Rounded, Scaled, heaviest_weight, own_grid
-from locsnn_compile.passes.rounding.task import Task
+from locsnn_compile.passes.rounding.task import Rounded, Scaled, Task, heaviest_weight, own_grid
 from locsnn_compile.passes.rounding.together import round_together
 from locsnn_compile.passes.srm import dendrite as srm_dendrite
 from locsnn_compile.passes.srm.quantize import of_a_dendrite
@@ -69,8 +69,7 @@ def fine_srm(neuron: SrmAlpha, known: Task, plain: Scaled) -> Rounded | None:
 
 def _scale(task: _Task, made: ChipSrm) -> FloatArray:
     """Return what a potential of 1 is in the registers of each neuron: 64 T + 1 is the threshold of v > 64 T."""
-    scale: FloatArray = (64 * made.threshold + 1) / task.neuron.theta
-    return scale
+    return (64 * made.threshold + 1) / task.neuron.theta
 
 
 def _scaled_apart(task: _Task, made: ChipSrm) -> ChipSrm:

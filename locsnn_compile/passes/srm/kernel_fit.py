@@ -15,7 +15,7 @@ from hw_model.description.chip import Registers
 from locsnn_compile.network.neurons import Cuba, FloatArray, Leaky, Neuron, SoftCuba, SrmAlpha
 from locsnn_compile.network.quantized import KernelFit
 from locsnn_compile.passes.kernels import kernel
-from locsnn_compile.passes.rounding.scaling import Scaled
+from locsnn_compile.passes.rounding.task import Scaled
 from locsnn_compile.reference.integer_neurons import input_response, own_spike_response
 
 LENGTHS = 12

@@ -18,8 +18,7 @@ from locsnn_compile.errors import TargetError
 from locsnn_compile.network.chip_neurons import ChipNeuron, ChipSrm, integers
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.passes.kernels import alpha_kernel, fitted_decays
-from locsnn_compile.passes.rounding.scaling import Scaled, check_threshold, exponent_and_threshold, heaviest_weight
-from locsnn_compile.passes.rounding.task import Task
+from locsnn_compile.passes.rounding.task import Scaled, Task, check_threshold, exponent_and_threshold, heaviest_weight
 from locsnn_compile.passes.srm import delay_line, dendrite, reset
 from locsnn_compile.strategies import STRATEGIES
 

@@ -12,11 +12,11 @@ import numpy.typing as npt
 from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.engine.trace import ByteArray
 from hw_model.mapping.graph import Readout
-from locsnn_compile.network.chip_neurons import ChipNeuron, ChipProjection, Signs
-from locsnn_compile.network.matrices import matrix
-from locsnn_compile.network.network import InputView, Network, Population, Projection
+from locsnn_compile.network.chip_neurons import ChipNeuron
+from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import Cuba, FloatArray, Neuron, SrmAlpha
-from locsnn_compile.passes.rounding.rounding import FINE, Rounding
+from locsnn_compile.network.projections import ChipProjection, Projection, Signs, matrix
+from locsnn_compile.passes.rounding.task import FINE, Rounding
 from locsnn_compile.strategies import NATIVE, USUAL
 
 POPULATION, TOUCH = "n", "touch"

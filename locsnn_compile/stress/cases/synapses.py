@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.arithmetic.weights import WEIGHT_BITS, WEIGHT_EXPONENTS
-from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm, Signs
-from locsnn_compile.passes.rounding.rounding import FINE, NEAREST, Rounding
+from hw_model.arithmetic.fixed_point import WEIGHT_BITS, WEIGHT_EXPONENTS
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm
+from locsnn_compile.network.projections import Signs
+from locsnn_compile.passes.rounding.task import FINE, NEAREST, Rounding
 from locsnn_compile.strategies import NATIVE
 from locsnn_compile.stress.cases import case as usual
 from locsnn_compile.stress.cases.case import CHANNELS, NEURONS, THETA, Case, case_of, lif, lif_case, srm, srm_cases

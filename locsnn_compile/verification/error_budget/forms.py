@@ -14,8 +14,8 @@ from functools import singledispatch
 import numpy as np
 
 from hw_model.mapping.graph import CompartmentGraph
-from locsnn_compile.network.matrices import Matrix
 from locsnn_compile.network.neurons import Cuba, FloatArray, Neuron, SoftCuba, SrmAlpha
+from locsnn_compile.network.projections import Matrix
 from locsnn_compile.network.quantized import QuantizedPopulation
 from locsnn_compile.passes.kernels import alpha_recursion, kernel, own_charges
 from locsnn_compile.passes.lower_neurons import dendrite_name

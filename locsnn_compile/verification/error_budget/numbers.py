@@ -14,9 +14,9 @@ from scipy import sparse
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, effective_weight
 from hw_model.mapping.graph import CompartmentGraph, Compartments
-from locsnn_compile.network.matrices import Matrix, by_delay, of_target, values_of, with_values
-from locsnn_compile.network.network import Network, Projection
+from locsnn_compile.network.network import Network
 from locsnn_compile.network.neurons import FloatArray
+from locsnn_compile.network.projections import Matrix, Projection, by_delay, of_target, values_of, with_values
 from locsnn_compile.passes.kernels import best_gain
 from locsnn_compile.verification.error_budget.twin import TwinGroup, TwinSynapses
 

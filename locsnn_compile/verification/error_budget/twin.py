@@ -15,8 +15,8 @@ from scipy import sparse
 
 from hw_model.description.chip import Registers
 from hw_model.engine.trace import ByteArray
-from locsnn_compile.network.matrices import Matrix
 from locsnn_compile.network.neurons import FloatArray
+from locsnn_compile.network.projections import Matrix
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""Weight matrices (n_target, n_source), dense or scipy CSR, behind one set of functions.
+"""Weights: matrices (n_target, n_source), dense or scipy CSR, and the projections that hold them, in float or integers.
 
 The *values* of a matrix are its array where it is dense, and the stored entries, (entries,) row by row, where it is
 sparse. What is not stored is no connection.
@@ -6,7 +6,8 @@ sparse. What is not stored is no connection.
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -15,10 +16,87 @@ from scipy import sparse
 from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.arithmetic.whole import whole_numbers
 from hw_model.errors import InputError
+from hw_model.io.shown import shown
 
 Values = npt.NDArray[Any]
 Matrix: TypeAlias = Any
 """A numpy array (n_target, n_source), or a ``scipy.sparse.csr_array`` of that shape in canonical order."""
+
+
+Signs = Literal["apart", "mixed"]
+"""``apart``: positive and negative weights in formats of their own, all bits magnitude; ``mixed``: both in one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Connection:
+    """What joins a ``source`` to a ``target``: a projection of either kind."""
+
+    source: str
+    target: str
+
+    @property
+    def held(self) -> Matrix:
+        """The matrix that it holds."""
+        raise NotImplementedError
+
+    @property
+    def where(self) -> str:
+        """How errors name it."""
+        return f"projection {self.source!r} -> {self.target!r}"
+
+    def fan_out(self) -> IntArray:
+        """Return the values other than 0 that each source has, (n_source,)."""
+        return fan_out(self.held)
+
+
+@dataclass(frozen=True, eq=False)
+class Projection(Connection):
+    """Weights (n_target, n_source), float64, dense or CSR, from an input view or a population to a population.
+
+    A spike of step t acts at step ``t + 1 + delay``; ``delay`` in steps, one for all, or an array like the matrix's
+    values: (n_target, n_source), or (entries,) of a sparse one. The source may be the target, or come after it.
+    """
+
+    __repr__ = shown
+
+    weights: Matrix
+    delay: int | IntArray = 0
+
+    on_grid: ClassVar[bool] = False
+    dendrite: ClassVar[int] = 0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "weights", held_matrix(self.weights, self.where))
+
+    @property
+    def held(self) -> Matrix:
+        """What it holds: its weights."""
+        return self.weights
+
+
+@dataclass(frozen=True, eq=False)
+class ChipProjection(Connection):
+    """Mantissas (n_target, n_source), int64, dense or CSR; effective weights are ``64 * floor(mantissa * 2^exponent)``.
+
+    ``delay`` in steps: one for all, or an array like the matrix's values. ``dendrite`` is that of the target's alpha
+    dendrites which the charge reaches. Several projections may join the same ends: their weights add up.
+    """
+
+    __repr__ = shown
+
+    mantissa: Matrix
+    exponent: int
+    weight_bits: int
+    signs: Signs = "apart"
+    delay: int | IntArray = 0
+    dendrite: int = 0
+
+    on_grid: ClassVar[bool] = True
+
+    @property
+    def held(self) -> Matrix:
+        """What it holds: its mantissas."""
+        return self.mantissa
 
 
 def matrix(given: Any, dtype: npt.DTypeLike) -> Matrix:
@@ -75,8 +153,7 @@ def of_target(m: Matrix, each: npt.ArrayLike) -> Values:
 
 def of_source(m: Matrix, each: npt.NDArray[Any]) -> Values:
     """Spread one number a source (n_source,) likewise; a sparse matrix must be in canonical order."""
-    spread: Values = each[m.indices] if sparse.issparse(m) else each
-    return spread
+    return each[m.indices] if sparse.issparse(m) else each
 
 
 def by_delay(m: Matrix, delay: int | IntArray) -> list[tuple[int, Matrix]]:
