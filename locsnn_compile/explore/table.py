@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from locsnn_compile.explore.exploration import Exploration
 from locsnn_compile.explore.point import Figures, Point
 from locsnn_compile.explore.recommend import FRONT_RULE
-from locsnn_compile.report.format import NONE, agreed, count, energy, plain, share, time
+from locsnn_compile.report.format import NONE, agreed, count, energy, known, plain, share, time
 from locsnn_compile.settings import AXES
 
 FIGURES = ("spike error", "class error", "accuracy", "energy", "chip time", "synapses")
@@ -33,7 +33,7 @@ def figure_cells(figures: Figures) -> list[str]:
     return [
         agreed(figures.spike_error),
         agreed(figures.prediction_error, "all tie"),
-        NONE if figures.accuracy is None else share(figures.accuracy),
+        known(figures.accuracy, share),
         energy(figures.energy_pj),
         time(figures.chip_time_ns),
         count(figures.synapses),

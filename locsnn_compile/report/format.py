@@ -7,7 +7,7 @@ know. A share is never rounded up to all or down to nothing.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 NONE = "–"  # noqa: RUF001 - an en dash stands for a number that does not exist
 """Shown where there is no number."""
@@ -60,9 +60,14 @@ def share(value: float) -> str:
     return f"{percent:.{decimals}f} %"
 
 
+def known(value: float | None, shown: Callable[[float], str], unknown: str = NONE) -> str:
+    """Return a number as ``shown`` writes it; where there is none, the word for that."""
+    return unknown if value is None else shown(value)
+
+
 def agreed(value: float | None, unknown: str = SILENT) -> str:
     """Return a share of what was compared; where nothing was, the word for it."""
-    return unknown if value is None else share(value)
+    return known(value, share, unknown)
 
 
 def short(value: float) -> str:

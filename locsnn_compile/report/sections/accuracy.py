@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from itertools import accumulate
 
 from locsnn_compile.report.content import Bar, Curve, Document, Paragraph, Plot, Section, Table, facts, section, table
-from locsnn_compile.report.format import NONE, SILENT, agreed, any_value, count, plural, share, short
+from locsnn_compile.report.format import NONE, SILENT, agreed, any_value, count, known, plural, share, short
 from locsnn_compile.report.words import STAGES, listed, stage_words
 
 _DRAWN = 8
@@ -215,7 +215,7 @@ def _registers(groups: Document) -> Table:
         ("", lambda row: Bar(min(1.0, row[1]), f"{share(row[1])} used")),
         ("current u", lambda row: share(row[2]["share_u"])),
         ("voltage v", lambda row: share(row[2]["share_v"])),
-        ("headroom in bits", lambda row: NONE if row[2]["headroom_bits"] is None else f"{row[2]['headroom_bits']:.1f}"),
+        ("headroom in bits", lambda row: known(row[2]["headroom_bits"], "{:.1f}".format)),
         ("wraps", lambda row: count(row[2]["wraps"])),
         ("clips", lambda row: count(row[2]["clips"])),
     )

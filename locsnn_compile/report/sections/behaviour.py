@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from locsnn_compile.report.content import Bar, Block, Document, Paragraph, Section, Table, section, share_of
-from locsnn_compile.report.format import NONE, any_value, count, energy, plural, ratio, share, told_apart
+from locsnn_compile.report.format import NONE, any_value, count, energy, known, plural, ratio, share, told_apart
 from locsnn_compile.report.sections.accuracy import cause, equal_spikes
 from locsnn_compile.report.words import listed, no_spikes, words
 
@@ -83,7 +83,7 @@ def comparison(document: Document) -> Section:
         ("the program, synaptic operations", chip, NONE, "1" if chip else NONE),
     ]
     for name, entry in entries.items():
-        times = (NONE if entry[key] is None else ratio(entry[key]) for key in ("ratio", "chip_ratio"))
+        times = (known(entry[key], ratio) for key in ("ratio", "chip_ratio"))
         rows.append((words(name), entry["operations"], *times))
     most = max(row[1] for row in rows)
     its = Table(
@@ -101,7 +101,8 @@ def _ann_energy(document: Document) -> tuple[Block, ...]:
     arithmetics = list(first["energy_pj"])
     rows = [("this network, as modelled", NONE, NONE, *(energy(own["per_sample_pj"]) for _ in arithmetics))]
     for name, entry in entries.items():
-        cells = [f"{energy(entry['energy_pj'][key])} ({_times(entry['energy_ratio'][key])})" for key in arithmetics]
+        times = {key: known(value, lambda x: f"{ratio(x)} times") for key, value in entry["energy_ratio"].items()}
+        cells = [f"{energy(entry['energy_pj'][key])} ({times[key]})" for key in arithmetics]
         rows.append((words(name), count(entry["multiplications"]), count(entry["additions"]), *cells))
     return (
         Table(
@@ -115,10 +116,6 @@ def _ann_energy(document: Document) -> tuple[Block, ...]:
             "its memories and its mesh in it: the ratio is of what is published, not of two chips."
         ),
     )
-
-
-def _times(value: float | None) -> str:
-    return NONE if value is None else f"{ratio(value)} times"
 
 
 def _populations(document: Document) -> Table:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from locsnn_compile.report.content import Bar, Document, Paragraph, Section, Table, facts, of, section, share_of, table
-from locsnn_compile.report.format import NONE, count, energy, ratio, share, time
+from locsnn_compile.report.format import NONE, count, energy, known, ratio, share, time
 from locsnn_compile.report.sections.cost_tables import ENERGY, TIME, by_branch, constants, shares, stack
 from locsnn_compile.report.sections.verdict import pace
 from locsnn_compile.report.words import core_words, words
@@ -84,7 +84,7 @@ def _static(static: Document) -> tuple[Paragraph, Table]:
             "Static energy per recording",
             rows,
             ("how long", lambda row: row[0]),
-            ("energy", lambda row: _known(static[row[1]])),
+            ("energy", lambda row: known(static[row[1]], energy, "not known")),
         ),
     )
 
@@ -95,13 +95,9 @@ def _left_out(rows: list[Document]) -> Table:
         "Not included in the energy",
         rows,
         ("what", of("what", str)),
-        ("at most", of("at_most_pj", _known)),
+        ("at most", of("at_most_pj", lambda pj: known(pj, energy, "not known"))),
         ("by", of("bound_source", lambda source: source or NONE)),
     )
-
-
-def _known(pj: float | None) -> str:
-    return "not known" if pj is None else energy(pj)
 
 
 def _real_time(found: Document) -> str:

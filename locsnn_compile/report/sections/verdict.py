@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from locsnn_compile.report.content import Document, Fact, Notice, Status, Verdict
-from locsnn_compile.report.format import NONE, SILENT, agreed, count, energy, memory, plural, points, ratio, share, time
+from locsnn_compile.report.format import NONE, SILENT, count, energy, known, memory, plural, points, ratio, share, time
 from locsnn_compile.report.words import limit_words, listed, stage_words, words
 
 _SIDES = {
@@ -26,7 +26,8 @@ def matches(document: Document) -> Verdict:
     status, answer = _answer(match)
     sentence = f"{equal}, and every spike is equal" if answer == SPIKE_FOR_SPIKE else equal
     if status == "unknown":
-        sentence = f"{_not_compared(match)}, in {network} or on the chip: {_unproven(match)}"
+        unproven = "nothing was compared" if match["spike_agreement"] is None else "no prediction was compared"
+        sentence = f"{_not_compared(match)}, in {network} or on the chip: {unproven}"
     elif predicted and match["tied_predictions"]:
         sentence += (
             f"; {count(match['tied_predictions'])} more are not predicted, as all class scores tie on both sides"
@@ -36,12 +37,12 @@ def matches(document: Document) -> Verdict:
         question="Does it match?",
         status=status,
         answer=answer,
-        figure=agreed(agreement, silent),
+        figure=known(agreement, share, silent),
         figure_label=f"same prediction, {same}" if predicted else "no prediction to compare",
         sentence=f"{sentence}.",
         facts=(
             Fact("accuracy", _accuracy(document)),
-            Fact("spikes", _equal_spikes(match)),
+            Fact("spikes", known(match["spike_agreement"], _equal_spikes, "none on either side")),
             Fact("first difference", _first_difference(document)),
             Fact("registers", _registers(document)),
         ),
@@ -66,13 +67,8 @@ def _not_compared(match: Document) -> str:
     return "No neuron spiked" if match["spike_agreement"] is None else "No output neuron spiked"
 
 
-def _unproven(match: Document) -> str:
-    return "nothing was compared" if match["spike_agreement"] is None else "no prediction was compared"
-
-
-def _equal_spikes(match: Document) -> str:
-    text = agreed(match["spike_agreement"], "none on either side")
-    return f"{text} at the same neuron and step" if match["spike_agreement"] is not None else text
+def _equal_spikes(agreement: float) -> str:
+    return f"{share(agreement)} at the same neuron and step"
 
 
 def costs(document: Document) -> Verdict:
@@ -81,10 +77,11 @@ def costs(document: Document) -> Verdict:
     latency = document["latency"]["per_sample_ns"]
     spread = found["over_samples_pj"]
     mean = energy(found["per_sample_pj"])
+    real = "" if duration is None else f", {pace(latency, duration)}"
     facts = [
         Fact("range", f"{energy(spread['min'])} to {energy(spread['max'])}, median {energy(spread['p50'])}"),
         *(Fact("other profile", f"{energy(pj)} with {name}") for name, pj in found["other_profiles_pj"].items()),
-        Fact("latency", f"{time(latency)}{_pace(latency, duration)} (profile {document['latency']['profile']})"),
+        Fact("latency", f"{time(latency)}{real} (profile {document['latency']['profile']})"),
     ]
     if document["ann_comparison"]:
         facts += [Fact(label, _against_anns(document, *side)) for label, side in _SIDES.items()]
@@ -148,17 +145,19 @@ def pace(latency_ns: float, recording_ns: float) -> str:
     """Return how a latency compares with the time that the recording took."""
     if latency_ns <= 0:
         return "no time at all"
-    factor = recording_ns / latency_ns
-    if factor >= 1:
-        return f"{ratio(factor)} times faster than the {time(recording_ns)} recorded"
-    return f"{ratio(1 / factor)} times slower than the {time(recording_ns)} recorded"
+    return f"{_times(recording_ns / latency_ns, 'faster', 'slower')} than the {time(recording_ns)} recorded"
 
 
 def against(name: str, times: float) -> str:
     """Return how operations compare with those of a conventional network."""
-    if times >= 1:
-        return f"{ratio(times)} times fewer than {words(name)}"
-    return f"{ratio(1 / times) if times else 'infinitely many'} times more than {words(name)}"
+    return f"{_times(times, 'fewer', 'more')} than {words(name)}"
+
+
+def _times(factor: float, more: str, less: str) -> str:
+    """Return a factor in words, by its inverse where it is below 1."""
+    if factor >= 1:
+        return f"{ratio(factor)} times {more}"
+    return f"{ratio(1 / factor) if factor else 'infinitely many'} times {less}"
 
 
 def _against_anns(document: Document, key: str, whose: str) -> str:
@@ -167,10 +166,6 @@ def _against_anns(document: Document, key: str, whose: str) -> str:
     if None in ratios.values():
         return f"nothing to compare, there were none ({whose})"
     return f"{listed([against(name, times) for name, times in ratios.items()])} ({whose})"
-
-
-def _pace(latency_ns: float, recording_ns: float | None) -> str:
-    return "" if recording_ns is None else f", {pace(latency_ns, recording_ns)}"
 
 
 def _accuracy(document: Document) -> str:
