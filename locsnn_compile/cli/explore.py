@@ -110,13 +110,11 @@ def _explore(
     """Measure the grid, then the front on the recordings to report on."""
     import hw_model as hw
     from locsnn_compile.api import calibration_recordings
-    from locsnn_compile.explore.auto_bounds import auto_bounds
     from locsnn_compile.explore.events import choose_events, report_events, written
     from locsnn_compile.explore.exploration import Exploration
-    from locsnn_compile.explore.model_file import ModelFile
     from locsnn_compile.explore.store import Store
-    from locsnn_compile.explore.study import Study
-    from locsnn_compile.explore.sweep import sweep
+    from locsnn_compile.explore.study import ModelFile, Study
+    from locsnn_compile.explore.sweep import auto_bounds, sweep
     from locsnn_compile.passes.quantize import weight_bits_of
     from locsnn_compile.verification.error_bounds import ErrorBudget
 
