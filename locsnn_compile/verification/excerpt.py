@@ -34,26 +34,30 @@ AROUND = 20
 
 
 @dataclass(frozen=True, eq=False)
-class InputSpikes:
-    """``spikes`` (steps, rows): whether any of a row's ``lines_a_row`` input lines spikes."""
+class SpikeRows:
+    """Spikes of an input, or of both sides of a population, some or all of its ``size`` lines or neurons.
 
-    name: str
-    axis: Axis
-    lines: int
-    lines_a_row: int
-    spikes: ByteArray
-
-
-@dataclass(frozen=True, eq=False)
-class PopulationSpikes:
-    """``reference`` and ``chip`` (steps, rows) of ``neurons`` (rows,), which are some of ``size``."""
+    ``reference`` and ``chip`` (steps, rows): whether any of the ``together`` lines or neurons of a row spikes, which
+    begin at ``numbers`` (rows,). An input is the same on both sides.
+    """
 
     name: str
     axis: Axis
     size: int
-    neurons: IntArray
+    numbers: IntArray
     reference: ByteArray
     chip: ByteArray
+    together: int = 1
+
+    @property
+    def either(self) -> ByteArray:
+        """Spikes of at least one side."""
+        return self.reference | self.chip
+
+    def during(self, steps: range) -> SpikeRows:
+        """Return the rows in some steps."""
+        here = slice(steps.start, steps.stop)
+        return replace(self, reference=self.reference[here], chip=self.chip[here])
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,8 +89,8 @@ class Excerpt:
     first: Divergence | None
     steps: Mapping[Axis, range]
     all_steps: Mapping[Axis, int]
-    inputs: tuple[InputSpikes, ...]
-    populations: tuple[PopulationSpikes, ...]
+    inputs: tuple[SpikeRows, ...]
+    populations: tuple[SpikeRows, ...]
     populations_left_out: int
     potential: NeuronPotential
 
@@ -106,17 +110,17 @@ def take_excerpt(levels: Levels, recordings: ByteArray, first: Divergence | None
     inputs = [_input(view, wanted.spikes[view.name][0]) for view in network.views if view.axis in network.axes]
     rows = [_rows(p, wanted.spikes[p.name][0], found[p.name][0], first) for p in shown]
     all_steps = {axis: network.steps_of(axis) for axis in network.axes}
-    steps = {axis: _window(axis, all_steps[axis], _centre(network, first, axis), inputs, rows) for axis in network.axes}
-    here = {axis: slice(kept.start, kept.stop) for axis, kept in steps.items()}
+    steps = {
+        axis: _window([item for item in (*inputs, *rows) if item.axis == axis], _centre(network, first, axis))
+        for axis in network.axes
+    }
     return Excerpt(
         recording=recording,
         first=first,
         steps=steps,
         all_steps=all_steps,
-        inputs=tuple(replace(item, spikes=item.spikes[here[item.axis]]) for item in inputs),
-        populations=tuple(
-            replace(item, reference=item.reference[here[item.axis]], chip=item.chip[here[item.axis]]) for item in rows
-        ),
+        inputs=tuple(item.during(steps[item.axis]) for item in inputs),
+        populations=tuple(item.during(steps[item.axis]) for item in rows),
         populations_left_out=len(network.own_populations) - len(shown),
         potential=_potential(levels, one, wanted, found, first),
     )
@@ -129,21 +133,21 @@ def _populations(network: Network, first: Divergence | None) -> list[Population]
     return [p for p in network.own_populations if p.name in kept]
 
 
-def _input(view: InputView, spikes: ByteArray) -> InputSpikes:
+def _input(view: InputView, spikes: ByteArray) -> SpikeRows:
     """Let neighbouring lines share a row where there are many."""
     together = -(-view.lines // LINES)
     padded = np.pad(spikes, ((0, 0), (0, -view.lines % together)))
     rows = padded.reshape(len(spikes), -1, together).max(axis=2)
-    return InputSpikes(view.name, view.axis, view.lines, together, rows)
+    return SpikeRows(view.name, view.axis, view.lines, np.arange(0, view.lines, together), rows, rows, together)
 
 
-def _rows(population: Population, reference: ByteArray, chip: ByteArray, first: Divergence | None) -> PopulationSpikes:
+def _rows(population: Population, reference: ByteArray, chip: ByteArray, first: Divergence | None) -> SpikeRows:
     """Keep the neuron that differs first and those with the most differences, the first of equals, in their order."""
     differences = (reference != chip).sum(axis=0)
     if first is not None and first.population == population.name:
         differences[first.neuron] = len(reference) + 1
     neurons = np.sort(np.argsort(-differences, kind="stable")[:NEURONS])
-    return PopulationSpikes(
+    return SpikeRows(
         population.name, population.axis, population.size, neurons, reference[:, neurons], chip[:, neurons]
     )
 
@@ -155,13 +159,10 @@ def _centre(network: Network, first: Divergence | None, axis: Axis) -> int:
     return first.step
 
 
-def _window(
-    axis: Axis, steps: int, centre: int, inputs: list[InputSpikes], populations: list[PopulationSpikes]
-) -> range:
-    """Return as many steps around the centre as keep every picture of the axis within its number of marks."""
-    spikes = [item.spikes for item in inputs if item.axis == axis]
-    spikes += [item.reference | item.chip for item in populations if item.axis == axis]
-    a_step = np.max([item.sum(axis=1, dtype=np.int64) for item in spikes], axis=0)
+def _window(drawn: list[SpikeRows], centre: int) -> range:
+    """Return as many steps around the centre as keep every picture of an axis within its number of marks."""
+    a_step = np.max([item.either.sum(axis=1, dtype=np.int64) for item in drawn], axis=0)
+    steps = len(a_step)
     length = min(steps, STEPS)
     while True:
         start = min(max(0, centre - length // 2), steps - length)

@@ -38,10 +38,10 @@ def test_all_of_a_small_network_is_kept(network, levels, played):
     assert found.populations_left_out == 0
     assert [item.name for item in found.populations] == [p.name for p in network.populations]
     for item in found.populations:
-        assert np.array_equal(item.neurons, np.arange(item.size))
+        assert np.array_equal(item.numbers, np.arange(item.size))
         assert np.array_equal(item.reference, wanted.spikes[item.name][0])
         assert np.array_equal(item.chip, chip.spikes[item.name][0])
-    assert [np.array_equal(item.spikes, wanted.spikes[item.name][0]) for item in found.inputs] == [True, True]
+    assert [np.array_equal(item.reference, wanted.spikes[item.name][0]) for item in found.inputs] == [True, True]
 
 
 def test_the_potential_is_the_one_that_differs_first(levels, played):
@@ -70,20 +70,20 @@ def test_much_is_thinned_around_the_first_difference(levels, played, monkeypatch
     assert (len(found.populations), found.populations_left_out) == (2, len(whole.populations) - 2)
     shown = next(item for item in found.populations if item.name == first.population)
     assert first.step in found.steps[shown.axis]
-    assert first.neuron in shown.neurons
+    assert first.neuron in shown.numbers
     assert all(len(steps) <= 8 for steps in found.steps.values())
     for item in found.populations:
         assert (item.reference | item.chip).sum() <= 20
         assert item.reference.shape == (len(found.steps[item.axis]), min(item.size, 3))
     for item, every in zip(found.inputs, whole.inputs, strict=True):
-        assert item.lines_a_row == -(-item.lines // 10)
-        here = every.spikes[found.steps[item.axis].start : found.steps[item.axis].stop]
-        rows = [here[:, i : i + item.lines_a_row].max(axis=1) for i in range(0, item.lines, item.lines_a_row)]
-        assert np.array_equal(item.spikes, np.stack(rows, axis=1))
+        assert item.together == -(-item.size // 10)
+        here = every.reference[found.steps[item.axis].start : found.steps[item.axis].stop]
+        rows = [here[:, i : i + item.together].max(axis=1) for i in range(0, item.size, item.together)]
+        assert np.array_equal(item.reference, np.stack(rows, axis=1))
 
 
 def test_the_neuron_that_differs_first_is_always_shown(levels, played, monkeypatch):
     monkeypatch.setattr(module, "NEURONS", 1)
     first = compare(levels.quantized, levels.program, played).first_divergence
     shown = next(i for i in take_excerpt(levels, played, first).populations if i.name == first.population)
-    assert shown.neurons.tolist() == [first.neuron]
+    assert shown.numbers.tolist() == [first.neuron]

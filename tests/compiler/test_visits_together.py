@@ -101,7 +101,7 @@ def test_an_exact_network_stays_exact_until_its_pictures(seed, together, silence
     assert shown.all_steps["location"] == network.steps_of("location")
     for item in shown.inputs:
         whole = wanted.spikes[item.name][0][shown.steps[item.axis].start : shown.steps[item.axis].stop]
-        assert item.spikes.sum() == whole.sum() or item.lines_a_row > 1
+        assert item.reference.sum() == whole.sum() or item.together > 1
 
 
 def test_predictions_over_time_end_in_those_of_whole_recordings():

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from locsnn_compile.verification.excerpt import Excerpt, InputSpikes, NeuronPotential, PopulationSpikes
+from locsnn_compile.verification.excerpt import Excerpt, NeuronPotential, SpikeRows
 from locsnn_compile.verification.matching import Divergence
 
 
@@ -117,6 +117,7 @@ def excerpt() -> Excerpt:
     """Four steps of two neurons; the second fires a step later on the chip, and the third step is the first to differ."""
     reference = np.array([[1, 0], [0, 1], [0, 1], [1, 0]], dtype=np.uint8)
     chip = np.array([[1, 0], [0, 1], [0, 0], [1, 1]], dtype=np.uint8)
+    touched = np.array([[1, 0, 0]] * 4, dtype=np.uint8)
     potential = NeuronPotential(
         population="time_output",
         axis="time",
@@ -133,8 +134,8 @@ def excerpt() -> Excerpt:
         first=Divergence(0, "time_output", 3, 41, 10.25, 9.75, 10.0),
         steps={"time": range(39, 43)},
         all_steps={"time": 100},
-        inputs=(InputSpikes("input", "time", 5, 2, np.array([[1, 0, 0]] * 4, dtype=np.uint8)),),
-        populations=(PopulationSpikes("time_output", "time", 36, np.array([1, 3]), reference, chip),),
+        inputs=(SpikeRows("input", "time", 5, np.array([0, 2, 4]), touched, touched, 2),),
+        populations=(SpikeRows("time_output", "time", 36, np.array([1, 3]), reference, chip),),
         populations_left_out=1,
         potential=potential,
     )

@@ -52,16 +52,11 @@ def _unit(key: str) -> str:
 def _spikes(excerpt: Excerpt) -> Iterable[tuple[Cell, ...]]:
     """A row a spike; an input line has its number, or the first of those that share a row, and spikes on both sides."""
     for axis, steps in excerpt.steps.items():
-        for item in excerpt.inputs:
+        for item in (*excerpt.inputs, *excerpt.populations):
             if item.axis == axis:
-                for step, row in zip(*item.spikes.nonzero(), strict=True):
-                    yield axis, item.name, steps[int(step)], int(row) * item.lines_a_row, 1, 1
-        for population in excerpt.populations:
-            if population.axis == axis:
-                reference, chip = population.reference, population.chip
-                for step, row in zip(*(reference | chip).nonzero(), strict=True):
-                    here = int(reference[step, row]), int(chip[step, row])
-                    yield axis, population.name, steps[int(step)], int(population.neurons[row]), *here
+                for step, row in zip(*item.either.nonzero(), strict=True):
+                    sides = int(item.reference[step, row]), int(item.chip[step, row])
+                    yield axis, item.name, steps[int(step)], int(item.numbers[row]), *sides
 
 
 def _potential(excerpt: Excerpt) -> Iterable[tuple[Cell, ...]]:

@@ -15,7 +15,7 @@ from locsnn_compile.report.words import words
 
 if TYPE_CHECKING:
     from hw_model.mapping.graph import Axis
-    from locsnn_compile.verification.excerpt import Excerpt, InputSpikes, NeuronPotential, PopulationSpikes
+    from locsnn_compile.verification.excerpt import Excerpt, NeuronPotential, SpikeRows
 
 _AXIS_LABELS = {"time": "time step", "location": "location step"}
 _BESIDE = 3
@@ -49,7 +49,7 @@ def _shown(excerpt: Excerpt) -> str:
             parts.append(
                 f"Of {count(excerpt.all_steps[axis])} {axis} steps, {count(steps[0])} to {count(steps[-1])} are drawn."
             )
-    thinned = [item.name for item in excerpt.populations if len(item.neurons) < item.size]
+    thinned = [item.name for item in excerpt.populations if len(item.numbers) < item.size]
     if thinned:
         parts.append("Of a large population, the neurons with the most differences in the recording are drawn.")
     if excerpt.populations_left_out:
@@ -57,25 +57,25 @@ def _shown(excerpt: Excerpt) -> str:
     return " ".join(parts)
 
 
-def _input(item: InputSpikes, excerpt: Excerpt) -> Raster:
-    alone = item.lines_a_row == 1
-    title = f"Input of the {words(item.axis)}: {plural(item.lines, 'line')}"
-    strokes = _strokes("event", item.spikes, "input events" if alone else "strokes, each one event or more")
+def _input(item: SpikeRows, excerpt: Excerpt) -> Raster:
+    alone = item.together == 1
+    title = f"Input of the {words(item.axis)}: {plural(item.size, 'line')}"
+    strokes = _strokes("event", item.reference, "input events" if alone else "strokes, each one event or more")
     return Raster(
-        title if alone else f"{title}, {item.lines_a_row} to a row",
-        f"{plural(int(item.spikes.sum(dtype=np.int64)), 'event')} drawn.",
-        *_axes(item.spikes, item.axis, excerpt),
+        title if alone else f"{title}, {item.together} to a row",
+        f"{plural(int(item.reference.sum(dtype=np.int64)), 'event')} drawn.",
+        *_axes(item.reference, item.axis, excerpt),
         strokes=(strokes,),
     )
 
 
-def _population(item: PopulationSpikes, excerpt: Excerpt, side: str) -> Raster:
+def _population(item: SpikeRows, excerpt: Excerpt, side: str) -> Raster:
     rows = item.reference.shape[1]
     equal, reference, chip = _sides(item)
     of = plural(item.size, "neuron") if rows == item.size else f"{count(rows)} of {plural(item.size, 'neuron')}"
     flag, flag_label, first = None, "", excerpt.first
     if first is not None and first.population == item.name:
-        flag = first.step - excerpt.steps[item.axis].start, item.neurons.tolist().index(first.neuron)
+        flag = first.step - excerpt.steps[item.axis].start, item.numbers.tolist().index(first.neuron)
         flag_label = f"neuron {first.neuron}, step {first.step}"
     return Raster(
         f"{item.name}: {of}",
@@ -108,7 +108,7 @@ def _spike_table(excerpt: Excerpt, side: str) -> Table:
     return Table(f"Spikes drawn, recording {excerpt.recording}", columns, tuple(rows))
 
 
-def _sides(item: PopulationSpikes) -> tuple[ByteArray, ByteArray, ByteArray]:
+def _sides(item: SpikeRows) -> tuple[ByteArray, ByteArray, ByteArray]:
     """Return the spikes of both sides, of the reference alone and of the chip alone."""
     equal = item.reference & item.chip
     return equal, item.reference ^ equal, item.chip ^ equal
