@@ -52,6 +52,7 @@ PHASES = {
     "a soma of two, refractory": dendrites(2, [200, 100], {"threshold": 100, "refractory": 5}),
     "a pair": dendrites(2, [200, -100], {"threshold": 10_000}, decay_u=1024, decay_v=512),
     "a pair of unlike dendrites": dendrites(2, [-120, 60], {"threshold": 500}, unlike=-2, decay_u=1024, decay_v=512),
+    "a pair at its threshold": dendrites(2, [100, 60], {"threshold": 200 * 128}),
     "a pair, pulled to vmin": dendrites(2, [100, -200], {"threshold": 300, "vmin": 0}, decay_v=0, vmin=0),
     "a pair, its sum cut off": dendrites(
         2, [250, -60], {"threshold": 30_000, "vmax": 2**21 - 1}, decay_v=2048, vmax=2**21 - 1
@@ -87,6 +88,15 @@ def test_every_row_in_turn_is_the_plain_engine(name):
         assert np.array_equal(session.spikes("y"), whole)
     assert 12 < wanted.sum() < wanted.size
     assert not np.array_equal(wanted, first)
+
+
+def test_a_sum_cut_off_below_its_threshold_never_spikes():
+    """Two dendrites together would exceed it, but the register of the soma ends before."""
+    build = dendrites(2, [250, 0], {"threshold": 40_000, "vmax": 2**21 - 1}, decay_v=0, vmax=2**21 - 1)
+    program = location_program(build)
+    session = hw.Session(program)
+    assert session.push(np.ones((2, STEPS), dtype=np.uint8)).spikes["y"].tolist() == [[0], [0]]
+    assert hw.simulate(program, np.ones((2, STEPS), dtype=np.uint8)).counts.voltage_clips > STEPS
 
 
 def test_the_phases_reach_the_ends_of_their_registers():
