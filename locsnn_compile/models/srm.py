@@ -21,7 +21,7 @@ from torch.autograd.function import once_differentiable
 from hw_model.engine.compiled import compiled
 from locsnn_compile.models.dense_layer import DenseLayer, to_device, to_host
 from locsnn_compile.models.description import NeuronParameters
-from locsnn_compile.models.kernels import psp_recursion, refractory_recursion
+from locsnn_compile.network.neurons import alpha_recursion
 
 
 @compiled
@@ -83,11 +83,12 @@ def _scale_distances(
 def respond(drive: NDArray[Any], neuron: NeuronParameters) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return (spikes, u), both (batch, steps, n), of the weights that each step's spikes add up to, ``drive``.
 
-    In the drive's own float type. u(t) = psp(t) + gain * r(t), where r sums k * decay^(k - 1) over own past spikes (see
-    :func:`refractory_recursion`); a spike (1) where u(t) >= theta. Potentials take the place of ``drive``.
+    In the drive's own float type. u(t) = psp(t) + gain * r(t), where r sums k * decay^(k - 1) over own past spikes; a
+    spike (1) where u(t) >= theta. Potentials take the place of ``drive``.
     """
     kind = drive.dtype.type
-    values = (neuron.theta, *psp_recursion(neuron.tau_sr), *refractory_recursion(neuron), 0, 1)
+    own = alpha_recursion(neuron.tau_ref, -neuron.scale_ref * neuron.theta)
+    values = (neuron.theta, *alpha_recursion(neuron.tau_sr), *own, 0, 1)
     spikes = np.empty_like(drive)
     _respond(drive, tuple(kind(value) for value in values), spikes)
     return spikes, drive
@@ -103,7 +104,7 @@ def _gradient_of_drive(u: NDArray[Any], by_spikes: Tensor, neuron: NeuronParamet
     np.exp(slope, out=slope)
     if by_spikes.stride(1) == 0:
         by_spikes = by_spikes[:, :1]
-    decay, gain = psp_recursion(neuron.tau_sr)
+    decay, gain = alpha_recursion(neuron.tau_sr)
     constants = (kind(decay), kind(gain * neuron.scale_rho / width), kind(0))
     _respond_back(slope, to_host(by_spikes), constants)
     return slope

@@ -208,6 +208,12 @@ class SoftCuba(Leaky):
     musts: ClassVar[Musts] = {**Leaky.musts, "drop": NOT_NEGATIVE}
 
 
+def alpha_recursion(tau: float, factor: float = 1.0) -> tuple[float, float]:
+    """Return ``a`` and ``c`` of the kernel ``factor * (k / tau) * exp(1 - k / tau) = c * k * a^(k - 1)``."""
+    a = math.exp(-1.0 / tau)
+    return a, factor * math.e * a / tau
+
+
 def alpha_taps(tau: float, factor: float, steps: int = MAX_TAPS) -> FloatArray:
     """Return the taps that slayerPytorch keeps of ``factor * k / tau * exp(1 - k / tau)``, k from 0."""
     k = np.arange(min(steps, MAX_TAPS))

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, IntArray
 from locsnn_compile.errors import TargetError
-from locsnn_compile.network.neurons import FloatArray, Leaky
+from locsnn_compile.network.neurons import FloatArray, Leaky, alpha_recursion
 
 FADED = 1e-100
 """A kernel whose first value is smaller has faded before any step; its squares would not be numbers."""
@@ -105,12 +105,6 @@ def best_gain(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> Flo
 def keeps(decay: IntArray) -> FloatArray:
     """Return the fractions that effective decays keep."""
     return (DECAY_ONE - decay) / DECAY_ONE
-
-
-def alpha_recursion(tau: float) -> tuple[float, float]:
-    """Return ``a`` and ``c`` of the kernel ``(k / tau) exp(1 - k / tau) = c * k * a^(k-1)``."""
-    a = math.exp(-1.0 / tau)
-    return a, math.e * a / tau
 
 
 def own_charges(response: FloatArray, keep: FloatArray | float) -> FloatArray:

@@ -22,10 +22,8 @@ from locsnn_compile.network.neurons import Cuba, Neuron, SoftCuba, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Projection, of_target, values_of, with_values
 from locsnn_compile.network.quantized import QuantizedNetwork, QuantizedPopulation
 from locsnn_compile.passes.check_heard import check_heard
-from locsnn_compile.passes.cuba.quantize import quantize_cuba
-from locsnn_compile.passes.cuba.soft import quantize_soft
-from locsnn_compile.passes.rounding.apart import round_apart
-from locsnn_compile.passes.rounding.grades import GRADES
+from locsnn_compile.passes.cuba.quantize import quantize_cuba, quantize_soft
+from locsnn_compile.passes.rounding.grades import GRADES, round_apart
 from locsnn_compile.passes.rounding.task import NEAREST, Rounded, Rounding, Scaled, Task
 from locsnn_compile.passes.srm.fine import fine_srm
 from locsnn_compile.passes.srm.kernel_fit import kernel_fit

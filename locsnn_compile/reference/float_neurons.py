@@ -8,7 +8,7 @@ from collections import deque
 import numpy as np
 import numpy.typing as npt
 
-from locsnn_compile.network.neurons import Cuba, FloatArray, SoftCuba, SrmAlpha
+from locsnn_compile.network.neurons import Cuba, FloatArray, SoftCuba, SrmAlpha, alpha_recursion
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -22,9 +22,9 @@ class SrmSteps:
 
     def __init__(self, neuron: SrmAlpha, batch: int, size: int) -> None:
         self._theta = neuron.theta
-        self._a, self._refractory_a = math.exp(-1.0 / neuron.tau_sr), math.exp(-1.0 / neuron.tau_ref)
-        self._gain = math.e * self._a / neuron.tau_sr
-        self._refractory_gain = -neuron.scale_ref * neuron.theta * math.e * self._refractory_a / neuron.tau_ref
+        self._a, self._gain = alpha_recursion(neuron.tau_sr)
+        own = -neuron.scale_ref * neuron.theta
+        self._refractory_a, self._refractory_gain = alpha_recursion(neuron.tau_ref, own)
         self._current, self._response, self._refractory_current, self._refractory = np.zeros((4, batch, size))
         self._fired = np.zeros((batch, size), dtype=np.bool_)
         taps = (neuron.eps_taps, self._a), (neuron.nu_taps, self._refractory_a)

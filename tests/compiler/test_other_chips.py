@@ -193,7 +193,7 @@ def test_a_drop_of_any_weight_bits(bits):
     from hw_model.arithmetic.fixed_point import weight_grid
     from locsnn_compile.network.network import Population
     from locsnn_compile.network.projections import Projection
-    from locsnn_compile.passes.cuba.soft import quantize_soft
+    from locsnn_compile.passes.cuba.quantize import quantize_soft
     from locsnn_compile.passes.rounding.task import NEAREST, Task
 
     chip = parse_chip(chip_text(weight_bits_max=bits), "other.yaml")

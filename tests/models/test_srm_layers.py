@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from locsnn_compile.models.description import NeuronParameters
-from locsnn_compile.models.kernels import psp_recursion, refractory_recursion
 from locsnn_compile.models.srm import SRMLayer, layer_response, respond, transpose_recording
+from locsnn_compile.network.neurons import alpha_recursion
 
 TAUS = st.floats(0.5, 30.0)
 
@@ -46,7 +46,7 @@ def brute_response(drive: np.ndarray, neuron: NeuronParameters) -> tuple[np.ndar
 @given(tau=TAUS)
 @settings(max_examples=30, deadline=None)
 def test_psp_recursion_is_the_kernel(tau: float) -> None:
-    decay, gain = psp_recursion(tau)
+    decay, gain = alpha_recursion(tau)
     assert gain * tau * decay ** (tau - 1) == pytest.approx(1.0, rel=1e-12)
     for lag in range(1, 30):
         assert gain * lag * decay ** (lag - 1) == pytest.approx(eps(tau, lag), rel=1e-12)
@@ -56,7 +56,7 @@ def test_psp_recursion_is_the_kernel(tau: float) -> None:
 @settings(max_examples=30, deadline=None)
 def test_refractory_recursion_is_the_kernel(tau: float, scale: float) -> None:
     neuron = NeuronParameters(tau_ref=tau, scale_ref=scale)
-    decay, gain = refractory_recursion(neuron)
+    decay, gain = alpha_recursion(neuron.tau_ref, -neuron.scale_ref * neuron.theta)
     for lag in range(1, 30):
         assert gain * lag * decay ** (lag - 1) == pytest.approx(nu(neuron, lag), rel=1e-12, abs=1e-300)
 
@@ -74,7 +74,7 @@ def test_response_equals_brute_force(tau: float, tau_ref: float, scale: float, t
 
 def test_neurons_fire_at_the_threshold_itself() -> None:
     neuron = NeuronParameters(tau_sr=1.0, scale_ref=0.0)
-    _, gain = psp_recursion(1.0)
+    _, gain = alpha_recursion(1.0)
     exact = neuron.theta / gain
     assert gain * exact == neuron.theta
     drive = np.array([[[exact, np.nextafter(exact, 0.0)], [0.0, 0.0]]])

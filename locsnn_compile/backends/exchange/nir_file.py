@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 
 from locsnn_compile.errors import InputError
-from locsnn_compile.frontends.nir.assumed import DT_SECONDS
 from locsnn_compile.frontends.nir.graph import Array, Edge, NirGraph, NirNode
+from locsnn_compile.frontends.nir.neurons import DT_SECONDS
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
 from locsnn_compile.network.network import Network, Population
 from locsnn_compile.network.neurons import Cuba

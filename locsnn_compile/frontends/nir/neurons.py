@@ -34,7 +34,7 @@ from typing import Literal
 import numpy as np
 
 from locsnn_compile.errors import InputError
-from locsnn_compile.frontends.nir.flat import READOUTS
+from locsnn_compile.frontends.nir.flat import READOUTS, FlatGraph
 from locsnn_compile.frontends.nir.graph import NirNode
 from locsnn_compile.frontends.nir.signals import Signal
 from locsnn_compile.network.neurons import Cuba, FloatArray, SoftCuba
@@ -213,3 +213,35 @@ def _unreached(signal: Signal, bias: FloatArray, stepping: Stepping) -> FloatArr
     # A start at rest comes on top for some steps.
     reached = most / (stepping.decay_u * stepping.decay_v) + 2 * np.abs(bias) / stepping.decay_v
     return np.where(reached > 0, reached, 1.0) * _UNREACHED
+
+
+DT_SECONDS = 1e-4
+"""The step by convention: NIR files do not hold one."""
+_IN_SECONDS = ("IF", "LIF", "CubaLIF", "LI", "CubaLI", "Delay")
+_WITH_TAU = ("LIF", "CubaLIF", "LI", "CubaLI")
+_WITH_RESET = ("IF", "LIF", "CubaLIF")
+
+
+def nir_assumptions(
+    flat: FlatGraph, dt: float | None, reset: str | None, discretisation: str | None
+) -> tuple[str, ...]:
+    """Return a sentence for each of the three that is None, where a node of the graph depends on it."""
+    rows = (
+        (
+            dt,
+            _IN_SECONDS,
+            f"The NIR graph does not say how long a step is: its constants were read in steps of {DT_SECONDS:g} s, "
+            "the convention (--dt).",
+        ),
+        (
+            reset,
+            _WITH_RESET,
+            "The NIR graph does not say how a spike resets: its potential goes to v_reset at once (--reset zero).",
+        ),
+        (
+            discretisation,
+            _WITH_TAU,
+            "The NIR graph does not say how its equations become steps: by Euler's method (--discretisation euler).",
+        ),
+    )
+    return tuple(sentence for given, kinds, sentence in rows if given is None and flat.named(*kinds))

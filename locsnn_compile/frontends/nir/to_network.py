@@ -17,10 +17,9 @@ from scipy import sparse
 
 from hw_model.mapping.graph import Readout
 from locsnn_compile.errors import InputError, did_you_mean
-from locsnn_compile.frontends.nir.assumed import DT_SECONDS, nir_assumptions
 from locsnn_compile.frontends.nir.flat import NEURONS, READOUTS, FlatGraph, flatten_graph
 from locsnn_compile.frontends.nir.graph import NirGraph, NirNode, read_nir
-from locsnn_compile.frontends.nir.neurons import Discretisation, Reset, Stated, neurons_of
+from locsnn_compile.frontends.nir.neurons import DT_SECONDS, Discretisation, Reset, Stated, neurons_of, nir_assumptions
 from locsnn_compile.frontends.nir.signals import Signal, Term
 from locsnn_compile.frontends.synthetic_input import synthetic_recordings
 from locsnn_compile.network.network import InputView, Network, Population

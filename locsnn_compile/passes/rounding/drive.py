@@ -10,9 +10,9 @@ from scipy import sparse
 from scipy.signal import lfilter
 
 from hw_model.engine.trace import ByteArray
-from locsnn_compile.network.neurons import FloatArray, SrmAlpha
+from locsnn_compile.network.neurons import FloatArray, SrmAlpha, alpha_recursion
 from locsnn_compile.network.projections import Projection
-from locsnn_compile.passes.kernels import alpha_recursion, keeps
+from locsnn_compile.passes.kernels import keeps
 from locsnn_compile.reference.calibration import CHUNK, Calibration
 
 INPUTS_MAX = 2048

@@ -8,7 +8,7 @@ leaves.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,8 +17,8 @@ import numpy.typing as npt
 from hw_model.arithmetic.fixed_point import WEIGHT_EXPONENTS, IntArray
 from locsnn_compile.network.chip_neurons import ChipNeuron
 from locsnn_compile.network.neurons import FloatArray
-from locsnn_compile.network.projections import ChipProjection, Projection, with_values
-from locsnn_compile.passes.rounding.task import Task
+from locsnn_compile.network.projections import ChipProjection, Projection, of_target, values_of, with_values
+from locsnn_compile.passes.rounding.task import Scaled, Task
 
 MANTISSA_BITS = 8
 GRADES, GRADES_IF_SPLIT, GRADES_BESIDE_TAPS = 4, 3, 2
@@ -128,3 +128,34 @@ def in_grades(
                 ChipProjection(p.source, p.target, held, exponent, grades.weight_bits, delay=p.delay, dendrite=dendrite)
             )
     return made
+
+
+def round_apart(task: Task, scaled: Scaled) -> list[list[ChipProjection]]:
+    """Round the weights onto a population to the nearest of the finest format that holds them.
+
+    The share that is split is the coarsest one. Returns the projections that each incoming one becomes.
+    """
+    incoming, dendrites = task.incoming, scaled.neuron.dendrites
+    ideal = [values_of(p.weights) * of_target(p.weights, scaled.gain * scaled.scale / 64) for p in incoming]
+    largest = max((float(np.abs(part).max(initial=0.0)) for part in ideal), default=0.0)
+    grades = grades_for(largest / dendrites, task, scaled.neuron)
+    grade = [grades.grade(np.abs(part) / dendrites) for part in ideal]
+    split = _coarsest(ideal, task.rounding.split)
+    made = []
+    for p, part, k, two in zip(incoming, ideal, grade, split, strict=True):
+        step = 1 << np.where(two, grades.second_grade(k), k)
+        quanta = nearest(part, step, dendrites * grades.largest_of(k))
+        made.append(in_grades(p, quanta, k, two, grades, dendrites))
+    return made
+
+
+def _coarsest(ideal: Sequence[FloatArray], share: float) -> list[BoolArray]:
+    """Mark the share of weights that are largest, over all projections."""
+    if not ideal:
+        return []
+    flat = np.concatenate([np.abs(part).ravel() for part in ideal])
+    count = round(share * int((flat > 0).sum()))
+    marked = np.zeros(len(flat), dtype=np.bool_)
+    marked[np.argsort(-flat, kind="stable")[:count]] = True
+    ends = np.cumsum([part.size for part in ideal])[:-1]
+    return [piece.reshape(part.shape) for piece, part in zip(np.split(marked, ends), ideal, strict=True)]

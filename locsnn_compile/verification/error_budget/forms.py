@@ -14,10 +14,10 @@ from functools import singledispatch
 import numpy as np
 
 from hw_model.mapping.graph import CompartmentGraph
-from locsnn_compile.network.neurons import Cuba, FloatArray, Neuron, SoftCuba, SrmAlpha
+from locsnn_compile.network.neurons import Cuba, FloatArray, Neuron, SoftCuba, SrmAlpha, alpha_recursion
 from locsnn_compile.network.projections import Matrix
 from locsnn_compile.network.quantized import QuantizedPopulation
-from locsnn_compile.passes.kernels import alpha_recursion, kernel, own_charges
+from locsnn_compile.passes.kernels import kernel, own_charges
 from locsnn_compile.passes.lower_neurons import dendrite_name
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.verification.error_budget.numbers import (
