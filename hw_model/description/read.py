@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import MISSING, Field, dataclass, fields
 from pathlib import Path
-from typing import Any, TypeVar, get_type_hints
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 import yaml
 
@@ -88,30 +88,30 @@ class _Reader:
         return made
 
     def value(self, hint: Any, value: object, key: str) -> object:
-        if hint is int:
-            return self.number(value, key, whole=True)
-        if hint is float:
-            return self.number(value, key, whole=False)
-        if hint == float | None:
-            return None if value is None else self.number(value, key, whole=False)
+        """Return a value as its annotation asks; what may be None or of our own type is named in messages by its key."""
+        if hint in (int, float):
+            return self.number(value, key, whole=hint is int)
         if hint is str:
             return self.text(value, key)
-        if hint == Mapping[str, float]:
-            return self.costs(value, key)
-        if hint == Mapping[str, Range]:
-            return {name: self.range(item, f"{key}: {name}") for name, item in self.mapping(value, key).items()}
-        if hint == Mapping[str, str]:
-            return {name: self.text(item, f"{key}: {name}") for name, item in self.mapping(value, key).items()}
-        if hint == Mapping[str, Profile]:
-            profiles = self.mapping(value, key)
-            if not profiles:
-                raise self.error(key, "no energy profile is given", "Give at least one.")
-            return {name: self.build(Profile, item, name) for name, item in profiles.items()}
+        if hint == Range:
+            return self.range(value, key)
         if hint == tuple[NotIncluded, ...]:
             return tuple(self.left_out(item, key) for item in self.list(value, key))
-        # What may be left out has a type beside None.
-        classes = [kind for kind in getattr(hint, "__args__", (hint,)) if kind is not type(None)]
-        return self.build(classes[0], value, key)
+        kind, parts = get_origin(hint), get_args(hint)
+        if kind is Mapping:
+            return self.values(parts[1], self.mapping(value, key), key)
+        if type(None) in parts:
+            return None if value is None else self.value(parts[0], value, key)
+        return self.build(hint, value, key)
+
+    def values(self, hint: Any, mapping: dict[str, object], key: str) -> dict[str, object]:
+        """Return what a mapping holds by name; costs and profiles go by their own names in messages."""
+        if hint is Profile and not mapping:
+            raise self.error(key, "no energy profile is given", "Give at least one.")
+        for name in mapping if key in _COUNTED else ():
+            self.known(name, key, _COUNTED[key])
+        own = hint in (float, Profile)
+        return {name: self.value(hint, item, name if own else f"{key}: {name}") for name, item in mapping.items()}
 
     def mapping(self, value: object, key: str) -> dict[str, object]:
         if not isinstance(value, dict) or not all(isinstance(name, str) for name in value):
@@ -153,13 +153,6 @@ class _Reader:
             raise self.error(key, f"{value!r} is not a range", "Give [least, most], null for what is not known.")
         low, high = (None if end is None else float(self.number(end, key, whole=False)) for end in value)
         return low, high
-
-    def costs(self, value: object, key: str) -> dict[str, float]:
-        costs = {}
-        for name, cost in self.mapping(value, key).items():
-            self.known(name, key, _COUNTED[key])
-            costs[name] = float(self.number(cost, name, whole=False))
-        return costs
 
     def check_profile(self, profile: Profile) -> None:
         """Refuse ranges that their constant is not in, and sources and ranges of what has no price."""

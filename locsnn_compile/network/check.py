@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy.typing as npt
 from hw_model.mapping.graph import Axis
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.network.network import InputView, Network, Population
-from locsnn_compile.network.neurons import POSITIVE
+from locsnn_compile.network.neurons import POSITIVE, Neuron
 from locsnn_compile.network.projections import ChipProjection, Projection, values_of
 
 _Array = npt.NDArray[Any]
@@ -43,9 +44,7 @@ def check_network(network: Network) -> None:
         raise InputError(f"model {network.name!r}", "it has no weights", fix="Connect an input to a population.")
     neurons = {population.name: population.neuron for population in network.populations}
     for projection in network.projections:
-        _check_ends(projection, ends)
-        _check_kind(projection, neurons[projection.target].on_grid)
-        _check_dendrite(projection, neurons[projection.target].dendrites)
+        _check_joint(projection, ends, neurons)
         _check_values(projection, (ends[projection.target][1], ends[projection.source][1]))
 
 
@@ -124,37 +123,25 @@ def _check_magnitude(where: str, key: str, values: _Array, least: float) -> None
         )
 
 
-def _check_ends(projection: Projection | ChipProjection, ends: _Ends) -> None:
+def _check_joint(projection: Projection | ChipProjection, ends: _Ends, neurons: Mapping[str, Neuron]) -> None:
+    """Check that what a projection joins exists, goes together and takes such weights."""
     where = projection.where
-    if projection.source not in ends or projection.target not in ends:
+    if projection.source not in ends or projection.target not in neurons:
         raise InputError(where, "an end does not exist", fix="Name an input or a population.")
     source_axis, target_axis = ends[projection.source][0], ends[projection.target][0]
     if source_axis != target_axis:
         raise InputError(where, f"joins the {source_axis} axis to the {target_axis} axis", fix="Keep to one axis.")
-
-
-def _check_kind(projection: Projection | ChipProjection, on_grid: bool) -> None:
-    if projection.on_grid != on_grid:
-        raise InputError(
-            projection.where,
-            "float weights reach integer neurons" if on_grid else "integer weights reach float neurons",
-            fix="Give a population and the weights onto it in one kind of number.",
-        )
-
-
-def _check_dendrite(projection: Projection | ChipProjection, dendrites: int) -> None:
-    if not 0 <= projection.dendrite < dendrites:
-        raise InputError(
-            projection.where,
-            "the target has no such dendrite",
-            measured=f"{projection.dendrite} of {dendrites}, counted from 0",
-            fix="Name one that it has.",
-        )
+    neuron = neurons[projection.target]
+    if projection.on_grid != neuron.on_grid:
+        what = "float weights reach integer neurons" if neuron.on_grid else "integer weights reach float neurons"
+        raise InputError(where, what, fix="Give a population and the weights onto it in one kind of number.")
+    if not 0 <= projection.dendrite < neuron.dendrites:
+        measured = f"{projection.dendrite} of {neuron.dendrites}, counted from 0"
+        raise InputError(where, "the target has no such dendrite", measured=measured, fix="Name one that it has.")
 
 
 def _check_values(projection: Projection | ChipProjection, shape: tuple[int, int]) -> None:
-    where = projection.where
-    weights = projection.held
+    where, weights = projection.where, projection.held
     if weights.shape != shape:
         raise InputError(
             where,

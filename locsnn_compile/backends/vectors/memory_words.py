@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,10 +33,19 @@ class Layout:
         """Bits of the word."""
         return sum(field.width for field in self.fields)
 
+    @classmethod
+    def of(cls, *signed: str, **widths: int) -> Layout:
+        """Return the word of fields by name, the widths of each; the names of ``signed`` ones come first."""
+        return cls(tuple(Field(name, width, name in signed) for name, width in widths.items()))
+
     def pack(self, columns: Mapping[str, IntArray]) -> BitArray:
         """Return a word a row as bits (rows, width), bit 0 first; ``columns[name]`` (rows,) holds a field's values."""
         assert list(columns) == [field.name for field in self.fields]
         return np.concatenate([bits_of(columns[field.name], field) for field in self.fields], axis=1)
+
+    def pack_rows(self, rows: Sequence[Mapping[str, int]]) -> BitArray:
+        """Return words likewise, each from its own values by name."""
+        return self.pack({f.name: np.array([row[f.name] for row in rows], dtype=np.int64) for f in self.fields})
 
     def describe(self) -> dict[str, object]:
         """Return what a manifest says of the word."""

@@ -10,7 +10,6 @@ A dense list has no indices: its synapses end on compartments ``base``, ``base +
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,52 +33,38 @@ class SynapseImage:
     formats: BitArray
 
 
-@dataclass(frozen=True)
-class SynapseLayouts:
-    """Layouts of the words that lead to synapses, from the limits of a chip."""
+def synapse_layouts(chip: Chip) -> dict[str, Layout]:
+    """Return the layouts of the words that lead to synapses, from the limits of a chip.
 
-    axon: Layout
-    list: Layout
-    run_header: Layout
-    format: Layout
-
-
-def synapse_layouts(chip: Chip) -> SynapseLayouts:
-    """Return the layouts for a chip; one whose run header has no room for format and length is an ``InputError``."""
+    A chip whose run header has no room for format and length is an ``InputError``.
+    """
     limits, memory = chip.limits, chip.synapse_memory
-    words, compartment = limits.synapse_words_per_core, limits.compartments_per_core - 1
-    header = (
-        Field("format", bits_for(limits.synapse_formats_per_core - 1)),
-        Field("synapses_less_1", bits_for(memory.run_length - 1)),
-    )
-    spare = memory.run_header_bits - Layout(header).width
+    words, compartment = bits_for(limits.synapse_words_per_core), bits_for(limits.compartments_per_core - 1)
+    header = {
+        "format": bits_for(limits.synapse_formats_per_core - 1),
+        "synapses_less_1": bits_for(memory.run_length - 1),
+    }
+    spare = memory.run_header_bits - sum(header.values())
     if spare < 0:
         raise InputError(
             f"chip {chip.name}",
             "the header of a run has no room for a format and a length",
-            measured=f"run_header_bits {memory.run_header_bits} against {Layout(header).width}",
+            measured=f"run_header_bits {memory.run_header_bits} against {sum(header.values())}",
             fix="Leave out --emit vectors.",
         )
-    return SynapseLayouts(
-        axon=Layout((Field("first_list", bits_for(words)), Field("lists", bits_for(words)))),
-        list=Layout(
-            (
-                Field("first_word", bits_for(words)),
-                Field("words", bits_for(words)),
-                Field("base", bits_for(compartment)),
-            )
+    return {
+        "axon": Layout.of(first_list=words, lists=words),
+        "list": Layout.of(first_word=words, words=words, base=compartment),
+        "run_header": Layout.of(**header, **({"spare": spare} if spare else {})),
+        "format": Layout.of(
+            "exponent",
+            weight_bits=bits_for(8),
+            sign_mode=bits_for(len(SIGN_MODES) - 1),
+            exponent=4,
+            delay_bits=bits_for(bits_for(chip.registers.delay_max)),
+            index_bits=bits_for(compartment),
         ),
-        run_header=Layout((*header, Field("spare", spare)) if spare else header),
-        format=Layout(
-            (
-                Field("weight_bits", bits_for(8)),
-                Field("sign_mode", bits_for(len(SIGN_MODES) - 1)),
-                Field("exponent", 4, signed=True),
-                Field("delay_bits", bits_for(bits_for(chip.registers.delay_max))),
-                Field("index_bits", bits_for(bits_for(compartment))),
-            )
-        ),
-    )
+    }
 
 
 def synapse_image(core: Core, chip: Chip) -> SynapseImage:
@@ -99,12 +84,14 @@ def synapse_image(core: Core, chip: Chip) -> SynapseImage:
     first_list = np.searchsorted(lists.axon, np.arange(axons.input_axons + 1))
     first_target = axons.target[lists.order[lists.start]]
     return SynapseImage(
-        axons=layouts.axon.pack({"first_list": first_list[:-1], "lists": np.diff(first_list)}),
-        lists=layouts.list.pack(
+        axons=layouts["axon"].pack({"first_list": first_list[:-1], "lists": np.diff(first_list)}),
+        lists=layouts["list"].pack(
             {"first_word": first_word, "words": lists.words, "base": np.where(lists.dense, first_target, 0)}
         ),
-        words=_words(core, chip, layouts, lists, first_word),
-        formats=layouts.format.pack({field.name: _of_formats(axons.formats, field) for field in layouts.format.fields}),
+        words=_words(core, chip, layouts["run_header"], lists, first_word),
+        formats=layouts["format"].pack_rows(
+            [{**vars(form), "sign_mode": SIGN_MODES.index(form.sign_mode)} for form in axons.formats]
+        ),
     )
 
 
@@ -117,7 +104,7 @@ def stored_weights(form: SynapseFormat, mantissa: IntArray, where: str) -> IntAr
     return np.abs(stored) if form.sign_mode == "inhibitory" else stored
 
 
-def _words(core: Core, chip: Chip, layouts: SynapseLayouts, lists: SynapseLists, first_word: IntArray) -> BitArray:
+def _words(core: Core, chip: Chip, layout: Layout, lists: SynapseLists, first_word: IntArray) -> BitArray:
     """Return the memory, (words, bits of a word)."""
     axons, memory, rows = core.axons, chip.synapse_memory, lists.order
     bits = np.zeros(int(lists.words.sum()) * memory.word_bits, dtype=np.uint8)
@@ -136,9 +123,9 @@ def _words(core: Core, chip: Chip, layouts: SynapseLayouts, lists: SynapseLists,
     heads = np.flatnonzero(in_run == 0)
     left = lists.length[of_list[heads]] - place[heads]
     header = {"format": format_index[heads], "synapses_less_1": np.minimum(left, memory.run_length) - 1}
-    if layouts.run_header.fields[-1].name == "spare":
+    if layout.fields[-1].name == "spare":
         header["spare"] = np.zeros(len(heads), dtype=np.int64)
-    _put(bits, run_at[heads], layouts.run_header.pack(header))
+    _put(bits, run_at[heads], layout.pack(header))
 
     for number, form in enumerate(axons.formats):
         mine = format_index == number
@@ -155,9 +142,3 @@ def _words(core: Core, chip: Chip, layouts: SynapseLayouts, lists: SynapseLists,
 
 def _put(bits: BitArray, at: IntArray, rows: BitArray) -> None:
     bits[at[:, None] + np.arange(rows.shape[1])] = rows
-
-
-def _of_formats(formats: Sequence[SynapseFormat], field: Field) -> IntArray:
-    """Return a field of every format; a sign mode by its number."""
-    values = [getattr(form, field.name) for form in formats]
-    return np.array([SIGN_MODES.index(v) if field.name == "sign_mode" else v for v in values], dtype=np.int64)

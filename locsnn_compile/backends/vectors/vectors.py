@@ -16,7 +16,7 @@ from hw_model.description.chip import Chip
 from hw_model.program.chip_program import Core
 from locsnn_compile.backends.names import code_span
 from locsnn_compile.backends.played import Played
-from locsnn_compile.backends.vectors.memory_words import BitArray, Field, Layout, bits_for, bits_of, hex_words
+from locsnn_compile.backends.vectors.memory_words import BitArray, Layout, bits_for, bits_of, hex_words
 from locsnn_compile.backends.vectors.synapse_image import synapse_image, synapse_layouts
 from locsnn_compile.errors import InputError
 
@@ -96,11 +96,15 @@ def _images(core: Core, played: Played) -> Iterator[_Image]:
     yield _Image("lists", "synapse list", synapses.lists, layout="list")
     yield _Image("synapses", "memory word", synapses.words, bit="bit of a word")
     yield _Image("formats", "synapse format", synapses.formats, layout="format")
-    yield _Image("profiles", "compartment profile", _profiles(core, layouts["profile"]), layout="profile")
+    yield _Image(
+        "profiles", "compartment profile", layouts["profile"].pack_rows([*map(vars, core.profiles)]), layout="profile"
+    )
+    axons = core.axons
+    outputs = {"compartment": axons.out_compartment, "core": axons.out_core, "axon": axons.out_axon}
     mantissas = layouts["threshold"].pack({"mantissa": np.array(core.thresholds, dtype=np.int64)})
     yield _Image("thresholds", "threshold", mantissas, layout="threshold")
     yield _Image("compartments", "compartment", _compartments(core, layouts["compartment"]), layout="compartment")
-    yield _Image("output_axons", "output axon", _output_axons(core, layouts["output_axon"]), layout="output_axon")
+    yield _Image("output_axons", "output axon", layouts["output_axon"].pack(outputs), layout="output_axon")
     yield _Image("input_spikes", "step", played.input_axons(core), bit="input axon")
     yield _Image("axon_spikes", "step", played.axons(core), bit="input axon")
     yield _Image("spikes", "step", played.spikes(core), bit="compartment")
@@ -112,67 +116,32 @@ def _images(core: Core, played: Played) -> Iterator[_Image]:
 
 def _layouts(chip: Chip) -> dict[str, Layout]:
     """Return the layouts of all words that have fields."""
-    limits, registers, synapse = chip.limits, chip.registers, synapse_layouts(chip)
-    compartment = bits_for(limits.compartments_per_core - 1)
-    decay = bits_for(DECAY_ONE)
-    widest = max(registers.current_bits, registers.voltage_bits) + 1
+    limits, registers = chip.limits, chip.registers
+    compartment, decay = bits_for(limits.compartments_per_core - 1), bits_for(DECAY_ONE)
     return {
-        "axon": synapse.axon,
-        "list": synapse.list,
-        "run_header": synapse.run_header,
-        "format": synapse.format,
-        "profile": Layout(
-            (
-                Field("decay_u", decay),
-                Field("decay_v", decay),
-                Field("refractory", bits_for(registers.refractory_max)),
-                Field("joined", 1),
-            )
+        **synapse_layouts(chip),
+        "profile": Layout.of(decay_u=decay, decay_v=decay, refractory=bits_for(registers.refractory_max), joined=1),
+        "threshold": Layout.of(mantissa=registers.threshold_mantissa_bits),
+        "compartment": Layout.of(
+            "bias_mantissa",
+            profile=bits_for(limits.compartment_profiles_per_core - 1),
+            threshold=bits_for(limits.threshold_profiles_per_core - 1),
+            bias_mantissa=registers.bias_mantissa_bits + 1,
+            bias_exponent=bits_for(registers.bias_exponent_max),
+            has_parent=1,
+            parent=compartment,
         ),
-        "threshold": Layout((Field("mantissa", registers.threshold_mantissa_bits),)),
-        "compartment": Layout(
-            (
-                Field("profile", bits_for(limits.compartment_profiles_per_core - 1)),
-                Field("threshold", bits_for(limits.threshold_profiles_per_core - 1)),
-                Field("bias_mantissa", registers.bias_mantissa_bits + 1, signed=True),
-                Field("bias_exponent", bits_for(registers.bias_exponent_max)),
-                Field("has_parent", 1),
-                Field("parent", compartment),
-            )
+        "output_axon": Layout.of(
+            compartment=compartment, core=bits_for(chip.cores - 1), axon=bits_for(limits.input_axons_per_core - 1)
         ),
-        "output_axon": Layout(
-            (
-                Field("compartment", compartment),
-                Field("core", bits_for(chip.cores - 1)),
-                Field("axon", bits_for(limits.input_axons_per_core - 1)),
-            )
-        ),
-        "register": Layout((Field("value", widest, signed=True),)),
+        "register": Layout.of("value", value=max(registers.current_bits, registers.voltage_bits) + 1),
     }
-
-
-def _profiles(core: Core, layout: Layout) -> BitArray:
-    names = [field.name for field in layout.fields]
-    return layout.pack({name: np.array([getattr(p, name) for p in core.profiles], dtype=np.int64) for name in names})
 
 
 def _compartments(core: Core, layout: Layout) -> BitArray:
     has_parent: IntArray = (core.parent >= 0).astype(np.int64)
-    return layout.pack(
-        {
-            "profile": core.profile,
-            "threshold": core.threshold,
-            "bias_mantissa": core.bias_mantissa,
-            "bias_exponent": core.bias_exponent,
-            "has_parent": has_parent,
-            "parent": core.parent * has_parent,
-        }
-    )
-
-
-def _output_axons(core: Core, layout: Layout) -> BitArray:
-    axons = core.axons
-    return layout.pack({"compartment": axons.out_compartment, "core": axons.out_core, "axon": axons.out_axon})
+    held = {field.name: getattr(core, field.name, has_parent) for field in layout.fields}
+    return layout.pack({**held, "parent": core.parent * has_parent})
 
 
 def _core_entry(core: Core, played: Played, files: dict[str, dict[str, object]]) -> dict[str, object]:
