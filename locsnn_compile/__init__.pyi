@@ -25,7 +25,7 @@ from .network.projections import Projection as Projection
 from .pipeline import Levels as Levels
 from .training.config import TrainingConfig as TrainingConfig
 from .training.from_python import train as train
-from .training.state import EpochRecord as EpochRecord
+from .training.schedule import EpochRecord as EpochRecord
 from .verification.diagnosis import Diagnosis as Diagnosis
 from .verification.error_bounds import ErrorBudget as ErrorBudget
 from .verification.excerpt import Excerpt as Excerpt

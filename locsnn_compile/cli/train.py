@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from locsnn_compile.data.recordings import Recordings
     from locsnn_compile.models.checkpoint import Checkpoint
     from locsnn_compile.training.config import TrainingConfig
-    from locsnn_compile.training.state import EpochRecord
-    from locsnn_compile.training.train import Progress, TrainingResult
+    from locsnn_compile.training.schedule import EpochRecord, Progress
+    from locsnn_compile.training.train import TrainingResult
 
 HELP = "train a touch network and write a checkpoint"
 DESCRIPTION = "Train a touch network on recordings and write a checkpoint to compile."
@@ -91,9 +91,12 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(
             f"output {output.name or str(output)!r}", "it is no .pt file in a folder that exists", fix="Correct -o."
         )
+    from locsnn_compile.data.torch_writer import need_torch
+
     _check_places(args, output)
     start = _start(args)
     config = _config(args, start)
+    need_torch("locsnn train")
 
     from locsnn_compile.training.export import export_checkpoint
     from locsnn_compile.training.parts import all_classes, read_parts

@@ -8,7 +8,7 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,11 +19,9 @@ from locsnn_compile.data.expected import same
 from locsnn_compile.data.npy import load_npy, to_step_major
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Recordings
 from locsnn_compile.data.structured import parse_structured
+from locsnn_compile.data.tensors import Tensor
 from locsnn_compile.data.torch_file import load_plain, read_bytes
 from locsnn_compile.errors import InputError
-
-if TYPE_CHECKING:
-    import torch
 
 _LABEL = re.compile(r"_label_(\d{1,6})(?=\.|_|$)")
 #: Entries of ``.npz`` and ``.pt`` files that are not the recordings.
@@ -109,8 +107,6 @@ def _npz_entries(data: bytes, where: str) -> dict[str, NDArray[Any]]:
 
 
 def _torch_entries(data: bytes, where: str) -> dict[str, NDArray[Any]]:
-    import torch
-
     value = load_plain(data, where, fix="Write it again with torch.save.")
     found = value if isinstance(value, dict) else {"spikes": value}
     if "format" in found and "weights" in found:
@@ -119,7 +115,7 @@ def _torch_entries(data: bytes, where: str) -> dict[str, NDArray[Any]]:
         )
     entries: dict[str, NDArray[Any]] = {}
     for name, entry in found.items():
-        if isinstance(entry, torch.Tensor):
+        if isinstance(entry, Tensor):
             entries[str(name)] = _tensor_array(entry, where, str(name)[:40])
         elif name in _BESIDE and isinstance(entry, int | float | list):
             entries[str(name)] = _plain_array(entry, where, str(name))
@@ -128,14 +124,13 @@ def _torch_entries(data: bytes, where: str) -> dict[str, NDArray[Any]]:
     return entries
 
 
-def _tensor_array(tensor: torch.Tensor, where: str, name: str) -> NDArray[Any]:
-    if str(tensor.layout) != "torch.strided" or tensor.device.type != "cpu":
-        raise _no_array(where, name, f"{tensor.layout} on {tensor.device.type}", "Give a dense tensor.")
-    try:
-        array: NDArray[Any] = tensor.detach().resolve_conj().numpy()
-        return array
-    except (TypeError, RuntimeError):
-        raise _no_array(where, name, str(tensor.dtype), "Give uint8.") from None
+def _tensor_array(tensor: Tensor, where: str, name: str) -> NDArray[Any]:
+    if not tensor.dense:
+        raise _no_array(where, name, f"{tensor.layout} on {tensor.device}", "Give a dense tensor.")
+    array = tensor.array()
+    if array is None:
+        raise _no_array(where, name, tensor.dtype, "Give uint8.")
+    return array
 
 
 def _no_array(where: str, name: str, measured: str, fix: str) -> InputError:

@@ -1,19 +1,28 @@
-"""Read a ``.pt`` file without running anything of it: tensors and plain values only."""
+"""Read a ``.pt`` file without torch, and without running anything of it: tensors and plain values only.
+
+Two formats are read. Since torch 1.6 a file is a zip archive: a pickle, and an entry of bytes for each storage. Before,
+it was five pickles (a magic number, a version, what machine it was, the value, the keys of its storages) and then the
+storages, each after its number of values.
+"""
 
 from __future__ import annotations
 
 import io
-import pickle
 import stat
-import warnings
+import struct
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
+from typing import Literal
 
 from hw_model.io.zip_directory import check_directory
+from locsnn_compile.data.plain_pickle import Budget, RefusedError, read_pickle
+from locsnn_compile.data.tensors import Storage, Tensor, named, rebuilt, width_of
 from locsnn_compile.errors import InputError, check_most
 
 #: Largest file accepted, in bytes, packed and unpacked.
 MAX_FILE_BYTES = 1_000_000_000
+_ARCHIVE, _MAGIC, _PROTOCOL = b"PK\x03\x04", b"\x8a\nl\xfc\x9cF\xf9 j\xa8P\x19.", 1001
 
 
 def read_bytes(path: Path, where: str) -> bytes:
@@ -33,43 +42,105 @@ def read_bytes(path: Path, where: str) -> bytes:
 def load_plain(data: bytes, where: str, *, fix: str) -> object:
     """Return what the bytes of a torch file hold; ``InputError`` where that is code or the file is damaged.
 
-    Torch reads with ``weights_only=True``: a pickle that would call a function is refused, never followed.
-    ``fix`` is the way out to name for a damaged file.
+    Tensors are :class:`~locsnn_compile.data.tensors.Tensor`; dtypes, devices and layouts are
+    :class:`~locsnn_compile.data.tensors.Name`. An OrderedDict or a Counter is a dict, a Size a tuple, a Parameter its
+    tensor. A pickle that would call a function is refused, never followed. ``fix`` is the way out to name for a damaged
+    file.
     """
-    import torch
-
+    budget = Budget(where)
     try:
-        _check_archive(data, where, fix)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            value: object = torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
-            return value
+        if data.startswith(_ARCHIVE):
+            return _from_archive(data, where, fix, budget)
+        if data[257:262] == b"ustar":
+            what = "it is a tar archive, as torch wrote them before 0.1.10"
+            raise InputError(where, what, fix="Load it with an old torch, and save it again.")
+        return _from_stream(data, budget)
     except InputError:
         raise
-    # zipfile and torch meet damaged bytes with many kinds of exception; each means the same to the user.
-    except Exception as error:
-        if isinstance(error, pickle.UnpicklingError) and ("GLOBAL" in str(error) or "Unsupported" in str(error)):
-            raise InputError(
-                where,
-                "it holds objects that would run code when read, so it was not read",
-                fix="Save tensors and plain values only.",
-            ) from None
+    except RefusedError as error:
+        raise InputError(
+            where,
+            "it holds objects that would run code when read, so it was not read",
+            measured=str(error),
+            fix="Save tensors and plain values only.",
+        ) from None
+    # Damaged bytes are met with many kinds of exception; each means the same to the user.
+    except Exception:
         raise InputError(where, "it is damaged, truncated or not a torch file", fix=fix) from None
 
 
-def _check_archive(data: bytes, where: str, fix: str) -> None:
-    """Refuse what is no whole zip archive of torch's kind, before torch takes its sizes on trust."""
+class _Storages:
+    """The storages of a file by key; called with a persistent id, it gives the tensor that is a whole storage."""
+
+    def __init__(self, found: Callable[[str, int, int], Storage]) -> None:
+        self.held: dict[str, Storage] = {}
+        self._found = found
+
+    def __call__(self, given: object) -> Tensor:
+        if type(given) is not tuple or given[0] != "storage":
+            raise RefusedError("a module")
+        _, dtype, key, _, count, *views = given[:6]
+        if type(key) is not str or type(count) is not int or count < 0:
+            raise ValueError("no storage")
+        width = width_of(dtype.text)
+        if key not in self.held:
+            self.held[key] = self._found(key, count, width)
+        storage = self.held[key]
+        if count * width > storage.size:
+            raise ValueError("a storage that is less than it says")
+        whole = Tensor(dtype.text, (count,), storage=storage, strides=(1,))
+        if not views or views[0] is None:
+            return whole
+        # Before torch 1.0, a storage could be a part of another.
+        _, offset, count = views[0]
+        return rebuilt(whole, offset, (count,), (1,))
+
+
+def _from_archive(data: bytes, where: str, fix: str, budget: Budget) -> object:
     check_directory(io.BytesIO(data))
     archive = zipfile.ZipFile(io.BytesIO(data))
-    unpacked = sum(member.file_size for member in archive.infolist())
-    # Torch stores its members unpacked; a file that unpacks to far more than it holds is none of torch's.
+    entries = {entry.filename: entry for entry in archive.infolist()}
+    unpacked = sum(entry.file_size for entry in entries.values())
+    # Torch stores its entries unpacked; a file that unpacks to far more than it holds is none of torch's.
     if unpacked > 2 * len(data):
-        raise InputError(
-            where,
-            "it unpacks to far more than its size",
-            measured=f"{unpacked} bytes from {len(data)}",
-            fix=fix,
-        )
-    # Torch does not look at the checksums it writes; a flipped bit would be a silently different weight.
-    if archive.testzip() is not None:
-        raise ValueError("a checksum is wrong")
+        measured = f"{unpacked} bytes from {len(data)}"
+        raise InputError(where, "it unpacks to far more than its size", measured=measured, fix=fix)
+    inside = archive.infolist()[0].filename.split("/")[0]
+    if f"{inside}/constants.pkl" in entries:
+        raise InputError(where, "it is a TorchScript archive", fix="Save the state_dict() with torch.save.")
+
+    def read(name: str) -> bytes:
+        entry = entries[f"{inside}/{name}"]
+        if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            raise ValueError("packed in a way that torch does not read")
+        # No more than it says: the library would unpack 2 GiB of an entry that claims a byte.
+        with archive.open(entry) as packed:
+            return packed.read(entry.file_size)
+
+    order: Literal["<", ">"] = ">" if f"{inside}/byteorder" in entries and read("byteorder") == b"big" else "<"
+
+    def found(key: str, count: int, width: int) -> Storage:
+        content = read(f"data/{key}")
+        return Storage(len(content), count, content, order)
+
+    return read_pickle(io.BytesIO(read("data.pkl")), named, _Storages(found), budget)
+
+
+def _from_stream(data: bytes, budget: Budget) -> object:
+    """Return the value of a file of the old format."""
+    if data[2 : 2 + len(_MAGIC)] != _MAGIC:
+        raise ValueError("another magic number")
+    stream = io.BytesIO(data)
+    stream.seek(2 + len(_MAGIC))
+    storages = _Storages(lambda key, count, width: Storage(count * width, count))
+    version, _, value, keys = (read_pickle(stream, named, storages, budget) for _ in range(4))
+    if version != _PROTOCOL or not isinstance(keys, list) or set(keys) != set(storages.held):
+        raise ValueError("another version, or storages that are missing")
+    rest = memoryview(data)[stream.tell() :]
+    for key in keys:
+        storage = storages.held[key]
+        storage.data, after = rest[8 : 8 + storage.size], rest[8 + storage.size :]
+        if struct.unpack_from("<q", rest) != (storage.count,) or len(storage.data) < storage.size:
+            raise ValueError("a storage that is cut short")
+        rest = after
+    return value

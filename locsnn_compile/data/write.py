@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from locsnn_compile.data.sensor import POLARITIES, TAXELS
 from locsnn_compile.data.slayer_events import COLUMNS, pack_slayer_events
 from locsnn_compile.data.structured import structured_events
 from locsnn_compile.data.tact import CHANNELS, GRASP_SECONDS, tact_text
+from locsnn_compile.data.torch_writer import torch_bytes
 from locsnn_compile.errors import InputError, did_you_mean
 
 MEMBER_KINDS = ("npy", "events", "bs1", "bs2", "tact")
@@ -71,7 +71,7 @@ def _content(path: Path, recordings: Recordings, kind: str, where: str) -> bytes
         _check_label(path, recordings, where)
     if path.suffix in (".npz", ".pt"):
         entries = _entries(recordings, kind, where)
-        return _torch_bytes(entries) if kind == "pt" else pack_arrays(entries, compressed=False)
+        return torch_bytes(entries, where) if kind == "pt" else pack_arrays(entries, compressed=False)
     if kind == "npy":
         return npy_bytes(_channel_major(recordings.spikes))
     content = _one_file(recordings, 0, kind, path.stem, where)[path.name]
@@ -122,14 +122,6 @@ def _entries(recordings: Recordings, kind: str, where: str) -> dict[str, NDArray
 
 def _channel_major(spikes: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.ascontiguousarray(spikes.swapaxes(-1, -2))
-
-
-def _torch_bytes(entries: dict[str, NDArray[Any]]) -> bytes:
-    import torch
-
-    content = io.BytesIO()
-    torch.save({name: torch.tensor(entry) for name, entry in entries.items()}, content)
-    return content.getvalue()
 
 
 def _polarities(recordings: Recordings) -> int:

@@ -62,7 +62,8 @@ def load(
         from locsnn_compile.frontends.checkpoint import network_of
         from locsnn_compile.models.checkpoint_reader import read_checkpoint
 
-        network = network_of(model if isinstance(model, Checkpoint) else read_checkpoint(path))
+        way_out = "Give slayerPytorch's YAML with it (--config FILE.yaml)."
+        network = network_of(model if isinstance(model, Checkpoint) else read_checkpoint(path, state_dict=way_out))
     elif kind == _NIR:
         from locsnn_compile.frontends.nir.to_network import load_nir
 
@@ -77,10 +78,8 @@ def load(
 
 def _kind(path: Path, where: str, *, described: bool) -> str:
     """Return which of the kinds a file is, by its ending, by whether a description is given, and by what it holds."""
-    if path.suffix in (".pt", ".pth") and described:
-        return _SLAYER
-    if path.suffix == ".pt":
-        return _CHECKPOINT
+    if path.suffix in (".pt", ".pth"):
+        return _SLAYER if described else _CHECKPOINT
     if path.suffix not in (".nir", ".net", ".h5", ".hdf5"):
         raise InputError(where, f"files ending in {path.suffix or 'nothing'!r} are not read", fix=_FORMATS)
     from locsnn_compile.frontends.hdf5.read import open_hdf5

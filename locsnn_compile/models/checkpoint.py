@@ -27,7 +27,6 @@ of single events had to exceed. Written here, read by
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -39,6 +38,7 @@ from numpy.typing import NDArray
 from hw_model.io.files import replace_file
 from hw_model.io.shown import shown
 from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.torch_writer import torch_bytes
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.chip_entry import chip_entry
 from locsnn_compile.models.chip_numbers import ChipNumbers, ChipPopulation
@@ -105,15 +105,13 @@ def save_checkpoint(
     With ``chip`` the weights are mantissas on the grid of its numbers, else floats. Raises ``InputError`` for weights
     that do not fit the description, are not finite or not on the grid, and where the folder cannot be written.
     """
-    import torch
-
     path = Path(path)
-    tensors = {}
+    arrays = {}
     for name in description.weight_shapes:
         description.check_shape(name, weights, "Save the weights of a network of this description.")
         check_weights(f"population {name!r}", weights[name], None if chip is None else chip.populations[name])
         kind = np.float32 if chip is None else np.int16
-        tensors[name] = torch.from_numpy(np.array(weights[name], dtype=kind, order="C"))
+        arrays[name] = np.array(weights[name], dtype=kind, order="C")
     srm = description.structure.neurons == "srm"
     values = {
         "format": FORMAT,
@@ -125,8 +123,8 @@ def save_checkpoint(
         "location_order": _order_entry(description),
         "hidden": description.hidden,
         "classes": description.classes,
-        "weights": tensors,
-        "recordings": _recordings_entry(recordings),
+        "weights": arrays,
+        "recordings": None if recordings is None else {"spikes": recordings.spikes, "labels": recordings.labels},
         "training": dict(training or {}),
     }
     if chip is not None:
@@ -135,9 +133,8 @@ def save_checkpoint(
         values["delays"] = list(description.delays)
     if not srm:
         values["graph"] = _graph_entry(description.graph)
-    content = io.BytesIO()
-    torch.save(values, content)
-    replace_file(path, content.getvalue(), f"checkpoint {path.name!r}")
+    where = f"checkpoint {path.name!r}"
+    replace_file(path, torch_bytes(values, where), where)
 
 
 def check_weights(where: str, weights: NDArray[Any], numbers: ChipPopulation | None) -> None:
@@ -176,12 +173,3 @@ def _graph_entry(graph: GraphParameters | None) -> dict[str, Any] | None:
     if graph is None:
         return None
     return asdict(graph) | {"taxel_edges": [list(edge) for edge in graph.taxel_edges]}
-
-
-def _recordings_entry(recordings: Recordings | None) -> dict[str, Any] | None:
-    import torch
-
-    if recordings is None:
-        return None
-    labels = None if recordings.labels is None else torch.from_numpy(recordings.labels.copy())
-    return {"spikes": torch.from_numpy(recordings.spikes.copy()), "labels": labels}

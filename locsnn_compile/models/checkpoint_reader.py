@@ -1,7 +1,7 @@
 """Read a ``locsnn-checkpoint``: every entry is checked, and nothing of the file is ever run.
 
-Torch reads the file with ``weights_only=True``, so a pickle that would call code is refused. Sizes are
-checked before they are used; every fault is one ``InputError`` that names the entry.
+A pickle that would call code is refused. Sizes are checked before they are used; every fault is one ``InputError``
+that names the entry.
 """
 
 from __future__ import annotations
@@ -9,12 +9,13 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from locsnn_compile.data.recordings import Origin, Recordings
+from locsnn_compile.data.tensors import Tensor
 from locsnn_compile.data.torch_file import load_plain, read_bytes
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.models.checkpoint import (
@@ -32,9 +33,6 @@ from locsnn_compile.models.graph_parameters import GraphParameters
 from locsnn_compile.models.plain_checks import KIND_WORDS, WRITE_AGAIN, field_kinds, file_fault, is_one_of
 from locsnn_compile.models.windows import WindowParameters
 
-if TYPE_CHECKING:
-    import torch
-
 _KEYS: dict[str, tuple[type, ...]] = {
     "format": (str,),
     "version": (int,),
@@ -51,16 +49,25 @@ _KEYS: dict[str, tuple[type, ...]] = {
 }
 
 
-def read_checkpoint(path: Path | str) -> Checkpoint:
-    """Return the checkpoint at ``path``; ``InputError`` for anything that is not one, whatever is wrong with
-    it.
+def read_checkpoint(path: Path | str, *, state_dict: str = WRITE_AGAIN) -> Checkpoint:
+    """Return the checkpoint at ``path``; ``InputError`` for anything that is not one, whatever is wrong with it.
+
+    ``state_dict`` is the way out to name for one.
     """
     path = Path(path)
     where = f"checkpoint {path.name!r}"
     data = read_bytes(path, where)
-    return parse_checkpoint(
-        load_plain(data, where, fix=WRITE_AGAIN), where, path.name, hashlib.sha256(data).hexdigest()
-    )
+    values = load_plain(data, where, fix=WRITE_AGAIN)
+    if _is_state_dict(values):
+        raise InputError(where, "it holds tensors and does not say of which network", fix=state_dict)
+    return parse_checkpoint(values, where, path.name, hashlib.sha256(data).hexdigest())
+
+
+def _is_state_dict(values: object) -> bool:
+    """Tell whether a value is a dict of tensors, or one that holds such a dict, but no format."""
+    if not isinstance(values, dict) or "format" in values:
+        return False
+    return any(isinstance(v, Tensor) or (isinstance(v, dict) and _is_state_dict(v)) for v in values.values())
 
 
 def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Checkpoint:
@@ -182,60 +189,47 @@ def _weights(
     where: str, entry: dict[Any, Any], description: NetworkDescription, chip: ChipNumbers | None
 ) -> dict[str, NDArray[Any]]:
     """Return float32 weights, or int64 mantissas on the grid of ``chip``."""
-    import torch
-
     shapes = description.weight_shapes
-    kind, word = (torch.float32, "float32") if chip is None else (torch.int16, "int16")
-    _check_keys(where, "weights.", entry, dict.fromkeys(shapes, (torch.Tensor,)))
+    kind = "float32" if chip is None else "int16"
+    _check_keys(where, "weights.", entry, dict.fromkeys(shapes, (Tensor,)))
     weights: dict[str, NDArray[Any]] = {}
     for name, shape in shapes.items():
         place, tensor = f"{where}, population {name!r}", entry[name]
-        if tuple(tensor.shape) != shape:
-            raise file_fault(
-                place, "its weights have another shape", f"got {tuple(tensor.shape)} against {shape} (out, in)"
-            )
-        if tensor.dtype != kind or not _is_dense(tensor):
-            raise file_fault(place, f"its weights are not dense {word}", f"got {tensor.dtype}, {_storage(tensor)}")
-        array = np.array(tensor.detach().numpy(), dtype=np.float32 if chip is None else np.int64, order="C")
+        if tensor.shape != shape:
+            raise file_fault(place, "its weights have another shape", f"got {tensor.shape} against {shape} (out, in)")
+        if tensor.dtype != f"torch.{kind}" or not tensor.dense:
+            stored = f"{tensor.layout.removeprefix('torch.')} on {tensor.device}"
+            raise file_fault(place, f"its weights are not dense {kind}", f"got {tensor.dtype}, {stored}")
+        array = np.array(tensor.array(), dtype=np.float32 if chip is None else np.int64, order="C")
         check_weights(place, array, None if chip is None else chip.populations[name])
         array.setflags(write=False)
         weights[name] = array
     return weights
 
 
-def _is_dense(tensor: torch.Tensor) -> bool:
-    return str(tensor.layout) == "torch.strided" and tensor.device.type == "cpu" and not tensor.is_quantized
-
-
-def _storage(tensor: torch.Tensor) -> str:
-    return f"{str(tensor.layout).removeprefix('torch.')} on {tensor.device.type}"
-
-
 def _recordings(
     where: str, entry: dict[Any, Any] | None, description: NetworkDescription, source: str, origin: Origin
 ) -> Recordings | None:
-    import torch
-
     if entry is None:
         return None
-    _check_keys(where, "recordings.", entry, {"spikes": (torch.Tensor,), "labels": (torch.Tensor, type(None))})
+    _check_keys(where, "recordings.", entry, {"spikes": (Tensor,), "labels": (Tensor, type(None))})
     spikes, labels, layout = entry["spikes"], entry["labels"], description.input
-    if spikes.ndim != 3 or tuple(spikes.shape[1:]) != (layout.steps, layout.channels):
+    if spikes.shape[1:] != (layout.steps, layout.channels):
         raise file_fault(
             f"{where}, recordings",
             "their shape is not that of the input",
-            f"got {tuple(spikes.shape)} against (samples, {layout.steps}, {layout.channels})",
+            f"got {spikes.shape} against (samples, {layout.steps}, {layout.channels})",
         )
-    dense = _is_dense(spikes) and (labels is None or _is_dense(labels))
-    if not dense or spikes.dtype != torch.uint8 or (labels is not None and labels.dtype != torch.int64):
+    dense = spikes.dense and (labels is None or labels.dense)
+    if not dense or spikes.dtype != "torch.uint8" or (labels is not None and labels.dtype != "torch.int64"):
         raise file_fault(
             f"{where}, recordings",
             "spikes must be dense uint8 and labels int64",
             f"got {spikes.dtype} and {None if labels is None else labels.dtype}",
         )
     try:
-        vector = None if labels is None else labels.numpy()
-        return Recordings(spikes.numpy(), vector, layout.step_seconds, source, origin)
+        vector = None if labels is None else labels.array()
+        return Recordings(spikes.array(), vector, layout.step_seconds, source, origin)
     except InputError as error:
         raise InputError(f"{where}, recordings", error.what, measured=error.measured, fix=error.fix) from None
 

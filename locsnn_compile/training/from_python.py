@@ -14,13 +14,12 @@ import numpy.typing as npt
 
 from hw_model.io.given import checked
 from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.torch_writer import need_torch
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.training.config import TrainingConfig, config_from_mapping, read_config
-from locsnn_compile.training.export import export_checkpoint
 from locsnn_compile.training.parts import all_classes, read_parts
-from locsnn_compile.training.train import Progress
-from locsnn_compile.training.train import train as run
+from locsnn_compile.training.schedule import Progress
 
 _log = logging.getLogger("locsnn")
 
@@ -45,6 +44,10 @@ def train(
     known, the epoch's figures). What a run that learned nothing says of itself is logged as warnings. Raises
     ``InputError`` for what cannot be used.
     """
+    need_torch("lc.train")
+    from locsnn_compile.training.export import export_checkpoint
+    from locsnn_compile.training.train import train as run
+
     if not isinstance(config, TrainingConfig):
         config = config_from_mapping(read_config(config) if isinstance(config, str | Path) else config or {})
     if isinstance(recordings, str | Path):

@@ -3,11 +3,28 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from locsnn_compile.training.config import TrainingConfig
-from locsnn_compile.training.state import EpochRecord
+
+
+@dataclass(frozen=True)
+class EpochRecord:
+    """One epoch: mean training loss, and the validation figures, None where there are none."""
+
+    phase: str
+    epoch: int
+    learning_rate: float
+    loss: float
+    validation_loss: float | None
+    validation_accuracy: float | None
+
+
+Progress = Callable[[int, int, EpochRecord], None]
+"""Called after every epoch with (epochs done in all phases, epochs in all as far as known, the epoch's record)."""
 
 
 def learning_rate(config: TrainingConfig, epoch: int, epochs: int) -> float:

@@ -19,6 +19,7 @@ from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.training.config import TrainingConfig
+from locsnn_compile.training.schedule import EpochRecord
 
 _FORMAT, _VERSION = "locsnn-training-state", 2
 _DAMAGED = (
@@ -32,18 +33,6 @@ _DAMAGED = (
     ValueError,
 )
 """What torch raises for a file that is none, or a part of one; and what is raised for one that lacks an entry."""
-
-
-@dataclass(frozen=True)
-class EpochRecord:
-    """One epoch: mean training loss, and the validation figures, None where there are none."""
-
-    phase: str
-    epoch: int
-    learning_rate: float
-    loss: float
-    validation_loss: float | None
-    validation_accuracy: float | None
 
 
 @dataclass

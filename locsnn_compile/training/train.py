@@ -33,13 +33,10 @@ from locsnn_compile.training.describe import check_recordings, describe
 from locsnn_compile.training.measure import batch_loss, evaluate
 from locsnn_compile.training.profile import profile
 from locsnn_compile.training.remarks import check_events, data_remarks, result_remarks
-from locsnn_compile.training.schedule import choose_epoch, learning_rate
-from locsnn_compile.training.state import EpochRecord, TrainingState, load_state, run_key, save_state
+from locsnn_compile.training.schedule import EpochRecord, Progress, choose_epoch, learning_rate
+from locsnn_compile.training.state import TrainingState, load_state, run_key, save_state
 from locsnn_compile.training.target import chip_numbers
 
-#: Called after every epoch with (epochs done in all phases, epochs in all as far as known, the epoch's
-#: record).
-Progress = Callable[[int, int, EpochRecord], None]
 MOMENTUM = 0.9
 """Of the optimizer sgd."""
 _PHASES = {"select": 1, "refit": 2}

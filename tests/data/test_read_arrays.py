@@ -234,7 +234,7 @@ BAD: list[tuple[str, str, Callable[[Path], object], str]] = [
         "hostile pt",
         "a.pt",
         lambda path: torch.save({"spikes": Hostile()}, path),
-        "file 'a.pt': it holds objects that would run code when read, so it was not read. "
+        "file 'a.pt': it holds objects that would run code when read, so it was not read (posix.system). "
         "Save tensors and plain values only.",
     ),
     (
@@ -250,10 +250,10 @@ BAD: list[tuple[str, str, Callable[[Path], object], str]] = [
         "file 'a.pt': its entry 'spikes' is no array (str). Give the recordings as one tensor.",
     ),
     (
-        "bfloat16 in pt",
+        "float8 in pt",
         "a.pt",
-        lambda path: torch.save(torch.zeros(2, 3, 4, dtype=torch.bfloat16), path),
-        "file 'a.pt': its entry 'spikes' is no array (torch.bfloat16). Give uint8.",
+        lambda path: torch.save(torch.zeros(2, 3, 4).to(torch.float8_e5m2), path),
+        "file 'a.pt': its entry 'spikes' is no array (torch.float8_e5m2). Give uint8.",
     ),
     (
         "sparse tensor",

@@ -35,4 +35,12 @@ def imported():
 
 def test_what_is_imported_is_declared():
     extras = PROJECT["optional-dependencies"]
-    assert imported() == modules(PROJECT["dependencies"]) | modules(extras["dask"])
+    assert imported() == modules(PROJECT["dependencies"]) | modules(extras["dask"]) | modules(extras["train"])
+
+
+def test_the_page_says_what_each_is_for():
+    page = (ROOT / "docs/install.md").read_text("utf-8")
+    extras = PROJECT["optional-dependencies"]
+    rows = re.findall(r"^\| `([\w-]+)` \|", page, flags=re.MULTILINE)
+    declared = [*PROJECT["dependencies"], *extras["train"], *extras["dask"]]
+    assert sorted(rows) == sorted(re.match(r"[\w-]+", requirement)[0] for requirement in declared)

@@ -4,6 +4,7 @@ import contextlib
 import hashlib
 import io
 import json
+import pickle
 import re
 import shutil
 import sys
@@ -62,7 +63,33 @@ def checkpoints(folder):
         recordings=Recordings(spikes, np.array([0, 2]), 0.02, "small"),
     )
     (folder / "b.pt").write_bytes((EXAMPLES / "models/objects-hybrid-loihi.pt").read_bytes())
-    return ["a.pt", "b.pt"]
+    return ["a.pt", "b.pt", as_before_torch_1_6(folder / "a.pt")]
+
+
+class OldPickler(pickle.Pickler):
+    """Numbers storages as they come, where torch takes their addresses, which no case could be repeated with."""
+
+    def persistent_id(self, held):
+        if not isinstance(held, torch.storage.TypedStorage):
+            return None
+        self.storages.append(held)
+        kind, key = getattr(torch, held._pickle_storage_type()), f"{len(self.storages):04}"
+        return "storage", kind, key, "cuda:0", held._size(), None
+
+
+def as_before_torch_1_6(path):
+    """Write a file once more in torch's old format; return its name."""
+    with path.with_name("old.pt").open("wb") as old:
+        for part in (0x1950A86A20F9469CFC6C, 1001, {"little_endian": True}):
+            pickle.dump(part, old, protocol=2)
+        pickler = OldPickler(old, protocol=2)
+        pickler.storages = []
+        pickler.dump(torch.load(path, weights_only=True))
+        pickle.dump([f"{number + 1:04}" for number in range(len(pickler.storages))], old, protocol=2)
+        for held in pickler.storages:
+            values = torch.tensor([], dtype=held.dtype).set_(held).numpy()
+            old.write(len(values).to_bytes(8, "little") + values.tobytes())
+    return old.name
 
 
 def nir_files(folder):
@@ -91,7 +118,7 @@ def slayer_files(folder, neuron):
 
 def slayer_checkpoints(folder):
     slayer_files(folder, SRM)
-    return ["model.pt"]
+    return ["model.pt", as_before_torch_1_6(folder / "model.pt")]
 
 
 def slayer_configs(folder):
@@ -219,7 +246,7 @@ READERS = [
     Reader("checkpoint", "zip", checkpoints, lambda folder, name: lc.load(folder / name)),
     Reader("NIR graph", "hdf5", nir_files, lambda folder, name: lc.load(folder / name, dt=1e-3)),
     Reader("lava-dl network", "hdf5", net_files, lambda folder, name: lc.load(folder / name)),
-    Reader("slayer checkpoint", "zip", slayer_checkpoints, lambda folder, _: lc.load(folder / "model.pt", folder / "net.yaml")),
+    Reader("slayer checkpoint", "zip", slayer_checkpoints, lambda folder, name: lc.load(folder / name, folder / "net.yaml")),
     Reader("slayer YAML", "text", slayer_configs, lambda folder, _: lc.load(folder / "model.pt", folder / "net.yaml")),
     Reader("events .npy", "bytes", recordings("a.npy"), read_events),
     Reader("labels .npy", "bytes", labels_beside, lambda folder, _: read_recordings(folder / "a.npy")),

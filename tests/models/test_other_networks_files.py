@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 
 from locsnn_compile.data.sensor import LOCATION_ORDERS
 from locsnn_compile.data.taxel_graph import taxel_graph
+from locsnn_compile.data.tensors import Tensor
+from locsnn_compile.data.torch_file import load_plain
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.architectures import ARCHITECTURES
 from locsnn_compile.models.checkpoint import save_checkpoint
@@ -117,7 +118,7 @@ GRAPH_FAULTS = [
         id="theta",
     ),
     pytest.param(
-        put("weights", "time_graph", value=torch.zeros(3, 5)),
+        put("weights", "time_graph", value=Tensor("torch.float32", (3, 5))),
         f", population 'time_graph': its weights have another shape (got (3, 5) against (3, 6) (out, in)). {AGAIN}",
         id="weights of another graph",
     ),
@@ -127,7 +128,7 @@ GRAPH_FAULTS = [
 @pytest.fixture(scope="module")
 def graph_values(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     path = save(tmp_path_factory.mktemp("graph") / "small.pt", "hybrid-graph")
-    values: dict[str, Any] = torch.load(path, weights_only=True)
+    values: dict[str, Any] = load_plain(path.read_bytes(), "x", fix="")  # type: ignore[assignment]
     return values
 
 
@@ -169,7 +170,7 @@ WINDOW_FAULTS = [
 
 @pytest.mark.parametrize(("key", "value", "message"), WINDOW_FAULTS)
 def test_faults_of_windows_are_named(key: str, value: Any, message: str, tmp_path: Path) -> None:
-    values: dict[str, Any] = torch.load(save(tmp_path / "small.pt", "window-snn"), weights_only=True)
+    values: dict[str, Any] = load_plain(save(tmp_path / "small.pt", "window-snn").read_bytes(), "x", fix="")  # type: ignore[assignment]
     values["neuron"][key] = value
     with pytest.raises(InputError) as caught:
         parse_checkpoint(values, "checkpoint 'small.pt'", "small.pt", "0" * 64)
@@ -190,7 +191,7 @@ def test_a_weight_that_is_not_finite_is_named_by_its_place(tmp_path: Path) -> No
 
 @pytest.mark.parametrize(("version", "name"), [(3, "tactile-snn"), (1, "gru-mlp")], ids=["new", "old"])
 def test_a_version_that_does_not_hold_such_networks(version: int, name: str, tmp_path: Path) -> None:
-    values: dict[str, Any] = torch.load(save(tmp_path / "small.pt", name), weights_only=True)
+    values: dict[str, Any] = load_plain(save(tmp_path / "small.pt", name).read_bytes(), "x", fix="")  # type: ignore[assignment]
     values["version"] = version
     if version == 3:
         values |= {"graph": None, "neuron": {}}

@@ -12,6 +12,7 @@ half to even, as slayerPytorch quantises them in every forward pass; each of the
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -22,6 +23,7 @@ import numpy as np
 
 from hw_model.mapping.graph import Axis, Readout
 from locsnn_compile.data.sensor import channel_walk, parse_location_order
+from locsnn_compile.data.tensors import FLOATS, Tensor
 from locsnn_compile.data.torch_file import load_plain, read_bytes
 from locsnn_compile.errors import InputError, check_most, did_you_mean
 from locsnn_compile.frontends.slayer.config import DEFAULT_ORDER, LoihiNeuron, SlayerConfig, read_config
@@ -218,13 +220,14 @@ def _tensors(held: object, where: str) -> dict[str, Any]:
         raise InputError(where, "it is no state dict", measured=f"a {type(held).__name__}", fix=_FIX)
     found: dict[str, Any] = {}
     for key, tensor in held.items():
-        if not isinstance(key, str) or len(key) > 200 or not hasattr(tensor, "detach"):
+        if not isinstance(key, str) or len(key) > 200 or not isinstance(tensor, Tensor):
             continue
         place = f"{where}, entry {key!r}"
-        if str(tensor.layout) != "torch.strided" or not tensor.dtype.is_floating_point:
-            raise InputError(place, "it is no dense float tensor", measured=f"{tensor.dtype}", fix=_FIX)
-        check_most(tensor.numel(), MAX_WEIGHTS, place, "too many weights", fix="Give a smaller layer.")
-        array = tensor.detach().double().numpy()
+        if not tensor.dense or tensor.dtype not in FLOATS:
+            raise InputError(place, "it is no dense float tensor", measured=tensor.dtype, fix=_FIX)
+        check_most(math.prod(tensor.shape), MAX_WEIGHTS, place, "too many weights", fix="Give a smaller layer.")
+        with np.errstate(invalid="ignore"):
+            array = np.array(tensor.array(), dtype=np.float64)
         if not np.isfinite(array).all():
             raise InputError(place, "a weight is not a finite number", fix="Train again.")
         found[key.removeprefix("module.")] = array

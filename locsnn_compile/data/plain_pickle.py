@@ -1,0 +1,148 @@
+"""Read pickles without running them: the opcodes that torch writes, a fixed list of names, and a bound on all work.
+
+Nothing that a pickle says is followed further than that. A value that unfolds to more than is read, nests too deeply or
+holds itself is refused, so that whoever prints, compares or walks it comes to an end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sized
+from typing import IO, Any
+
+from locsnn_compile.errors import check_most
+
+MAX_VALUES = 2_000_000
+"""Most steps of a pickle, and most values that it unfolds to; 16 characters of text are one."""
+MAX_DEPTH = 200
+MAX_KEY = 16
+
+_KEYS = frozenset((str, int, float, bool, bytes, type(None)))
+_PLAIN = frozenset(("BININT", "BININT1", "BININT2", "LONG1", "BINFLOAT", "BINUNICODE"))
+_NEW: dict[str, Callable[[], object]] = {
+    "NONE": lambda: None,
+    "NEWTRUE": lambda: True,
+    "NEWFALSE": lambda: False,
+    "EMPTY_TUPLE": tuple,
+    "EMPTY_LIST": list,
+    "EMPTY_DICT": dict,
+}
+_LAST = {"TUPLE1": 1, "TUPLE2": 2, "TUPLE3": 3, "APPEND": 1, "SETITEM": 2}
+"""How many values an opcode takes off the stack, where it does not take those since the last mark."""
+_MARKED = frozenset(("TUPLE", "APPENDS", "SETITEMS"))
+
+
+class RefusedError(ValueError):
+    """A pickle asks for something that is not on the list; the text is its name."""
+
+
+class Budget:
+    """How much of a file may still be read; ``InputError`` where it asks for more."""
+
+    def __init__(self, where: str) -> None:
+        self.where, self.used = where, 0
+
+    def take(self, amount: int) -> None:
+        """Count values."""
+        self.used += amount
+        fix = "Save numbers as tensors."
+        check_most(self.used, MAX_VALUES, self.where, "it holds too many values", fix=fix)
+
+
+def read_pickle(
+    stream: IO[bytes], named: Callable[[str], object], stored: Callable[[object], object], budget: Budget
+) -> object:
+    """Return the value of the pickle at the stream, which is then behind it.
+
+    ``named`` gives the value of a global, or a function that may be called with what the pickle holds; ``stored`` the
+    value of a persistent id. Raises ``RefusedError``, ``InputError`` for too much, and any other exception
+    for bytes that make no sense.
+    """
+    from pickletools import genops
+
+    stack: list[Any] = []
+    marked: list[list[Any]] = []
+    memo: dict[int, Any] = {}
+    arg: Any
+    for opcode, arg, _ in genops(stream):
+        name = opcode.name
+        budget.take(1 + _cost(arg))
+        if name in _PLAIN:
+            stack.append(arg)
+        elif name in _NEW:
+            stack.append(_NEW[name]())
+        elif name in ("BINPUT", "LONG_BINPUT"):
+            memo[arg] = stack[-1]
+        elif name in ("BINGET", "LONG_BINGET"):
+            stack.append(memo[arg])
+        elif name == "MARK":
+            marked.append(stack)
+            stack = []
+        elif name in _MARKED:
+            items, stack = stack, marked.pop()
+            _put(stack, items, name)
+        elif name in _LAST:
+            items = [stack.pop() for _ in range(_LAST[name])][::-1]
+            _put(stack, items, name)
+        elif name == "SHORT_BINSTRING":
+            # A text of Python 2; the library takes its bytes for Latin-1.
+            stack.append(arg.encode("latin-1").decode("utf-8"))
+        elif name == "GLOBAL":
+            stack.append(named(arg.replace(" ", ".", 1).replace("__builtin__.", "builtins.", 1)))
+        elif name in ("REDUCE", "NEWOBJ"):
+            arguments, made = stack.pop(), stack.pop()
+            budget.take(_cost(arguments))
+            budget.take(sum(map(_cost, arguments)))
+            stack.append(made(*arguments))
+        elif name == "BUILD":
+            # Attributes, as those of an OrderedDict or a Parameter, are not looked at.
+            stack.pop()
+        elif name == "BINPERSID":
+            stack.append(stored(stack.pop()))
+        elif name not in ("PROTO", "STOP"):
+            raise RefusedError(f"opcode {name}")
+    (value,) = stack
+    _check_tree(value, Budget(budget.where))
+    return value
+
+
+def filled(pairs: Iterable[tuple[Any, Any]], into: dict[Any, Any]) -> dict[Any, Any]:
+    """Put pairs into a dict; keys are plain values or short tuples of them, for others may take for ever to hash."""
+    for key, value in pairs:
+        parts = key if type(key) is tuple and len(key) <= MAX_KEY else (key,)
+        if any(type(part) not in _KEYS or (type(part) is int and abs(part) >> 60) for part in parts):
+            raise ValueError("a key that is no plain value")
+        into[key] = value
+    return into
+
+
+def _cost(value: object) -> int:
+    return len(value) // (16 if isinstance(value, str) else 1) if isinstance(value, Sized) else 0
+
+
+def _put(stack: list[Any], items: list[Any], name: str) -> None:
+    """Put values onto the stack as a tuple, or into the list or dict on top of it."""
+    if name.startswith("TUPLE"):
+        stack.append(tuple(items))
+    elif name.startswith("APPEND") and type(stack[-1]) is list:
+        stack[-1].extend(items)
+    elif name.startswith("SETITEM") and type(stack[-1]) is dict:
+        filled(zip(items[::2], items[1::2], strict=True), stack[-1])
+    else:
+        raise ValueError(f"{name} onto a {type(stack[-1]).__name__}")
+
+
+def _check_tree(root: object, budget: Budget) -> None:
+    """Refuse a value of too many parts, shared ones counted wherever they are, or too deep; a cycle is both."""
+    level = [root]
+    for _ in range(MAX_DEPTH):
+        below: list[object] = []
+        for value in level:
+            if callable(value):
+                raise RefusedError("a function")
+            if isinstance(value, list | tuple | dict):
+                budget.take(len(value))
+                below.extend(value.values() if isinstance(value, dict) else value)
+        level = below
+        if not level:
+            return
+    raise ValueError("it nests too deeply")

@@ -1,0 +1,37 @@
+"""Write torch's files, with torch, which is installed for training only: nothing here is needed to compile."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import numpy as np
+
+from locsnn_compile.errors import InputError
+
+
+def need_torch(where: str) -> None:
+    """Raise ``InputError`` where torch is not installed; ``where`` says what needs it."""
+    try:
+        import torch  # noqa: F401
+    except ImportError:
+        fix = "Install it with: pip install 'locsnn-compile[train]'."
+        raise InputError(where, "it needs torch, which is not installed", fix=fix) from None
+
+
+def torch_bytes(values: dict[str, Any], where: str) -> bytes:
+    """Return the file of a dict of plain values, dicts, and arrays, which become tensors."""
+    need_torch(where)
+    import torch
+
+    content = io.BytesIO()
+    torch.save(_with_tensors(values), content)
+    return content.getvalue()
+
+
+def _with_tensors(value: Any) -> Any:
+    import torch
+
+    if isinstance(value, dict):
+        return {key: _with_tensors(entry) for key, entry in value.items()}
+    return torch.tensor(value) if isinstance(value, np.ndarray) else value
