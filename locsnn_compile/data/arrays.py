@@ -115,26 +115,23 @@ def _torch_entries(data: bytes, where: str) -> dict[str, NDArray[Any]]:
         )
     entries: dict[str, NDArray[Any]] = {}
     for name, entry in found.items():
-        if isinstance(entry, Tensor):
-            entries[str(name)] = _tensor_array(entry, where, str(name)[:40])
-        elif name in _BESIDE and isinstance(entry, int | float | list):
+        if name in _BESIDE and isinstance(entry, int | float | list):
             entries[str(name)] = _plain_array(entry, where, str(name))
         elif entry is not None:
-            raise _no_array(where, str(name)[:40], type(entry).__name__, "Give the recordings as one tensor.")
+            entries[str(name)] = _tensor_array(entry, where, str(name)[:40])
     return entries
 
 
-def _tensor_array(tensor: Tensor, where: str, name: str) -> NDArray[Any]:
-    if not tensor.dense:
-        raise _no_array(where, name, f"{tensor.layout} on {tensor.device}", "Give a dense tensor.")
-    array = tensor.array()
-    if array is None:
-        raise _no_array(where, name, tensor.dtype, "Give uint8.")
-    return array
-
-
-def _no_array(where: str, name: str, measured: str, fix: str) -> InputError:
-    return InputError(where, f"its entry {name!r} is no array", measured=measured, fix=fix)
+def _tensor_array(entry: object, where: str, name: str) -> NDArray[Any]:
+    measured, fix = type(entry).__name__, "Give the recordings as one tensor."
+    if isinstance(entry, Tensor):
+        array = entry.array()
+        if array is not None:
+            return array
+        measured, fix = entry.dtype, "Give uint8."
+        if not entry.dense:
+            measured, fix = f"{entry.layout} on {entry.device}", "Give a dense tensor."
+    raise InputError(where, f"its entry {name!r} is no array", measured=measured, fix=fix)
 
 
 def _plain_array(entry: object, where: str, name: str) -> NDArray[Any]:

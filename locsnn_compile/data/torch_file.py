@@ -13,7 +13,7 @@ import struct
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from hw_model.io.zip_directory import check_directory
 from locsnn_compile.data.plain_pickle import Budget, RefusedError, read_pickle
@@ -69,31 +69,19 @@ def load_plain(data: bytes, where: str, *, fix: str) -> object:
         raise InputError(where, "it is damaged, truncated or not a torch file", fix=fix) from None
 
 
-class _Storages:
-    """The storages of a file by key; called with a persistent id, it gives the tensor that is a whole storage."""
-
-    def __init__(self, found: Callable[[str, int, int], Storage]) -> None:
-        self.held: dict[str, Storage] = {}
-        self._found = found
-
-    def __call__(self, given: object) -> Tensor:
-        if type(given) is not tuple or given[0] != "storage":
-            raise RefusedError("a module")
-        _, dtype, key, _, count, *views = given[:6]
-        if type(key) is not str or type(count) is not int or count < 0:
-            raise ValueError("no storage")
-        width = width_of(dtype.text)
-        if key not in self.held:
-            self.held[key] = self._found(key, count, width)
-        storage = self.held[key]
-        if count * width > storage.size:
-            raise ValueError("a storage that is less than it says")
-        whole = Tensor(dtype.text, (count,), storage=storage, strides=(1,))
-        if not views or views[0] is None:
-            return whole
-        # Before torch 1.0, a storage could be a part of another.
-        _, offset, count = views[0]
-        return rebuilt(whole, offset, (count,), (1,))
+def _storage(given: Any, held: dict[str, Storage], found: Callable[[str, int, int], Storage]) -> Tensor:
+    """Return the tensor that is a storage by its persistent id; the storage is found once, then held by its key."""
+    if type(given) is not tuple or given[0] != "storage":
+        raise RefusedError("a module")
+    _, dtype, key, _, count, *views = given[:6]
+    if type(key) is not str or type(count) is not int:
+        raise ValueError("no storage")
+    if key not in held:
+        held[key] = found(key, count, width_of(dtype.text))
+    whole = Tensor(dtype.text, (), storage=held[key])
+    # Before torch 1.0, a storage could be a part of another.
+    _, offset, size = views[0] if views and views[0] is not None else (key, 0, count)
+    return rebuilt(whole, offset, (size,), (1,))
 
 
 def _from_archive(data: bytes, where: str, fix: str, budget: Budget) -> object:
@@ -123,7 +111,8 @@ def _from_archive(data: bytes, where: str, fix: str, budget: Budget) -> object:
         content = read(f"data/{key}")
         return Storage(len(content), count, content, order)
 
-    return read_pickle(io.BytesIO(read("data.pkl")), named, _Storages(found), budget)
+    held: dict[str, Storage] = {}
+    return read_pickle(io.BytesIO(read("data.pkl")), named, lambda given: _storage(given, held, found), budget)
 
 
 def _from_stream(data: bytes, budget: Budget) -> object:
@@ -132,13 +121,17 @@ def _from_stream(data: bytes, budget: Budget) -> object:
         raise ValueError("another magic number")
     stream = io.BytesIO(data)
     stream.seek(2 + len(_MAGIC))
-    storages = _Storages(lambda key, count, width: Storage(count * width, count))
-    version, _, value, keys = (read_pickle(stream, named, storages, budget) for _ in range(4))
-    if version != _PROTOCOL or not isinstance(keys, list) or set(keys) != set(storages.held):
+    held: dict[str, Storage] = {}
+
+    def stored(given: object) -> Tensor:
+        return _storage(given, held, lambda key, count, width: Storage(count * width, count))
+
+    version, _, value, keys = (read_pickle(stream, named, stored, budget) for _ in range(4))
+    if version != _PROTOCOL or not isinstance(keys, list) or set(keys) != set(held):
         raise ValueError("another version, or storages that are missing")
     rest = memoryview(data)[stream.tell() :]
     for key in keys:
-        storage = storages.held[key]
+        storage = held[key]
         storage.data, after = rest[8 : 8 + storage.size], rest[8 + storage.size :]
         if struct.unpack_from("<q", rest) != (storage.count,) or len(storage.data) < storage.size:
             raise ValueError("a storage that is cut short")

@@ -18,34 +18,19 @@ from locsnn_compile.data.recordings import Origin, Recordings
 from locsnn_compile.data.tensors import Tensor
 from locsnn_compile.data.torch_file import load_plain, read_bytes
 from locsnn_compile.errors import InputError, did_you_mean
-from locsnn_compile.models.checkpoint import (
-    CHIP_VERSION,
-    FORMAT,
-    VERSION,
-    Checkpoint,
-    Plain,
-    check_weights,
-)
+from locsnn_compile.models.checkpoint import CHIP_VERSION, FORMAT, VERSION, Checkpoint, Plain, check_weights
 from locsnn_compile.models.chip_entry import parse_chip_entry
 from locsnn_compile.models.chip_numbers import ChipNumbers
 from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, NeuronParameters
 from locsnn_compile.models.graph_parameters import GraphParameters
-from locsnn_compile.models.plain_checks import KIND_WORDS, WRITE_AGAIN, field_kinds, file_fault, is_one_of
+from locsnn_compile.models.plain_checks import KIND_WORDS, WRITE_AGAIN, field_kinds, file_fault, is_one_of, is_whole
 from locsnn_compile.models.windows import WindowParameters
 
 _KEYS: dict[str, tuple[type, ...]] = {
-    "format": (str,),
-    "version": (int,),
-    "name": (str,),
-    "architecture": (str,),
-    "neuron": (dict,),
-    "input": (dict,),
-    "location_order": (dict, type(None)),
-    "hidden": (int,),
-    "classes": (int,),
-    "weights": (dict,),
-    "recordings": (dict, type(None)),
-    "training": (dict,),
+    **dict.fromkeys(("format", "name", "architecture"), (str,)),
+    **dict.fromkeys(("version", "hidden", "classes"), (int,)),
+    **dict.fromkeys(("neuron", "input", "weights", "training"), (dict,)),
+    **dict.fromkeys(("location_order", "recordings"), (dict, type(None))),
 }
 
 
@@ -75,21 +60,15 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
     if not isinstance(values, dict) or values.get("format") != FORMAT:
         raise file_fault(where, "it is not a checkpoint of this project", _seen(values))
     version = values.get("version")
-    if isinstance(version, int) and not isinstance(version, bool) and version > VERSION:
-        raise InputError(
-            where,
-            "it was written by a newer version",
-            measured=f"version {version} against {VERSION}",
-            fix="Update locsnn-compile.",
-        )
-    more: dict[object, dict[str, tuple[type, ...]]] = {
-        CHIP_VERSION: {"chip": (dict,)},
-        VERSION: {"graph": (dict, type(None))},
-    }
+    against = f"version {version} against {VERSION}"
+    if is_whole(version) and version > VERSION:
+        raise InputError(where, "it was written by a newer version", measured=against, fix="Update locsnn-compile.")
+    more: dict[object, dict[str, tuple[type, ...]]]
+    more = {CHIP_VERSION: {"chip": (dict,)}, VERSION: {"graph": (dict, type(None))}}
     delays: dict[str, tuple[type, ...]] = {"delays": (list,)} if "delays" in values else {}
     _check_keys(where, "", values, _KEYS | more.get(version, {}) | delays)
     if version not in (1, *more):
-        raise file_fault(where, "its version does not exist", f"version {version} against {VERSION}")
+        raise file_fault(where, "its version does not exist", against)
     layout = field_kinds(InputLayout)
     if "event_threshold" not in values["input"]:
         layout = {key: kinds for key, kinds in layout.items() if key != "event_threshold"}
@@ -140,13 +119,9 @@ def _check_keys(where: str, prefix: str, values: Mapping[Any, Any], known: Mappi
     for key, kinds in known.items():
         if key not in values:
             raise file_fault(where, f"entry '{prefix}{key}' is missing")
-        value = values[key]
-        if not is_one_of(value, kinds):
-            raise file_fault(
-                where,
-                f"entry '{prefix}{key}' must be {KIND_WORDS.get(kinds[0], 'a tensor')}",
-                f"got {type(value).__name__}",
-            )
+        if not is_one_of(values[key], kinds):
+            what = f"entry '{prefix}{key}' must be {KIND_WORDS.get(kinds[0], 'a tensor')}"
+            raise file_fault(where, what, f"got {type(values[key]).__name__}")
 
 
 def _name(where: str, key: str, name: str) -> str:
@@ -214,24 +189,18 @@ def _recordings(
         return None
     _check_keys(where, "recordings.", entry, {"spikes": (Tensor,), "labels": (Tensor, type(None))})
     spikes, labels, layout = entry["spikes"], entry["labels"], description.input
+    place, kinds = f"{where}, recordings", (spikes.dtype, None if labels is None else labels.dtype)
     if spikes.shape[1:] != (layout.steps, layout.channels):
-        raise file_fault(
-            f"{where}, recordings",
-            "their shape is not that of the input",
-            f"got {spikes.shape} against (samples, {layout.steps}, {layout.channels})",
-        )
+        measured = f"got {spikes.shape} against (samples, {layout.steps}, {layout.channels})"
+        raise file_fault(place, "their shape is not that of the input", measured)
     dense = spikes.dense and (labels is None or labels.dense)
-    if not dense or spikes.dtype != "torch.uint8" or (labels is not None and labels.dtype != "torch.int64"):
-        raise file_fault(
-            f"{where}, recordings",
-            "spikes must be dense uint8 and labels int64",
-            f"got {spikes.dtype} and {None if labels is None else labels.dtype}",
-        )
+    if not dense or kinds not in (("torch.uint8", "torch.int64"), ("torch.uint8", None)):
+        raise file_fault(place, "spikes must be dense uint8 and labels int64", f"got {kinds[0]} and {kinds[1]}")
     try:
         vector = None if labels is None else labels.array()
         return Recordings(spikes.array(), vector, layout.step_seconds, source, origin)
     except InputError as error:
-        raise InputError(f"{where}, recordings", error.what, measured=error.measured, fix=error.fix) from None
+        raise InputError(place, error.what, measured=error.measured, fix=error.fix) from None
 
 
 def _origin(training: Mapping[str, Plain]) -> Origin:
@@ -242,7 +211,6 @@ def _origin(training: Mapping[str, Plain]) -> Origin:
 def _training(where: str, entry: dict[Any, Any]) -> dict[str, Plain]:
     for key, value in entry.items():
         if not isinstance(key, str) or not isinstance(value, str | int | float | bool | None):
-            raise file_fault(
-                where, f"entry 'training.{str(key)[:60]}' is no plain value", f"got {type(value).__name__}"
-            )
+            what = f"entry 'training.{str(key)[:60]}' is no plain value"
+            raise file_fault(where, what, f"got {type(value).__name__}")
     return dict(entry)

@@ -13,12 +13,7 @@ from typing import Any
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_BITS, WEIGHT_EXPONENTS
-from locsnn_compile.models.chip_numbers import (
-    TRAINED_BITS,
-    ChipNumbers,
-    ChipPopulation,
-    RegisterWidths,
-)
+from locsnn_compile.models.chip_numbers import TRAINED_BITS, ChipNumbers, ChipPopulation, RegisterWidths
 from locsnn_compile.models.plain_checks import file_fault, is_whole
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm
 from locsnn_compile.strategies import TRAINABLE
