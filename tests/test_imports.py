@@ -158,7 +158,7 @@ def test_nothing_that_compiles_reaches_what_imports_torch():
     heavy = {name for name in MODULES if "torch" in roots(imported(ROOT / f"{name}.py", lazy=False))}
     light = [name for name in MODULES if not name.startswith(TRAINS)]
     light += [f"locsnn_compile/models/{name}" for name in ("checkpoint_reader", "windows", "branch_graph")]
-    assert len(heavy) > 15
+    assert len(heavy) > 10
     assert len(light) > 200
     assert not {" > ".join(way) for target, way in reached(light) if target in heavy}
 

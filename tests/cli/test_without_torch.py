@@ -110,3 +110,10 @@ def test_writing_torchs_format_says_how_to_get_torch(tmp_path):
     line = run(COMMAND.format("main"), "events", "touches.npz", "--to", "a.pt", folder=tmp_path, code=2)
     assert line == f"file 'a.pt': it needs torch, which is not installed. {INSTALL}\n"
     assert [path.name for path in tmp_path.iterdir()] == ["touches.npz"]
+
+
+def test_training_from_python_says_it_as_well(tmp_path):
+    script = "import numpy as np, locsnn_compile as lc\nlc.TrainingConfig, lc.EpochRecord, lc.Checkpoint\n{}"
+    run(script.format(""), folder=tmp_path)
+    failed = run(script.format("lc.train(np.ones((2, 9, 78)), labels=[0, 1])\n"), folder=tmp_path, code=1)
+    assert failed.endswith(f"InputError: lc.train: it needs torch, which is not installed. {INSTALL}\n")
