@@ -41,6 +41,23 @@ def test_rounding_is_half_to_even():
     assert weight_grid(8, "mixed").round(np.array([1.0, 3.0, 5.0, -1.0, -3.0])).tolist() == [0, 4, 4, 0, -4]
 
 
+TRIED = np.array([-257, -256, -255, -8, -4, -2, -1, 0, 1, 4, 8, 248, 252, 254, 255, 256])
+
+
+@pytest.mark.parametrize(
+    ("bits", "mode", "held"),
+    [
+        (8, "mixed", [-256, -8, -4, -2, 0, 4, 8, 248, 252, 254]),
+        (8, "excitatory", [0, 1, 4, 8, 248, 252, 254, 255]),
+        (8, "inhibitory", [-255, -8, -4, -2, -1, 0]),
+        (6, "mixed", [-256, -8, 0, 8, 248]),
+        (6, "excitatory", [0, 4, 8, 248, 252]),
+    ],
+)
+def test_what_a_format_holds(bits, mode, held):
+    assert TRIED[~weight_grid(bits, mode).off_grid(TRIED)].tolist() == held
+
+
 @pytest.mark.parametrize("bits", [0, 7, 9, -1])
 def test_widths_that_no_format_has(bits):
     with pytest.raises(InputError) as caught:
