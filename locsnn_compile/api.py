@@ -33,7 +33,7 @@ from locsnn_compile.network.network import Network
 from locsnn_compile.network.recordings import fit_recordings
 from locsnn_compile.passes.quantize import weight_bits_of
 from locsnn_compile.pipeline import Levels
-from locsnn_compile.reference.calibration import calibrate
+from locsnn_compile.reference.evaluate import calibrate
 from locsnn_compile.report.figures.checks import choice_document
 from locsnn_compile.report.figures.document import report_document
 from locsnn_compile.report.renderers.csv_files import csv_files

@@ -19,7 +19,7 @@ from locsnn_compile.errors import TargetError
 from locsnn_compile.network.network import Network
 from locsnn_compile.passes.rounding.task import FINE
 from locsnn_compile.pipeline import Levels, lower
-from locsnn_compile.reference.calibration import Calibration, calibrate
+from locsnn_compile.reference.evaluate import Calibration, calibrate
 from locsnn_compile.settings import Setting
 from locsnn_compile.strategies import STRATEGIES
 from locsnn_compile.verification.error_bounds import ErrorBudget, Losses, default_budget

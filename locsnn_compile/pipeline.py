@@ -17,7 +17,7 @@ from locsnn_compile.network.quantized import QuantizedNetwork
 from locsnn_compile.passes.lower_neurons import lower_neurons
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.passes.rounding.task import NEAREST, Rounding
-from locsnn_compile.reference.calibration import Calibration
+from locsnn_compile.reference.evaluate import Calibration
 
 
 @dataclass(frozen=True, eq=False)

@@ -89,21 +89,13 @@ def _group(
     own: Mapping[str, IntArray],
     joined_to: str | None = None,
 ) -> Compartments:
-    size, last = q.population.size, chip.registers.voltage_max
-    return Compartments(
-        name=name,
-        phase=q.population.axis,
-        size=size,
-        decay_u=integers(decays[0], size),
-        decay_v=integers(decays[1], size),
-        threshold=integers(q.neuron.threshold, size),
-        bias_mantissa=integers(own.get("bias_mantissa", 0), size),
-        bias_exponent=integers(own.get("bias_exponent", 0), size),
-        refractory=integers(own.get("refractory", 1), size),
-        vmin=integers(-last, size),
-        vmax=integers(last, size),
-        joined_to=joined_to,
-    )
+    last = chip.registers.voltage_max
+    settings: dict[str, npt.ArrayLike] = dict(zip(("decay_u", "decay_v"), decays, strict=True))
+    settings |= {"threshold": q.neuron.threshold, "vmin": -last, "vmax": last}
+    settings |= {"bias_mantissa": 0, "bias_exponent": 0, "refractory": 1, **own}
+    size = q.population.size
+    held = {key: integers(value, size) for key, value in settings.items()}
+    return Compartments(name=name, phase=q.population.axis, size=size, joined_to=joined_to, **held)
 
 
 def _self_synapses(q: QuantizedPopulation, chip: Chip) -> list[Synapses]:

@@ -28,7 +28,7 @@ from locsnn_compile.passes.rounding.task import NEAREST, Rounded, Rounding, Scal
 from locsnn_compile.passes.srm.fine import fine_srm
 from locsnn_compile.passes.srm.kernel_fit import kernel_fit
 from locsnn_compile.passes.srm.quantize import quantize_srm
-from locsnn_compile.reference.calibration import Calibration
+from locsnn_compile.reference.evaluate import Calibration
 
 
 def quantize(

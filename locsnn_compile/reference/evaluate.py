@@ -1,11 +1,12 @@
 """The reference: a network evaluated with numpy alone, float neurons in float64, on-grid ones in int64.
 
-Populations that feed each other in a circle are stepped together; all others one after the other.
+Populations that feed each other in a circle are stepped together; all others one after the other. What the float
+network does on calibration recordings is what weights are rounded for, and scales are chosen by.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import singledispatch
 from typing import Any, Protocol
@@ -17,11 +18,13 @@ import numpy.typing as npt
 import hw_model as hw
 from hw_model.description.chip import Registers
 from hw_model.engine.trace import ByteArray
+from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
 from locsnn_compile.network.network import Network, Population
 from locsnn_compile.network.neurons import Cuba, FloatArray, Neuron, SoftCuba, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Matrix, Projection, by_delay, charge
+from locsnn_compile.network.recordings import fit_recordings
 from locsnn_compile.reference.float_neurons import CubaSteps, SoftCubaSteps, SrmSteps
 from locsnn_compile.reference.integer_neurons import ChipCubaSteps, ChipSrmSteps, effective_weights
 
@@ -159,3 +162,35 @@ def _evaluate_together(
 def _effective(projection: Projection | ChipProjection) -> Matrix:
     """Return a projection's weights; integers as effective weights."""
     return effective_weights(projection) if isinstance(projection, ChipProjection) else projection.weights
+
+
+SAMPLES = 256
+"""Of more recordings, so many are taken, evenly spaced: beyond, agreement on others hardly rises."""
+CHUNK = 16
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """``spikes[name]`` (samples, steps, n) of views and populations; ``potential[name]`` likewise, of populations."""
+
+    samples: int
+    source: str
+    spikes: Mapping[str, ByteArray]
+    potential: Mapping[str, npt.NDArray[np.float64]]
+
+
+def calibrate(network: Network, recordings: Recordings, registers: Registers) -> Calibration:
+    """Evaluate the float network on at most :data:`SAMPLES` recordings."""
+    count = len(recordings.spikes)
+    chosen = np.unique(np.linspace(0, count - 1, min(count, SAMPLES)).astype(np.int64))
+    played = fit_recordings(network, recordings.spikes[chosen], recordings.source)
+    chunks = [
+        evaluate(network, played[start : start + CHUNK], potentials=True, registers=registers)
+        for start in range(0, len(played), CHUNK)
+    ]
+    return Calibration(
+        len(played),
+        recordings.source,
+        {name: np.concatenate([chunk.spikes[name] for chunk in chunks]) for name in chunks[0].spikes},
+        {name: np.concatenate([chunk.potential[name] for chunk in chunks]) for name in chunks[0].potential},
+    )

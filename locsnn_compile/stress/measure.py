@@ -19,8 +19,7 @@ from locsnn_compile.network.check import check_network
 from locsnn_compile.network.projections import values_of
 from locsnn_compile.network.recordings import fit_recordings
 from locsnn_compile.pipeline import Levels, lower
-from locsnn_compile.reference.calibration import calibrate
-from locsnn_compile.reference.evaluate import evaluate
+from locsnn_compile.reference.evaluate import calibrate, evaluate
 from locsnn_compile.strategies import NATIVE
 from locsnn_compile.stress.bounds import SOURCES, error_bound
 from locsnn_compile.stress.cases.case import POPULATION, SEED, Case, random_input

@@ -19,7 +19,7 @@ import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.choose_strategy import lower_as
 from locsnn_compile.data.read import read_recordings
-from locsnn_compile.reference.calibration import calibrate
+from locsnn_compile.reference.evaluate import calibrate
 from locsnn_compile.report.figures.checks import cause_entry
 from locsnn_compile.report.figures.document import report_document
 from locsnn_compile.report.format import count, share, short

@@ -34,8 +34,7 @@ from locsnn_compile.passes.kernels import alpha_kernel
 from locsnn_compile.passes.lower_neurons import lower_neurons
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.passes.rounding.task import FINE, Rounding
-from locsnn_compile.reference.calibration import Calibration, calibrate
-from locsnn_compile.reference.evaluate import evaluate
+from locsnn_compile.reference.evaluate import Calibration, calibrate, evaluate
 from locsnn_compile.report.format import energy, share
 from locsnn_compile.verification.matching import PopulationMatch, compare
 

@@ -21,8 +21,7 @@ from locsnn_compile.passes.rounding.grades import Grades, coarsest, nearest
 from locsnn_compile.passes.rounding.task import FINE, NEAREST, Rounding
 from locsnn_compile.passes.rounding.together import round_together
 from locsnn_compile.pipeline import lower
-from locsnn_compile.reference.calibration import SAMPLES, calibrate
-from locsnn_compile.reference.evaluate import evaluate
+from locsnn_compile.reference.evaluate import SAMPLES, calibrate, evaluate
 from locsnn_compile.reference.integer_neurons import effective
 from locsnn_compile.verification.matching import compare
 

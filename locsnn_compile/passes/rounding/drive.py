@@ -13,7 +13,7 @@ from hw_model.engine.trace import ByteArray
 from locsnn_compile.network.neurons import FloatArray, SrmAlpha, alpha_recursion
 from locsnn_compile.network.projections import Projection
 from locsnn_compile.passes.kernels import keeps
-from locsnn_compile.reference.calibration import CHUNK, Calibration
+from locsnn_compile.reference.evaluate import CHUNK, Calibration
 
 INPUTS_MAX = 2048
 """Inputs of a population beyond which their Gram matrix is not made."""

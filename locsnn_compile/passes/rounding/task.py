@@ -14,7 +14,7 @@ from locsnn_compile.network.chip_neurons import ChipNeuron
 from locsnn_compile.network.network import Population
 from locsnn_compile.network.neurons import FloatArray
 from locsnn_compile.network.projections import ChipProjection, Projection, row_maxima
-from locsnn_compile.reference.calibration import Calibration
+from locsnn_compile.reference.evaluate import Calibration
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from locsnn_compile.passes.rounding.task import Rounded, Scaled, Task, heaviest_
 from locsnn_compile.passes.rounding.together import round_together
 from locsnn_compile.passes.srm import dendrite as srm_dendrite
 from locsnn_compile.passes.srm.quantize import of_a_dendrite
-from locsnn_compile.reference.calibration import CHUNK, Calibration
+from locsnn_compile.reference.evaluate import CHUNK, Calibration
 from locsnn_compile.reference.integer_neurons import ChipSrmSteps
 
 SCALES = 2.0 ** (-0.45 * np.arange(6))
