@@ -88,7 +88,7 @@ class _Reader:
         return made
 
     def value(self, hint: Any, value: object, key: str) -> object:
-        """Return a value as its annotation asks; what may be None or of our own type is named in messages by its key."""
+        """Return a value as its annotation asks; messages name it by its key."""
         if hint in (int, float):
             return self.number(value, key, whole=hint is int)
         if hint is str:

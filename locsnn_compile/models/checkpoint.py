@@ -40,8 +40,7 @@ from hw_model.io.shown import shown
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.torch_writer import torch_bytes
 from locsnn_compile.errors import InputError
-from locsnn_compile.models.chip_entry import chip_entry
-from locsnn_compile.models.chip_numbers import ChipNumbers, ChipPopulation
+from locsnn_compile.models.chip_entry import ChipNumbers, ChipPopulation, chip_entry
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.graph_parameters import GraphParameters
 

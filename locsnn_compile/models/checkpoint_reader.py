@@ -19,8 +19,7 @@ from locsnn_compile.data.tensors import Tensor
 from locsnn_compile.data.torch_file import load_plain, read_bytes
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.models.checkpoint import CHIP_VERSION, FORMAT, VERSION, Checkpoint, Plain, check_weights
-from locsnn_compile.models.chip_entry import parse_chip_entry
-from locsnn_compile.models.chip_numbers import ChipNumbers
+from locsnn_compile.models.chip_entry import ChipNumbers, parse_chip_entry
 from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, NeuronParameters
 from locsnn_compile.models.graph_parameters import GraphParameters
 from locsnn_compile.models.plain_checks import KIND_WORDS, WRITE_AGAIN, field_kinds, file_fault, is_one_of, is_whole

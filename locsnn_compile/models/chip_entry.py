@@ -1,22 +1,69 @@
-"""The ``chip`` entry of a checkpoint: integers that a network trained on a chip's arithmetic is loaded with.
+"""What a network trained on the chip's arithmetic is made of: registers and synapse formats, no float but its scale.
 
-Read with every value checked against what the chip's registers and formats hold; written in the same order.
+And the ``chip`` entry of a checkpoint that holds these integers: read with every value checked against what the chip's
+registers and formats hold; written in the same order. Nothing here imports torch, so that the compiler reads them too.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import asdict, fields
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_BITS, WEIGHT_EXPONENTS
-from locsnn_compile.models.chip_numbers import TRAINED_BITS, ChipNumbers, ChipPopulation, RegisterWidths
+from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_BITS, WEIGHT_EXPONENTS, WeightGrid, weight_grid
 from locsnn_compile.models.plain_checks import file_fault, is_whole
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm
 from locsnn_compile.strategies import TRAINABLE
+
+
+@dataclass(frozen=True)
+class RegisterWidths:
+    """Widths of registers in bits, the sign not counted."""
+
+    charge_bits: int = 21
+    current_bits: int = 23
+    voltage_bits: int = 23
+
+
+USUAL_REGISTERS = RegisterWidths()
+"""Those of the chips that ship."""
+TRAINED_BITS = range(9, 30)
+"""Widths that networks are trained on: no sum on the way needs more than 32 bits."""
+
+
+@dataclass(frozen=True, eq=False)
+class ChipPopulation:
+    """A population on the chip, and the synapses onto it.
+
+    - ``neuron``: all neurons of it have the same integers, and one decay of current and voltage.
+    - ``exponent`` and ``weight_bits``: format of the incoming weights, positive and negative ones apart.
+    - ``scale``: register units of a potential of 1 in the float network; ``unit``: the float weight of a mantissa of 1.
+    """
+
+    neuron: ChipNeuron
+    exponent: int
+    weight_bits: int
+    scale: float
+    unit: float
+
+    @property
+    def grid(self) -> WeightGrid:
+        """The magnitudes that a mantissa may have."""
+        return weight_grid(self.weight_bits, "excitatory")
+
+
+@dataclass(frozen=True)
+class ChipNumbers:
+    """A network's populations, the strategy they are laid out by, and the chip whose arithmetic they follow."""
+
+    target: str
+    strategy: str
+    populations: Mapping[str, ChipPopulation]
+    registers: RegisterWidths = USUAL_REGISTERS
+
 
 #: field -> lowest and highest value of a whole number on any chip that networks are trained for.
 _RANGES: dict[str, tuple[int, int]] = {

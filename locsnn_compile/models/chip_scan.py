@@ -14,7 +14,7 @@ import numpy as np
 from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT
 from hw_model.engine.compiled import compiled, inlined
 from hw_model.engine.lane_arithmetic import rz, wrap
-from locsnn_compile.models.chip_numbers import RegisterWidths
+from locsnn_compile.models.chip_entry import RegisterWidths
 
 Ends = tuple[np.int32, np.int32, np.int32]
 

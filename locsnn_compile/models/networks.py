@@ -17,8 +17,8 @@ from torch import Tensor, nn
 
 from locsnn_compile.models.ann import ArtificialNetwork, Cnn3d, GruMlp
 from locsnn_compile.models.branch_graph import branch_graph
+from locsnn_compile.models.chip_entry import ChipNumbers
 from locsnn_compile.models.chip_layers import ChipLayer
-from locsnn_compile.models.chip_numbers import ChipNumbers
 from locsnn_compile.models.dense_layer import INITIAL_SCALE
 from locsnn_compile.models.description import LifParameters, NetworkDescription
 from locsnn_compile.models.graph_layer import GraphLayer

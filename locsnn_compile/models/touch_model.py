@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from locsnn_compile.errors import InputError
-from locsnn_compile.models.chip_numbers import ChipNumbers
+from locsnn_compile.models.chip_entry import ChipNumbers
 from locsnn_compile.models.description import NetworkDescription
 
 

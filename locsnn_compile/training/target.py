@@ -15,7 +15,7 @@ import hw_model as hw
 from locsnn_compile.errors import TargetError
 from locsnn_compile.frontends.checkpoint import network_of
 from locsnn_compile.models.checkpoint import Checkpoint
-from locsnn_compile.models.chip_numbers import TRAINED_BITS, ChipNumbers, ChipPopulation, RegisterWidths
+from locsnn_compile.models.chip_entry import TRAINED_BITS, ChipNumbers, ChipPopulation, RegisterWidths
 from locsnn_compile.models.description import NetworkDescription
 from locsnn_compile.network.chip_neurons import ChipCuba, integers
 from locsnn_compile.passes.kernels import alpha_kernel

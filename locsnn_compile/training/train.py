@@ -22,7 +22,7 @@ from hw_model.io.files import replace_file
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import Checkpoint
-from locsnn_compile.models.chip_numbers import ChipNumbers
+from locsnn_compile.models.chip_entry import ChipNumbers
 from locsnn_compile.models.description import NetworkDescription
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.models.touch_model import TouchModel

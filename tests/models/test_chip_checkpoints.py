@@ -14,8 +14,7 @@ from locsnn_compile.data.sensor import parse_location_order
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import save_checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
-from locsnn_compile.models.chip_entry import chip_entry
-from locsnn_compile.models.chip_numbers import ChipNumbers, ChipPopulation
+from locsnn_compile.models.chip_entry import ChipNumbers, ChipPopulation, chip_entry
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm

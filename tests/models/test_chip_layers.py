@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 import hw_model as hw
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS, weight_grid
+from locsnn_compile.models.chip_entry import USUAL_REGISTERS, ChipPopulation, RegisterWidths
 from locsnn_compile.models.chip_layers import ChipLayer
-from locsnn_compile.models.chip_numbers import USUAL_REGISTERS, ChipPopulation, RegisterWidths
 from locsnn_compile.models.description import NeuronParameters
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm
 from locsnn_compile.strategies import TRAINABLE

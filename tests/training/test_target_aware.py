@@ -18,7 +18,7 @@ from locsnn_compile.errors import InputError, TargetError
 from locsnn_compile.frontends import load
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
-from locsnn_compile.models.chip_numbers import RegisterWidths
+from locsnn_compile.models.chip_entry import RegisterWidths
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.pipeline import lower
 from locsnn_compile.strategies import TRAINABLE

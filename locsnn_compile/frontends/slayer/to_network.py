@@ -27,8 +27,7 @@ from locsnn_compile.data.tensors import FLOATS, Tensor
 from locsnn_compile.data.torch_file import load_plain, read_bytes
 from locsnn_compile.errors import InputError, check_most, did_you_mean
 from locsnn_compile.frontends.slayer.config import DEFAULT_ORDER, LoihiNeuron, SlayerConfig, read_config
-from locsnn_compile.frontends.slayer.kernels import check_kernels, cut
-from locsnn_compile.frontends.slayer.layers import dense_layer, listed_layers
+from locsnn_compile.frontends.slayer.layers import check_kernels, cut, dense_layer, listed_layers
 from locsnn_compile.frontends.synthetic_input import synthetic_recordings, touch_fingertips
 from locsnn_compile.models.checkpoint import FORMAT
 from locsnn_compile.network.chip_neurons import ChipCuba
