@@ -148,7 +148,7 @@ def compile(
     """
     known = (AUTO, *STRATEGIES)
     if strategy not in known:
-        raise InputError(f"strategy {strategy!r}", "SRM neurons are not lowered so", fix=did_you_mean(strategy, known))
+        raise InputError(f"strategy {strategy!r}", "unknown lowering strategy", fix=did_you_mean(strategy, known))
     chip = hw.chip(target) if profile is None else hw.priced_by(hw.chip(target), profile)
     weight_bits = weight_bits_of(chip, weight_bits)
     _check_share(split_weights)
@@ -277,7 +277,7 @@ def _lower(
     if asked.strategy not in {AUTO, *found} and not (asked.strategy == "reset" and found == {NATIVE}):
         raise InputError(
             f"strategy {asked.strategy!r}",
-            "no neuron of this model is lowered so",
+            "no neuron of this model uses it",
             measured=f"its neurons are {levels.quantized.strategy}",
             fix="Leave the strategy out.",
         )
@@ -297,7 +297,7 @@ def _check_share(share: float | None) -> None:
     """Refuse a share of split weights that is none."""
     if share is not None and not 0 <= share <= 1:
         raise InputError(
-            "split_weights", "it is no share of the weights", measured=f"{share:g} against 0..1", fix="Give 0 to 1."
+            "split_weights", "it is not a share of the weights", measured=f"{share:g} against 0..1", fix="Give 0 to 1."
         )
 
 

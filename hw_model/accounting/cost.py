@@ -49,7 +49,7 @@ class Latency:
     total_ns: float
     by_phase_ns: Mapping[str, float]
     critical_core: int
-    """The core that was last in most of the time."""
+    """The core that finished last for most of the time."""
     after_last_row_ns: float
     """What is left to do when the last row has come: its step, and the phases that need the whole recording."""
     slowest_step_ns: float

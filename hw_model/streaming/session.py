@@ -142,7 +142,7 @@ def location_share(psi: float, step: IntArray, steps: int) -> FloatArray:
 def check_psi(psi: float) -> None:
     """Refuse a psi that is negative or not a number."""
     if not (np.isfinite(psi) and psi >= 0):
-        raise InputError("psi", "it is no rate", measured=f"got {psi}", fix="Give 0 or more, such as 10.")
+        raise InputError("psi", "it is not a valid rate", measured=f"got {psi}", fix="Give 0 or more, such as 10.")
 
 
 class _Output(NamedTuple):

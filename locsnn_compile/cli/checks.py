@@ -33,7 +33,7 @@ def check_number(option: str, value: float | None, what: str, holds: Callable[[f
 
 def check_psi(psi: float | None) -> None:
     """Refuse a rate below 0."""
-    check_number("--psi", psi, "it is no rate", lambda x: x >= 0, "Give 0 or more, such as 10.")
+    check_number("--psi", psi, "it is not a valid rate", lambda x: x >= 0, "Give 0 or more, such as 10.")
 
 
 def recording_of(asked: int | None, recordings: Recordings) -> int:

@@ -31,21 +31,19 @@ Without --events the check plays recordings that the model carries, else synthet
 Exit codes: 0 done; 1 the chip cannot hold the model; 2 wrong usage or unreadable input; 3 a gate failed.
 """
 _STRATEGY = (
-    f"lowering of SRM neurons: {', '.join(STRATEGIES)}, or auto, the cheapest within "
-    "--min-agreement and --max-spike-error, by default what dendrite keeps (default auto)"
+    f"lowering of SRM neurons: {', '.join(STRATEGIES)}, or auto: the cheapest within --min-agreement and "
+    "--max-spike-error, or by default as accurate as dendrite (default auto)"
 )
 _CALIBRATION = (
-    "recordings that weights are rounded for and settings chosen on, of an archive the train part; default: the "
-    "model's own, or synthetic"
+    "recordings for rounding weights and choosing settings (of an archive, the train part; default: the model's own, "
+    "or synthetic)"
 )
 _SPLIT = (
     "weights that get a second synapse for what the first cannot hold: none, all, or a share 0..1 (default: none, or "
     "what --min-agreement and --max-spike-error need)"
 )
-_PROFILE = "costs of the report: a profile of the chip, or a YAML file like one (default: the chip's first)"
-_PSI = (
-    "how late the time-weighted prediction of the report turns to the location branch (default: the model's own, or 10)"
-)
+_PROFILE = "costs for the report: a profile of the chip, or a YAML file like one (default: the chip's first)"
+_PSI = "how late the report's time-weighted prediction shifts to the location branch (default: the model's own, or 10)"
 READ = ("--config", "--events", "--calibration", "--target", "--profile")
 OF_RECORDING = ("vectors", "vcd", "trace", "sanafe")
 
@@ -71,7 +69,7 @@ def parser() -> Parser:
         "--weight-bits", type=int, metavar="BITS", help="1 to 6, or 8 (default: the chip's most); with a bound, at most"
     )
     add("--config", metavar="FILE", help="network description, for model formats that need one; a checkpoint does not")
-    add("--dt", type=number, metavar="SECONDS", help="NIR: seconds of a step (default 1e-4, the convention)")
+    add("--dt", type=number, metavar="SECONDS", help="NIR: seconds per step (default 1e-4, the convention)")
     add(
         "--reset",
         metavar="NAME",
@@ -86,21 +84,16 @@ def parser() -> Parser:
     add("--probe", action="append", default=[], metavar="POPULATION[INDEX]", help="a neuron to show with --emit vcd")
     add("--json", action="store_true", help="print report.json to standard output, and nothing else there")
     add("--quiet", action="store_true", help="print nothing")
-    add("--min-agreement", type=number, metavar="X", help="exit 3 where prediction agreement is below X (0..1)")
+    add("--min-agreement", type=number, metavar="X", help="exit 3 if prediction agreement is below X (0..1)")
     add(
         "--max-spike-error",
         type=number,
         metavar="X",
-        help="exit 3 where more than this share of spikes differs (0..1)",
+        help="exit 3 if more than this share of spikes differs (0..1)",
     )
-    add("--max-energy-nj", type=number, metavar="X", help="exit 3 where a recording takes more nanojoules on average")
-    add(
-        "--max-latency-us",
-        type=number,
-        metavar="X",
-        help="exit 3 where a recording takes more microseconds on average",
-    )
-    add("--max-cores", type=int, metavar="N", help="exit 3 where more cores are used")
+    add("--max-energy-nj", type=number, metavar="X", help="exit 3 if a recording takes over X nanojoules on average")
+    add("--max-latency-us", type=number, metavar="X", help="exit 3 if a recording takes over X microseconds on average")
+    add("--max-cores", type=int, metavar="N", help="exit 3 if more than N cores are used")
     add("--junit", metavar="FILE", help="write the gates as JUnit XML")
     add("--scheduler", metavar="ADDRESS", help="play the recordings on the Dask cluster of this scheduler")
     return made
@@ -195,13 +188,13 @@ def _check_options(args: Namespace) -> None:
         check_known(f"--emit {kind}", "there is no such kind", kind, EMIT_KINDS)
     if args.recording is not None and not set(args.emit) & set(OF_RECORDING):
         raise InputError(
-            "--recording", "nothing that is emitted is of one recording", fix=f"Add --emit {' or '.join(OF_RECORDING)}."
+            "--recording", "nothing emitted is of a single recording", fix=f"Add --emit {' or '.join(OF_RECORDING)}."
         )
     if args.probe and "vcd" not in args.emit:
-        raise InputError("--probe", "nothing that is emitted shows it", fix="Add --emit vcd.")
+        raise InputError("--probe", "nothing emitted shows a neuron", fix="Add --emit vcd.")
     for option, bound in given(args, GATES).items():
         if math.isinf(bound):
-            raise InputError(f"{option} {bound:g}", "nothing is measured against that", fix="Give a finite number.")
+            raise InputError(f"{option} {bound:g}", "it is not a finite bound", fix="Give a finite number.")
     if args.junit and not given(args, GATES):
         raise InputError("--junit", "no gate is asked for", fix=f"Add one of {', '.join(GATES)}.")
 

@@ -81,12 +81,12 @@ def read_report(folder: Path) -> dict[str, Any]:
     fix = "Give a folder that locsnn-compile wrote."
     try:
         if path.stat().st_size > MAX_REPORT_BYTES:
-            raise InputError(where, "its report.json is absurdly large", fix=fix)
+            raise InputError(where, "its report.json is too large", fix=fix)
         document = json.loads(path.read_bytes())
     except OSError as error:
         raise InputError(where, f"report.json cannot be read: {error.strerror}", fix=fix) from error
     except (ValueError, RecursionError) as error:
         raise InputError(where, "report.json is damaged", fix=fix) from error
     if not isinstance(document, dict) or not str(document.get("schema", "")).startswith("locsnn-report/"):
-        raise InputError(where, "report.json is no report", fix=fix)
+        raise InputError(where, "report.json is not a report", fix=fix)
     return document

@@ -88,13 +88,13 @@ def statistics_lines(found: EventStatistics) -> list[str]:
         f"{found.source}: {plural(found.recordings, 'recording')}, "
         f"{plural(found.steps, 'step')}{seconds}, {plural(found.channels, 'channel')}",
         f"labels            {_labels(found.labels)}",
-        f"events            {events.mean:.1f} a recording ({events.least} to {events.most}), "
+        f"events            {events.mean:.1f} per recording ({events.least} to {events.most}), "
         f"{100 * found.events.share_of_bins:.2f} % of bins",
     ]
     if found.binning is not None:
         lines.append(f"binning           {found.binning.words}")
     if rate is not None:
-        lines.append(f"rate              {rate:.3g} Hz a channel, {rate * found.channels:.4g} Hz in all")
+        lines.append(f"rate              {rate:.3g} Hz per channel, {rate * found.channels:.4g} Hz in all")
     lines += [
         f"silent at start   {_spread(silence.start_steps)}",
         f"silent at end     {_spread(silence.end_steps)}",

@@ -49,7 +49,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("model", metavar="MODEL", help="a checkpoint (.pt) of `locsnn train`, a NIR graph (.nir), a lava-dl net (.net)")
     add("--config", metavar="FILE", help="network description, for model formats that need one; a checkpoint does not")
-    add("--dt", type=float, metavar="SECONDS", help="NIR: seconds of a step (default 1e-4, the convention)")
+    add("--dt", type=float, metavar="SECONDS", help="NIR: seconds per step (default 1e-4, the convention)")
     add("--reset", metavar="NAME", help="NIR: what a spike does to the potential (default zero)")
     add("--discretisation", metavar="NAME", help="NIR: euler, hold or exact (default euler)")
     add("--events", metavar="FILE", help="recordings to compare on (default: synthetic touches)")
@@ -171,7 +171,7 @@ def _check_options(args: argparse.Namespace, wanted: Mapping[str, Sequence[Value
             upper = "up" if most == math.inf else f"to {most}"
             raise InputError(f"{option} {value:g}", "it is out of range", fix=f"Give a number from {least} {upper}.")
     if args.workers and args.scheduler:
-        raise InputError("--workers", "a scheduler brings its own", fix="Leave out --workers or --scheduler.")
+        raise InputError("--workers", "a scheduler has workers of its own", fix="Leave out --workers or --scheduler.")
 
 
 def _print(found: Exploration, folder: Path, names: Sequence[str]) -> None:

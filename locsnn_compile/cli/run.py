@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
     chunks = iter([read_for_program(args, args.events, program)]) if again else chunks_for_program(args, program)
     recordings = next(chunks)
     if args.step_seconds is not None and not args.stream and recordings.threshold is None:
-        raise InputError("--step-seconds", "nothing that is asked for is timed", fix="Add --stream.")
+        raise InputError("--step-seconds", "nothing requested is timed", fix="Add --stream.")
     margin = known_margin(args, program) if args.stop == "margin" else None
     counts, tally, rows = hw.Counts(), Counter[str](), list[dict[str, Any]]()
     lines = not (args.json or args.stream)
@@ -133,7 +133,7 @@ def _summary(program: hw.ChipProgram, tally: Counter[str], counts: hw.Counts, to
     if tally["known"]:
         lines.append(f"accuracy {tally['right'] / tally['known']:.3f} on {plural(tally['known'], 'recording')}")
     lines.append(
-        f"mean of a recording: {counts.synaptic_ops / played:.0f} synaptic operations, "
+        f"mean per recording: {counts.synaptic_ops / played:.0f} synaptic operations, "
         f"{sum(totals.values()) / played / 1e6:.2f} µJ (profile {program.chip.default_profile}), "
         f"{plural(counts.wraps, 'wrap')} and {plural(counts.clips, 'clip')} in all"
     )
@@ -168,11 +168,11 @@ def _play_part(program: hw.ChipProgram, engine: Any, part: tuple[Any, Any]) -> t
 
 def _check_options(args: argparse.Namespace) -> None:
     """Refuse options that could only fail after the work is done, or that nothing would come of."""
-    check_known(f"--stop {args.stop}", "recordings are not stopped so", args.stop, STOPS)
+    check_known(f"--stop {args.stop}", "unknown way to stop", args.stop, STOPS)
     by_margin = args.stop == "margin"
     for option, value in (("--calibrate", args.calibrate), ("--margin", args.margin)):
         if value is not None and not by_margin:
-            raise InputError(option, "nothing that is asked for has a margin", fix="Add --stop margin.")
+            raise InputError(option, "nothing requested has a margin", fix="Add --stop margin.")
     if by_margin and (args.calibrate is None) == (args.margin is None):
         both = "is given twice" if args.margin is not None else "is not known"
         raise InputError("--stop margin", f"the margin {both}", fix="Give one of --calibrate FILE and --margin X.")
@@ -183,9 +183,9 @@ def _check_options(args: argparse.Namespace) -> None:
     if args.scheduler and args.stream:
         raise InputError("--scheduler", "steps are timed on this machine", fix="Leave out --scheduler or --stream.")
     if args.psi is not None and not (args.stream or by_margin):
-        raise InputError("--psi", "nothing that is asked for is weighed", fix="Add --stream or --stop margin.")
+        raise InputError("--psi", "nothing requested weighs the branches", fix="Add --stream or --stop margin.")
     check_psi(args.psi)
-    check_number("--margin", args.margin, "it is no lead", lambda x: x > 0, "Give more than 0.")
+    check_number("--margin", args.margin, "it is not a valid lead", lambda x: x > 0, "Give more than 0.")
     check_number("--silence", args.silence, "it is not a number of steps", lambda x: x > 0, "Give 1 or more.")
-    check_number("--step-seconds", args.step_seconds, "it is no time", lambda x: x > 0, "Give more than 0.")
-    check_number("--min-agreement", args.min_agreement, "it is no share", lambda x: 0 <= x <= 1, "Give 0 to 1.")
+    check_number("--step-seconds", args.step_seconds, "it is not a duration", lambda x: x > 0, "Give more than 0.")
+    check_number("--min-agreement", args.min_agreement, "it is not a share", lambda x: 0 <= x <= 1, "Give 0 to 1.")

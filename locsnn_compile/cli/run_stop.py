@@ -124,7 +124,7 @@ def _calibration(args: argparse.Namespace, program: hw.ChipProgram) -> tuple[Rec
     if part is None and Path(args.calibrate).resolve() == Path(args.events).resolve():
         raise InputError(
             f"--calibrate {Path(args.calibrate).name!r}",
-            "these recordings are the ones that are played, and a margin fits those that it was found on",
+            "these recordings are played, too, and a margin always fits those that it was found on",
             fix="Give others.",
         )
     return read_for_program(args, args.calibrate, program, part), part

@@ -24,7 +24,7 @@ class Parser(argparse.ArgumentParser):
     """An argument parser whose errors are one line, like all others."""
 
     def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
-        """Refuse arguments that are no text in this locale: they would be names in reports, which are text."""
+        """Refuse arguments that are not text in this locale: they would be names in reports, which are text."""
         for text in sys.argv[1:] if args is None else args:
             if any("\udc80" <= letter <= "\udcff" for letter in text):
                 self.error(f"argument {text!r} is not text in this locale; rename the file, or choose a UTF-8 locale")

@@ -13,11 +13,11 @@ from locsnn_compile.cli.shell import EXIT_GATE, progress_bar
 if TYPE_CHECKING:
     from locsnn_compile.stress.row import Row
 
-HELP = "try numbers and inputs at their ends"
+HELP = "try extreme numbers and inputs"
 DESCRIPTION = (
-    "Compile and play networks whose numbers and inputs are at the ends of what there is: time "
-    "constants, thresholds, weights, floats, decays, delays, a million steps. Every row is ok, limited by causes "
-    "that are named and counted, or refused in a line; anything else is unexplained, and exit code 3."
+    "Compile and play networks with extreme numbers and inputs: time constants, thresholds, weights, floats, decays, "
+    "delays, a million steps. Every row is ok, limited by causes that are named and counted, or refused in one line; "
+    "anything else is unexplained and gives exit code 3."
 )
 EXAMPLE = """\
 example:
@@ -31,7 +31,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--target", default="loihi-sim", metavar="CHIP", help="chip name or chip file (default loihi-sim)")
     add("--quick", action="store_true", help="a part of the rows, and long runs of 10,000 steps; seconds, not minutes")
     add("--json", action="store_true", help="print all rows as JSON")
-    add("-o", "--output", type=Path, metavar="FILE", help="write a page of all rows, with pictures beside it")
+    add("-o", "--output", type=Path, metavar="FILE", help="write a page about all rows, with pictures next to it")
 
 
 def run(args: argparse.Namespace) -> int:

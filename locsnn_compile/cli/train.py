@@ -89,7 +89,7 @@ def run(args: argparse.Namespace) -> int:
     check_path(output, f"-o {args.output!r}")
     if output.suffix != ".pt" or output.is_dir() or not output.parent.is_dir():
         raise InputError(
-            f"output {output.name or str(output)!r}", "it is no .pt file in a folder that exists", fix="Correct -o."
+            f"output {output.name or str(output)!r}", "it is not a .pt file in an existing folder", fix="Correct -o."
         )
     from locsnn_compile.data.torch_writer import need_torch
 
@@ -150,7 +150,7 @@ def _check_places(args: argparse.Namespace, output: Path) -> None:
     for path, mark in beside.items():
         if path.exists() and mark not in path.read_bytes():
             raise InputError(
-                option, f"{path.name!r} beside it would be replaced, and no training wrote it", fix="Write elsewhere."
+                option, f"{path.name!r} next to it would be replaced, but no training wrote it", fix="Write elsewhere."
             )
     if args.resume and not _state_path(output).exists():
         raise InputError(

@@ -1,4 +1,4 @@
-"""Speed against error against energy: settings of the compiler measured beside each other, and one recommended.
+"""Speed against error against energy: settings of the compiler measured next to each other, and one recommended.
 
     grid -> study -> sweep (here, in processes, or on Dask; finished points in a store) -> front -> recommend -> files
 

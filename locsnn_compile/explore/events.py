@@ -59,7 +59,7 @@ def choose_events(network: Network, events: str | None, part: str | None, bound:
     if part is None and parts == (REPORTING,):
         raise InputError(
             f"events {Path(events).name!r}",
-            "there is only a test part, and nothing is to be chosen on that",
+            "it has only a test part, and no setting may be chosen on that",
             fix="Give other recordings, or say so with --part test.",
         )
     taken = part or (CHOOSING if parts else None)

@@ -59,7 +59,7 @@ def recommend(points: Sequence[Point], budget: ErrorBudget, *, by_default: bool 
         return Recommendation(None, f"no setting keeps {bounds}; {_nearest(front)}")
     taken, figures = min(kept, key=lambda pair: (pair[1].energy_pj, pair[1].chip_time_ns, pair[1].spike_error or 0.0))
     of = plural(len(kept), "setting")
-    spent = f"{energy(figures.energy_pj)} and {time(figures.chip_time_ns)} a recording"
+    spent = f"{energy(figures.energy_pj)} and {time(figures.chip_time_ns)} per recording"
     return Recommendation(taken, f"the least energy, {spent}, of {of} on the front within {bounds}")
 
 

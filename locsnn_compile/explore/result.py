@@ -117,10 +117,8 @@ def figures_picture(found: Exploration) -> bytes:
     """Draw what energy and time on the chip are paid for how few errors; the same figures give the same bytes."""
     profile = next(point.figures.energy_profile for point in found.points if point.figures)
     panels = (
-        _panel(found, f"energy of a recording ({profile})", energy, lambda point, figures: figures.energy_pj),
-        _panel(
-            found, f"time of a recording on the chip ({profile})", time, lambda point, figures: figures.chip_time_ns
-        ),
+        _panel(found, f"energy per recording ({profile})", energy, lambda point, figures: figures.energy_pj),
+        _panel(found, f"time per recording on the chip ({profile})", time, lambda point, figures: figures.chip_time_ns),
     )
     return _picture(found, "speed, error and energy", panels)
 
@@ -134,7 +132,9 @@ def timings_picture(found: Exploration) -> bytes:
         def nanoseconds(point: Point, figures: Figures, engine: str = engine) -> float:
             return 1e9 * point.timings[engine].seconds
 
-        panels.append(_panel(found, f"simulation of a recording, engine {engine}, {many} at a time", time, nanoseconds))
+        panels.append(
+            _panel(found, f"simulation time per recording, engine {engine}, {many} at a time", time, nanoseconds)
+        )
     return _picture(found, "time in the simulator", panels)
 
 

@@ -40,7 +40,7 @@ class Store:
             if document["schema"] != SCHEMA or document["sha256"] != _digest(document["point"]):
                 return None
             point = _point(document["point"], setting)
-        # Whatever else is in the file: it is no point.
+        # Whatever else is in the file: it is not a point.
         except (OSError, ValueError, RecursionError, LookupError, TypeError, AttributeError):
             return None
         return point if point.code == code_version() else None

@@ -24,7 +24,7 @@ def lines(found: Exploration) -> list[str]:
 def warnings(found: Exploration) -> list[str]:
     """Return what must be known before the figures are used."""
     if found.events.part == "test":
-        return ["Chosen on test recordings: figures on these are no test of the choice any more."]
+        return ["Chosen on test recordings: figures on these no longer test the choice."]
     return []
 
 
@@ -52,7 +52,9 @@ def _table(found: Exploration) -> list[str]:
             rows.append([sign, *map(str, point.setting.values), *figure_cells(point.figures), *timings])
         elif point.refusal:
             refused.append(f"{point.setting}: {point.refusal.error()}")
-    timed = [f"{' and '.join(engines)}: the simulator's engines, here and now, a recording."] if engines else []
+    timed = (
+        [f"{' and '.join(engines)}: time per recording in the simulator's engines, on this machine."] if engines else []
+    )
     return [*_aligned(rows, 1 + len(AXES)), *refused, f"* on the front, > recommended. {FRONT_RULE}", *timed]
 
 

@@ -1,4 +1,4 @@
-"""What a report rests on beside the file of the model: the length of a step, and all that had to be assumed."""
+"""What a report rests on besides the file of the model: the length of a step, and all that had to be assumed."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def _of_recordings(network: Network, recordings: Recordings) -> Iterator[str]:
             "others may be lower."
         )
     if recordings.threshold is not None and network.event_threshold is None:
-        yield f"Bins of over {recordings.threshold} events are 1, as is usual; the model does not say (--threshold)."
+        yield f"Bins of more than {recordings.threshold} events are 1, as usual; the model does not say (--threshold)."
     steps = recordings.spikes.shape[1]
     if not network.any_length and steps < network.steps:
         yield f"The recordings have {steps} steps; silence follows, up to the {network.steps} of the model."
@@ -54,8 +54,8 @@ def _of_recordings(network: Network, recordings: Recordings) -> Iterator[str]:
 def _of_step(network: Network, known: float | None) -> Iterator[str]:
     if known is None:
         yield (
-            "How long a step lasts is not known, as neither the model nor the recordings say it (--step-seconds, or "
-            "--dt of a NIR graph): there are no seconds, and no pace against a sensor."
+            "How long a step lasts is not known, because neither the model nor the recordings say it "
+            "(--step-seconds, or --dt of a NIR graph): there are no times in seconds and no comparison with a sensor."
         )
     elif network.step_seconds is None:
         yield f"A step lasts {known:g} s, as wide as the bins of the recordings; the model does not say."

@@ -1,4 +1,4 @@
-"""How near potentials come to their threshold, beside the error of the chip's arithmetic, and how full registers get.
+"""How near potentials come to their threshold, next to the error of the chip's arithmetic, and how full registers get.
 
 The error is that of one neuron by itself: both sides are given the float network's spikes, so that no earlier
 difference is carried along. Where it is larger than the distance to the threshold, a spike may change.

@@ -258,7 +258,7 @@ def _check_labels(network: Network, labels: npt.NDArray[np.int64] | None, sample
     if labels.shape != (samples,):
         raise InputError(
             f"labels of {source!r}",
-            "not one label a recording",
+            "there is not one label per recording",
             measured=f"{labels.shape} against ({samples},)",
             fix="Give one class number for every recording.",
         )

@@ -106,7 +106,7 @@ def by_population(budget) -> str:
 
 
 def by_margin(margins) -> str:
-    head = ["population", "nearest 0.1 %", "nearest 1 %", "nearest 10 %", "median error", "95 % below", "nearer than the error", "decided otherwise", "fullest register", "clips"]  # fmt: skip
+    head = ["population", "nearest 0.1 %", "nearest 1 %", "nearest 10 %", "median error", "95 % below", "closer than the error", "decided differently", "fullest register", "clips"]  # fmt: skip
     rows = []
     for name, one in margins.populations.items():
         registers = [use for group, use in margins.registers.items() if group.split("/")[0] == name]

@@ -120,7 +120,7 @@ def side_by_side(record: Found) -> str:
         )
     limits = record["limits"]
     best = limit_seconds(record)
-    head = ["tool", "mode", "µs a recording", "middle half", "million operations a second", "ratio", "peak MiB"]
+    head = ["tool", "mode", "µs per recording", "middle half", "million operations a second", "ratio", "peak MiB"]
     return f"""### {record["name"]}: {record["text"]}
 
 A recording has {record["synaptic_ops"]:,.0f} synaptic operations, {record["neuron_updates"]:,.0f} compartment updates and {record["spikes"]:,.0f} spikes.
@@ -145,7 +145,7 @@ def sizes(records: dict[str, Found]) -> str:
                 f"{m['first call']:.2f}", f"{m['peak_mib']:,.0f}",
             ]
         )  # fmt: skip
-    head = ["compartments", "synapses", "a layer's MiB", "in", "ms a recording", "million operations"]
+    head = ["compartments", "synapses", "a layer's MiB", "in", "ms per recording", "million operations"]
     return table([*head, "ns an operation", "ns an update", "first call s", "peak MiB"], rows, left=0)
 
 
@@ -167,7 +167,7 @@ def activity(record: Found) -> str:
                 f"{fitted * 1e3:.2f}", f"{m['synaptic_ops'] / m['seconds'] / 1e9:.2f}",
             ]
         )  # fmt: skip
-    head = ["compartments that fire", "million operations", "ms a recording", "line", "billion operations a second"]
+    head = ["compartments that fire", "million operations", "ms per recording", "line", "billion operations a second"]
     updates = record["rates"][0]["neuron_updates"]
     return f"""{table(head, rows, left=0)}
 
@@ -202,13 +202,13 @@ def test_set(records: dict[str, Found]) -> str:
     ]
     return f"""The compiled `objects-hybrid` plays all {found["recordings"]} test recordings of Ev-Objects in {
         found["seconds"] * 1e3:.1f} ms (goal: below 100 ms), in one
-call and after start-up: {times(found["seconds"] / found["recordings"])} µs a recording, {
+call and after start-up: {times(found["seconds"] / found["recordings"])} µs per recording, {
         found["synaptic_ops"] / found["seconds"] / 1e9:.2f} billion synaptic operations and {
         found["neuron_updates"] / found["seconds"] / 1e9:.2f} billion compartment updates a second.
 
 Played again and again as a stream of batches of {found["recordings"]}, in a process of its own:
 
-{table(["recordings", "seconds", "µs a recording", "peak MiB"], rows, left=0)}
+{table(["recordings", "seconds", "µs per recording", "peak MiB"], rows, left=0)}
 
 Start-up, with the program read from its folder. *Cold* is the first run on a machine, which compiles the engine:
 
@@ -236,7 +236,7 @@ def silence(record: Found) -> str:
     ]  # fmt: skip
     saved = 1 - record["seconds"] / record["seconds_without"]
     return f"""The recordings of Ev-Containers begin with {record["silent_rows"]:.0f} silent rows on average, two seconds. The compiled
-`containers-hybrid` takes {times(record["seconds"])} µs a recording, and {times(record["seconds_without"])} µs if told to update everything
+`containers-hybrid` takes {times(record["seconds"])} µs per recording, and {times(record["seconds_without"])} µs if told to update everything
 (`hw.simulate(..., skip=False)`, the same spikes): skipping saves {percent(saved)} of the time.
 
 {table(["", "steps", "steps skipped", "share", "updates in them", "updates at rest"], rows)}

@@ -31,7 +31,7 @@ TEXT = (
 small.npz: 3 recordings, 8 steps of 0.02 s (0.16 s), 78 channels
 labels            2 classes (0: 1, 1: 2)
 events            1.3 a recording (0 to 3), 0.21 % of bins
-rate              0.107 Hz a channel, 8.333 Hz in all
+rate              0.107 Hz per channel, 8.333 Hz in all
 silent at start   4.5 steps (2 to 7)
 silent at end     1.0 steps (0 to 2)
 silent steps      87.5 %, 1 recording without any event

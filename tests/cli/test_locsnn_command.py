@@ -95,8 +95,8 @@ def test_diff_names_what_changed(build, tmp_path, capsys):
     ("content", "line"),
     [
         ("{", "report.json is damaged"),
-        ("[]", "report.json is no report"),
-        ('{"schema": 1}', "report.json is no report"),
+        ("[]", "report.json is not a report"),
+        ('{"schema": 1}', "report.json is not a report"),
     ],
     ids=["damaged", "list", "other"],
 )

@@ -72,7 +72,7 @@ REFUSED = [
     ("train, a second name of its data", "locsnn train --data d.pt -o second-name.pt", f"-o 'second-name.pt': 'second-name.pt' is what --data reads. {ELSEWHERE}"),
     ("train, its start", "locsnn train --data d.npz --from m.pt -o m.pt", f"-o 'm.pt': 'm.pt' is what --from reads. {ELSEWHERE}"),
     ("train, its configuration", "locsnn train --data d.npz --config c.csv -o c.pt", f"-o 'c.pt': 'c.csv' is what --config reads. {ELSEWHERE}"),
-    ("train, a table beside", "locsnn train --data d.npz -o old.pt", "-o 'old.pt': 'old.csv' beside it would be replaced, and no training wrote it. Write elsewhere."),
+    ("train, a table beside", "locsnn train --data d.npz -o old.pt", "-o 'old.pt': 'old.csv' next to it would be replaced, but no training wrote it. Write elsewhere."),
     ("junit, the model", "locsnn-compile m.pt -o o --max-cores 9 --junit m.pt", f"--junit 'm.pt': 'm.pt' is what MODEL reads. {ELSEWHERE}"),
     ("junit, the events", "locsnn-compile m.pt -o o --events d.npz --max-cores 9 --junit d.npz", f"--junit 'd.npz': 'd.npz' is what --events reads. {ELSEWHERE}"),
     ("junit, a recording of a folder", "locsnn-compile m.pt -o o --events recs --max-cores 9 --junit recs/sample_1_label_1.npy", f"--junit 'recs/sample_1_label_1.npy': 'sample_1_label_1.npy' is what --events reads. {ELSEWHERE}"),

@@ -98,7 +98,7 @@ LINES = [
     ("below a file, built", f"{COMPILE} -o d.npz/build", "output 'build': 'd.npz' is a file. Choose a folder with -o."),
     ("the root, a build", f"{COMPILE} -o /", "output '/': cannot be written: it is the root of the file system. Choose a folder you may write to with -o."),
     ("the root, an exploration", f"locsnn explore {MODEL} -o /", "output '/': cannot be written: it is the root of the file system. Choose a folder you may write to with -o."),
-    ("the root, a model", "locsnn train --data d.npz -o /", "output '/': it is no .pt file in a folder that exists. Correct -o."),
+    ("the root, a model", "locsnn train --data d.npz -o /", "output '/': it is not a .pt file in an existing folder. Correct -o."),
     ("the root, a page", "locsnn stress -o /", "-o '/': it is a folder. Give the name of a file."),
     ("the root, a comparison", "locsnn diff build build --html /", "--html '/': it is a folder. Give the name of a file."),
     ("the root, recordings", "locsnn events d.npz --to /", "output '/': cannot be written: it is the root of the file system. Choose a folder you may write to with -o."),

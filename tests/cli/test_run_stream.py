@@ -117,7 +117,7 @@ def test_lines_change_only_with_the_prediction(build, program, capsys):
             f"recording {recording}: class {last[-1]['prediction']}  label {recording}  since step {last[-1]['step']}"
         )
     assert next(lines).startswith("accuracy 0.")
-    assert next(lines).startswith("mean of a recording: ")
+    assert next(lines).startswith("mean per recording: ")
     assert re.fullmatch(r"accuracy over time: (0\.\d{3} after \d\.00 s(, )?){5}", next(lines))
     assert re.fullmatch(
         r"a step took [\d.]+ [µm]s on average, 99 % of them at most [\d.]+ [µm]s, the longest [\d.]+ [µm]s; "
@@ -171,7 +171,7 @@ def test_the_report_follows_predictions_with_a_psi(build, program, capsys):
     assert (entry["psi"], entry["steps"]) == (3.0, list(range(5, 251, 5)))
     assert entry["right"]["time_weighted"] == shares[4::5].tolist()
     assert compile_main([str(MODEL), "--psi", "inf"]) == 2
-    assert capsys.readouterr().err == "--psi: it is no rate (got inf). Give 0 or more, such as 10.\n"
+    assert capsys.readouterr().err == "--psi: it is not a valid rate (got inf). Give 0 or more, such as 10.\n"
 
 
 def test_proven_stops(build, program, capsys):
@@ -288,23 +288,23 @@ def test_the_train_part_calibrates_and_the_test_part_is_played(build, program, c
 @pytest.mark.parametrize(
     ("options", "line"),
     [
-        ("--stop prove", "--stop prove: recordings are not stopped so. Did you mean 'proven'?"),
+        ("--stop prove", "--stop prove: unknown way to stop. Did you mean 'proven'?"),
         ("--stop margin", "--stop margin: the margin is not known. Give one of --calibrate FILE and --margin X."),
         ("--stop margin --margin 3 --calibrate more.npy", "--stop margin: the margin is given twice. Give one of --calibrate FILE and --margin X."),
-        ("--margin 3", "--margin: nothing that is asked for has a margin. Add --stop margin."),
-        ("--stop proven --calibrate more.npy", "--calibrate: nothing that is asked for has a margin. Add --stop margin."),
+        ("--margin 3", "--margin: nothing requested has a margin. Add --stop margin."),
+        ("--stop proven --calibrate more.npy", "--calibrate: nothing requested has a margin. Add --stop margin."),
         ("--stop margin --margin 3 --min-agreement 0.9", "--min-agreement: no margin is calibrated. Add --calibrate FILE."),
         ("--stop silence", "--stop silence: it goes together with --silence N. Give both or neither."),
         ("--silence 3", "--stop silence: it goes together with --silence N. Give both or neither."),
         ("--stop silence --silence 0", "--silence: it is not a number of steps (got 0). Give 1 or more."),
-        ("--stop margin --margin 0", "--margin: it is no lead (got 0). Give more than 0."),
-        ("--stop margin --margin nan", "--margin: it is no lead (got nan). Give more than 0."),
-        ("--stop margin --calibrate more.npy --min-agreement 1.5", "--min-agreement: it is no share (got 1.5). Give 0 to 1."),
-        ("--stop proven --psi 3", "--psi: nothing that is asked for is weighed. Add --stream or --stop margin."),
-        ("--stream --psi -3", "--psi: it is no rate (got -3). Give 0 or more, such as 10."),
-        ("--step-seconds 0.02", "--step-seconds: nothing that is asked for is timed. Add --stream."),
-        ("--stream --step-seconds inf", "--step-seconds: it is no time (got inf). Give more than 0."),
-        ("--stop margin --calibrate few.npy", "--calibrate 'few.npy': these recordings are the ones that are played, and a margin fits those that it was found on. Give others."),
+        ("--stop margin --margin 0", "--margin: it is not a valid lead (got 0). Give more than 0."),
+        ("--stop margin --margin nan", "--margin: it is not a valid lead (got nan). Give more than 0."),
+        ("--stop margin --calibrate more.npy --min-agreement 1.5", "--min-agreement: it is not a share (got 1.5). Give 0 to 1."),
+        ("--stop proven --psi 3", "--psi: nothing requested weighs the branches. Add --stream or --stop margin."),
+        ("--stream --psi -3", "--psi: it is not a valid rate (got -3). Give 0 or more, such as 10."),
+        ("--step-seconds 0.02", "--step-seconds: nothing requested is timed. Add --stream."),
+        ("--stream --step-seconds inf", "--step-seconds: it is not a duration (got inf). Give more than 0."),
+        ("--stop margin --calibrate few.npy", "--calibrate 'few.npy': these recordings are played, too, and a margin always fits those that it was found on. Give others."),
         ("--stop margin --calibrate gone.npy", "file 'gone.npy': it does not exist. Check the path."),
     ],
     ids=["kind", "no margin", "two margins", "margin alone", "calibrate alone", "agreement alone", "no length", "silence alone", "no silence", "no lead", "not a number", "no share", "psi alone", "negative psi", "length alone", "endless step", "same recordings", "no file"],

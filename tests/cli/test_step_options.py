@@ -152,7 +152,7 @@ def test_a_configuration_file_sets_the_steps(slip: Path, tmp_path: Path) -> None
         (
             ["run", "{}/out", "--events", "{}/bare.npz"],
             ["--step-seconds", "0.001"],
-            "--step-seconds: nothing that is asked for is timed. Add --stream.",
+            "--step-seconds: nothing requested is timed. Add --stream.",
         ),
         (
             ["compile", "{}/slip.pt", "--quiet", "-o", "{}/never", "--events", "{}/x.tact"],

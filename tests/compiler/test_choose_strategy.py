@@ -135,11 +135,11 @@ def test_what_chooses_is_not_what_reports():
 @pytest.mark.parametrize(
     ("make", "strategy", "message"),
     [
-        (lambda: hybrid(), "resets", "strategy 'resets': SRM neurons are not lowered so. Did you mean 'reset'?"),
+        (lambda: hybrid(), "resets", "strategy 'resets': unknown lowering strategy. Did you mean 'reset'?"),
         (
             lambda: quantize(single(NEURON), CHIP, 8, "delay-line").on_grid(),
             "dendrite",
-            "strategy 'dendrite': no neuron of this model is lowered so (its neurons are delay-line). "
+            "strategy 'dendrite': no neuron of this model uses it (its neurons are delay-line). "
             "Leave the strategy out.",
         ),
     ],

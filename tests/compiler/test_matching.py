@@ -146,7 +146,7 @@ def test_recordings_that_do_not_fit(levels, shape, message):
 @pytest.mark.parametrize(
     ("labels", "message"),
     [
-        ([0], "labels of 'array': not one label a recording ((1,) against (2,)). Give one class number for every recording."),
+        ([0], "labels of 'array': there is not one label per recording ((1,) against (2,)). Give one class number for every recording."),
         ([0, 2], "labels of 'array': a label is none of the model's classes (0..2 against 0..1). Check that the events belong to this model."),
     ],
     ids=["count", "class"],

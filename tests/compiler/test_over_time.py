@@ -160,4 +160,4 @@ def test_long_recordings_keep_some_steps(levels):
 def test_a_psi_below_zero_is_refused(levels, played):
     with pytest.raises(lc.InputError) as caught:
         over_time(levels, played, None, -1.0)
-    assert str(caught.value) == "psi: it is no rate (got -1.0). Give 0 or more, such as 10."
+    assert str(caught.value) == "psi: it is not a valid rate (got -1.0). Give 0 or more, such as 10."

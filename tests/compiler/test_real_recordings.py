@@ -60,7 +60,7 @@ def test_the_chip_predicts_as_trained(compiled):
 
 
 def test_operations_are_of_the_published_order(compiled):
-    """A quick one-fingertip hybrid took about 0.23 million additions a recording; ANNs at the same input ten times that."""
+    """A quick one-fingertip hybrid took about 0.23 million additions per recording; ANNs at the same input ten times that."""
     report = compiled.report
     assert 1e5 < report["operations"]["published_method"]["operations"] < 5e5
     assert report["ann_comparison"]["cnn-3d"]["ratio"] > 9.8

@@ -210,7 +210,7 @@ def test_choosing_on_test_recordings_is_said(model, divided, tmp_path, capsys):
     grid = narrow("dendrite")
     assert explore(model, "--events", divided, "--part", "test", *grid, "-o", tmp_path / "out") == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[1] == "Chosen on test recordings: figures on these are no test of the choice any more."
+    assert lines[1] == "Chosen on test recordings: figures on these no longer test the choice."
     assert explored(tmp_path / "out")["chosen_on"]["part"] == "test"
 
 
@@ -323,7 +323,7 @@ def test_what_all_settings_share_is_one_error(model, tmp_path, capsys):
         (("--workers", 1000), "--workers 1000: it is out of range. Give a number from 1 to 256."),
         (("--min-agreement", 1.5), "--min-agreement 1.5: it is out of range. Give a number from 0 to 1."),
         (("--max-spike-error", "nan"), "--max-spike-error nan: it is out of range. Give a number from 0 to 1."),
-        (("--workers", 2, "--scheduler", "tcp://a:1"), "--workers: a scheduler brings its own. Leave out --workers or --scheduler."),
+        (("--workers", 2, "--scheduler", "tcp://a:1"), "--workers: a scheduler has workers of its own. Leave out --workers or --scheduler."),
         (("--events", "gone.npz"), "file 'gone.npz': it does not exist. Check the path."),
         (("--target", "loihi"), "target 'loihi': no chip of this name ships. Did you mean 'loihi-sim'? A chip file of your own ends in .yaml."),
     ],
@@ -338,7 +338,7 @@ def test_wrong_usage_is_one_line(model, arguments, line, tmp_path, capsys):
 def test_only_a_test_part_is_refused(model, divided, tmp_path, capsys):
     shutil.copytree(divided / "test", tmp_path / "some/test")
     assert explore(model, "--events", tmp_path / "some", "-o", tmp_path / "out") == 2
-    wanted = "events 'some': there is only a test part, and nothing is to be chosen on that. Give other recordings, or say so with --part test.\n"
+    wanted = "events 'some': it has only a test part, and no setting may be chosen on that. Give other recordings, or say so with --part test.\n"
     assert capsys.readouterr() == ("", wanted)
 
 

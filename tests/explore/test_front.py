@@ -64,9 +64,9 @@ TABLE = [
     ("budget", "taken", "why"),
     [
         (NO_BUDGET, "none", "nothing was compared: no neuron spikes on these recordings, and all class scores tie"),
-        (ErrorBudget(max_spike_error=0.2), "delay-line, 8-bit", "the least energy, 7.00 µJ and 1.10 ms a recording, of 2 settings on the front within --max-spike-error 0.2"),
-        (ErrorBudget(min_agreement=1.0), "dendrite, 8-bit", "the least energy, 12.0 µJ and 2.00 ms a recording, of 1 setting on the front within --min-agreement 1"),
-        (ErrorBudget(0.0, 1.0), "reset, 1-bit", "the least energy, 1.00 µJ and 100 µs a recording, of 4 settings on the front within --min-agreement 0 and --max-spike-error 1"),
+        (ErrorBudget(max_spike_error=0.2), "delay-line, 8-bit", "the least energy, 7.00 µJ and 1.10 ms per recording, of 2 settings on the front within --max-spike-error 0.2"),
+        (ErrorBudget(min_agreement=1.0), "dendrite, 8-bit", "the least energy, 12.0 µJ and 2.00 ms per recording, of 1 setting on the front within --min-agreement 1"),
+        (ErrorBudget(0.0, 1.0), "reset, 1-bit", "the least energy, 1.00 µJ and 100 µs per recording, of 4 settings on the front within --min-agreement 0 and --max-spike-error 1"),
         (ErrorBudget(max_spike_error=0.05), "none", "no setting keeps --max-spike-error 0.05; the least spike error is 10.0 %, with 0 % of the predictions changed, by dendrite, 8-bit"),
     ],
     ids=["nothing compared", "spikes", "predictions", "both", "none keeps it"],
@@ -81,7 +81,7 @@ def test_what_auto_keeps_is_said():
     found = recommend(points, ErrorBudget(1.0, 0.11), by_default=True)
     assert str(found.taken.setting) == "dendrite, 8-bit"
     assert found.why == (
-        "the least energy, 12.0 µJ and 2.00 ms a recording, of 1 setting on the front within what auto keeps by "
+        "the least energy, 12.0 µJ and 2.00 ms per recording, of 1 setting on the front within what auto keeps by "
         "default, --min-agreement 1 and --max-spike-error 0.11"
     )
 

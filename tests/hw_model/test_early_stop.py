@@ -521,7 +521,7 @@ def test_a_shorter_recording_is_followed_by_silence():
         (lambda p, x: hw.stop_in_silence(p, x, 0), "silence: it is not a number of steps (got 0). Give 1 or more."),
         (lambda p, x: hw.calibrate_margin(p, x, 1.5), "agreement: it is a share (1.5 against 0 to 1). Correct it."),
         (lambda p, x: hw.calibrate_margin(p, x, float("nan")), "agreement: it is a share (nan against 0 to 1). Correct it."),
-        (lambda p, x: hw.timestep_scores(p, x, -2.0), "psi: it is no rate (got -2.0). Give 0 or more, such as 10."),
+        (lambda p, x: hw.timestep_scores(p, x, -2.0), "psi: it is not a valid rate (got -2.0). Give 0 or more, such as 10."),
     ],
     ids=["no readout", "no recordings", "no steps", "silence", "agreement", "not a number", "psi"],
 )  # fmt: skip

@@ -59,7 +59,7 @@ def test_three_questions(builds: tuple[Build, Build]) -> None:
 
 def test_equal_builds_are_as_before(builds: tuple[Build, Build]) -> None:
     report = comparison(builds[0], builds[0])
-    assert [verdict.answer for verdict in report.verdicts] == ["As before", "The same", "As much"]
+    assert [verdict.answer for verdict in report.verdicts] == ["As before", "The same", "The same"]
     assert [verdict.status for verdict in report.verdicts] == ["yes"] * 3
 
 
@@ -72,9 +72,9 @@ def test_what_makes_them_less_comparable(builds: tuple[Build, Build]) -> None:
         Notice("The models differ.", "What changed may come from the model, not from the compiler."),
         Notice(
             "They were checked on different recordings.",
-            "20 recordings of touches.npz and 20 recordings of others.npz: figures of a recording differ so.",
+            "20 recordings of touches.npz and 20 recordings of others.npz: figures per recording cannot be compared.",
         ),
-        Notice("Their energy profiles differ.", "Energies and times of different profiles say nothing."),
+        Notice("Their energy profiles differ.", "Their energies and times cannot be compared."),
     )
     assert (report.verdicts[1].status, report.verdicts[1].answer) == ("unknown", "Not comparable")
 

@@ -29,14 +29,11 @@ TRAINED_ON = (
     "The check plays recordings that the network was trained on, which the model carries: its accuracy on others may be "
     "lower."
 )
-NO_STEP = (
-    "How long a step lasts is not known, as neither the model nor the recordings say it (--step-seconds, or --dt of a NIR graph): there are no "
-    "seconds, and no pace against a sensor."
-)
+NO_STEP = "How long a step lasts is not known, because neither the model nor the recordings say it (--step-seconds, or --dt of a NIR graph): there are no times in seconds and no comparison with a sensor."
 STEP_OF_BINS = "A step lasts 0.01 s, as wide as the bins of the recordings; the model does not say."
 SILENCE = "The recordings have 30 steps; silence follows, up to the 40 of the model."
 
-THRESHOLD = "Bins of over 2 events are 1, as is usual; the model does not say (--threshold)."
+THRESHOLD = "Bins of more than 2 events are 1, as usual; the model does not say (--threshold)."
 
 
 def calibrated(on: str) -> str:

@@ -182,7 +182,7 @@ def test_the_json_output_has_the_gates(tmp_path: Path, capsys: pytest.CaptureFix
 def test_a_bound_without_end_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str) -> None:
     model = checkpoint(tmp_path / "loud.pt")
     assert main([str(model), "-o", str(tmp_path / "out"), option, "inf"]) == 2
-    assert capsys.readouterr().err == f"{option} inf: nothing is measured against that. Give a finite number.\n"
+    assert capsys.readouterr().err == f"{option} inf: it is not a finite bound. Give a finite number.\n"
     assert not (tmp_path / "out").exists()
 
 

@@ -166,13 +166,13 @@ def test_every_string_is_escaped(document: dict[str, Any], excerpt: Excerpt) -> 
         pytest.param(
             ("ann_comparison", "cnn-3d", "ratio"),
             None,
-            "paper operations nothing to compare, there were none (the float",
+            "paper operations nothing to compare: there were none (the float",
             id="no-ratio",
         ),
         pytest.param(
             ("ann_comparison", "gru-mlp", "chip_ratio"),
             None,
-            "chip operations nothing to compare, there were none (syn",
+            "chip operations nothing to compare: there were none (syn",
             id="no-chip-ratio",
         ),
         pytest.param(("latency", "recording_ns"), None, "How long a step lasts is not known, so", id="no-duration"),
@@ -202,7 +202,7 @@ def test_many_cores_are_folded(document: dict[str, Any]) -> None:
     tiles = [[i // 128 * 8 + i % 32 // 4, i % 128 // 32] for i in range(5000)]
     document["resources"]["by_core"] = [{**row, "core": i, "slot": i, "tile": tile} for i, tile in enumerate(tiles)]
     html = render_html(document)
-    assert "<summary>Core by core (5000 rows, 201 of them here and all in report.json)</summary>" in html
+    assert "<summary>Core by core (5000 rows, 201 of them shown here, all in report.json)</summary>" in html
     assert len(html.encode()) < 500_000
 
 

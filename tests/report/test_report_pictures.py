@@ -71,7 +71,7 @@ def test_what_is_left_out_is_said(document: dict[str, Any], excerpt: Excerpt) ->
     first = _section("spikes", document, excerpt).blocks[0]
     assert first == Paragraph(
         "Recording 0, the first in which a spike differs. Of 100 time steps, 39 to 42 are drawn. Of a large "
-        "population, the neurons with the most differences in the recording are drawn. 1 further population is not."
+        "population, the neurons with the most differences in the recording are drawn. 1 further population is not drawn."
     )
 
 

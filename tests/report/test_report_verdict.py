@@ -146,7 +146,7 @@ def test_against(times: float, text: str) -> None:
         ),
         pytest.param(
             {"ratio": None},
-            "nothing to compare, there were none",
+            "nothing to compare: there were none",
             "9.25 times fewer than CNN-3D and 2.16 times more than GRU-MLP",
             id="nothing on paper, said once",
         ),
@@ -216,8 +216,8 @@ def test_nothing_at_all_still_makes_a_report(document: dict[str, Any]) -> None:
     document["resources"]["by_core"] = []
     document["quantization"] = {}
     made = str(compose(document))
-    assert "nothing to compare, there were none (the float network, by the published method)" in made
-    assert "nothing to compare, there were none (synaptic operations of the program)" in made
+    assert "nothing to compare: there were none (the float network, by the published method)" in made
+    assert "nothing to compare: there were none (synaptic operations of the program)" in made
     assert "No core is in use." in made
 
 

@@ -150,12 +150,12 @@ def test_a_stopped_run_resumes(
         ),
         pytest.param(
             ("-o", "none/x.pt"),
-            "output 'x.pt': it is no .pt file in a folder that exists. Correct -o.",
+            "output 'x.pt': it is not a .pt file in an existing folder. Correct -o.",
             id="no folder for the output",
         ),
         pytest.param(
             ("-o", "x.nir"),
-            "output 'x.nir': it is no .pt file in a folder that exists. Correct -o.",
+            "output 'x.nir': it is not a .pt file in an existing folder. Correct -o.",
             id="other kind of output",
         ),
         pytest.param(

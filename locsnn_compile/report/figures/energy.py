@@ -28,7 +28,7 @@ _PLACED = frozenset((*BY_CORE, "neuron_updates_inactive", "hops"))
 
 
 def energy_entry(program: ChipProgram, match: Match, network: Network, step_seconds: float | None) -> Document:
-    """Return energy under the default profile of the chip; every figure a mean per recording but for the spread."""
+    """Return energy by the default profile of the chip; all figures are means per recording, except for the spread."""
     name = program.chip.default_profile
     profile = program.chip.profile(name)
     counts, samples = total(match.counts), match.samples
@@ -150,7 +150,7 @@ def _left_out(counts: Counts, profile: Profile, samples: int, static: Document |
         bound = sum(counts[name] * pj for name, pj in item.bound_pj.items()) / samples if item.bound_pj else None
         rows.append({"what": item.what, "at_most_pj": bound, "bound_source": item.bound_source or None})
     if static:
-        what = f"static power ({static['chip_mw']:g} mW a chip, {static['source']})"
+        what = f"static power ({static['chip_mw']:g} mW per chip, {static['source']})"
         bound = static["at_real_time_pj"]
         source = None if bound is None else "for as long as the sensor records"
         rows.append({"what": what, "at_most_pj": bound, "bound_source": source})

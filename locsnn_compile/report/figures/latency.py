@@ -19,7 +19,7 @@ _PATHS = 8
 
 
 def latency_entry(program: ChipProgram, match: Match, steps: int, step_seconds: float | None) -> Document:
-    """Return latency under the default profile of the chip; every figure a mean per recording but for the spread."""
+    """Return latency by the default profile of the chip; all figures are means per recording, except for the spread."""
     chip, samples = program.chip, match.samples
     each = np.array([one.total_ns for one in match.latencies])
     last = [one.critical_core for one in match.latencies]

@@ -35,7 +35,7 @@ def _of_class(label: int, each: FloatArray, unit: str) -> Document:
 
 
 def course(by_step: FloatArray) -> Document:
-    """Add up values (steps,) in at most :data:`BINS` bins of equal length, but for the last."""
+    """Add up values (steps,) in at most :data:`BINS` bins of equal length, except for the last."""
     length = max(1, -(-len(by_step) // BINS))
     return {"bin_steps": length, "bins": np.add.reduceat(by_step, np.arange(0, len(by_step), length)).tolist()}
 

@@ -94,7 +94,7 @@ def span(drawn: Span) -> str:
 
 
 def mark(kind: str) -> str:
-    """Return the sign that ``span`` draws for ``least``, ``median``, ``mean`` or ``most``, to stand beside its name."""
+    """Return the sign of ``span`` for ``least``, ``median``, ``mean`` or ``most``, to stand next to its name."""
     if kind == "mean":
         return _mark(14, '<circle class="mean" cx="7" cy="7" r="4.5"/>')
     return _mark(14, _down("median", "7", 0, 14) if kind == "median" else _down("end", "7", 2, 12))
@@ -120,7 +120,7 @@ def plot(drawn: Plot) -> str:
 
 
 def curve_mark(index: int) -> str:
-    """Return a piece of the curve of a plot, to stand beside its label."""
+    """Return a piece of the curve of a plot, to stand next to its label."""
     return _mark(26, _line(f"curve c{index}", "0", "26", 7, 7))
 
 
@@ -149,7 +149,7 @@ def raster(drawn: Raster) -> str:
 
 
 def stroke_mark(kind: str) -> str:
-    """Return a stroke in its row, to stand beside its label."""
+    """Return a stroke in its row, to stand next to its label."""
     start, length = _KINDS[kind]
     stroke = f'<path class="stroke {kind}" d="M7 {3 + start}v{length}"/>'
     return _mark(14, f'<path class="grid" d="M0 2.5h14M0 11.5h14"/>{stroke}')

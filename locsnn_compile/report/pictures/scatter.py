@@ -34,7 +34,7 @@ Box = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Mark:
-    """One setting: both figures, its ``kind`` among those of the picture, words beside it, and words shown over it."""
+    """One setting: both figures, its ``kind`` among those of the picture, words next to it, and words shown over it."""
 
     x: float
     y: float

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 
 def nice_step(least: float) -> float:
-    """Return the least of 1, 2 or 5 times a power of ten that is no less, but for rounding."""
+    """Return the least of 1, 2 or 5 times a power of ten that is not less, except for rounding."""
     power = 10.0 ** math.floor(math.log10(least))
     return next(step * power for step in (1, 2, 5, 10) if step * power >= least * 0.999)
 

@@ -186,7 +186,7 @@ def _table(table: content.Table) -> str:
     )
     if len(table.rows) <= content.MANY_ROWS and not table.folded:
         return made
-    cut = "" if len(shown) == len(table.rows) else f", {len(shown)} of them here and all in report.json"
+    cut = "" if len(shown) == len(table.rows) else f", {len(shown)} of them shown here, all in report.json"
     return f"<details><summary>{caption} ({len(table.rows)} rows{cut})</summary>{made}</details>"
 
 

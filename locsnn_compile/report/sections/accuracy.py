@@ -23,12 +23,13 @@ def error_budget(document: Document) -> Section | None:
     budget, title = document["error_budget"], "Error budget"
     if budget is None:
         lead = (
-            "Nothing was rounded: every number of the network is an integer of the chip. There is no error to divide."
+            "Nothing was rounded: every number of the network is an integer of the chip. There is no error to break "
+            "down."
         )
         return section("error-budget", title, lead)
     lead = (
-        "What each stage changes alone: the float network, with only this stage as on the chip. And what is equal "
-        "without it: the chip, with only this stage exact. Differences are carried along, from spike to spike."
+        "The effect of each stage by itself: the float network with only this stage as on the chip, and the chip "
+        "with only this stage exact. A spike that differs changes later spikes, too."
     )
     variants = {stage_words(stage): found for stage, found in budget["alone"].items()}
     variants["all together"] = budget["together"]
@@ -46,14 +47,14 @@ def error_budget(document: Document) -> Section | None:
 
 
 def margins(document: Document) -> Section | None:
-    """How near potentials come to threshold beside the error, how full registers get; None where nobody asked."""
+    """How near potentials come to the threshold, next to the error; how full registers get. None if nobody asked."""
     if "margins" not in document:
         return None
     found = document["margins"]
     populations = found["by_population"]
     lead = (
-        "The distance of every neuron's potential to its threshold at every step, in thresholds, beside the error of "
-        "the chip's arithmetic where all earlier spikes are equal. A spike can differ only where the error is larger."
+        "How far each neuron's potential is from its threshold at every step, in thresholds, next to the error of "
+        "the chip's arithmetic when all earlier spikes are equal. A spike can differ only where the error is larger."
     )
     return section(
         "margins",
@@ -74,13 +75,13 @@ def cause(document: Document) -> str | None:
     if not found:
         return None
     parts = [f"{stage_words(stage)} {_signed(moved)}" for stage, moved in found["moved_by"].items() if moved]
-    parts.append(f"their interplay {_signed(found['moved_by_interaction'])}")
+    parts.append(f"their interaction {_signed(found['moved_by_interaction'])}")
     distance = first["reference_potential"] - first["threshold"]
     side = f"{abs(distance):.3g} {'below' if distance < 0 else 'above'}" if distance else "at"
     enough = listed([stage_words(stage) for stage in found["enough_alone"]] or ["no stage"])
     return (
         f"Cause: the float potential lies {side} the threshold, and the chip's arithmetic moves it by "
-        f"{_signed(found['moved_together'])}: {listed(parts)}. Enough alone: {enough}."
+        f"{_signed(found['moved_together'])}: {listed(parts)}. Sufficient by itself: {enough}."
     )
 
 
@@ -100,7 +101,7 @@ def _checked(budget: Document) -> str:
     if left:
         return f"All stages together leave {plural(left, 'spike')} unexplained.{idle}"
     return (
-        "The division is complete: without any stage every spike is the float network's, and with all of them every "
+        "The breakdown is complete: without any stage, every spike is the float network's; with all of them, every "
         f"spike is the chip's.{idle}"
     )
 
@@ -137,10 +138,10 @@ def _by_population(variants: Document) -> Table:
 
 def _kernel_tail(tail: Document) -> str:
     return (
-        "slayerPytorch cuts kernels where they fall below 0.01; this program has their tails in full. To cut them in "
-        f"the float network, and change nothing else, leaves {agreed(tail['spike_agreement'], 'none')} of its spikes "
-        f"equal and changes {plural(tail['predictions_changed'], 'prediction')}: a network that was trained with cut "
-        "kernels differs by so much before anything is rounded."
+        "slayerPytorch cuts kernels where they fall below 0.01; this program keeps their tails. Cutting them in the "
+        f"float network, with nothing else changed, leaves {agreed(tail['spike_agreement'], 'none')} of its spikes "
+        f"equal and changes {plural(tail['predictions_changed'], 'prediction')}: a network trained with cut kernels "
+        "differs by that much before anything is rounded."
     )
 
 
@@ -158,14 +159,14 @@ def _distances(populations: Document) -> Table:
 
 def _errors(populations: Document) -> Table:
     return table(
-        "Error of the chip's arithmetic, in thresholds, and what comes within it",
+        "Error of the chip's arithmetic, in thresholds, and how many potentials lie within it",
         populations.items(),
         ("population", lambda row: row[0]),
         ("median error", lambda row: short(row[1]["error"]["0.5"])),
         ("95 % below", lambda row: short(row[1]["error"]["0.95"])),
         ("largest", lambda row: short(row[1]["error"]["1"])),
-        ("nearer than the error", lambda row: share(row[1]["within_error"])),
-        ("decided otherwise", lambda row: share(row[1]["decided_otherwise"])),
+        ("closer than the error", lambda row: share(row[1]["within_error"])),
+        ("decided differently", lambda row: share(row[1]["decided_otherwise"])),
     )
 
 
@@ -209,7 +210,7 @@ def _points(x: Sequence[float], shares: Sequence[float], floor: float) -> list[t
 def _registers(groups: Document) -> Table:
     rows = [(name, max(one["share_u"], one["share_v"]), one) for name, one in groups.items()]
     return table(
-        "Registers of the chip: largest magnitudes against what they hold",
+        "Registers of the chip: largest magnitudes against their capacity",
         rows,
         ("compartments", lambda row: row[0]),
         ("", lambda row: Bar(min(1.0, row[1]), f"{share(row[1])} used")),

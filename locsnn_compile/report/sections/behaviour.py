@@ -35,7 +35,7 @@ def agreement(document: Document) -> Section:
 
 
 def operations(document: Document) -> Section:
-    """Counts of the chip, by branch, beside the published way of counting."""
+    """Counts of the chip, by branch, next to the published way of counting."""
     found = document["operations"]
     branches, total = found["by_branch"], found["per_sample"]
     paper = found["published_method"]
@@ -72,7 +72,7 @@ def comparison(document: Document) -> Section:
     lead = (
         "A multiplication and an addition of a conventional network are one operation each, at this network's input "
         "size. The float network's operations are an estimate by the published method; those of the program are the "
-        "synaptic operations that the chip counts, its own self-synapses included. It does not compare accuracy."
+        "synaptic operations that the chip counts, its own self-synapses included. Accuracy is not compared."
     )
     if not entries:
         text = "No comparison: the published networks are not defined for this network's input."
@@ -95,7 +95,7 @@ def comparison(document: Document) -> Section:
 
 
 def _ann_energy(document: Document) -> tuple[Block, ...]:
-    """What the arithmetic of the conventional networks would take, beside all that this one takes in the model."""
+    """What the arithmetic of the conventional networks would take, next to all that this one takes in the model."""
     entries, own = document["ann_comparison"], document["energy"]
     first = next(iter(entries.values()))
     arithmetics = list(first["energy_pj"])
@@ -106,14 +106,14 @@ def _ann_energy(document: Document) -> tuple[Block, ...]:
         rows.append((words(name), count(entry["multiplications"]), count(entry["additions"]), *cells))
     return (
         Table(
-            f"Energy of the arithmetic alone, and how many times this network's (profile {own['profile']})",
+            f"Energy of the arithmetic only, and how many times this network's (profile {own['profile']})",
             ("network", "multiplications", "additions", *(words(key) for key in arithmetics)),
             tuple(rows),
         ),
         Paragraph(
             f"Source: {first['energy_source']}. Not included for the conventional networks: "
-            f"{listed(first['energy_not_included'])}. This network's energy is of another process, and has "
-            "its memories and its mesh in it: the ratio is of what is published, not of two chips."
+            f"{listed(first['energy_not_included'])}. This network's energy is for another process and includes its "
+            "memories and its mesh: the ratio compares published figures, not two chips."
         ),
     )
 
@@ -140,7 +140,7 @@ def _helpers(helpers: Document) -> str:
         f"{name} ({count(found['reference_spikes'])} spikes in the network, {count(found['chip_spikes'])} on the chip)"
         for name, found in helpers.items()
     ]
-    return f"Not counted, as the model has no such neurons and the compiler needs them: {listed(spikes)}."
+    return f"Not counted, because only the compiler needs these neurons and the model has none: {listed(spikes)}."
 
 
 def _wraps_and_clips(events: Document) -> Table | None:
@@ -154,7 +154,7 @@ def _wraps_and_clips(events: Document) -> Table | None:
 def _first_divergence(document: Document) -> str:
     first = document["match"]["first_divergence"]
     if first is None and document["match"]["spike_agreement"] is None:
-        return "First difference: not known, as there is no spike on either side."
+        return "First difference: not known, because neither side spikes."
     if first is None:
         return "First difference: none, every spike is equal."
     reference, chip, threshold = first["reference_potential"], first["chip_potential"], first["threshold"]
@@ -183,6 +183,6 @@ def _interval(document: Document) -> str:
     half = _SCORE / (1 + z2 / n) * math.sqrt(p * (1 - p) / n + z2 / (4 * n * n))
     low, high = max(0.0, centre - half), min(1.0, centre + half)
     return (
-        f"Predictions are the same in {share(p)} of {plural(n, 'recording')}. For recordings of this kind in general "
-        f"that speaks for an agreement between {100 * low:.1f} and {100 * high:.1f} % (95 % confidence)."
+        f"Predictions are the same in {share(p)} of {plural(n, 'recording')}. For recordings of this kind in general, "
+        f"this suggests an agreement between {100 * low:.1f} and {100 * high:.1f} % (95 % confidence)."
     )

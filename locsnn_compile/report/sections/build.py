@@ -20,14 +20,14 @@ def resources(document: Document) -> Section:
     return section(
         "resources",
         "Resources",
-        f"What the program takes of {document['target']}.",
+        f"How much of {document['target']} the program uses.",
         facts(
             ("compartments", count(found["compartments"])),
             ("synapses", f"{count(found['synapses'])}, {memory(found['synapse_bits'])} of synapse memory"),
             ("axons", f"{count(found['axons_in'])} in, {count(found['axons_out'])} out"),
         ),
         table(
-            "Limits, the fullest first; of a core's limits its fullest core",
+            "Limits, the fullest first; for limits of a core, its fullest core",
             sorted(limits, key=lambda row: -row[2]),
             ("limit", lambda row: row[0]),
             ("", lambda row: Bar(min(1.0, row[2]), f"{share(row[2])} used")),
@@ -44,14 +44,14 @@ def left_out(document: Document) -> Section:
     found = document["skipped"]
     lost = found.get("biases_lost")
     its = facts(
-        ("steps skipped", f"{count(found['steps'])}, of all recordings; nothing could change in them"),
-        ("events dropped", f"{count(found['events_dropped'])}, of all recordings; after the last step"),
+        ("steps skipped", f"{count(found['steps'])} over all recordings, in which nothing could change"),
+        ("events dropped", f"{count(found['events_dropped'])} over all recordings, after the last step"),
         ("binning", found["binning"]["words"] if "binning" in found else None),
         ("synapses pruned", f"{count(found['synapses_pruned'])}, whose weight rounds to 0"),
         ("compartments pruned", count(found["compartments_pruned"])),
         ("biases lost", f"{count(lost)}, which round to 0" if lost else None),
     )
-    return section("left-out", "Left out", "What the program does not have or do.", its)
+    return section("left-out", "Left out", "What the program does without.", its)
 
 
 def quantization(document: Document) -> Section:
@@ -60,9 +60,9 @@ def quantization(document: Document) -> Section:
     keys = list(dict.fromkeys(key for entry in populations.values() for key in entry))
     lead = (
         "A potential of 1 in the float network is the scale in the chip's registers. Decays are of 4096. Two numbers "
-        "are the least and the largest of the population. The kernel fit is measured on the chip's integers: how far "
-        "the response to an input spike, and what an own spike takes away, are from the kernels, as shares of them: at "
-        "most, and as root mean square (rms)."
+        "are the smallest and the largest in the population. The kernel fit is measured on the chip's integers: how "
+        "far its responses to an input spike and to the neuron's own spike are from the kernels, as shares of them: "
+        "the largest error, and the root mean square (rms)."
     )
     rows = tuple((name, *(_number(key, entry.get(key)) for key in keys)) for name, entry in populations.items())
     its = Table("Numbers of the chip by population", ("population", *(words(key) for key in keys)), rows)
@@ -72,11 +72,11 @@ def quantization(document: Document) -> Section:
 def ranges(document: Document) -> Section:
     """What is proven of the registers, whatever the input, and up to which input rate."""
     lead = (
-        "Bounds of every register from weights, decays and thresholds alone. What is not proven safe was watched: the "
-        "wraps and clips above are all there were."
+        "Bounds on every register, derived only from weights, decays and thresholds. What is not proven safe was "
+        "watched: the wraps and clips above are all that occurred."
     )
     its = table(
-        "Compartments that are safe, whatever the input",
+        "Compartments that are safe for any input",
         ({"name": name, **row} for name, row in document["range"].items()),
         ("compartments", of("name", str)),
         ("number", of("compartments", count)),
@@ -94,11 +94,11 @@ def provenance(document: Document) -> Section:
     notes = ["Energy and latency are models: counts times published costs. No board was used."]
     if not _WITHOUT_JOINED.issuperset(strategies):
         notes.append(
-            "Joined compartments (dendrites) are an assumption about the chip: public sources name them, and none "
+            "Joined compartments (dendrites) are an assumption about the chip: public sources name them, but none "
             "gives their integer timing."
         )
     notes.append("Where public sources on the chip are silent or disagree, the target's description decides.")
-    lead = "Enough to make this report again; the same input gives the same bytes."
+    lead = "Everything needed to make this report again; the same input gives the same bytes."
     gates, choice = document["gates"], document.get("strategy_choice")
     return section(
         "provenance",
@@ -115,7 +115,7 @@ def provenance(document: Document) -> Section:
         ),
         table("Gates", gates, ("gate", of("name", any_value)), *_GATE_FIGURES) if gates else None,
         settings_compared(choice) if choice else None,
-        Bullets("To be read with these figures", tuple(notes)),
+        Bullets("Keep in mind with these figures", tuple(notes)),
     )
 
 

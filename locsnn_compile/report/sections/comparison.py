@@ -137,7 +137,7 @@ def _change_of_match(
     """Answer by the agreement of predictions and of spikes, before and after; not known where a build compared none."""
     if a is None or b is None or (spikes is None) != (spikes_after is None):
         return "unknown", "Not known"
-    answer = "As before" if a == b else "Better" if b > a else "Less"
+    answer = "As before" if a == b else "Better" if b > a else "Worse"
     if b >= a and spikes is not None and spikes_after is not None and spikes_after < spikes:
         return "nearly", f"{answer}, but fewer spikes are equal"
     return ("no" if b < a else "yes"), answer
@@ -166,7 +166,7 @@ def _fits(before: Build, after: Build) -> Verdict:
     return Verdict(
         question="Does it take less room?",
         status="yes" if b <= a else "no",
-        answer="As much" if a == b else "Less" if b < a else "More",
+        answer="The same" if a == b else "Less" if b < a else "More",
         figure=plural(b, "core"),
         figure_label=f"{count(a)} before",
         sentence=f"The program takes {plural(b, 'core')}, {count(a)} before.",
@@ -185,10 +185,10 @@ def _notices(before: Build, after: Build) -> tuple[Notice, ...]:
     if len(models) > 1:
         found.append(Notice("The models differ.", "What changed may come from the model, not from the compiler."))
     if len(set(recordings)) > 1:
-        text = f"{' and '.join(recordings)}: figures of a recording differ so."
+        text = f"{' and '.join(recordings)}: figures per recording cannot be compared."
         found.append(Notice("They were checked on different recordings.", text))
     if len(profiles) > 1:
-        found.append(Notice("Their energy profiles differ.", "Energies and times of different profiles say nothing."))
+        found.append(Notice("Their energy profiles differ.", "Their energies and times cannot be compared."))
     return tuple(found)
 
 
@@ -198,7 +198,7 @@ def _key_figures(before: Build, after: Build) -> Section:
         ("figure", "", "before", "", "after", "change"),
         tuple(_row(name, before.number(key), after.number(key), shown) for name, key, shown in _KEY_FIGURES),
     )
-    lead = f"Before is {before.name}, after is {after.name}. Costs are modelled, means of a recording."
+    lead = f"Before is {before.name}, after is {after.name}. Costs are modelled means per recording."
     return section("key-figures", "Key figures", lead, table)
 
 

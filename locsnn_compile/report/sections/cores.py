@@ -15,7 +15,7 @@ _CHIPS = 4
 _TILES = 256
 """Tiles of a chip that are drawn at the most."""
 _NAMED = 8
-"""Cores that the words beside the picture name."""
+"""Cores that the words next to the picture name."""
 
 
 class _Use(NamedTuple):
@@ -40,8 +40,8 @@ def cores(document: Document) -> Section:
     left_out = len(by_chip) - len(drawn)
     note = f"{plural(left_out, 'chip is', 'chips are')} not drawn; see core by core."
     lead = (
-        "Each core where it sits on the mesh, filled from below: as far as the fullest of its limits, and by its "
-        "energy beside that of the core that takes most. Empty tiles are free."
+        "Each core at its place on the mesh, filled from below: first by the fullest of its limits, then by its "
+        "energy relative to the core that uses most. Empty tiles are free."
     )
     return section("cores", "Use of the cores", lead, *meshes, Paragraph(note) if left_out else None)
 
@@ -61,7 +61,7 @@ def _room(document: Document, chip: int, rows: list[Document]) -> Mesh:
 
 def _energy(document: Document, chip: int, rows: list[Document], energies: dict[int, float]) -> Mesh:
     most, total = max(energies.values(), default=0.0) or 1.0, sum(energies.values()) or 1.0
-    title = f"Energy, in percent of that of all cores, profile {document['energy']['profile']}"
+    title = f"Energy, in percent of all cores, profile {document['energy']['profile']}"
     uses = {}
     for core, pj in energies.items():
         percent = 100 * pj / total

@@ -20,7 +20,8 @@ def energy_section(document: Document) -> Section:
     cores = [(core_words(row), row["pj"]) for row in found["by_core_pj"]]
     operations = [(words(name), pj) for name, pj in breakdown.items()]
     lead = (
-        "Counts of the chip times the cost that a published profile gives each operation. A model; no board was used."
+        "The chip's counts times the cost that a published profile gives each operation. This is a model; no board "
+        "was used."
     )
     return section(
         "energy",
@@ -45,9 +46,10 @@ def latency_section(document: Document) -> Section:
     found = document["latency"]
     mean = found["per_sample_ns"]
     lead = (
-        "A step lasts until the last core is done, and the barrier. A core updates its compartments and sends; when "
-        "its last packet has arrived, over links of the mesh that pass one at a time, it takes all in and adds up "
-        "their synapses. The branches follow each other. Host input is not in it. A model; no board was used."
+        "A step ends when the last core is done, and after the barrier. A core updates its compartments and sends "
+        "packets; when its last packet has arrived, over links of the mesh that pass one at a time, it receives them "
+        "all and adds up their synapses. The branches run one after the other. Host input is not included. This is a "
+        "model; no board was used."
     )
     return section(
         "latency",
@@ -58,7 +60,7 @@ def latency_section(document: Document) -> Section:
         facts(*_latency_facts(document)),
         by_branch(_parts(found), f"Time by branch and part, mean per recording, profile {found['profile']}", time),
         table(
-            "What steps waited for, by the time of these steps",
+            "What steps waited for, by the time that they took",
             found["critical_paths"],
             ("branch", of("phase", words)),
             ("done last", lambda row: f"core {row['last']}"),
@@ -77,7 +79,7 @@ def _static(static: Document) -> tuple[Paragraph, Table]:
     rows = (("at the chip's latency", "at_latency_pj"), ("at the sensor's real time", "at_real_time_pj"))
     return (
         Paragraph(
-            f"Static energy is in none of the figures above: {chips}, {static['chip_mw']:g} mW each "
+            f"Static energy is in none of the figures above: {chips}, {static['chip_mw']:g} mW per chip "
             f"({static['source']}), while the chip works, or for as long as the sensor records."
         ),
         table(
@@ -121,7 +123,7 @@ def _latency_facts(document: Document) -> tuple[tuple[str, str | None], ...]:
     return (
         ("cycles", f"{count(found['per_sample_cycles'])} per recording, at {found['clock_ghz']:g} GHz"),
         *TIME.facts(document),
-        ("critical core", f"core {count(found['critical_core'])} was last in most of the time"),
+        ("critical core", f"core {count(found['critical_core'])} finished last for most of the time"),
         ("after the last row", f"{time(last_row['mean'])}, at most {time(last_row['max'])}"),
         ("slowest step of a row", slowest),
     )

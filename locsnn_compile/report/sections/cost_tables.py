@@ -87,7 +87,7 @@ class Cost:
                 curves=curves,
             ),
             Table(
-                f"{self.name} up to about there, mean per recording, {of_profile}",
+                f"{self.name} up to about that point, mean per recording, {of_profile}",
                 ("branch", *(f"{100 * part:.0f} % of its steps" for part in PARTS)),
                 tuple((words(branch), *self._so_far(its["bins"])) for branch, its in by_step.items()),
             ),
@@ -141,7 +141,7 @@ def constants(name: str, profile: Document) -> Table:
     ]
     barrier = profile["barrier_ns"]
     ends = f"{barrier['one_tile']:g} ns in one tile to {barrier['all_tiles']:g} ns in all"
-    rows.append(("barrier, a step", NONE, ends, profile["source"]))
+    rows.append(("barrier, per step", NONE, ends, profile["source"]))
     return Table(
         f"Constants of profile {name}: {profile['basis']}; {voltage}",
         ("operation", "energy", "time", "source"),
@@ -156,9 +156,9 @@ def _range(ends: Sequence[Any], shown: Shown) -> str:
     if low is None and high is None:
         return "not known"
     if low is None:
-        return f"{shown(high)} or less: a constant is given as a most"
+        return f"{shown(high)} or less: a constant is given as an upper bound"
     if high is None:
-        return f"{shown(low)} or more: a constant is given as a least"
+        return f"{shown(low)} or more: a constant is given as a lower bound"
     return "none: no constant is given as a range" if low == high else f"{shown(low)} to {shown(high)}"
 
 

@@ -32,8 +32,8 @@ def spikes(document: Document, excerpt: Excerpt | None) -> Section | None:
         rasters += [_input(item, excerpt) for item in excerpt.inputs if item.axis == axis]
         rasters += [_population(item, excerpt, side) for item in excerpt.populations if item.axis == axis]
     lead = (
-        "One recording, a row a neuron, the first at the top. A ring marks the first spike that is on one side only; "
-        "without a reset the sides may stay apart from there, spike after spike, by a step or two."
+        "One recording, one row per neuron, the first at the top. A ring marks the first spike that only one side "
+        "has; without a reset, later spikes may stay a step or two apart."
     )
     return section("spikes", "Spikes", lead, Paragraph(_shown(excerpt)), *rasters, _spike_table(excerpt, side))
 
@@ -53,7 +53,9 @@ def _shown(excerpt: Excerpt) -> str:
     if thinned:
         parts.append("Of a large population, the neurons with the most differences in the recording are drawn.")
     if excerpt.populations_left_out:
-        parts.append(f"{plural(excerpt.populations_left_out, 'further population is', 'further populations are')} not.")
+        parts.append(
+            f"{plural(excerpt.populations_left_out, 'further population is', 'further populations are')} not drawn."
+        )
     return " ".join(parts)
 
 
@@ -150,8 +152,8 @@ def _difference(shown: NeuronPotential, side: str, at: int | None) -> Plot:
     until = None if at is None else at + 1
     off = 100.0 * (shown.chip - shown.reference)[:until] / (abs(shown.threshold) or 1.0)
     title = "Error of the chip's potential, in percent of the threshold"
-    title += "" if at is None else ", until it counts"
-    return _plot(title, shown, {f"chip less {side}": off.tolist()}, ("no error", 0.0), " %")
+    title += "" if at is None else ", until spikes differ"
+    return _plot(title, shown, {f"chip minus {side}": off.tolist()}, ("no error", 0.0), " %")
 
 
 def _plot(

@@ -128,7 +128,8 @@ def notices(document: Document) -> tuple[Notice, ...]:
     match, dropped = document["match"], document["skipped"]["events_dropped"]
     if match["wraps"]:
         text = (
-            f"{plural(match['wraps'], 'time')} a register overflowed and its value went round to the other sign. What "
+            f"A register overflowed {plural(match['wraps'], 'time')} and its value wrapped around to the other sign. "
+            "What "
             "the neuron does after that says little about the float network."
         )
         found.append(Notice("Registers wrapped.", text))
@@ -164,7 +165,7 @@ def _against_anns(document: Document, key: str, whose: str) -> str:
     """Return how the operations of one side, by ``key`` of the comparison, compare with those of each network."""
     ratios = {name: entry[key] for name, entry in document["ann_comparison"].items()}
     if None in ratios.values():
-        return f"nothing to compare, there were none ({whose})"
+        return f"nothing to compare: there were none ({whose})"
     return f"{listed([against(name, times) for name, times in ratios.items()])} ({whose})"
 
 

@@ -24,7 +24,7 @@ PARTS = (1, 2, 3, 4, 7)
 """A threshold in so many spikes."""
 RULES: tuple[Rule, ...] = (">", ">=")
 LIMIT = 4090.0
-"""Thresholds: about the largest bias beside which a threshold mantissa of 1 is left."""
+"""Thresholds: about the largest bias next to which a threshold mantissa of 1 is left."""
 LEAST, LARGEST = 5e-324, float(np.finfo(np.float64).max)
 """The smallest denormal of float64, and its largest number."""
 

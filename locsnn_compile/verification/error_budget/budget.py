@@ -52,7 +52,7 @@ class StageErrors:
     exact. Stages that change no number are in neither. ``together``: all of them, which is the chip. ``unexplained``
     counts the spikes that the float reference has differently with no stage, and the simulator with all: 0 if nothing
     was forgotten. ``kernel_tail``: the float network with its kernels cut where slayerPytorch cuts them; that is no
-    part of the chip, but matters to a network that was trained so. None without such kernels.
+    part of the chip, but matters to a network that was trained that way. None without such kernels.
     """
 
     samples: int
