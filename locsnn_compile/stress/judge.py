@@ -28,7 +28,7 @@ def _defects(m: Measured) -> Iterator[str]:
     if m.odd_engine:
         yield f"{m.odd_engine} differs from the fast engine"
     if m.outside:
-        yield f"{plural(m.outside, 'potential')} lie beyond the bound of {short(m.bound)} thresholds"
+        yield f"{plural(m.outside, 'potential')} lie beyond the bound of {short(m.bound_thresholds)} thresholds"
 
 
 def _causes(case: Case, m: Measured) -> Iterator[str]:
@@ -44,12 +44,12 @@ def _causes(case: Case, m: Measured) -> Iterator[str]:
             some = f"{count(these.lost)} of {plural(these.of, one, many)} round to 0"
             yield some if these.of > 1 else f"the only {one} rounds to 0"
     yield from m.coarse_decays
-    if m.model_error > TENTH:
-        yield f"{_MODELS[case.strategy]}: {short(m.model_error)} thresholds at most"
-    elif m.error > TENTH and not m.overflowed:
+    if m.model_error_thresholds > TENTH:
+        yield f"{_MODELS[case.strategy]}: {short(m.model_error_thresholds)} thresholds at most"
+    elif m.error_thresholds > TENTH and not m.overflowed:
         # Of the bound, the sources that make up a tenth or more.
-        large = [source for source in SOURCES if m.parts[source] >= TENTH * m.bound]
-        parts = " and ".join(f"{short(m.parts[source])} by {_ROUNDED[source]}" for source in large)
-        yield f"rounding: {short(m.error)} thresholds found, at most {parts}"
-    if m.ties:
-        yield f"{plural(m.ties, 'potential')} exactly at the threshold: the least rounding decides"
+        large = [source for source in SOURCES if m.bound_parts_thresholds[source] >= TENTH * m.bound_thresholds]
+        parts = " and ".join(f"{short(m.bound_parts_thresholds[source])} by {_ROUNDED[source]}" for source in large)
+        yield f"rounding: {short(m.error_thresholds)} thresholds found, at most {parts}"
+    if m.of_these_ties:
+        yield f"{plural(m.of_these_ties, 'potential')} exactly at the threshold: the least rounding decides"

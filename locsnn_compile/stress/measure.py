@@ -69,20 +69,20 @@ def measure(case: Case, chip: hw.Chip) -> Measured:
     tied = np.abs(wanted.potential - unit) <= FLOAT_ROUNDING * unit
     return Measured(
         spikes=PopulationMatch.of(wanted.spikes, found.spikes[POPULATION]),
-        error=float((np.abs(chip_side - wanted.potential) / unit).max()),
-        bound=float(((model_error + bound.total) / unit).max()),
-        parts={source: float((bound.parts[source] / unit).max()) for source in SOURCES},
-        model_error=float((model_error / unit).max()),
-        otherwise=int(otherwise.sum()),
-        ties=int((otherwise & tied).sum()),
+        error_thresholds=float((np.abs(chip_side - wanted.potential) / unit).max()),
+        bound_thresholds=float(((model_error + bound.total) / unit).max()),
+        bound_parts_thresholds={source: float((bound.parts[source] / unit).max()) for source in SOURCES},
+        model_error_thresholds=float((model_error / unit).max()),
         decisions=otherwise.size,
-        overflowed=int((chip_side != unlimited).sum()),
+        decisions_otherwise=int(otherwise.sum()),
+        of_these_ties=int((otherwise & tied).sum()),
         wraps=found.counts.wraps,
         clips=found.counts.clips,
         weights=_lost_weights(levels, sides),
         biases=_lost_biases(levels),
-        coarse_decays=_coarse_decays(sides),
+        overflowed=int((chip_side != unlimited).sum()),
         outside=int(outside.sum()),
+        coarse_decays=_coarse_decays(sides),
         odd_engine=_odd_one_out(levels, sides, recordings, found),
     )
 
@@ -144,7 +144,7 @@ def _equal(one: Any, other: Any) -> bool:
 
 
 def _same(one: SimulationResult, other: SimulationResult) -> bool:
-    """Compare spikes, registers, counts but for skipped steps, and wraps and clips by population."""
+    """Compare spikes, registers, counts except for skipped steps, and wraps and clips by population."""
     counted = [{**dict(result.counts), "skipped_steps": 0} for result in (one, other)]
     return (
         counted[0] == counted[1]

@@ -98,7 +98,10 @@ def _pictures(rows: Sequence[Row]) -> dict[str, bytes]:
 
 
 def _time_constants(rows: Sequence[Row]) -> bytes | None:
-    figures: dict[str, Callable[[Measured], float]] = {"error found": lambda m: m.error, "bound": lambda m: m.bound}
+    figures: dict[str, Callable[[Measured], float]] = {
+        "error found": lambda m: m.error_thresholds,
+        "bound": lambda m: m.bound_thresholds,
+    }
     figures |= {f"of it {source}": _bound_by(source) for source in SOURCES}
     panels = [
         Panel(
@@ -112,7 +115,7 @@ def _time_constants(rows: Sequence[Row]) -> bytes | None:
 
 
 def _bound_by(source: Source) -> Callable[[Measured], float]:
-    return lambda m: m.parts[source]
+    return lambda m: m.bound_parts_thresholds[source]
 
 
 def _weights(rows: Sequence[Row]) -> bytes | None:

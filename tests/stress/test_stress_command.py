@@ -82,7 +82,7 @@ def test_scale_is_all_that_differs_over_twelve_orders_of_magnitude(rows):
     alike = [row.measured for row in rows if row.case.group == "threshold and weights together"]
     by_strategy = {row.case.strategy for row in rows if row.case.group == "threshold and weights together"}
     assert len(alike) >= 4
-    assert len({(m.spikes, round(m.error, 9)) for m in alike}) == len(by_strategy)
+    assert len({(m.spikes, round(m.error_thresholds, 9)) for m in alike}) == len(by_strategy)
 
 
 def test_refusals_are_one_line_with_a_way_out(rows):
