@@ -30,7 +30,7 @@ TEXT = (
     f"""\
 small.npz: 3 recordings, 8 steps of 0.02 s (0.16 s), 78 channels
 labels            2 classes (0: 1, 1: 2)
-events            1.3 a recording (0 to 3), 0.21 % of bins
+events            1.3 per recording (0 to 3), 0.21 % of bins
 rate              0.107 Hz per channel, 8.333 Hz in all
 silent at start   4.5 steps (2 to 7)
 silent at end     1.0 steps (0 to 2)
@@ -84,7 +84,7 @@ def test_a_set_of_one_event_without_sensor_or_width(tmp_path: Path, capsys: pyte
     assert main(["events", str(tmp_path / "a.npy")]) == 0
     assert capsys.readouterr().out == (
         "a.npy: 1 recording, 2 steps, 2 channels\nlabels            none\n"
-        "events            1.0 a recording (1 to 1), 25.00 % of bins\n"
+        "events            1.0 per recording (1 to 1), 25.00 % of bins\n"
         "silent at start   1.0 steps (1 to 1)\nsilent at end     0.0 steps (0 to 0)\n"
         "silent steps      50.0 %, 0 recordings without any event\n"
         "busiest channels  0 1\ndead channels     1\nrecording 0:\n| █|\n|  |\n"
