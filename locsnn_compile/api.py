@@ -18,7 +18,6 @@ from hw_model.program.write import program_files
 from hw_model.streaming.session import check_psi
 from locsnn_compile.backends import EXCHANGE_KINDS, LEVEL_KINDS
 from locsnn_compile.backends.exchange import exchange_file
-from locsnn_compile.backends.levels import LEVEL_TEXTS
 from locsnn_compile.choose_strategy import Choice, choose_strategy, lower_as
 from locsnn_compile.cluster.dask_cluster import spread_over
 from locsnn_compile.cluster.spread import Spread, here
@@ -30,9 +29,8 @@ from locsnn_compile.frontends import load
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.network.check import check_network
 from locsnn_compile.network.network import Network
-from locsnn_compile.network.recordings import fit_recordings
 from locsnn_compile.passes.quantize import weight_bits_of
-from locsnn_compile.pipeline import Levels
+from locsnn_compile.pipeline import LEVEL_TEXTS, Levels
 from locsnn_compile.reference.evaluate import calibrate
 from locsnn_compile.report.figures.checks import choice_document
 from locsnn_compile.report.figures.document import report_document
@@ -168,7 +166,7 @@ def compile(
         match = _compare(levels, recordings, progress, spread)
     found, followed, excerpt = None, None, None
     if diagnosis:
-        played = fit_recordings(network, recordings.spikes, recordings.source)
+        played = network.fit(recordings.spikes, recordings.source)
         found = find_diagnosis(levels, played, match.first_divergence)
         followed = over_time(levels, played, recordings.labels, PSI if network.psi is None else network.psi)
         excerpt = take_excerpt(levels, played, match.first_divergence)
@@ -203,7 +201,7 @@ def diagnose(
 ) -> Diagnosis:
     """Take the error of a compiled model apart on other recordings, on all of them or at most ``samples``."""
     recordings = recordings_for(compiled.network, events, labels)
-    played = fit_recordings(compiled.network, recordings.spikes, recordings.source)
+    played = compiled.network.fit(recordings.spikes, recordings.source)
     first = _compare(compiled.levels, recordings, None).first_divergence
     return find_diagnosis(compiled.levels, played, first, samples=samples, progress=progress)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import hw_model as hw
@@ -11,9 +12,11 @@ from hw_model.mapping.graph import CompartmentGraph
 from hw_model.mapping.placement import PlacedGraph, place_cores
 from hw_model.mapping.routing import RoutedGraph, route_axons
 from hw_model.program.assemble import assemble
+from hw_model.program.text import compartments_text, placed_text, program_text, routed_text
 from locsnn_compile.network.check import check_network
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.quantized import QuantizedNetwork
+from locsnn_compile.network.text import network_text, quantized_text
 from locsnn_compile.passes.lower_neurons import lower_neurons
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.passes.rounding.task import NEAREST, Rounding
@@ -51,3 +54,14 @@ def lower(
     kept = {name: getattr(network, name) for name in ("step_seconds", "event_threshold", "psi")}
     program = replace(assemble(routed), **kept)
     return Levels(network, quantized, compartments, placed, routed, program)
+
+
+LEVEL_TEXTS: dict[str, Callable[[Levels], str]] = {
+    "network": lambda levels: network_text(levels.network),
+    "quantized": lambda levels: quantized_text(levels.quantized),
+    "compartments": lambda levels: compartments_text(levels.compartments),
+    "placed": lambda levels: placed_text(levels.placed),
+    "routed": lambda levels: routed_text(levels.routed),
+    "program": lambda levels: program_text(levels.program),
+}
+"""What ``--emit KIND`` writes to ``KIND.txt``: every level as stable text."""

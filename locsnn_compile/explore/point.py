@@ -18,7 +18,6 @@ from locsnn_compile.api import CompiledModel, compile
 from locsnn_compile.cluster.code import code_version
 from locsnn_compile.errors import InputError, LocsnnError, TargetError
 from locsnn_compile.explore.study import Study
-from locsnn_compile.network.recordings import fit_recordings
 from locsnn_compile.settings import Setting
 from locsnn_compile.verification.error_bounds import Losses
 
@@ -110,7 +109,7 @@ def measure(study: Study, setting: Setting) -> Point:
         compiled = _compile(study, setting)
     except LocsnnError as error:
         return Point(setting, None, Refusal.of(error), {}, code_version())
-    played = fit_recordings(compiled.network, study.recordings.spikes, study.recordings.source)
+    played = compiled.network.fit(study.recordings.spikes, study.recordings.source)
     timings = _timings(compiled.program, played, study.engines)
     return Point(setting, Figures.of(compiled.report), None, timings, code_version())
 

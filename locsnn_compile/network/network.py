@@ -16,6 +16,7 @@ from hw_model.mapping.graph import Axis
 from hw_model.mapping.graph import Readout as Readout
 from locsnn_compile.data.expected import Expected
 from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.errors import InputError
 from locsnn_compile.network.neurons import FloatArray, Neuron
 from locsnn_compile.network.projections import ChipProjection, Projection
 
@@ -162,3 +163,26 @@ class Network:
     def classes(self) -> int:
         """Classes of the readout."""
         return next(p.size for p in self.populations if p.name == self.readout.populations[0])
+
+    def fit(self, recordings: npt.NDArray[np.uint8], source: str) -> npt.NDArray[np.uint8]:
+        """Check channels and steps; a shorter recording is followed by silence, a longer one is refused.
+
+        A network of any length takes recordings as they are.
+        """
+        where = f"events {source!r}"
+        if recordings.ndim != 3 or recordings.shape[2] != self.channels:
+            raise InputError(
+                where,
+                "the channel count differs from the model's",
+                measured=f"{recordings.shape[-1]} channels against {self.channels}",
+                fix=f"Give recordings of shape (samples, steps, {self.channels}).",
+            )
+        missing = 0 if self.any_length else self.steps - recordings.shape[1]
+        if missing < 0:
+            raise InputError(
+                where,
+                "the recordings are longer than the model's",
+                measured=f"{recordings.shape[1]} steps against {self.steps}",
+                fix=f"Cut them to {self.steps} steps.",
+            )
+        return np.pad(recordings, ((0, 0), (0, missing), (0, 0))) if missing else recordings

@@ -24,7 +24,6 @@ from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
 from locsnn_compile.network.network import Network, Population
 from locsnn_compile.network.neurons import Cuba, FloatArray, Neuron, SoftCuba, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Matrix, Projection, by_delay, charge
-from locsnn_compile.network.recordings import fit_recordings
 from locsnn_compile.reference.float_neurons import CubaSteps, SoftCubaSteps, SrmSteps
 from locsnn_compile.reference.integer_neurons import ChipCubaSteps, ChipSrmSteps, effective_weights
 
@@ -183,7 +182,7 @@ def calibrate(network: Network, recordings: Recordings, registers: Registers) ->
     """Evaluate the float network on at most :data:`SAMPLES` recordings."""
     count = len(recordings.spikes)
     chosen = np.unique(np.linspace(0, count - 1, min(count, SAMPLES)).astype(np.int64))
-    played = fit_recordings(network, recordings.spikes[chosen], recordings.source)
+    played = network.fit(recordings.spikes[chosen], recordings.source)
     chunks = [
         evaluate(network, played[start : start + CHUNK], potentials=True, registers=registers)
         for start in range(0, len(played), CHUNK)

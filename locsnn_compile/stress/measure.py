@@ -17,7 +17,6 @@ from hw_model.simulation import SimulationResult
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.network.check import check_network
 from locsnn_compile.network.projections import values_of
-from locsnn_compile.network.recordings import fit_recordings
 from locsnn_compile.pipeline import Levels, lower
 from locsnn_compile.reference.evaluate import calibrate, evaluate
 from locsnn_compile.strategies import NATIVE
@@ -55,7 +54,7 @@ def lowered(case: Case, chip: hw.Chip, steps: int | None = None) -> Levels:
 def measure(case: Case, chip: hw.Chip) -> Measured:
     """Return what is measured of a case; an error of the compiler is raised."""
     levels = lowered(case, chip)
-    recordings = fit_recordings(case.network, case.recordings, "stress")
+    recordings = case.network.fit(case.recordings, "stress")
     sides = Sides(levels, recordings)
     found = hw.simulate(levels.program, recordings, probe=("spikes", "potential"))
     wanted, unit = sides.float, sides.threshold

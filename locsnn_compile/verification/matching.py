@@ -22,7 +22,6 @@ from locsnn_compile.cluster.spread import Spread, here
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.quantized import QuantizedNetwork
-from locsnn_compile.network.recordings import fit_recordings
 from locsnn_compile.reference.evaluate import decided, evaluate
 
 CHUNK = 16
@@ -144,7 +143,7 @@ def compare(
 ) -> Match:
     """Play recordings (samples, steps, channels) to both sides, some at a time, and compare every spike."""
     network = quantized.network
-    recordings = fit_recordings(network, recordings, source)
+    recordings = network.fit(recordings, source)
     _check_labels(network, labels, len(recordings), source)
     matches = {p.name: PopulationMatch() for p in network.populations}
     helpers = {p.name for p in network.populations if p.helper}

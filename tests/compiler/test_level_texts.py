@@ -9,8 +9,7 @@ import pytest
 
 import hw_model as hw
 from locsnn_compile.backends import LEVEL_KINDS
-from locsnn_compile.backends.levels import LEVEL_TEXTS
-from locsnn_compile.pipeline import lower
+from locsnn_compile.pipeline import LEVEL_TEXTS, lower
 from locsnn_compile.strategies import STRATEGIES
 
 GOLDEN = Path(__file__).parent / "golden"

@@ -16,7 +16,6 @@ from hw_model.description.counts import COUNT_NAMES
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.errors import TargetError
 from locsnn_compile.network.neurons import SoftCuba, SrmAlpha
-from locsnn_compile.network.recordings import fit_recordings
 from locsnn_compile.passes.srm.quantize import STRATEGIES
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -56,7 +55,7 @@ def recordings(name):
     """Return touches that ship, (samples, steps, channels), of as many steps and channels as the network has."""
     wanted = network(name)
     spikes = read_recordings(EXAMPLES / "recordings" / "touches.npz").spikes[:1]
-    return fit_recordings(wanted, spikes, "touches")
+    return wanted.fit(spikes, "touches")
 
 
 def check_engines(program, spikes):

@@ -11,9 +11,9 @@ import torch
 from torch import nn
 
 from locsnn_compile.data.synthetic import synthetic_touches
-from locsnn_compile.training.averaging import WeightAverage
 from locsnn_compile.training.config import TrainingConfig
 from locsnn_compile.training.profile import profile
+from locsnn_compile.training.schedule import WeightAverage
 from locsnn_compile.training.state import EpochRecord
 from locsnn_compile.training.train import train
 
