@@ -73,6 +73,7 @@ class CoreRange:
 
 
 @checked
+@lru_cache(maxsize=8)
 def prove_range(program: ChipProgram) -> tuple[CoreRange, ...]:
     """Bound the registers of every compartment, core by core, from weights, decays, biases and joins alone."""
     return tuple(_prove_core(core, program.chip.registers) for core in program.cores)
@@ -141,19 +142,27 @@ def _voltage(core: Core, drive: Bounds, *, filtered: bool) -> Bounds:
     decays = core.setting("decay_v")
     low, high = drive.low.copy(), drive.high.copy()
     passed_low, passed_high = np.zeros_like(low), np.zeros_like(high)
-    for i in range(core.compartments):
-        own = Bounds(low[i : i + 1], high[i : i + 1])
-        passed = Bounds(passed_low[i : i + 1], passed_high[i : i + 1])
+    for here in _children_first(core):
+        own, passed = Bounds(low[here], high[here]), Bounds(passed_low[here], passed_high[here])
         if filtered:
-            more = Bounds(_kept(passed.low, decays[i : i + 1]), _kept(passed.high, decays[i : i + 1]))
+            more = Bounds(_kept(passed.low, decays[here]), _kept(passed.high, decays[here]))
             found = Bounds(own.low + more.low, own.high + more.high)
         else:
-            found = _settled(Bounds(own.low + passed.low, own.high + passed.high), decays[i : i + 1])
-        low[i], high[i] = found.low[0], found.high[0]
-        if core.parent[i] >= 0:
-            passed_low[core.parent[i]] += max(low[i], core.vmin)
-            passed_high[core.parent[i]] += min(high[i], core.vmax)
+            found = _settled(Bounds(own.low + passed.low, own.high + passed.high), decays[here])
+        low[here], high[here] = found.low, found.high
+        joined = here[core.parent[here] >= 0]
+        np.add.at(passed_low, core.parent[joined], np.maximum(low[joined], core.vmin))
+        np.add.at(passed_high, core.parent[joined], np.minimum(high[joined], core.vmax))
     return Bounds(low, high)
+
+
+def _children_first(core: Core) -> list[IntArray]:
+    """Return the compartments in turns: each after all that join it."""
+    turn = np.zeros(core.compartments, dtype=np.int64)
+    for child, parent in enumerate(core.parent):
+        if parent >= 0:
+            turn[parent] = max(turn[parent], turn[child] + 1)
+    return [np.flatnonzero(turn == number) for number in range(int(turn.max(initial=-1)) + 1)]
 
 
 def _safe_at(core: Core, charge: Bounds, wrap_q: BoolArray, period: int, half: int) -> BoolArray:

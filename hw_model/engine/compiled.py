@@ -7,7 +7,7 @@ import os
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ import numba
 import numpy as np
 from llvmlite import ir
 from numba.core import event, types
+from numba.core.runtime import rtsys
 from numba.extending import intrinsic
 
 # Many arrays take part in an update; without this the compiler gives up proving that they do not overlap, and the loop
@@ -36,6 +37,10 @@ FILES_OF_LOOPS = (
     "streaming/location_phase",
     "streaming/time_phase",
 )
+
+OPTIONS = {"_nrt": False, "nogil": True, "boundscheck": False, "no_cfunc_wrapper": True}
+"""Without its runtime (nrt) loops count no references to arrays, which would take a locked instruction each and most of
+the time of short loops; nor can they make any. Nothing asks for the other way in."""
 
 _log = logging.getLogger("hw_model")
 
@@ -64,17 +69,30 @@ event.register("numba:compile", _Announce())
 
 def compiled(function: Callable[..., Any]) -> Any:
     """Compile a function that takes no Python objects and holds no lock: it may run in threads."""
-    return _compile(function)
+    try:
+        dispatcher = numba.njit(cache=True, **OPTIONS)(function)
+    except RuntimeError:  # neither the package's folder nor the user's cache can be written: compile every time
+        return numba.njit(**OPTIONS)(function)
+    cache, kept = dispatcher._cache, dispatcher._cache._cache_file
+    # The cache looks at the age of the function's own file, but its code holds that of what it calls elsewhere too.
+    kept._source_stamp = (kept._source_stamp, _stamp_of_loops())
+    cache.load_overload = partial(_load, cache)
+    return dispatcher
+
+
+def inner(function: Callable[..., Any], **options: Any) -> Any:
+    """Compile a function that only other compiled ones call: Python cannot, and what it becomes is kept with theirs."""
+    return numba.njit(no_cpython_wrapper=True, **OPTIONS, **options)(function)
 
 
 def inlined(function: Callable[..., Any]) -> Any:
     """Compile a function into each of its callers."""
-    return _compile(function, inline="always")
+    return inner(function, inline="always")
 
 
 def absorbed(function: Callable[..., Any]) -> Any:
     """Compile a function that its callers take in as machine code: passing many arrays costs more than a short loop."""
-    return _compile(function, forceinline=True)
+    return inner(function, forceinline=True)
 
 
 def entry(function: Any, *arguments: Any) -> Callable[..., Any]:
@@ -87,15 +105,10 @@ def entry(function: Any, *arguments: Any) -> Callable[..., Any]:
     return found
 
 
-def _compile(function: Callable[..., Any], **options: Any) -> Any:
-    try:
-        dispatcher = numba.njit(cache=True, nogil=True, boundscheck=False, **options)(function)
-    except RuntimeError:  # neither the package's folder nor the user's cache can be written: compile every time
-        return numba.njit(nogil=True, boundscheck=False, **options)(function)
-    # The cache looks at the age of the function's own file, but its code holds that of what it calls elsewhere too.
-    kept = dispatcher._cache._cache_file
-    kept._source_stamp = (kept._source_stamp, _stamp_of_loops())
-    return dispatcher
+def _load(cache: Any, signature: Any, target: Any) -> Any:
+    """Return code from a cache; numba's own way loads first all that only compiling needs, for a fifth of a second."""
+    rtsys.initialize(target)
+    return cache._load_overload(signature, target)
 
 
 @lru_cache(maxsize=1)
@@ -103,32 +116,6 @@ def _stamp_of_loops() -> tuple[tuple[int, int], ...]:
     """Return age and size of every file of this package that holds compiled loops, or constants of theirs."""
     files = [(Path(__file__).parents[1] / f"{name}.py").stat() for name in FILES_OF_LOOPS]
     return tuple((file.st_mtime_ns, file.st_size) for file in files)
-
-
-@intrinsic  # type: ignore[untyped-decorator]
-def borrowed(typing: Any, value: Any) -> Any:
-    """Return an array, or a tuple of some, as it is but for its owner, so that no reference to it is ever counted.
-
-    Counting, with a locked instruction for each array at each call, took most of the time of short loops. The owner
-    must outlive the loop: so only for arrays that the caller was given by Python.
-    """
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return _without_owner(context, builder, value, arguments[0])
-
-    return value(value), generate
-
-
-def _without_owner(context: Any, builder: Any, kind: Any, value: Any) -> Any:
-    if isinstance(kind, types.Array):
-        array = context.make_array(kind)(context, builder, value=value)
-        array.meminfo = ir.Constant(array.meminfo.type, None)
-        array.parent = ir.Constant(array.parent.type, None)
-        return array._getvalue()
-    if isinstance(kind, types.BaseTuple):  # type: ignore[attr-defined]
-        parts = [_without_owner(context, builder, part, builder.extract_value(value, i)) for i, part in enumerate(kind)]
-        return context.make_tuple(builder, kind, parts)
-    return value
 
 
 @intrinsic  # type: ignore[untyped-decorator]

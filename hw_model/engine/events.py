@@ -21,8 +21,11 @@ def list_events(recordings: ByteArray) -> EventLists:
     words, last_word = flat[:whole].view(np.uint64), np.uint64(int.from_bytes(flat[whole:].tobytes(), "little"))
 
     def scan(start: int, stop: int) -> tuple[int, int, Int32Array]:
-        channel = _scan(words, last_word, start * rows * channels, channels, first[start:stop])
-        return start, stop, channel[: first[stop - 1, rows]]
+        begin, end = start * rows * channels, stop * rows * channels
+        channel = np.empty(np.count_nonzero(flat[begin:end]), dtype=np.int32)
+        busy = np.empty((end - begin) // 8 + 2, dtype=np.int64)
+        _scan(words, last_word, begin, channels, first[start:stop], busy, channel)
+        return start, stop, channel
 
     parts = in_parts(scan, batch)
     before = 0
@@ -47,27 +50,27 @@ def transpose(events: EventLists, item: Input, steps: int) -> EventLists:
     first = np.empty((len(events.first), steps + 1), dtype=np.int64)
     many = min(item.rows, events.rows)
     line = np.empty(int(events.until(many).sum()), dtype=np.int32)
-    found = _transpose(events.first, events.channel, visit_of, first_lines, begins, many, first, line)
+    place = np.empty(begins[-1] + 1, dtype=np.int64)
+    found = _transpose(events.first, events.channel, visit_of, first_lines, begins, many, first, line, place)
     return EventLists(first, line[:found])
 
 
 @compiled
-def _scan(words, last_word, begin, channels, first):  # type: ignore[no-untyped-def]
-    """Fill ``first`` of some recordings, the first of which begins at byte ``begin``, and return the channels.
+def _scan(words, last_word, begin, channels, first, busy, channel):  # type: ignore[no-untyped-def]
+    """Fill ``first`` and ``channel`` of some recordings, the first of which begins at byte ``begin``.
 
     ``last_word``: the bytes behind the last whole word. Bytes of other recordings in the outer words are masked away.
+    ``busy``: room for a number a word.
     """
     batch, rows = first.shape[0], first.shape[1] - 1
     size = rows * channels
     end = begin + batch * size
-    channel = np.empty(1024, np.int32)
     many = np.int64(0)
     recording, row, row_end = 0, 0, begin + channels
     first[0, 0] = 0
     whole = np.uint64(len(words))
     start, stop = np.uint64(begin // 8), np.uint64((end + 7) // 8)
     # Every index is written and only those of words with spikes are kept: a branch would be guessed wrong too often.
-    busy = np.empty(np.int64(stop - start), np.int64)
     found = np.uint64(0)
     for k in range(start, min(stop, whole)):
         busy[found] = k
@@ -83,11 +86,6 @@ def _scan(words, last_word, begin, channels, first):  # type: ignore[no-untyped-
             word &= ~np.uint64(0) << np.uint64(8 * (begin - at))
         if at + 8 > end:
             word &= ~np.uint64(0) >> np.uint64(8 * (at + 8 - end))
-        if many + 8 > len(channel):
-            longer = np.empty(2 * len(channel), np.int32)
-            for e in range(many):
-                longer[e] = channel[e]
-            channel = longer
         while word:
             byte = at + (trailing_zeros(word) >> 3)
             word &= word - np.uint64(1)
@@ -107,22 +105,22 @@ def _scan(words, last_word, begin, channels, first):  # type: ignore[no-untyped-
             recording, row = recording + 1, 0
             if recording < batch:
                 first[recording, 0] = many
-    return channel
 
 
 @compiled
 def _transpose(  # type: ignore[no-untyped-def]
-    given, channel, visit_of, first_lines, begins, many, first, line
+    given, channel, visit_of, first_lines, begins, many, first, line, place
 ):
     """Sort the events of every recording by visit, in the order of time within one, and return how many there are.
 
-    Visits ``begins[step]`` to ``begins[step + 1]`` are those of a step; later ones than all are left out.
+    Visits ``begins[step]`` to ``begins[step + 1]`` are those of a step; later ones than all are left out. ``place`` has
+    room for a number a visit, and one more.
     """
     visits = begins[-1]
     so_far = 0
-    place = np.empty(visits + 1, np.int64)
     for b in range(len(given)):
-        place[:] = 0
+        for visit in range(visits + 1):
+            place[visit] = 0
         for e in range(given[b, 0], given[b, many]):
             visit = visit_of[channel[e]]
             if visit < visits:

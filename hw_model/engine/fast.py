@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import IntArray
-from hw_model.engine.compiled import borrowed, compiled, in_parts
+from hw_model.engine.compiled import compiled, in_parts
 from hw_model.engine.layout import CHARGE_WRAPS, FIELDS, LANES, FastLayout, fast_layout
 from hw_model.engine.tiles import NOTHING_KEPT, Kept, KeptRegister, first_state, reset, run_tile, workspace
 from hw_model.engine.trace import (
@@ -81,9 +81,6 @@ def _run(  # type: ignore[no-untyped-def]
     first, line, nodes, chunks, links, state, work, skip, spikes, sent, active, events, skipped, kept
 ):
     """Run recordings one after the other, each tile by tile."""
-    first, line, nodes, chunks, links, state, work, spikes, sent, active, kept = borrowed(
-        (first, line, nodes, chunks, links, state, work, spikes, sent, active, kept)
-    )
     steps, tile = spikes.shape[1], len(work.masks)
     for b in range(len(spikes)):
         reset(state)

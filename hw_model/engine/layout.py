@@ -15,11 +15,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-import networkx as nx
 import numpy as np
 import numpy.typing as npt
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT, IntArray
+from hw_model.mapping.circles import sources_first
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.program.pieces import Pieces, pieces_of
 
@@ -220,15 +220,11 @@ def _synapses(program: ChipProgram, phase: str, nodes: _Numbering) -> _Synapses:
 
 def _blocks(nodes: _Numbering, synapses: _Synapses) -> list[list[int]]:
     """Return the groups' nodes block by block, sources before targets, children before parents."""
-    graph = nx.DiGraph()
-    graph.add_nodes_from(range(nodes.inputs, len(nodes.names)))
-    pairs = np.unique(np.stack((synapses.node, synapses.target_node)), axis=1).T
-    graph.add_edges_from((int(a), int(b)) for a, b in pairs if a >= nodes.inputs)
-    # Both ways, for what is joined is updated together.
+    first, pairs = nodes.inputs, np.unique(np.stack((synapses.node, synapses.target_node)), axis=1).T
     joined = [(child, int(parent)) for child, parent in enumerate(nodes.parent) if parent >= 0]
-    graph.add_edges_from(joined + [(parent, child) for child, parent in joined])
-    whole = nx.condensation(graph)
-    order = nx.lexicographical_topological_sort(whole, key=lambda block: min(whole.nodes[block]["members"]))
+    # Both ways, for what is joined is updated together.
+    edges = [(int(a), int(b)) for a, b in pairs if a >= first] + joined + [(parent, child) for child, parent in joined]
+    order = sources_first(len(nodes.names) - first, [(a - first, b - first) for a, b in edges])
 
     def depth(node: int) -> int:
         above = 0
@@ -236,7 +232,7 @@ def _blocks(nodes: _Numbering, synapses: _Synapses) -> list[list[int]]:
             above += 1
         return above
 
-    return [sorted(whole.nodes[block]["members"], key=lambda node: (-depth(node), node)) for block in order]
+    return [sorted((first + i for i in block), key=lambda node: (-depth(node), node)) for block in order]
 
 
 @dataclass(frozen=True, eq=False)

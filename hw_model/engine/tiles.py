@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hw_model.engine.chunks import add_up, pass_on, update
-from hw_model.engine.compiled import absorbed, compiled, trailing_zeros
+from hw_model.engine.compiled import absorbed, compiled, inner, trailing_zeros
 from hw_model.engine.layout import BIAS, FIELDS, LANES, POTENTIAL, FastLayout, U, V, aligned
 
 TILE = 64
@@ -92,6 +92,8 @@ def workspace(layout: FastLayout, tile: int = TILE) -> Workspace:
     )
 
 
+_ZERO = np.int64(0)
+"""Of a type, as a variable is: loops are compiled anew for each literal that they are called with."""
 # Unsigned, or each index would be tested for being negative.
 _LANES, _CHUNK = np.uint64(LANES), np.uint64(FIELDS * LANES)
 _U, _V, _POTENTIAL = np.uint64(U * LANES), np.uint64(V * LANES), np.uint64(POTENTIAL * LANES)
@@ -133,7 +135,7 @@ def deliver(  # type: ignore[no-untyped-def]
                     touched[np.uint64(r + 1 + links.reach_late[k]), np.uint64(links.reach_chunk[k])] = 1
 
 
-@compiled
+@inner
 def _add_eights(link, base, first, last, event, charge, at, links):  # type: ignore[no-untyped-def]
     """Add matrix rows eight at once, so that the row of charges is passed less often; return the first one left."""
     matrix, many = links.matrix, np.uint64(links.width[link])
@@ -152,7 +154,7 @@ def _add_eights(link, base, first, last, event, charge, at, links):  # type: ign
     return first
 
 
-@compiled
+@inner
 def _keep(registers, at, first_column, width, step, recording, kept):  # type: ignore[no-untyped-def]
     """Copy the lanes of a chunk that are to be kept, if this step is."""
     row = step - kept.start
@@ -175,13 +177,13 @@ def reset(state):  # type: ignore[no-untyped-def]
         _clear(state.touched, r)
 
 
-@compiled
+@inner
 def _clear(array, row):  # type: ignore[no-untyped-def]
     for k in range(array.shape[1]):
         array[row, k] = 0
 
 
-@compiled
+@inner
 def _move_row(array, row, to):  # type: ignore[no-untyped-def]
     """Move a row to another; return whether anything in it was not 0."""
     anything = False
@@ -192,7 +194,7 @@ def _move_row(array, row, to):  # type: ignore[no-untyped-def]
     return anything
 
 
-@compiled
+@inner
 def run_tile(  # type: ignore[no-untyped-def]
     step, rows, first, line, nodes, chunks, links, state, work, skip, spikes, sent, active, recording, kept
 ):
@@ -209,23 +211,9 @@ def run_tile(  # type: ignore[no-untyped-def]
         work.updated[r] = 0
     for block in range(len(chunks.feeds_itself)):
         _run_block(
-            block,
-            step,
-            rows,
-            first,
-            line,
-            nodes,
-            chunks,
-            links,
-            state,
-            work,
-            skip,
-            spikes,
-            sent,
-            active,
-            recording,
-            kept,
-        )
+            block, step, rows, first, line, nodes, chunks, links, state, work, skip,
+            spikes, sent, active, recording, kept,
+        )  # fmt: skip
     _move_on(state.charge, state.touched, rows)
     quiet = rows
     for r in range(rows):
@@ -244,7 +232,7 @@ def _move_on(charge, touched, rows):  # type: ignore[no-untyped-def]
             _move_row(charge, r + rows, r)
 
 
-@compiled
+@inner
 def _run_block(  # type: ignore[no-untyped-def]
     block, step, rows, first, line, nodes, chunks, links, state, work, skip, spikes, sent, active, recording, kept
 ):
@@ -255,9 +243,9 @@ def _run_block(  # type: ignore[no-untyped-def]
     for link in range(links.into_block[block], links.into_block[block + 1]):
         m = links.source[link]
         if m < first.shape[1]:
-            deliver(link, 0, rows, line, 0, first, m, charge, touched, nodes, links)
+            deliver(link, _ZERO, rows, line, _ZERO, first, m, charge, touched, nodes, links)
         else:
-            deliver(link, 0, rows, event, nodes.first[m] * tile, begin, m, charge, touched, nodes, links)
+            deliver(link, _ZERO, rows, event, nodes.first[m] * tile, begin, m, charge, touched, nodes, links)
 
     # A block that feeds itself is updated row by row; any other, bundle by bundle, with its registers in the cache.
     by_row = chunks.feeds_itself[block]

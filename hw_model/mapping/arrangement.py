@@ -13,12 +13,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import networkx as nx
 import numpy as np
 import numpy.typing as npt
 
 from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.description.chip import Chip
+from hw_model.mapping.circles import sources_first
 from hw_model.mapping.placement import PlacedGraph
 
 FloatArray = npt.NDArray[np.float64]
@@ -75,8 +75,8 @@ def total_hops(traffic: FloatArray, distance: FloatArray, slots: npt.ArrayLike) 
 
 def _spectral_start(traffic: FloatArray, chip: Chip, slots: int) -> IntArray:
     """Lay cores along a snake through the tiles, part by connected part, in the order of the part's Fiedler vector."""
-    graph = nx.from_numpy_array(traffic)
-    order = [core for part in nx.connected_components(graph) for core in _spectral_order(graph, sorted(part))]
+    parts = sources_first(len(traffic), np.argwhere(traffic))
+    order = np.concatenate([_spectral_order(traffic, np.array(part)) for part in parts])
     tiles = [chip.tile_of(slot) for slot in range(slots)]
     snake = sorted(range(slots), key=lambda s: (tiles[s][0], tiles[s][1] * (-1) ** tiles[s][0], s))
     start = np.empty(len(order), dtype=np.int64)
@@ -84,14 +84,15 @@ def _spectral_start(traffic: FloatArray, chip: Chip, slots: int) -> IntArray:
     return start
 
 
-def _spectral_order(graph: nx.Graph, part: list[int]) -> list[int]:
+def _spectral_order(traffic: FloatArray, part: IntArray) -> IntArray:
     if len(part) < 3:
         return part
-    laplacian = nx.laplacian_matrix(graph, nodelist=part).toarray().astype(np.float64)
+    within = traffic[np.ix_(part, part)]
+    laplacian = np.diag(within.sum(axis=1)) - within
     fiedler = np.linalg.eigh(laplacian).eigenvectors[:, 1]
     # Its sign is arbitrary: the first core goes first. Rounding keeps the order from hanging on the last bits.
     ranked = np.round(fiedler * (1 if fiedler[0] <= 0 else -1), 9)
-    return [part[i] for i in np.argsort(ranked, kind="stable")]
+    return part[np.argsort(ranked, kind="stable")]
 
 
 def _exchange(traffic: FloatArray, distance: FloatArray, start: IntArray) -> IntArray:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hw_model.engine.chunks import add_up, advance, advance_pair, pass_on
-from hw_model.engine.compiled import absorbed, borrowed, compiled, entry, trailing_zeros
+from hw_model.engine.compiled import absorbed, compiled, entry, inner, trailing_zeros
 from hw_model.engine.layout import BIAS, BLOCKED, FIELDS, LANES, POTENTIAL, REFRACTORY, FastLayout, U
 from hw_model.engine.tiles import AnyArray
 from hw_model.engine.trace import ByteArray
@@ -190,9 +190,6 @@ def _order(layout: FastLayout, of: Read) -> Order:
 def _push(  # type: ignore[no-untyped-def]
     before, rows, visits, read, nodes, chunks, links, order, registers, at_rest, history, counts
 ):
-    visits, read, nodes, chunks, links, order, registers, at_rest, history = borrowed(
-        (visits, read, nodes, chunks, links, order, registers, at_rest, history)
-    )
     steps = len(history.masks)
     for row in range(len(rows)):
         time = before + row
@@ -254,7 +251,7 @@ def _change(link, source, step, sign, links, history):  # type: ignore[no-untype
                 history.reached[due, slot // _LANES] = 1
 
 
-@compiled
+@inner
 def _run_again(  # type: ignore[no-untyped-def]
     block, start, nodes, chunks, links, order, registers, at_rest, history
 ):

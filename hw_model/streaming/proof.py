@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -243,7 +242,6 @@ def _largest_charge(core: Core) -> IntArray:
     return charge
 
 
-@lru_cache(maxsize=8)
 def _proof(program: ChipProgram) -> dict[int, npt.NDArray[np.bool_]]:
     return {found.core: found.cannot_wrap for found in prove_range(program)}
 

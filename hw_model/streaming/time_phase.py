@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hw_model.engine.compiled import absorbed, borrowed, compiled, entry
+from hw_model.engine.compiled import absorbed, compiled, entry, inner
 from hw_model.engine.layout import FastLayout
 from hw_model.engine.tiles import (
     NO_REGISTER,
@@ -86,17 +86,20 @@ class Live:
         return counts
 
 
+# Typed as the variables that :mod:`hw_model.engine.fast` calls the same loop with, so that it is compiled once.
+_SKIP, _ZERO = np.bool_(True), np.int64(0)
+
+
 @compiled
 def _push(  # type: ignore[no-untyped-def]
     rows, lasting, before, nodes, chunks, links, state, work, room, counts
 ):
-    nodes, chunks, links, state, work, room = borrowed((nodes, chunks, links, state, work, room))
     for low in range(0, lasting, len(room.spikes)):
         many = min(len(room.spikes), lasting - low)
         _list_rows(rows, low, many, nodes, room.first, room.line)
         run_tile(
-            0, many, room.first, room.line, nodes, chunks, links, state, work, True,
-            room.spikes, room.sent, room.active, 0, room.kept,
+            _ZERO, many, room.first, room.line, nodes, chunks, links, state, work, _SKIP,
+            room.spikes, room.sent, room.active, _ZERO, room.kept,
         )  # fmt: skip
         for row in range(many):
             if room.kept.watched:
@@ -121,7 +124,7 @@ def _read_potentials(row, step, room):  # type: ignore[no-untyped-def]
             room.so_far[column] = seen
 
 
-@compiled
+@inner
 def _list_rows(rows, low, many, nodes, first, line):  # type: ignore[no-untyped-def]
     """List the events of ``many`` rows from ``low`` on, input after input."""
     found = 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import errno
+import gc
 import io
 import logging
 import os
@@ -15,6 +16,12 @@ from typing import Any, NoReturn, Protocol
 from locsnn_compile.cli.interrupt import EXIT_INTERRUPTED as EXIT_INTERRUPTED
 from locsnn_compile.cli.interrupt import leaving_at_once
 from locsnn_compile.errors import InputError, LocsnnError
+
+# Before numpy is there: matrices are small, threads of a busy machine wait for each other, and with one of them results
+# do not hang on the number of cores.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Most objects are modules and live to the end: looking for garbage among them took a tenth of the time.
+gc.set_threshold(100_000)
 
 EXIT_TARGET, EXIT_INPUT, EXIT_GATE = 1, 2, 3
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EIO)

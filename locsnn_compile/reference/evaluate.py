@@ -6,18 +6,18 @@ network does on calibration recordings is what weights are rounded for, and scal
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import singledispatch
 from typing import Any, Protocol
 
-import networkx as nx
 import numpy as np
 import numpy.typing as npt
 
 import hw_model as hw
 from hw_model.description.chip import Registers
 from hw_model.engine.trace import ByteArray
+from hw_model.mapping.circles import sources_first
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
@@ -98,22 +98,9 @@ def evaluate(
 
 def evaluation_order(network: Network) -> list[tuple[Population, ...]]:
     """Return the populations, sources first; those in a circle of projections together, in network order."""
-    graph = nx.DiGraph()
-    graph.add_nodes_from(population.name for population in network.populations)
-    graph.add_edges_from((p.source, p.target) for p in network.projections if p.source in graph)
-    circles = list(nx.strongly_connected_components(graph))
-    rank = {name: i for i, members in enumerate(circles) for name in members}
-    order = nx.DiGraph()
-    order.add_nodes_from(range(len(circles)))
-    order.add_edges_from((rank[a], rank[b]) for a, b in graph.edges if rank[a] != rank[b])
-    return [
-        tuple(p for p in network.populations if p.name in circles[i])
-        for i in nx.lexicographical_topological_sort(order, key=lambda i: _first(network, circles[i]))
-    ]
-
-
-def _first(network: Network, names: Iterable[str]) -> int:
-    return min(i for i, population in enumerate(network.populations) if population.name in names)
+    number = {population.name: i for i, population in enumerate(network.populations)}
+    edges = [(number[p.source], number[p.target]) for p in network.projections if p.source in number]
+    return [tuple(network.populations[i] for i in circle) for circle in sources_first(len(number), edges)]
 
 
 def _evaluate_together(

@@ -19,7 +19,7 @@ from locsnn_compile.passes.kernels import alpha_kernel, fitted_decays
 from locsnn_compile.passes.rounding.drive import RIDGE, drive_of
 from locsnn_compile.passes.rounding.grades import Grades, coarsest, nearest
 from locsnn_compile.passes.rounding.task import FINE, NEAREST, Rounding
-from locsnn_compile.passes.rounding.together import round_together
+from locsnn_compile.passes.rounding.together import Metric, round_together
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import SAMPLES, calibrate, evaluate
 from locsnn_compile.reference.integer_neurons import effective
@@ -92,7 +92,7 @@ def test_few_weights_are_rounded_nearly_as_well_as_any_rounding_could(seed):
     x = r.normal(size=(50, 4)) + r.normal(size=(50, 1)) * 2
     gram, ideal = x.T @ x, r.uniform(-9, 9, (3, 4))
     step, most = r.choice([1, 2, 4], size=(3, 4)), np.full((3, 4), 100)
-    found = round_together(gram, ideal, step, most, 32)
+    found = round_together(Metric.of(gram), ideal, step, most, 32)
     near = np.rint(ideal / step) * step
     tried = [error(gram, ideal, near + step * np.array(moves)) for moves in itertools.product((-1, 0, 1), repeat=4)]
     assert error(gram, ideal, found).sum() <= 1.5 * np.min(tried, axis=0).sum() + 1e-9
@@ -106,7 +106,7 @@ def test_rounding_together_keeps_limits_and_zeros(seed, beam):
     x = r.normal(size=(60, 9))
     ideal = r.normal(0, 30, (20, 9))
     step = r.choice([0, 1, 8], size=ideal.shape)
-    found = round_together(x.T @ x + np.eye(9), ideal, step, np.full(ideal.shape, 24), beam)
+    found = round_together(Metric.of(x.T @ x + np.eye(9)), ideal, step, np.full(ideal.shape, 24), beam)
     assert (np.abs(found) <= 24).all()
     assert (found[step == 0] == 0).all()
     assert (found[step == 8] % 8 == 0).all()
@@ -114,7 +114,7 @@ def test_rounding_together_keeps_limits_and_zeros(seed, beam):
 
 def test_without_correlation_every_weight_is_the_nearest():
     ideal = np.random.default_rng(0).normal(0, 9, (5, 6))
-    found = round_together(np.diag(np.arange(1.0, 7)), ideal, np.ones((5, 6), int), np.full((5, 6), 99), 4)
+    found = round_together(Metric.of(np.diag(np.arange(1.0, 7))), ideal, np.ones((5, 6), int), np.full((5, 6), 99), 4)
     assert np.array_equal(found, np.rint(ideal))
 
 

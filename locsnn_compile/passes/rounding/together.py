@@ -10,6 +10,8 @@ best few of all roundings so far go on (the M-algorithm of sphere decoding).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
@@ -17,44 +19,61 @@ from hw_model.arithmetic.fixed_point import IntArray
 
 FloatArray = npt.NDArray[np.float64]
 
-ROWS = 16
-"""Neurons that are worked on at a time, so that their candidates stay in the cache."""
+CANDIDATES = 256
+"""Candidates of all neurons that are worked on at a time, so that they stay in the cache."""
 
 
-def round_together(gram: FloatArray, ideal: FloatArray, step: IntArray, most: IntArray, beam: int) -> IntArray:
+@dataclass(frozen=True, eq=False)
+class Metric:
+    """Columns of a Gram matrix (n, n) in the ``order`` in which they are rounded, and the ``factor`` of its inverse."""
+
+    order: IntArray
+    factor: FloatArray
+
+    @classmethod
+    def of(cls, gram: FloatArray) -> Metric:
+        """Return the metric of a positive definite matrix."""
+        order = np.argsort(-np.diag(gram), kind="stable")
+        inverse = np.linalg.inv(gram[np.ix_(order, order)])
+        return cls(order, np.linalg.cholesky((inverse + inverse.T) / 2).T.astype(np.float64))
+
+
+def round_together(metric: Metric, ideal: FloatArray, step: IntArray, most: IntArray, beam: int) -> IntArray:
     """Return whole multiples of ``step`` (m, n), at most ``most`` in magnitude, near ``ideal`` (m, n) in the metric G.
 
-    ``gram`` is positive definite. Where ``step`` is 0, the weight is 0. ``beam`` candidates a neuron go on at a time.
+    Where ``step`` is 0, the weight is 0. ``beam`` candidates a neuron go on at a time.
     """
-    order = np.argsort(-np.diag(gram), kind="stable")
-    inverse = np.linalg.inv(gram[np.ix_(order, order)])
-    factor: FloatArray = np.linalg.cholesky((inverse + inverse.T) / 2).T.astype(np.float64)
     rounded = np.empty(ideal.shape, dtype=np.int64)
-    for start in range(0, len(ideal), ROWS):
-        rows = slice(start, start + ROWS)
-        sorted_parts = [part[rows, order].astype(np.float64) for part in (ideal, step, most)]
-        rounded[rows, order] = _beam(factor, *sorted_parts, beam=beam)
+    at_once = max(1, CANDIDATES // beam)
+    for start in range(0, len(ideal), at_once):
+        rows = slice(start, start + at_once)
+        sorted_parts = [part[rows, metric.order].astype(np.float64) for part in (ideal, step, most)]
+        rounded[rows, metric.order] = _beam(metric.factor, *sorted_parts, beam=beam)
     return rounded
 
 
 def _beam(factor: FloatArray, ideal: FloatArray, step: FloatArray, most: FloatArray, *, beam: int) -> IntArray:
-    """Round columns left to right; ``left`` (m, candidates, n) is what the columns should still be."""
+    """Round columns left to right; ``left`` (m, candidates, columns) is what those to come should still be."""
     m, n = ideal.shape
-    left, taken, cost = ideal[:, None].copy(), np.zeros((m, 1, n)), np.zeros((m, 1))
-    row = np.arange(m)[:, None]
+    left, cost, row = ideal[:, None], np.zeros((m, 1)), np.arange(m)[:, None]
+    came_from, taken = [], []
     for j in range(n):
         unit, limit = step[:, None, j], most[:, None, j]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            below = np.where(unit > 0, np.floor(left[:, :, j] / unit), 0.0) * unit
+        below = np.floor(left[:, :, 0] / np.where(unit > 0, unit, 1.0)) * unit
         tried = np.clip(np.stack((below, below + unit), axis=2), -limit[:, :, None], limit[:, :, None])
-        error = (left[:, :, j, None] - tried) / factor[j, j]
+        error = (left[:, :, :1] - tried) / factor[j, j]
         costs = cost[:, :, None] + error**2
         # Equal neighbours are one.
         costs[:, :, 1] = np.where(tried[:, :, 0] == tried[:, :, 1], np.inf, costs[:, :, 1])
         costs, error, tried = (part.reshape(m, -1) for part in (costs, error, tried))
         best = np.argsort(costs, axis=1, kind="stable")[:, :beam]
         cost = costs[row, best]
-        left, taken = left[row, best // 2], taken[row, best // 2]
-        taken[:, :, j] = tried[row, best]
-        left[:, :, j + 1 :] -= error[row, best][:, :, None] * factor[j, j + 1 :]
-    return np.rint(taken[:, 0]).astype(np.int64)
+        came_from.append(best // 2)
+        taken.append(tried[row, best])
+        left = left[row, came_from[-1], 1:]
+        left -= error[row, best][:, :, None] * factor[j, j + 1 :]
+    rounded, one, number = np.empty((m, n)), row[:, 0], np.zeros(m, dtype=np.int64)
+    for j in reversed(range(n)):
+        rounded[:, j] = taken[j][one, number]
+        number = came_from[j][one, number]
+    return np.rint(rounded).astype(np.int64)

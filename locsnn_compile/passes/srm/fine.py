@@ -174,7 +174,7 @@ def _rounded(task: _Task, made: ChipSrm, beam: int) -> _Quanta:
     step = np.where(present, 1 << np.where(split, grades.second_grade(grade), grade), 0)
     most = made.dendrites * grades.largest_of(grade)
     if task.rounding.error_aware:
-        quanta = round_together(task.drive.gram, ideal, step, most, beam)
+        quanta = round_together(task.drive.metric, ideal, step, most, beam)
     else:
         quanta = nearest(ideal, step, most)
     return _Quanta(quanta, made.dendrites, grade, split, grades)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from operator import attrgetter, methodcaller
+from operator import methodcaller
 
 import hw_model as hw
 from hw_model.engine.trace import ByteArray
@@ -24,11 +23,11 @@ from locsnn_compile.verification.error_budget.stages import (
     twin_with,
     working,
 )
-from locsnn_compile.verification.error_budget.twin import Twin, run_twin
+from locsnn_compile.verification.error_budget.twin import Twin, run_twins
 from locsnn_compile.verification.matching import PopulationMatch, Progress
 
-NEURON_STEPS_AT_ONCE = 1 << 21
-"""Neurons times steps that are held at a time, so that memory does not grow with the recordings."""
+NEURON_STEPS_AT_ONCE = 1 << 22
+"""Neurons times steps of all variants that are held at a time, so that memory does not grow with the recordings."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,32 +67,31 @@ def error_budget(levels: Levels, recordings: ByteArray, progress: Progress | Non
     network, phases = _each(levels.network, methodcaller("whole")), phases_of(levels)
     cut, registers = _each(network, methodcaller("cut")), levels.program.chip.registers
     stages = [stage for stage in STAGES if working(phases, stage)]
-
-    def tally_of(*stages: Stage) -> _Tally:
-        twins = [(phase, twin_with(phase, stages)) for phase in phases]
-        return _Tally(network, partial(_play, network, levels.quantized.readout, twins))
-
-    alone = {stage: tally_of(stage) for stage in stages}
-    without = {stage: tally_of(*(other for other in stages if other != stage)) for stage in stages}
-    none, together = tally_of(), tally_of(*stages)
-    tail = _Tally(network, lambda chunk: attrgetter("spikes", "scores")(evaluate(cut, chunk, registers=registers)))
-    others = [*alone.values(), *without.values(), *([tail] if network.by_strategy else [])]
+    variants: list[Collection[Stage]] = [(), stages, *([stage] for stage in stages)]
+    variants += [[other for other in stages if other != stage] for stage in stages]
+    twins = [(phase, [twin_with(phase, variant) for variant in variants]) for phase in phases]
+    tallies, tail = [_Tally(network) for _ in variants], _Tally(network)
     unexplained = 0
-    at_once = max(1, NEURON_STEPS_AT_ONCE // neuron_steps(network))
+    at_once = max(1, NEURON_STEPS_AT_ONCE // (len(variants) * neuron_steps(network)))
     for start in range(0, len(recordings), at_once):
         chunk = recordings[start : start + at_once]
         wanted = evaluate(network, chunk, registers=registers)
-        unexplained += _different(none.add(chunk, wanted), wanted.spikes)
-        unexplained += _different(together.add(chunk, wanted), hw.simulate(levels.program, chunk).spikes)
-        for tally in others:
-            tally.add(chunk, wanted)
+        played = _play(network, levels.quantized.readout, twins, chunk)
+        unexplained += _different(played[0][0], wanted.spikes)
+        unexplained += _different(played[1][0], hw.simulate(levels.program, chunk, probe=("spikes",)).spikes)
+        for tally, (spikes, scores) in zip(tallies, played, strict=True):
+            tally.add(wanted, spikes, scores)
+        if network.by_strategy:
+            cut_short = evaluate(cut, chunk, registers=registers)
+            tail.add(wanted, cut_short.spikes, cut_short.scores)
         if progress:
             progress(start + len(chunk), len(recordings))
+    _, together, *found = (tally.result() for tally in tallies)
     return StageErrors(
         samples=len(recordings),
-        alone={stage: tally.result() for stage, tally in alone.items()},
-        without={stage: tally.result() for stage, tally in without.items()},
-        together=together.result(),
+        alone=dict(zip(stages, found, strict=False)),
+        without=dict(zip(stages, found[len(stages) :], strict=True)),
+        together=together,
         unexplained=unexplained,
         kernel_tail=tail.result() if network.by_strategy else None,
     )
@@ -104,41 +102,44 @@ def _each(network: Network, changed: Callable[[Neuron], Neuron]) -> Network:
     return replace(network, populations=tuple(replace(p, neuron=changed(p.neuron)) for p in network.populations))
 
 
+class _Tally:
+    """Adds up, chunk by chunk, how a variant differs."""
+
+    def __init__(self, network: Network) -> None:
+        self._by_population = {p.name: PopulationMatch() for p in network.own_populations}
+        self._changed = 0
+
+    def add(self, wanted: ReferenceResult, spikes: Mapping[str, ByteArray], scores: FloatArray) -> None:
+        """Add a chunk: what the float network does, and the variant."""
+        for name in self._by_population:
+            self._by_population[name] += PopulationMatch.of(wanted.spikes[name], spikes[name])
+        self._changed += int((decided(scores) != decided(wanted.scores)).sum())
+
+    def result(self) -> Deviation:
+        return Deviation(self._by_population, self._changed)
+
+
 _Played = tuple[Mapping[str, ByteArray], FloatArray]
 """Spikes by population, and class scores."""
 
 
-class _Tally:
-    """Plays one variant chunk by chunk, and adds up how it differs."""
-
-    def __init__(self, network: Network, play: Callable[[ByteArray], _Played]) -> None:
-        self._play = play
-        self._by_population = {p.name: PopulationMatch() for p in network.own_populations}
-        self._changed = 0
-
-    def add(self, recordings: ByteArray, wanted: ReferenceResult) -> Mapping[str, ByteArray]:
-        """Play a chunk; return the variant's spikes."""
-        spikes, scores = self._play(recordings)
-        for name in self._by_population:
-            self._by_population[name] += PopulationMatch.of(wanted.spikes[name], spikes[name])
-        self._changed += int((decided(scores) != decided(wanted.scores)).sum())
-        return spikes
-
-    def result(self) -> Deviation:
-        return Deviation(dict(self._by_population), self._changed)
-
-
-def _play(network: Network, readout: Readout, twins: Sequence[tuple[Phase, Twin]], recordings: ByteArray) -> _Played:
-    """Play a chunk to twins; ``readout`` is that of potentials in registers."""
-    spikes: dict[str, ByteArray] = {}
-    potential: dict[str, FloatArray] = {}
-    for phase, twin in twins:
-        read = {group.name for group in twin.groups} & set(readout.populations)
+def _play(
+    network: Network, readout: Readout, twins: Sequence[tuple[Phase, Sequence[Twin]]], recordings: ByteArray
+) -> list[_Played]:
+    """Play a chunk to the twins of every variant; ``readout`` is that of potentials in registers."""
+    traces = []
+    for phase, of_phase in twins:
+        read = {group.name for group in of_phase[0].groups} & set(readout.populations)
         kept = tuple(sorted(read)) if readout.potentials_from is not None else ()
-        trace = run_twin(twin, lines_of(network, phase, recordings), potentials=kept)
-        spikes |= trace.spikes
-        potential |= trace.potential
-    return spikes, readout.scores(spikes, potential)
+        traces.append(run_twins(of_phase, lines_of(network, phase, recordings), potentials=kept))
+    found: list[_Played] = []
+    for variant in zip(*traces, strict=True):
+        spikes, potential = (
+            {name: array for trace in variant for name, array in getattr(trace, kind).items()}
+            for kind in ("spikes", "potential")
+        )
+        found.append((spikes, readout.scores(spikes, potential)))
+    return found
 
 
 def _different(spikes: Mapping[str, ByteArray], others: Mapping[str, ByteArray]) -> int:

@@ -9,7 +9,7 @@ from hw_model.engine.trace import ByteArray
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.verification.error_budget.stages import STAGES, Stage, lines_of, phases_of, twin_with, working
-from locsnn_compile.verification.error_budget.twin import run_twin
+from locsnn_compile.verification.error_budget.twin import run_twins
 from locsnn_compile.verification.matching import Divergence
 
 
@@ -48,16 +48,17 @@ def find_cause(levels: Levels, recording: ByteArray, first: Divergence) -> Cause
     equal = {name: spikes[:, until] for name, spikes in reference.items()}
     scale = float(levels.quantized.population(first.population).scale[first.neuron])
 
-    def decide(*stages: Stage) -> tuple[float, bool]:
-        """Return the potential in float units, and whether the neuron spikes."""
-        trace = run_twin(twin_with(phase, stages), lines, forced=equal, potentials=(first.population,))
-        at = (0, first.step, first.neuron)
-        return float(trace.potential[first.population][at]) / scale, bool(trace.spikes[first.population][at])
-
     stages = [stage for stage in STAGES if working(phases, stage)]
-    exact, _ = decide()
-    chip, fires = decide(*stages)
-    alone = {stage: decide(stage) for stage in stages}
+    variants = [(), stages, *([stage] for stage in stages)]
+    twins = [twin_with(phase, variant) for variant in variants]
+    traces = run_twins(twins, lines, forced=equal, potentials=(first.population,))
+    at = (0, first.step, first.neuron)
+    # By variant the potential in float units, and whether the neuron spikes.
+    (exact, _), (chip, fires), *others = (
+        (float(trace.potential[first.population][at]) / scale, bool(trace.spikes[first.population][at]))
+        for trace in traces
+    )
+    alone = dict(zip(stages, others, strict=True))
     return Cause(
         moved={stage: potential - exact for stage, (potential, _) in alone.items()},
         together=chip - exact,

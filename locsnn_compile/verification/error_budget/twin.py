@@ -6,13 +6,15 @@ exactly: the twin then equals the simulator bit for bit. With every switch off i
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
+from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.description.chip import Registers
 from hw_model.engine.trace import ByteArray
 from locsnn_compile.network.neurons import FloatArray
@@ -76,33 +78,52 @@ class TwinTrace:
     potential: dict[str, FloatArray]
 
 
-def run_twin(
-    twin: Twin,
+def run_twin(twin: Twin, lines: Mapping[str, ByteArray], **kept: Any) -> TwinTrace:
+    """Run recordings through a twin: see :func:`run_twins`."""
+    return run_twins([twin], lines, **kept)[0]
+
+
+def run_twins(
+    twins: Sequence[Twin],
     lines: Mapping[str, ByteArray],
     *,
     forced: Mapping[str, ByteArray] | None = None,
     potentials: tuple[str, ...] = (),
-) -> TwinTrace:
-    """Run recordings through a twin; ``lines[input]`` (batch, steps, lines) are the spikes of the phase's inputs.
+) -> list[TwinTrace]:
+    """Run recordings through twins side by side; ``lines[input]`` (batch, steps, lines) are the spikes of the inputs.
 
     With ``forced`` (batch, steps, n) by group, these spikes are sent, and reset their neurons, in place of the twin's
     own, so that potentials can be compared as if no earlier spike had differed. ``potentials`` names the groups whose
     potentials are kept.
     """
     batch, steps = next(iter(lines.values())).shape[:2]
-    blocks = _blocks(twin, batch, steps)
-    home = {name: (block, columns) for block in blocks for name, columns in block.columns.items()}
-    joins = [(*home[group.name], *home[group.joined_to]) for group in twin.groups if group.joined_to]
-    sent_from = {
-        group.name: [s for s in twin.synapses if s.source == group.name] for group in twin.groups if not group.joined_to
-    }
-    for s in twin.synapses:
+    blocks = _blocks(twins, batch, steps)
+    spiking = [block for block in blocks if block.spiking]
+    home = {key: (block, columns) for block in blocks for key, columns in block.columns.items()}
+    joins = [
+        (*home[i, group.name], *home[i, group.joined_to])
+        for i, twin in enumerate(twins)
+        for group in twin.groups
+        if group.joined_to
+    ]
+    early = {name: played.transpose(1, 0, 2).reshape(steps * batch, -1) for name, played in lines.items()}
+    sparse_lines = {name: sparse.csr_array(spikes, dtype=np.float64) for name, spikes in early.items()}
+    synapses = [(i, s) for i, twin in enumerate(twins) for s in twin.synapses if s.delay + 1 < steps]
+    own: dict[_Block, dict[tuple[_Block, str], _OwnCharges]] = {block: {} for block in spiking}
+    others: dict[_Key, list[tuple[int, _Block, slice, Matrix]]] = {key: [] for key in home}
+    for i, s in synapses:
+        target, to_columns = home[i, s.target]
         if s.source in lines:
-            block, columns = home[s.target]
-            early = lines[s.source][:, : max(0, steps - 1 - s.delay)].transpose(1, 0, 2)
-            block.charge[1 + s.delay :, :, columns] += _deliver_all(s, early)
-    spikes = {name: np.zeros((batch, steps, home[name][0].width(name)), dtype=np.uint8) for name in sent_from}
-    potential = {name: np.empty((batch, steps, home[name][0].width(name))) for name in potentials}
+            charge = _deliver_all(s, sparse_lines[s.source][: batch * (steps - 1 - s.delay)])
+            target.charge[1 + s.delay :, :, to_columns] += charge.reshape(-1, batch, s.weights.shape[0])
+        elif s.weights.ndim == 2:
+            others[i, s.source].append((1 + s.delay, target, to_columns, s.weights))
+        else:
+            block, columns = home[i, s.source]
+            _, to, weights = own[block].setdefault((target, s.target), _own_charges(block, target, synapses))
+            to[columns] = np.arange(to_columns.start, to_columns.stop)
+            weights[s.delay, columns] += s.weights
+    potential = {key: np.empty((batch, steps, home[key][0].width(key))) for key in home if key[1] in potentials}
     for step in range(steps):
         for block in blocks:
             if block.spiking:
@@ -110,55 +131,74 @@ def run_twin(
                 for child, from_columns, parent, to_columns in joins:
                     if parent is block:
                         block.joined[:, to_columns] += child.v[:, from_columns]
-            block.update(step, twin.registers)
-        for name in potential:
-            block, columns = home[name]
-            potential[name][:, step] = block.v[:, columns]
-        for block in blocks:
-            if block.spiking:
-                fired = block.fire()
-                for name, columns in block.columns.items():
-                    spikes[name][:, step] = fired[:, columns]
-                    if forced is not None:
-                        fired[:, columns] = forced[name][:, step]
-                block.reset(fired)
-                for name, columns in block.columns.items():
-                    for s in sent_from[name]:
-                        if step + 1 + s.delay < steps:
-                            target, to_columns = home[s.target]
-                            target.charge[step + 1 + s.delay, :, to_columns] += _deliver(s, fired[:, columns])
-    return TwinTrace(spikes, potential)
+            block.update(step, twins[0].registers)
+        for key, kept in potential.items():
+            block, columns = home[key]
+            kept[:, step] = block.v[:, columns]
+        for block in spiking:
+            fired = block.fire(step)
+            if forced is not None:
+                fired = np.hstack([forced[name][:, step] for _, name in block.columns]).astype(np.bool_)
+            block.reset(fired)
+            recording, column = np.nonzero(fired)
+            for target, to, weights in own[block].values():
+                here = to[column] >= 0
+                later = target.charge[step + 1 : step + 1 + len(weights)]
+                later[:, recording[here], to[column[here]]] += weights[: len(later), column[here]]
+            for key, columns in block.columns.items():
+                sent = fired[:, columns]
+                for late, target, to_columns, weights in others[key] if sent.any() else ():
+                    if step + late < steps:
+                        target.charge[step + late, :, to_columns] += (weights @ sent.T.astype(np.float64)).T
+    return [
+        TwinTrace(
+            {
+                name: block.spikes_of((number, name))
+                for block in spiking
+                for number, name in block.columns
+                if number == i
+            },
+            {name: kept for (number, name), kept in potential.items() if number == i},
+        )
+        for i in range(len(twins))
+    ]
 
 
-def _blocks(twin: Twin, batch: int, steps: int) -> list[_Block]:
+def _blocks(twins: Sequence[Twin], batch: int, steps: int) -> list[_Block]:
     """Return the groups in blocks of one arithmetic each, those that are joined to others first."""
-    kinds: dict[tuple[bool, bool, bool], list[TwinGroup]] = {}
-    for group in twin.groups:
-        kinds.setdefault((group.joined_to is None, group.truncates, group.limited), []).append(group)
+    kinds: dict[tuple[bool, bool, bool], dict[_Key, TwinGroup]] = {}
+    for i, twin in enumerate(twins):
+        for group in twin.groups:
+            kinds.setdefault((group.joined_to is None, group.truncates, group.limited), {})[i, group.name] = group
     return [_Block(kinds[kind], batch, steps) for kind in sorted(kinds)]
 
 
-def _deliver(synapses: TwinSynapses, spikes: npt.NDArray[np.bool_]) -> FloatArray:
-    """Return the charge (batch, n_target) that the spikes (batch, n_source) of one step bring."""
-    sent, weights = spikes.astype(np.float64), synapses.weights
-    charge: FloatArray = sent * weights if weights.ndim == 1 else (weights @ sent.T).T
-    return charge
+_Key = tuple[int, str]
+"""The number of a twin, and the name of a group of it."""
+_OwnCharges = tuple["_Block", IntArray, FloatArray]
+"""What the few spikes of a step bring to neurons of the same number: to a block, to which of its columns from each that
+spikes, or -1, and weights (delays, columns)."""
 
 
-def _deliver_all(synapses: TwinSynapses, spikes: ByteArray) -> FloatArray:
-    """Return the charge (steps, batch, n_target) that few spikes among many (steps, batch, n_source) bring."""
-    sent = sparse.csr_array(spikes.reshape(-1, spikes.shape[2]), dtype=np.float64)
+def _own_charges(block: _Block, target: _Block, synapses: Sequence[tuple[int, TwinSynapses]]) -> _OwnCharges:
+    delays = 1 + max(s.delay for _, s in synapses if s.weights.ndim == 1)
+    return target, np.full(block.v.shape[1], -1), np.zeros((delays, block.v.shape[1]))
+
+
+def _deliver_all(synapses: TwinSynapses, sent: sparse.csr_array) -> FloatArray:
+    """Return the charge (rows, n_target) that few spikes among many (rows, n_source) bring."""
     found = sent @ synapses.weights.T
     charge: FloatArray = found.toarray() if sparse.issparse(found) else found
-    return charge.reshape(*spikes.shape[:2], synapses.weights.shape[0])
+    return charge
 
 
 class _Block:
     """Registers of groups of one arithmetic, side by side: arrays (batch, n); ``charge`` (steps, batch, n)."""
 
-    def __init__(self, groups: list[TwinGroup], batch: int, steps: int) -> None:
+    def __init__(self, by_key: Mapping[_Key, TwinGroup], batch: int, steps: int) -> None:
+        groups = list(by_key.values())
         ends = np.cumsum([0, *(group.size for group in groups)]).tolist()
-        self.columns = {group.name: slice(*ends[i : i + 2]) for i, group in enumerate(groups)}
+        self.columns = {key: slice(*ends[i : i + 2]) for i, key in enumerate(by_key)}
         self.spiking = groups[0].joined_to is None
         self._truncates, self._limited = groups[0].truncates, groups[0].limited
         self._keep_u, self._keep_v, self._threshold, self._bias, self._refractory, self._vmin, self._vmax = (
@@ -169,10 +209,11 @@ class _Block:
         self.charge = np.zeros((steps, batch, ends[-1]))
         self._u, self.v, self.joined = np.zeros((3, batch, ends[-1]))
         self._blocked = np.zeros((batch, ends[-1]), dtype=np.int64)
+        self._spikes = np.zeros((batch, steps, ends[-1] if self.spiking else 0), dtype=np.uint8)
 
-    def width(self, name: str) -> int:
+    def width(self, key: _Key) -> int:
         """Return the size of a group."""
-        columns = self.columns[name]
+        columns = self.columns[key]
         return int(columns.stop - columns.start)
 
     def update(self, step: int, registers: Registers) -> None:
@@ -194,10 +235,17 @@ class _Block:
         if self._blocks:
             self.v[self._blocked > 0] = 0.0
 
-    def fire(self) -> npt.NDArray[np.bool_]:
-        """Return which compartments reach their threshold."""
+    def fire(self, step: int) -> npt.NDArray[np.bool_]:
+        """Keep and return which compartments reach their threshold."""
         fired: npt.NDArray[np.bool_] = self.v >= self._threshold
-        return fired & (self._blocked == 0) if self._blocks else fired
+        if self._blocks:
+            fired &= self._blocked == 0
+        self._spikes[:, step] = fired
+        return fired
+
+    def spikes_of(self, key: _Key) -> ByteArray:
+        """Return which compartments of a group reached it, (batch, steps, n)."""
+        return np.ascontiguousarray(self._spikes[:, :, self.columns[key]])
 
     def reset(self, spikes: npt.NDArray[np.bool_]) -> None:
         """Reset what spiked, and count its refractory steps."""
@@ -215,5 +263,5 @@ def _wrap(x: FloatArray, bits: int) -> FloatArray:
     half = float(1 << bits)
     if x.max() < half and x.min() >= -half:
         return x  # nearly always, and a remainder takes long
-    wrapped: FloatArray = np.mod(x + half, 2 * half) - half
+    wrapped: FloatArray = np.where((x < half) & (x >= -half), x, np.mod(x + half, 2 * half) - half)
     return wrapped
