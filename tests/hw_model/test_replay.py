@@ -26,14 +26,14 @@ def neuron(weights, **parameters):
     return build
 
 
-def dendrites(count, weights, soma, unlike=1, **parameters):
-    """A soma that only adds up so many dendrites; the weights of each are ``unlike`` times those of the one before."""
+def dendrites(count, weights, soma, times=(1, 1), **parameters):
+    """A soma that only adds up so many dendrites; ``times`` scales the weights of each."""
 
     def build(builder, x):
         y = builder.add_compartments("y", 1, **FORGETS, **soma)
         for k in range(count):
             child = builder.add_compartments(f"d{k}", 1, threshold=0, joined_to=y, **{**FORGETS, **parameters})
-            builder.connect(x, child, unlike**k * np.array([weights]), exponent=7)
+            builder.connect(x, child, times[k] * np.array([weights]), exponent=7)
 
     return build
 
@@ -51,7 +51,11 @@ PHASES = {
     "a soma refractory": dendrites(1, [200, 100], {"threshold": 100, "refractory": 5}),
     "a soma of two, refractory": dendrites(2, [200, 100], {"threshold": 100, "refractory": 5}),
     "a pair": dendrites(2, [200, -100], {"threshold": 10_000}, decay_u=1024, decay_v=512),
-    "a pair of unlike dendrites": dendrites(2, [-120, 60], {"threshold": 500}, unlike=-2, decay_u=1024, decay_v=512),
+    "a pair of unlike dendrites": dendrites(
+        2, [-120, 60], {"threshold": 500}, times=(1, -2), decay_u=1024, decay_v=512
+    ),
+    "a pair, the first alone": dendrites(2, [100, -60], {"threshold": 9000}, times=(1, 0), decay_u=900, decay_v=900),
+    "a pair, the second alone": dendrites(2, [100, -60], {"threshold": 9000}, times=(0, 1), decay_u=900, decay_v=900),
     "a pair at its threshold": dendrites(2, [100, 60], {"threshold": 200 * 128}),
     "a pair, pulled to vmin": dendrites(2, [100, -200], {"threshold": 300, "vmin": 0}, decay_v=0, vmin=0),
     "a pair, its sum cut off": dendrites(
