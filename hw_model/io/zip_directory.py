@@ -1,9 +1,10 @@
-"""How large the directory of a zip archive is: zipfile builds an object for every entry that it claims, unasked."""
+"""Zip archives of strangers: zipfile builds an object for every entry that a directory claims, and unpacks unasked."""
 
 from __future__ import annotations
 
 import os
 import struct
+import zipfile
 from typing import IO
 
 MAX_DIRECTORY_BYTES = 20_000_000
@@ -30,3 +31,14 @@ def check_directory(stream: IO[bytes]) -> None:
         (size,) = struct.unpack_from("<Q", tail, before + 40)
     if size > MAX_DIRECTORY_BYTES:
         raise ValueError(f"a directory of {size} bytes")
+
+
+def read_entry(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> bytes:
+    """Return the bytes of an entry, and unpack no more than it claims: ``read()`` would take 2 GiB for a claimed byte.
+
+    Raises what zipfile raises, and ``ValueError`` for methods of packing that it cannot stop.
+    """
+    if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise ValueError(f"packed by method {entry.compress_type}")
+    with archive.open(entry) as packed:
+        return packed.read(entry.file_size)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hw_model.io.zip_directory import check_directory
+from hw_model.io.zip_directory import check_directory, read_entry
 from locsnn_compile.data.event_stream import Binning, bin_streams
 from locsnn_compile.data.expected import same
 from locsnn_compile.data.npy import load_npy, to_step_major
@@ -96,7 +96,9 @@ def _npz_entries(data: bytes, where: str) -> dict[str, NDArray[Any]]:
                     fix="Give fewer recordings.",
                 )
             return {
-                member.filename.removesuffix(".npy"): load_npy(archive.read(member), f"{where}, {member.filename!r}")
+                member.filename.removesuffix(".npy"): load_npy(
+                    read_entry(archive, member), f"{where}, {member.filename!r}"
+                )
                 for member in members
             }
     except InputError:

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from hw_model.io.zip_directory import check_directory
+from hw_model.io.zip_directory import check_directory, read_entry
 from locsnn_compile.data.torch_file import read_bytes
 from locsnn_compile.errors import InputError, check_most
 
@@ -65,7 +65,7 @@ def open_members(path: Path) -> Iterator[Members]:
 
     def read(name: str) -> bytes:
         try:
-            return archive.read(name)
+            return read_entry(archive, archive.getinfo(name))
         except Exception:
             raise InputError(f"{where}, {PurePosixPath(name).name!r}", "it is damaged", fix=fix) from None
 

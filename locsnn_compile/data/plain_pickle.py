@@ -106,7 +106,7 @@ def filled(pairs: Iterable[tuple[Any, Any]], into: dict[Any, Any]) -> dict[Any, 
         parts = key if type(key) is tuple and len(key) <= MAX_KEY else (key,)
         if any(type(part) not in _KEYS or (type(part) is int and abs(part) >> 60) for part in parts):
             raise ValueError("a key that is no plain value")
-        into[key] = value
+        dict.__setitem__(into, key, value)
     return into
 
 
@@ -115,15 +115,13 @@ def _cost(value: object) -> int:
 
 
 def _put(stack: list[Any], items: list[Any], name: str) -> None:
-    """Put values onto the stack as a tuple, or into the list or dict on top of it."""
+    """Put values onto the stack as a tuple, or into the list or dict on top of it; ``TypeError`` for anything else."""
     if name.startswith("TUPLE"):
         stack.append(tuple(items))
-    elif name.startswith("APPEND") and type(stack[-1]) is list:
-        stack[-1].extend(items)
-    elif name.startswith("SETITEM") and type(stack[-1]) is dict:
-        filled(zip(items[::2], items[1::2], strict=True), stack[-1])
+    elif name.startswith("APPEND"):
+        list.extend(stack[-1], items)
     else:
-        raise ValueError(f"{name} onto a {type(stack[-1]).__name__}")
+        filled(zip(items[::2], items[1::2], strict=True), stack[-1])
 
 
 def _check_tree(root: object, budget: Budget) -> None:

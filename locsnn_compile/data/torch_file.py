@@ -15,7 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 
-from hw_model.io.zip_directory import check_directory
+from hw_model.io.zip_directory import check_directory, read_entry
 from locsnn_compile.data.plain_pickle import Budget, RefusedError, read_pickle
 from locsnn_compile.data.tensors import Storage, Tensor, named, rebuilt, width_of
 from locsnn_compile.errors import InputError, check_most
@@ -58,12 +58,11 @@ def load_plain(data: bytes, where: str, *, fix: str) -> object:
     except InputError:
         raise
     except RefusedError as error:
-        raise InputError(
-            where,
+        what, fix = (
             "it holds objects that would run code when read, so it was not read",
-            measured=str(error),
-            fix="Save tensors and plain values only.",
-        ) from None
+            "Save tensors and plain values only.",
+        )
+        raise InputError(where, what, measured=str(error), fix=fix) from None
     # Damaged bytes are met with many kinds of exception; each means the same to the user.
     except Exception:
         raise InputError(where, "it is damaged, truncated or not a torch file", fix=fix) from None
@@ -98,12 +97,7 @@ def _from_archive(data: bytes, where: str, fix: str, budget: Budget) -> object:
         raise InputError(where, "it is a TorchScript archive", fix="Save the state_dict() with torch.save.")
 
     def read(name: str) -> bytes:
-        entry = entries[f"{inside}/{name}"]
-        if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-            raise ValueError("packed in a way that torch does not read")
-        # No more than it says: the library would unpack 2 GiB of an entry that claims a byte.
-        with archive.open(entry) as packed:
-            return packed.read(entry.file_size)
+        return read_entry(archive, entries[f"{inside}/{name}"])
 
     order: Literal["<", ">"] = ">" if f"{inside}/byteorder" in entries and read("byteorder") == b"big" else "<"
 

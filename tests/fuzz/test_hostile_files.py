@@ -5,6 +5,7 @@ import os
 import pickle
 import re
 import struct
+import tracemalloc
 import zipfile
 from pathlib import Path
 
@@ -219,6 +220,35 @@ def test_an_archive_that_unpacks_to_far_more(tmp_path):
     assert message_of(read_recordings, tmp_path / "a.zip") == (
         "archive 'a.zip': its recordings are too large together (1683000000 against 1600000000). Give fewer."
     )
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+@pytest.mark.parametrize(
+    ("name", "entry", "message"),
+    [
+        (
+            "a.npz",
+            "spikes.npy",
+            "file 'a.npz': it is damaged, truncated or not a .npz file. Write it again with numpy.savez.",
+        ),
+        ("a.zip", "sample_0.npy", "archive 'a.zip', 'sample_0.npy': it is damaged. Fetch the archive again."),
+        (
+            "a.pt",
+            "a/data.pkl",
+            "file 'a.pt': it is damaged, truncated or not a torch file. Write it again with torch.save.",
+        ),
+    ],
+)
+def test_an_entry_that_claims_a_byte_is_not_unpacked_whole(tmp_path, name, entry, message, method):
+    with zipfile.ZipFile(tmp_path / name, "w", method) as archive:
+        archive.writestr(entry, bytes(60_000_000))
+        archive.filelist[-1].file_size = 1
+    tracemalloc.start()
+    try:
+        assert message_of(read_recordings, tmp_path / name) == message
+        assert tracemalloc.get_traced_memory()[1] < 10_000_000
+    finally:
+        tracemalloc.stop()
 
 
 def test_a_member_without_a_name(tmp_path):
