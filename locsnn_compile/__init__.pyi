@@ -24,7 +24,7 @@ from .network.projections import ChipProjection as ChipProjection
 from .network.projections import Projection as Projection
 from .pipeline import Levels as Levels
 from .training.config import TrainingConfig as TrainingConfig
-from .training.from_python import train as train
+from .training.export import train as train
 from .training.schedule import EpochRecord as EpochRecord
 from .verification.diagnosis import Diagnosis as Diagnosis
 from .verification.error_bounds import ErrorBudget as ErrorBudget

@@ -6,7 +6,7 @@ CompartmentGraph -> PlacedGraph -> RoutedGraph -> ChipProgram
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, Literal
 
@@ -322,15 +322,11 @@ def voltage_maxima(chip: Chip) -> list[int]:
 
 
 def _check_voltage_limits(group: Compartments, chip: Chip) -> None:
-    rules: tuple[tuple[str, Callable[[Chip], list[int]], str], ...] = (
-        ("vmin", voltage_minima, "1 - 2^k"),
-        ("vmax", voltage_maxima, "2^(9 + 2k) - 1"),
-    )
+    rules = (("vmin", voltage_minima(chip), "1 - 2^k"), ("vmax", voltage_maxima(chip), "2^(9 + 2k) - 1"))
     for name, settings, formula in rules:
-        values: IntArray = getattr(group, name)
-        for value in np.unique(values):
-            if value not in settings(chip):
-                nearest = min(settings(chip), key=lambda setting: abs(setting - int(value)))
+        for value in np.unique(getattr(group, name)).tolist():
+            if value not in settings:
+                nearest = min(settings, key=lambda setting: abs(setting - value))
                 raise TargetError(
                     f"compartments {group.name!r}",
                     f"{name} {value} is not of the form {formula}",

@@ -7,7 +7,7 @@ fraction of a current is ever cut off, and where a program uses nothing that its
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from scipy import sparse
@@ -30,24 +30,26 @@ A voltage of exactly 0 would make SANA-FE take the compartment for idle in the n
 def obstacles(played: Played, phase: str) -> list[str]:
     """Return why SANA-FE's neurons would not find the spikes of a phase; empty where they do."""
     cores = played.program.cores_of(phase)
-    found = (
-        ("joined compartments, of which its neurons have none", sum(int((core.parent >= 0).sum()) for core in cores)),
-        (
-            "refractory periods, in which it loses charge that arrives",
-            sum(int((core.setting("refractory") > 1).sum()) for core in cores),
+    events = [played.result.events.get(group, {}) for group in played.program.columns_of(phase)]
+
+    def count(marked: Callable[[Core], BoolArray]) -> int:
+        return sum(int(marked(core).sum()) for core in cores)
+
+    found = {
+        "joined compartments, of which its neurons have none": count(lambda core: core.parent >= 0),
+        "refractory periods, in which it loses charge that arrives": count(lambda core: core.setting("refractory") > 1),
+        f"delays above {DELAY_MAX} steps": count(lambda core: core.axons.delay > DELAY_MAX),
+        "upper voltage limits not above the threshold; it has no upper limit": count(
+            lambda core: core.vmax <= core.threshold_voltage
         ),
-        (f"delays above {DELAY_MAX} steps", sum(int((core.axons.delay > DELAY_MAX).sum()) for core in cores)),
-        (
-            "upper voltage limits not above the threshold; it has no upper limit",
-            sum(int((core.vmax <= core.threshold_voltage).sum()) for core in cores),
+        "wraps of registers in this recording; it has none": sum(
+            held.get(kind, 0) for held in events for kind in ("charge_wraps", "current_wraps")
         ),
-        ("wraps of registers in this recording; it has none", _wraps(played, phase)),
-        (
-            "currents that lose a fraction in this recording; it keeps fractions",
-            sum(_fractions(core, played) for core in cores),
+        "currents that lose a fraction in this recording; it keeps fractions": count(
+            lambda core: _loses_fraction(core, played)
         ),
-    )
-    return [f"{what} ({count})" for what, count in found if count]
+    }
+    return [f"{what} ({number})" for what, number in found.items() if number]
 
 
 def updates(core: Core, played: Played) -> int:
@@ -60,15 +62,10 @@ def updates(core: Core, played: Played) -> int:
     return int((before | (core.bias != 0) | _arrives(core, played)).sum())
 
 
-def _wraps(played: Played, phase: str) -> int:
-    events = (played.result.events.get(group, {}) for group in played.program.columns_of(phase))
-    return sum(found.get("charge_wraps", 0) + found.get("current_wraps", 0) for found in events)
-
-
-def _fractions(core: Core, played: Played) -> int:
-    """Count the decays of u that leave a fraction; what u is after the last step decays no more."""
+def _loses_fraction(core: Core, played: Played) -> BoolArray:
+    """Mark the decays of u that leave a fraction; what u is after the last step decays no more."""
     u = played.register(core, "u")[:-1]
-    return int((np.abs(u) * (DECAY_ONE - core.setting("decay_u")) % DECAY_ONE != 0).sum())
+    return np.asarray(np.abs(u) * (DECAY_ONE - core.setting("decay_u")) % DECAY_ONE != 0)
 
 
 def _arrives(core: Core, played: Played) -> BoolArray:
