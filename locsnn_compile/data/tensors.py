@@ -26,9 +26,7 @@ _KINDS = {f"torch.{name}": np.dtype("uint16" if name == "bfloat16" else name) fo
 _CLASSES = "Double Float Half BFloat16 Bool Long Int Short Char Byte Untyped ComplexDouble ComplexFloat"
 _DTYPES = "float64 float32 float16 bfloat16 bool int64 int32 int16 int8 uint8 uint8 complex128 complex64"
 _QUANTISED = "QInt8 QInt32 QUInt8 QUInt4x2 QUInt2x4"
-_STORAGES = dict(
-    zip(f"{_CLASSES} {_QUANTISED}".split(), f"{_DTYPES} {_QUANTISED.lower()}".split(), strict=True),
-)
+_STORAGES = dict(zip(f"{_CLASSES} {_QUANTISED}".split(), f"{_DTYPES} {_QUANTISED.lower()}".split(), strict=True))
 """What the class of a storage says of its values: ``torch.FloatStorage`` holds float32."""
 _STORAGE = re.compile(r"torch\.(?:cuda\.|storage\.)?(\w+)Storage")
 _VALUE = re.compile(r"torch\.(Tensor|(q?u?int|b?float|bool|bits|complex|per_)\w*)")
@@ -147,28 +145,14 @@ def named(name: str) -> object:
     raise RefusedError(name)
 
 
-def _with_attributes(made: object, kind: object, arguments: Any, state: object) -> Tensor:
-    if made is not rebuilt:
-        raise ValueError("no tensor")
-    return rebuilt(*arguments)
-
-
 def _sparse(layout: Name, parts: Any) -> Tensor:
     """Name a tensor by its values and size: they come after one list of indices, or two."""
     values, size = parts[1:3] if layout.text == "torch.sparse_coo" else parts[2:4]
     return Tensor(values.dtype, _sizes(size), layout.text)
 
 
-def _word(text: str, index: int | None = None) -> Name:
-    if type(text) is not str or len(text) > 40 or not isinstance(index, int | None):
-        raise ValueError("no name")
-    return Name(text if index is None else f"{text}:{index}")
-
-
-def _bytes(text: str, coding: str) -> bytes:
-    if coding != "latin1":
-        raise ValueError("bytes are written as Latin-1")
-    return text.encode("latin-1")
+def _word(text: str, *index: int) -> Name:
+    return Name(":".join((text, *map("{:d}".format, index))))
 
 
 def _dict(held: Any = ()) -> dict[Any, Any]:
@@ -181,18 +165,17 @@ _FUNCTIONS: dict[str, Callable[..., object]] = {
     "builtins.set": lambda items: set(filled(((item, None) for item in items), {})),
     "builtins.complex": lambda real, imaginary: complex(float(real), float(imaginary)),
     "builtins.bytearray": lambda held=b"": bytearray(memoryview(held)),
-    "_codecs.encode": _bytes,
+    "_codecs.encode": lambda text, coding: text.encode({"latin1": "latin-1"}[coding]),
     "torch.Size": tuple,
     "torch.device": _word,
     "torch.serialization._get_layout": _word,
     "torch.nn.parameter.Parameter": lambda data, *_: data,
-    "torch._tensor._rebuild_from_type_v2": _with_attributes,
+    # Attributes are not looked at, and what they are of can be a tensor only.
+    "torch._tensor._rebuild_from_type_v2": lambda made, _, arguments, __: {rebuilt: rebuilt}[made](*arguments),
     **{f"torch._utils._rebuild_parameter{end}": lambda data, *_: data for end in ("", "_with_state")},
     **{f"torch._utils._rebuild_tensor{end}": rebuilt for end in ("", "_v2", "_v3")},
     "torch._utils._rebuild_qtensor": lambda whole, offset, size, *_: Tensor(whole.dtype, _sizes(size)),
     "torch._utils._rebuild_sparse_tensor": _sparse,
-    "torch._utils._rebuild_meta_tensor_no_storage": lambda kind, size, *_: Tensor(
-        kind.text, _sizes(size), device="meta"
-    ),
+    "torch._utils._rebuild_meta_tensor_no_storage": lambda kind, *of: Tensor(kind.text, _sizes(of[0]), device="meta"),
     "torch._utils._rebuild_nested_tensor": lambda values, *_: Tensor(values.dtype, (), "torch.nested"),
 }

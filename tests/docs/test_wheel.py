@@ -35,7 +35,11 @@ EVERY_MODULE = """\
 import importlib, pkgutil, hw_model, locsnn_compile
 for package in (hw_model, locsnn_compile):
     for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
-        importlib.import_module(module.name)
+        try:
+            importlib.import_module(module.name)
+        except ModuleNotFoundError as error:
+            trains = module.name.startswith(("locsnn_compile.models.", "locsnn_compile.training."))
+            assert error.name == "torch" and trains, module.name
 """
 
 
@@ -81,6 +85,7 @@ def test_nothing_is_missing(installed):
     python, folder = installed
     run(python, "-m", "pip", "check", cwd=folder, PYTHONPATH="")
     run(python, "-W", "error", "-c", EVERY_MODULE, cwd=folder, PYTHONPATH="")
+    assert "torch" not in run(python, "-m", "pip", "list", cwd=folder, PYTHONPATH="").lower()
 
 
 def test_the_quick_start_runs(installed):

@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from graphlib import CycleError, TopologicalSorter
 
-import networkx as nx
 import numpy as np
 from scipy import sparse
 
@@ -28,16 +27,12 @@ READOUTS = ("LI", "CubaLI")
 
 @dataclass(frozen=True, eq=False)
 class FlatGraph:
-    """Nodes by name, the edges between their names, a ``DiGraph``, the shapes that they give, and their layers."""
+    """Nodes by name, the shapes that they give, and their layers; ``sources``: by a node's name those that feed it."""
 
     nodes: Mapping[str, NirNode]
-    edges: Any
+    sources: Mapping[str, Sequence[str]]
     shapes: Mapping[str, Shape]
     layers: Mapping[str, Layer]
-
-    def sources(self, name: str) -> list[str]:
-        """Return the names of the nodes that feed one, in the file's order."""
-        return list(self.edges.predecessors(name))
 
     def size(self, name: str) -> int:
         """Return how many values a node gives."""
@@ -51,12 +46,31 @@ class FlatGraph:
 def flatten_graph(graph: NirGraph, where: str) -> FlatGraph:
     """Flatten a graph; edges to nowhere, circles without a neuron and shapes that do not fit are refused."""
     nodes, pairs = _flat(graph, where, "", top=True)
-    _check_circles(nodes, pairs, where)
-    edges = nx.DiGraph()
-    edges.add_nodes_from(nodes)
-    places = {name: place for place, name in enumerate(nodes)}
-    edges.add_edges_from(sorted(pairs, key=lambda pair: places[pair[1]]))
-    return FlatGraph(nodes, edges, *_shapes(nodes, edges, where))
+    sources: dict[str, list[str]] = {name: [] for name in nodes}
+    for source, target in dict.fromkeys(pairs):
+        sources[target].append(source)
+    try:
+        linear_order(nodes, sources)
+    except CycleError as error:
+        circle = " -> ".join(error.args[1][:-1][:6])[:200]
+        what, fix = "a circle of edges passes no neuron", "Put a neuron into the circle."
+        raise InputError(where, what, measured=circle, fix=fix) from None
+    return FlatGraph(nodes, sources, *_shapes(nodes, sources, where))
+
+
+def linear_order(nodes: Mapping[str, NirNode], sources: Mapping[str, Sequence[str]]) -> list[str]:
+    """Return the nodes, each after those that feed it within a step; ``CycleError`` for a circle without a neuron."""
+    within = {name: [one for one in found if nodes[one].kind not in NEURONS] for name, found in sources.items()}
+    return list(TopologicalSorter(within).static_order())
+
+
+def targets_of(sources: Mapping[str, Sequence[str]]) -> dict[str, list[str]]:
+    """Return by the name of each node those that it feeds, in the file's order."""
+    targets: dict[str, list[str]] = {name: [] for name in sources}
+    for target, found in sources.items():
+        for source in found:
+            targets[source].append(target)
+    return targets
 
 
 def _flat(graph: NirGraph, where: str, prefix: str, *, top: bool = False) -> tuple[dict[str, NirNode], list[Edge]]:
@@ -102,32 +116,21 @@ def _only(graph: NirGraph, kind: str, where: str, name: str) -> str:
     return found[0]
 
 
-def _check_circles(nodes: Mapping[str, NirNode], edges: list[Edge], where: str) -> None:
-    """Refuse a circle of weights alone: with no neuron in it, no step lies between a value and itself."""
-    try:
-        circle = nx.find_cycle(nx.DiGraph([(a, b) for a, b in edges if nodes[a].kind not in NEURONS]))
-    except nx.NetworkXNoCycle:
-        return
-    raise InputError(
-        where,
-        "a circle of edges passes no neuron",
-        measured=" -> ".join([a for a, _ in circle[:6]])[:200],
-        fix="Put a neuron into the circle.",
-    )
-
-
-def _shapes(nodes: Mapping[str, NirNode], edges: Any, where: str) -> tuple[dict[str, Shape], dict[str, Layer]]:
+def _shapes(
+    nodes: Mapping[str, NirNode], sources: Mapping[str, Sequence[str]], where: str
+) -> tuple[dict[str, Shape], dict[str, Layer]]:
     """Return the shape of what every node gives, and the layers of those with weights."""
     shapes: dict[str, Shape] = {}
     layers: dict[str, Layer] = {}
-    waiting = deque(name for name, node in nodes.items() if node.kind == "Input" or not edges.in_degree(name))
+    targets = targets_of(sources)
+    waiting = deque(name for name, node in nodes.items() if node.kind == "Input" or not sources[name])
     # Nodes in a circle that know their own size start it, where what feeds them does not.
     waiting.extend(name for name, node in nodes.items() if node.kind in NEURONS and _own_shape(node))
     while waiting:
         name = waiting.popleft()
         if name in shapes:
             continue
-        given = next((shapes[source] for source in edges.predecessors(name) if source in shapes), None)
+        given = next((shapes[source] for source in sources[name] if source in shapes), None)
         node, place = nodes[name], f"{where}, node {name!r}"
         if node.kind in WITH_WEIGHTS:
             layer = layer_of(node, given, place)
@@ -139,7 +142,7 @@ def _shapes(nodes: Mapping[str, NirNode], edges: Any, where: str) -> tuple[dict[
             continue
         check_shape(shape, place)
         shapes[name] = shape
-        waiting.extend(edges.successors(name))
+        waiting.extend(targets[name])
     for name in nodes:
         if name not in shapes:
             raise InputError(f"{where}, node {name!r}", "its size cannot be found", fix="Connect it to the input.")

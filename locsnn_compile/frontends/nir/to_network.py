@@ -7,17 +7,17 @@ step t behind k populations comes at step t + k.
 from __future__ import annotations
 
 import hashlib
+from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, get_args
 
-import networkx as nx
 import numpy as np
 from scipy import sparse
 
 from hw_model.mapping.graph import Readout
 from locsnn_compile.errors import InputError, did_you_mean
-from locsnn_compile.frontends.nir.flat import NEURONS, READOUTS, FlatGraph, flatten_graph
+from locsnn_compile.frontends.nir.flat import NEURONS, READOUTS, FlatGraph, flatten_graph, linear_order, targets_of
 from locsnn_compile.frontends.nir.graph import NirGraph, NirNode, read_nir
 from locsnn_compile.frontends.nir.neurons import DT_SECONDS, Discretisation, Reset, Stated, neurons_of, nir_assumptions
 from locsnn_compile.frontends.nir.signals import Signal, Term
@@ -152,8 +152,15 @@ def _depths(flat: FlatGraph) -> dict[str, int]:
 
 def _far(flat: FlatGraph, step: Callable[[str], int]) -> dict[str, int]:
     """Return the least sum of steps, one a target, from an input to every node that one leads to."""
-    inputs = set(flat.named("Input"))
-    return dict(nx.multi_source_dijkstra_path_length(flat.edges, inputs, weight=lambda _, b, __: step(b)))
+    far, targets = dict.fromkeys(flat.named("Input"), 0), targets_of(flat.sources)
+    waiting = deque(far)
+    while waiting:
+        name = waiting.popleft()
+        for target in targets[name]:
+            if far[name] + step(target) < far.get(target, len(targets)):
+                far[target] = far[name] + step(target)
+                waiting.append(target)
+    return far
 
 
 def _signals(flat: FlatGraph, view: InputView, dt: float, where: str) -> dict[str, Signal]:
@@ -165,8 +172,7 @@ def _signals(flat: FlatGraph, view: InputView, dt: float, where: str) -> dict[st
         lines = sparse.csr_array(sparse.eye_array(size, view.lines, k=first))
         signals[name] = Signal((Term(view.name, 0, lines),), np.zeros(size))
         first += size
-    linear = nx.subgraph_view(flat.edges, filter_edge=lambda source, _: flat.nodes[source].kind not in NEURONS)
-    for name in nx.topological_sort(linear):
+    for name in linear_order(flat.nodes, flat.sources):
         if name not in signals:
             place = f"{where}, node {name!r}"
             arriving = _arriving(flat, signals, name, place)
@@ -176,7 +182,7 @@ def _signals(flat: FlatGraph, view: InputView, dt: float, where: str) -> dict[st
 
 def _arriving(flat: FlatGraph, signals: dict[str, Signal], name: str, where: str) -> Signal:
     """Return the sum of what a node is given; graded values of a readout cannot be sent on."""
-    sources = flat.sources(name)
+    sources = flat.sources[name]
     sizes = {flat.size(source) for source in sources}
     if len(sizes) > 1:
         raise InputError(where, "its inputs differ in size", measured=f"{sorted(sizes)}", fix="Make them one size.")
@@ -248,8 +254,8 @@ def _outputs(flat: FlatGraph, where: str) -> tuple[str, ...]:
         kind = flat.nodes[name].kind
         if kind in NEURONS:
             found.append(name)
-        elif kind in ("Output", "Pass", "Flatten") and flat.sources(name):
-            waiting.extend(flat.sources(name))
+        elif kind in ("Output", "Pass", "Flatten") and flat.sources[name]:
+            waiting.extend(flat.sources[name])
         else:
             raise InputError(
                 f"{where}, node {name!r}",
