@@ -49,7 +49,7 @@ PHASES = {
     "a current that outlasts a spike": neuron([20, -10], decay_u=600, threshold=2000),
     "refractory": neuron([200, 100], refractory=4),
     "a soma refractory": dendrites(1, [200, 100], {"threshold": 100, "refractory": 5}),
-    "a soma of two, refractory": dendrites(2, [200, 100], {"threshold": 100, "refractory": 5}),
+    "a soma of two, refractory": dendrites(2, [200, 100], {"threshold": 20_000, "refractory": 5}),
     "a pair": dendrites(2, [200, -100], {"threshold": 10_000}, decay_u=1024, decay_v=512),
     "a pair of unlike dendrites": dendrites(
         2, [-120, 60], {"threshold": 500}, times=(1, -2), decay_u=1024, decay_v=512
