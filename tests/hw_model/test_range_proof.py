@@ -41,6 +41,13 @@ def test_all_inputs_in_every_step_reach_the_bound(decay_u, decay_v, steps, sign)
     assert (u, v) == tuple(int((b.high if sign > 0 else -b.low)[0]) for b in bound)
 
 
+@pytest.mark.parametrize("bias", [1, -1, 64], ids=["the least", "the least, down", "more"])
+def test_what_does_not_decay_has_no_bound(bias):
+    proven = prove_range(one([0], decay_v=0, bias=bias))[0]
+    assert (proven.v.low[0], proven.v.high[0]) == ((0, np.inf) if bias > 0 else (-np.inf, 0))
+    assert not proven.cannot_clip[0]
+
+
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 2**32 - 1), rate=st.sampled_from([0.3, 0.9, 1.0]))
 def test_no_input_makes_a_safe_compartment_wrap_or_clip(seed, rate):
