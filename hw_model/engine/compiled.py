@@ -67,17 +67,23 @@ class _Announce(event.Listener):  # type: ignore[misc]
 event.register("numba:compile", _Announce())
 
 
-def compiled(function: Callable[..., Any]) -> Any:
+def compiled(function: Callable[..., Any], **options: Any) -> Any:
     """Compile a function that takes no Python objects and holds no lock: it may run in threads."""
+    options = OPTIONS | options
     try:
-        dispatcher = numba.njit(cache=True, **OPTIONS)(function)
+        dispatcher = numba.njit(cache=True, **options)(function)
     except RuntimeError:  # neither the package's folder nor the user's cache can be written: compile every time
-        return numba.njit(**OPTIONS)(function)
+        return numba.njit(**options)(function)
     cache, kept = dispatcher._cache, dispatcher._cache._cache_file
     # The cache looks at the age of the function's own file, but its code holds that of what it calls elsewhere too.
     kept._source_stamp = (kept._source_stamp, _stamp_of_loops())
     cache.load_overload = partial(_load, cache)
     return dispatcher
+
+
+def compiled_with_arrays(function: Callable[..., Any]) -> Any:
+    """Compile one that makes arrays of its own: it has the runtime, and counts references to them."""
+    return compiled(function, _nrt=True)
 
 
 def inner(function: Callable[..., Any], **options: Any) -> Any:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT
-from hw_model.engine.compiled import compiled, inlined
+from hw_model.engine.compiled import compiled_with_arrays, inlined
 from hw_model.engine.lane_arithmetic import rz, wrap
 from locsnn_compile.models.chip_entry import RegisterWidths
 
@@ -46,7 +46,7 @@ def _arrive(u, v, charge, keep_u, keep_v, ends):  # type: ignore[no-untyped-def]
     return u, v, np.int32(q != charge), np.int32(u != current), np.int32(v != voltage)
 
 
-@compiled
+@compiled_with_arrays
 def scan(  # type: ignore[no-untyped-def]
     charge, keep, threshold, pull, refractory, taps, ends, potential, spikes, live, events
 ):
@@ -112,7 +112,7 @@ def scan(  # type: ignore[no-untyped-def]
     events[2] += clips.sum()
 
 
-@compiled
+@compiled_with_arrays
 def charge_gradient(gradient, carry, constants, found):  # type: ignore[no-untyped-def]
     """Write into ``found`` the gradient by the charge that each step sends on, of that by v, both (batch, steps, n).
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hw_model.engine.compiled import compiled, inlined
+from hw_model.engine.compiled import compiled, compiled_with_arrays, inlined
 
 
 @inlined
@@ -35,7 +35,7 @@ def _step_back(gradient, potential, constants, by_u):  # type: ignore[no-untyped
         by_u[i] = carried + (by_spike if abs(u - threshold) < window else zero)
 
 
-@compiled
+@compiled_with_arrays
 def scan(drive, constants, potential, spikes):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
     """Fill ``potential`` and ``spikes`` for what the inputs of each step add up to."""
     batch, steps, size = drive.shape
@@ -46,7 +46,7 @@ def scan(drive, constants, potential, spikes):  # type: ignore[no-untyped-def]  
             _step(drive[b, t - 1] if t else silence, constants, voltage, potential[b, t], spikes[b, t])
 
 
-@compiled
+@compiled_with_arrays
 def scan_back(gradient, potential, constants, found):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
     """Fill ``found``, the gradient by drive, for that by spikes."""
     batch, steps, size = gradient.shape
@@ -93,7 +93,7 @@ def _add_active(row, active, weight, total):  # type: ignore[no-untyped-def]  # 
             total[o] += x0 * w0[o]
 
 
-@compiled
+@compiled_with_arrays
 def scan_active(x, ends, inputs, weight, constants, potential, spikes):  # type: ignore[no-untyped-def]  # pragma: no cover
     """Fill ``potential`` and ``spikes`` for x (batch * steps, inputs), as listed, and ``weight`` (inputs, n)."""
     batch, steps, size = potential.shape
@@ -107,7 +107,7 @@ def scan_active(x, ends, inputs, weight, constants, potential, spikes):  # type:
             _add_active(x[r], inputs[ends[r - 1] if r else 0 : ends[r]], weight, arrived)
 
 
-@compiled
+@compiled_with_arrays
 def scan_active_back(  # type: ignore[no-untyped-def]
     gradient, potential, constants, x, ends, inputs, by_weight, found
 ):  # pragma: no cover - compiled

@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from hw_model.engine.compiled import compiled
+from hw_model.engine.compiled import compiled, compiled_with_arrays
 from locsnn_compile.models.dense_layer import DenseLayer, to_device, to_host
 from locsnn_compile.models.description import NeuronParameters
 from locsnn_compile.network.neurons import alpha_recursion
 
 
-@compiled
+@compiled_with_arrays
 def _respond(
     values: NDArray[Any], constants: tuple[Any, ...], spikes: NDArray[Any]
 ) -> None:  # pragma: no cover - compiled
@@ -51,7 +51,7 @@ def _respond(
                 spikes[b, t, i] = spike
 
 
-@compiled
+@compiled_with_arrays
 def _respond_back(
     values: NDArray[Any], by_spikes: NDArray[Any], constants: tuple[Any, ...]
 ) -> None:  # pragma: no cover - compiled
