@@ -4,23 +4,73 @@ from __future__ import annotations
 
 import argparse
 import math
+import shutil
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 from locsnn_compile.cli.diff import read_report
-from locsnn_compile.cli.live import LiveLine, live_line
 from locsnn_compile.cli.shell import progress_bar
 from locsnn_compile.errors import InputError
 
 if TYPE_CHECKING:
     import hw_model as hw
     from locsnn_compile.data.recordings import Recordings
-    from locsnn_compile.verification.streaming import OnStep, Streamed
+    from locsnn_compile.verification.over_time import OnStep, Streamed
+
+_CLEAR = "\r\x1b[K"
+
 
 Row = dict[str, Any]
 _MOMENTS = (0.2, 0.4, 0.6, 0.8, 1.0)
 """Parts of a recording after which the summary has a figure."""
+
+
+class LiveLine:
+    """Writes to a stream; on a terminal :meth:`show` replaces the line that it wrote before."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self.watched = stream.isatty()
+        self._open = False
+
+    def show(self, line: str) -> None:
+        """Write a line that the next one replaces, where there is a terminal; else for good."""
+        if not self.watched:
+            self._stream.write(f"{line}\n")
+            return
+        self._stream.write(_CLEAR + line[: shutil.get_terminal_size().columns - 1])
+        self._stream.flush()
+        self._open = True
+
+    def say(self, line: str) -> None:
+        """Write a line for good."""
+        self.close()
+        self._stream.write(f"{line}\n")
+        self._stream.flush()
+
+    def close(self) -> None:
+        """Take away the line that would be replaced."""
+        if self._open:
+            self._stream.write(_CLEAR)
+            self._stream.flush()
+            self._open = False
+
+
+@contextmanager
+def live_line(*, quiet: bool) -> Iterator[LiveLine | None]:
+    """Give a line on standard output, and take it away at the end, however that comes; None where it is quiet."""
+    if quiet:
+        yield None
+        return
+    line = LiveLine(sys.stdout)
+    try:
+        yield line
+    finally:
+        line.close()
 
 
 def stream_all(
@@ -29,7 +79,7 @@ def stream_all(
     """Stream every recording, showing it; add ``changes`` to the rows and return what was found of all together."""
     import hw_model as hw
     from hw_model.streaming.early_stop import to_the_end
-    from locsnn_compile.verification.streaming import right_over_time, step_latency, stream
+    from locsnn_compile.verification.over_time import right_over_time, step_latency, stream
 
     step_seconds = _step_seconds(args, program, recordings)
     lead = None if margin is None else margin["margin"]

@@ -10,9 +10,8 @@ from locsnn_compile.explore.events import Chosen
 from locsnn_compile.explore.executors import Executor
 from locsnn_compile.explore.point import Point
 from locsnn_compile.explore.recommend import Recommendation, on_front, recommend
-from locsnn_compile.explore.store import Store
 from locsnn_compile.explore.study import ModelFile, Study
-from locsnn_compile.explore.sweep import Progress, sweep
+from locsnn_compile.explore.sweep import Progress, Store, sweep
 from locsnn_compile.settings import Setting, has_srm_neurons
 from locsnn_compile.verification.error_bounds import ErrorBudget
 

@@ -21,10 +21,8 @@ from locsnn_compile.report.format import share, short
 from locsnn_compile.stress.bounds import error_bound
 from locsnn_compile.stress.cases.case import POPULATION
 from locsnn_compile.stress.cases.long_runs import LongRun
-from locsnn_compile.stress.judge import judge
-from locsnn_compile.stress.measure import lowered, measure
-from locsnn_compile.stress.row import TENTH, Drift, Row
-from locsnn_compile.stress.sides import Float, Sides
+from locsnn_compile.stress.measure import Float, Sides, lowered, measure
+from locsnn_compile.stress.row import TENTH, Drift, Row, judge
 from locsnn_compile.verification.matching import PopulationMatch
 
 TENTHS = 10

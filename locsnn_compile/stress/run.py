@@ -15,10 +15,8 @@ from locsnn_compile.stress.cases import cases
 from locsnn_compile.stress.cases.case import Case
 from locsnn_compile.stress.cases.long_runs import BLOCK, long_runs
 from locsnn_compile.stress.drift import long_row, play_float
-from locsnn_compile.stress.judge import judge
-from locsnn_compile.stress.measure import measure
-from locsnn_compile.stress.row import Row
-from locsnn_compile.stress.sides import Float
+from locsnn_compile.stress.measure import Float, measure
+from locsnn_compile.stress.row import Row, judge
 
 LONG_STEPS, QUICK_STEPS = 1_000_000, 10 * BLOCK
 """Steps of a long run, and of one of a quick run."""

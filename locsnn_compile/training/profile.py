@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from locsnn_compile.report.content import Curve
-from locsnn_compile.report.pictures.curves import Panel, draw
+from locsnn_compile.report.pictures.chart import Panel, draw
 from locsnn_compile.training.schedule import EpochRecord
 
 

@@ -20,9 +20,8 @@ from locsnn_compile.explore import executors
 from locsnn_compile.explore.events import choose_events
 from locsnn_compile.explore.executors import here, in_processes, on_dask
 from locsnn_compile.explore.point import measure
-from locsnn_compile.explore.store import Store
 from locsnn_compile.explore.study import Study
-from locsnn_compile.explore.sweep import sweep
+from locsnn_compile.explore.sweep import Store, sweep
 from locsnn_compile.settings import AXES, settings
 
 GRID = narrow("dendrite", "reset", bits=(2, 4, 6, 8))

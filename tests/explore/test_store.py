@@ -7,9 +7,9 @@ from small_model import explore, figures, lasting, point
 
 from locsnn_compile.cluster.code import code_version
 from locsnn_compile.errors import TargetError
-from locsnn_compile.explore import store as store_module
+from locsnn_compile.explore import sweep as store_module
 from locsnn_compile.explore.point import Refusal, Timing
-from locsnn_compile.explore.store import Store
+from locsnn_compile.explore.sweep import Store
 from locsnn_compile.settings import Setting
 
 KEY = "0" * 64

@@ -5,7 +5,7 @@ from xml.etree import ElementTree
 import pytest
 
 from locsnn_compile.report.content import Curve
-from locsnn_compile.report.pictures.curves import Panel, draw
+from locsnn_compile.report.pictures.chart import Panel, draw
 
 SVG = "{http://www.w3.org/2000/svg}"
 

@@ -8,8 +8,7 @@ import pytest
 import hw_model as hw
 from locsnn_compile.stress import run
 from locsnn_compile.stress.cases.case import Case, lif, network_of, random_input, srm, weights
-from locsnn_compile.stress.judge import judge
-from locsnn_compile.stress.row import Lost, Measured
+from locsnn_compile.stress.row import Lost, Measured, judge
 from locsnn_compile.verification.matching import PopulationMatch
 
 CHIP = hw.chip("loihi-sim")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
@@ -147,7 +148,7 @@ def weights(tau: float = 10.0, *, response: str = "alpha", size: int = NEURONS, 
     average, and moves it by ``w * sqrt(channels * rate * sum over k of h(k)^2)`` about there. The sums are about
     ``e tau`` and ``e^2 tau / 4`` of an alpha kernel, ``tau`` and ``tau / 2`` of a leaky integrator.
     """
-    lift, energy = (np.e * tau, np.e**2 * tau / 4) if response == "alpha" else (tau, tau / 2)
+    lift, energy = (math.e * tau, math.e**2 * tau / 4) if response == "alpha" else (tau, tau / 2)
     drawn = np.random.default_rng(SEED).normal(0.0, 1.0, (size, channels))
     drawn -= drawn.mean(axis=1, keepdims=True)
     found: FloatArray = THETA * (drawn / np.sqrt(1.0 + energy) + 1.0 / (channels * RATE * (1.0 + lift)))
