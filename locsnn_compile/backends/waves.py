@@ -22,6 +22,7 @@ FILE = "waves.vcd"
 _FIRST_CODE, _CODES = 33, 94
 """Identifier codes are made of the printable characters ``!`` to ``~``."""
 _STEP_BITS = 32
+_PROBE = re.compile(r"(?P<group>.+)\[(?P<first>[0-9]{1,9})(?::(?P<stop>[0-9]{1,9}))?\]")
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,9 +129,6 @@ def _code(number: int) -> str:
 def _plain(text: str) -> str:
     """Return a text without what would end a comment early or break a line."""
     return " ".join(text.replace("$", "_").split()).encode("ascii", "replace").decode()
-
-
-_PROBE = re.compile(r"(?P<group>.+)\[(?P<first>[0-9]{1,9})(?::(?P<stop>[0-9]{1,9}))?\]")
 
 
 @dataclass(frozen=True, order=True)

@@ -212,7 +212,7 @@ def _summary(output: Path, result: TrainingResult, accuracy: float | None, test:
 
 
 def _test_remarks(accuracy: float | None, test: Recordings | None) -> list[str]:
-    from locsnn_compile.training.remarks import chance_remarks
+    from locsnn_compile.training.measure import chance_remarks
 
     if accuracy is None or test is None or test.labels is None:
         return []

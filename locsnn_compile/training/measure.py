@@ -1,11 +1,12 @@
-"""The losses of Kang et al. 2022 over output spike counts, the loss of a batch, and the figures of a set of recordings.
+"""The loss of a batch, the figures of a set of recordings, and what a run says of itself where nothing was learned.
 
-Every count is (batch, classes), every loss the mean over the batch: the spike-count loss of SLAYER with its sum over
-time, over locations, or over both weighted.
+Losses are those of Kang et al. 2022 over output spike counts. Every count is (batch, classes), every loss the mean over
+the batch: the spike-count loss of SLAYER with its sum over time, over locations, or over both weighted.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 
 import numpy as np
@@ -13,8 +14,15 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from locsnn_compile.data.recordings import Recordings, so_many
+from locsnn_compile.errors import InputError
 from locsnn_compile.models.touch_model import TouchModel
 from locsnn_compile.training.config import TrainingConfig
+
+_LIKELY = 1.645
+"""Standard deviations above chance that 95 % of guesses stay below."""
+_NAMED = 12
+"""Labels that are named; more are counted."""
 
 
 def batch_loss(network: TouchModel, config: TrainingConfig, x: Tensor, labels: Tensor) -> Tensor:
@@ -91,3 +99,57 @@ def count_cross_entropy(counts: Tensor, labels: Tensor, *, count_scale: float, l
     K.
     """
     return torch.nn.functional.cross_entropy(count_scale * counts, labels, label_smoothing=label_smoothing)
+
+
+def check_events(recordings: Recordings) -> None:
+    """Refuse recordings to train on of which none has an event."""
+    if not recordings.spikes.any():
+        lost = recordings.binned is not None and recordings.binned.dropped > 0
+        raise InputError(
+            f"recordings {recordings.source!r}",
+            "none of them has an event",
+            measured=recordings.binned.words if recordings.binned and lost else so_many(len(recordings)),
+            fix="Lower --threshold, or give more --steps." if lost else "Give recordings with events.",
+        )
+
+
+def data_remarks(recordings: Recordings, classes: int) -> list[str]:
+    """Return a sentence each on empty recordings and on labels 0..``classes`` - 1 that nothing to train on has."""
+    labels = recordings.labels
+    assert labels is not None  # the run's own check
+    found = []
+    empty = int((~recordings.spikes.any(axis=(1, 2))).sum())
+    if empty:
+        found.append(f"{empty} of {so_many(len(recordings))} to train on {'has' if empty == 1 else 'have'} no event.")
+    missing = sorted(set(range(classes)) - set(labels.tolist()))
+    if missing:
+        more = f" and {len(missing) - _NAMED} more" if len(missing) > _NAMED else ""
+        named = ", ".join(map(str, missing[:_NAMED])) + more
+        found.append(f"No recording to train on has label {named}: labels count from 0 to {classes - 1} here.")
+    if len(np.unique(labels)) == 1:
+        found.append(f"All recordings to train on have label {labels[0]}: there is nothing to tell apart.")
+    return found
+
+
+def result_remarks(network: TouchModel, recordings: Recordings) -> list[str]:
+    """Return a sentence on outputs that are silent on the recordings of the training, or on accuracy at chance."""
+    labels = recordings.labels
+    assert labels is not None
+    scores = class_scores(network, recordings.spikes)
+    if (scores == scores[:, :1]).all() and scores.shape[1] > 1:
+        spiking = network.description.structure.spiking and network.description.structure.neurons != "windows"
+        what = "No output neuron spikes" if spiking else "All class scores are equal"
+        return [f"{what} in any of the {so_many(len(labels))} it was trained on: every prediction is a tie."]
+    accuracy = float((scores.argmax(axis=1) == labels).mean())
+    return chance_remarks(accuracy, labels, "it was trained on")
+
+
+def chance_remarks(accuracy: float, labels: NDArray[np.int64], which: str) -> list[str]:
+    """Return a sentence where an accuracy on the recordings ``which`` may be that of guesses of the commonest class."""
+    chance = float(np.bincount(labels).max() / len(labels))
+    if chance == 1 or accuracy > chance + _LIKELY * math.sqrt(chance * (1 - chance) / len(labels)):
+        return []
+    return [
+        f"Accuracy {accuracy:.3f} on the {so_many(len(labels))} {which} cannot be told from chance, "
+        f"{chance:.3f} for the commonest label."
+    ]

@@ -13,7 +13,7 @@ from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.training.export import carried_rows
-from locsnn_compile.training.remarks import chance_remarks, data_remarks, result_remarks
+from locsnn_compile.training.measure import chance_remarks, data_remarks, result_remarks
 
 Capture = pytest.CaptureFixture[str]
 

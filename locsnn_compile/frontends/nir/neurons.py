@@ -45,6 +45,11 @@ Reset = Literal["zero", "subtract", "late-zero", "late-subtract"]
 
 _UNREACHED = 1.001
 """The threshold of a neuron that never spikes, as a multiple of what its inputs can reach."""
+DT_SECONDS = 1e-4
+"""The step by convention: NIR files do not hold one."""
+_IN_SECONDS = ("IF", "LIF", "CubaLIF", "LI", "CubaLI", "Delay")
+_WITH_TAU = ("LIF", "CubaLIF", "LI", "CubaLI")
+_WITH_RESET = ("IF", "LIF", "CubaLIF")
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,13 +218,6 @@ def _unreached(signal: Signal, bias: FloatArray, stepping: Stepping) -> FloatArr
     # A start at rest comes on top for some steps.
     reached = most / (stepping.decay_u * stepping.decay_v) + 2 * np.abs(bias) / stepping.decay_v
     return np.where(reached > 0, reached, 1.0) * _UNREACHED
-
-
-DT_SECONDS = 1e-4
-"""The step by convention: NIR files do not hold one."""
-_IN_SECONDS = ("IF", "LIF", "CubaLIF", "LI", "CubaLI", "Delay")
-_WITH_TAU = ("LIF", "CubaLIF", "LI", "CubaLI")
-_WITH_RESET = ("IF", "LIF", "CubaLIF")
 
 
 def nir_assumptions(

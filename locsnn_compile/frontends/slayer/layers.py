@@ -19,6 +19,8 @@ from locsnn_compile.frontends.slayer.config import LayerEntry, LoihiNeuron, Slay
 from locsnn_compile.network.neurons import FloatArray, SrmAlpha, alpha_taps
 from locsnn_compile.network.projections import Matrix
 
+_CLOSE = 1e-3
+
 
 def dense_layer(kernel: FloatArray, where: str) -> tuple[Matrix, int]:
     """Return the matrix (out, in) and the channels of a layer that sees its whole input.
@@ -85,9 +87,6 @@ def _other(kernel: Any, wanted: str, where: str) -> InputError:
         measured=f"{kernel.shape} against {wanted}",
         fix="Give the YAML that this checkpoint was trained with.",
     )
-
-
-_CLOSE = 1e-3
 
 
 def cut(neuron: SrmAlpha | LoihiNeuron) -> SrmAlpha:
