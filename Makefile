@@ -17,8 +17,8 @@ peers: .venv/installed-dev  ## compare the engine with public simulators, each i
 	$(BIN)/python tests/peers/make_environments.py
 	$(BIN)/pytest tests/peers -m peers
 
-bench: .venv/installed-dev  ## measure speed and memory beside public simulators; writes docs/benchmarks.md (QUICK=1: only tries it)
-	$(BIN)/python tests/benchmarks/run.py $(if $(QUICK),--quick)
+bench: .venv/installed-dev  ## measure speed and memory beside public simulators; writes docs/benchmarks.md (QUICK=1: only tries it; BASE=REV: the command against an earlier commit)
+	$(BIN)/python tests/benchmarks/run.py $(if $(QUICK),--quick) $(if $(BASE),--against $(BASE))
 
 mutants: .venv/installed-dev  ## put small faults into the code, one at a time: do the tests find them? writes tests/mutants/results.csv; an hour on two cores, resumable
 	$(BIN)/python tests/mutants/run_mutants.py $(if $(ONLY),--only $(ONLY))

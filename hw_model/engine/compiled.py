@@ -1,4 +1,8 @@
-"""Functions compiled by numba, kept in its cache where there is one to write to."""
+"""Functions compiled by numba, kept in its cache where there is one to write to.
+
+That is the folder that NUMBA_CACHE_DIR names, else the ``__pycache__`` next to the file of the function, else numba's
+in the cache folder of the user: the first that can be written. Where none can, every process compiles what it uses.
+"""
 
 from __future__ import annotations
 
@@ -77,7 +81,7 @@ def compiled(function: Callable[..., Any], **options: Any) -> Any:
     cache, kept = dispatcher._cache, dispatcher._cache._cache_file
     # The cache looks at the age of the function's own file, but its code holds that of what it calls elsewhere too.
     kept._source_stamp = (kept._source_stamp, _stamp_of_loops())
-    cache.load_overload = partial(_load, cache)
+    cache.load_overload, cache.save_overload = partial(_load, cache), partial(_save, cache)
     return dispatcher
 
 
@@ -115,6 +119,14 @@ def _load(cache: Any, signature: Any, target: Any) -> Any:
     """Return code from a cache; numba's own way loads first all that only compiling needs, for a fifth of a second."""
     rtsys.initialize(target)
     return cache._load_overload(signature, target)
+
+
+def _save(cache: Any, signature: Any, code: Any) -> None:
+    """Keep code in a cache, if there is room for it: to compile it again is better than to stop."""
+    try:
+        cache._save_overload(signature, code)
+    except OSError as error:
+        _log.info("compiled code is not kept: %s", error)
 
 
 @lru_cache(maxsize=1)

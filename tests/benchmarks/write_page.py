@@ -24,8 +24,8 @@ GOALS: dict[str, dict[str, float]] = {
 """How many times faster than a peer's first mode the engine is to be."""
 LIMIT_GOAL = 0.5
 PLACING = ("build", "place", "arrange", "route")
-TRAINING_SPEED = "training-speed"
-"""The section that ``training_speed.py`` writes; it stays."""
+TRAINING_SPEED, COMMAND_SPEED = "training-speed", "command-speed"
+"""The sections that ``training_speed.py`` and ``command_speed.py`` write; they stay."""
 UNBROKEN = {"break_long_words": False, "break_on_hyphens": False}
 
 
@@ -420,8 +420,9 @@ def main() -> None:
     records = read(args.results)
     draw(records, args.picture)
     text = wrapped(page(records, os.path.relpath(args.picture, args.page.parent)))
-    kept = section_of(args.page.read_text(), TRAINING_SPEED) if args.page.exists() else None
-    args.page.write_text(text if kept is None else f"{text}\n{kept}\n")
+    old = args.page.read_text() if args.page.exists() else ""
+    kept = [section for name in (TRAINING_SPEED, COMMAND_SPEED) if (section := section_of(old, name))]
+    args.page.write_text("\n".join([text, *(f"{section}\n" for section in kept)]))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,171 @@
+"""Measure what a user waits for: the commands, warm and on a machine that has nothing compiled, and an earlier version.
+
+    python tests/benchmarks/command_speed.py [--against REV] [--page docs/benchmarks.md] [--turns 5] [--cold 1]
+
+Each turn runs every command once, with this version and with ``REV`` (a worktree that is made here), one right after the
+other: what is compared ran on the same machine at the same time. Medians of the turns; of seconds on the clock and of
+processor seconds, which other work on the machine changes less.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from machine import machine
+from page_section import put_section
+from workloads import RECORDINGS
+from write_page import COMMAND_SPEED, table
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+MODEL, TOUCHES = ROOT / "examples/models/objects-hybrid.pt", ROOT / "examples/recordings/touches.npz"
+COMPILE, RUN = ("-m", "locsnn_compile.cli.compile"), ("-m", "locsnn_compile.cli.main", "run")
+IMPORTS = "import numpy, numba, scipy.sparse"
+
+
+@dataclass(frozen=True)
+class Took:
+    """What a process took: seconds on the clock, processor seconds, and the most memory that it held."""
+
+    seconds: float
+    processor: float
+    mib: float
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--against", metavar="REV", help="an earlier commit to compare with")
+    parser.add_argument("--page", type=Path, metavar="FILE", help="page to write the section into; else it is printed")
+    parser.add_argument("--turns", type=int, default=5, help="how often each command is run (default 5)")
+    parser.add_argument("--cold", type=int, default=1, help="how often with an empty cache (default 1)")
+    args = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder, worktree(args.against) as before:
+        trees = [ROOT, *([before] if before else [])]
+        found = measure(trees, Path(folder), args.turns, args.cold)
+    text = section(found, args.against and git("log", "-1", "--format=%h, %cs", args.against), args.turns, args.cold)
+    if args.page:
+        put_section(args.page, COMMAND_SPEED, text)
+    else:
+        print(text)
+    return 0
+
+
+def measure(trees: Sequence[Path], folder: Path, turns: int, cold: int) -> dict[str, list[list[Took]]]:
+    """Return by row, for each tree, what its runs took."""
+    program, out = folder / "program", folder / "out"
+    touches = [str(MODEL), "--events", str(TOUCHES), "--quiet"]
+    # The earlier version's program: later ones read it.
+    run(trees[-1], [*COMPILE, *touches, "-o", str(program)])
+    rows: dict[str, Sequence[str]] = {
+        "`locsnn-compile`, 8 recordings": [*COMPILE, *touches, "-o", str(out)],
+        "`locsnn-compile --strategy dendrite`": [*COMPILE, *touches, "-o", str(out), "--strategy", "dendrite"],
+        "`locsnn run`, 8 recordings": [*RUN, str(program), "--events", str(TOUCHES)],
+    }
+    if (objects := RECORDINGS / "Ev-Objects.zip").exists():
+        rows["`locsnn-compile`, all of Ev-Objects"] = [
+            *COMPILE,
+            str(MODEL),
+            "--events",
+            str(objects),
+            "-o",
+            str(out),
+            "--quiet",
+        ]
+    found: dict[str, list[list[Took]]] = {f"`{IMPORTS}`": [[] for _ in trees]} | {
+        row: [[] for _ in trees] for row in rows
+    }
+    for turn in range(turns + 1):
+        for row, words in {f"`{IMPORTS}`": ["-c", IMPORTS], **rows}.items():
+            for tree, took in zip(trees, found[row], strict=True):
+                one = run(tree, words)
+                took += [one] if turn else []  # the first turn fills the caches
+    first = "`locsnn-compile`, nothing compiled yet"
+    found[first] = [[] for _ in trees]
+    for turn in range(cold):
+        for tree, took in zip(trees, found[first], strict=True):
+            cache = folder / f"cache-{turn}-{tree.name}"
+            took.append(run(tree, [*COMPILE, *touches, "-o", str(out)], NUMBA_CACHE_DIR=str(cache)))
+    return found
+
+
+def run(tree: Path, words: Sequence[str], **environment: str) -> Took:
+    """Run Python with the packages of a tree."""
+    begin = time.perf_counter()
+    given = os.environ | {"PYTHONPATH": str(tree)} | environment
+    process = subprocess.Popen([sys.executable, *words], env=given, cwd=tree, stdout=subprocess.DEVNULL)
+    _, status, used = os.wait4(process.pid, 0)
+    if status:
+        raise SystemExit(f"{' '.join(words)} failed in {tree}")
+    return Took(time.perf_counter() - begin, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024)
+
+
+def section(found: dict[str, list[list[Took]]], against: str | None, turns: int, cold: int) -> str:
+    """Return the page's section."""
+    (imports, *_), *_ = found.values()
+    needed = median(imports, "seconds")
+    rows = []
+    for row, versions in found.items():
+        now = versions[0]
+        cells = [row, f"{median(now, 'seconds'):.2f}", f"{median(now, 'seconds') / needed:.1f}"]
+        cells += [f"{median(now, 'processor'):.2f}", f"{median(now, 'mib'):.0f}"]
+        for before in versions[1:]:
+            cells += [f"{median(before, key):.2f}" for key in ("seconds", "processor")]
+            cells += [f"{median(before, key) / median(now, key):.1f}" for key in ("seconds", "processor", "mib")]
+        rows.append(cells)
+    head = ["", "s", "times the imports", "processor s", "MiB"]
+    if against:
+        head += ["before: s", "before: processor s", "ratio of s", "ratio of processor s", "ratio of MiB"]
+    before = f" *Before* is commit {against}, run in turns with this version." if against else ""
+    return f"""## The command
+
+Made by `python tests/benchmarks/command_speed.py`: new processes, reading, all strategies of `auto`, the check, the reports, files
+written. Medians of {turns} turns, with an empty cache of {cold}.{before} The goal is 2 s, or six times the imports that it cannot do
+without.
+Measured on {machine()["processor"]}; other work kept {load():.1f} cores busy.
+
+{table(head, rows)}
+"""
+
+
+def median(runs: Sequence[Took], key: str) -> float:
+    return statistics.median(getattr(one, key) for one in runs)
+
+
+def load() -> float:
+    """Return the average load of the last quarter of an hour, less what this script runs."""
+    return max(0.0, os.getloadavg()[2] - 1)
+
+
+@contextmanager
+def worktree(commit: str | None) -> Iterator[Path | None]:
+    """Give the code of a commit in a folder of its own, and remove it in the end."""
+    if commit is None:
+        yield None
+        return
+    tree = ROOT / "build/command_speed"
+    git("worktree", "prune")
+    shutil.rmtree(tree, ignore_errors=True)
+    git("worktree", "add", "--force", "--detach", str(tree), commit)
+    try:
+        yield tree
+    finally:
+        git("worktree", "remove", "--force", str(tree))
+
+
+def git(*words: str) -> str:
+    return subprocess.run(["git", *words], cwd=ROOT, check=True, capture_output=True, text=True).stdout.strip()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
