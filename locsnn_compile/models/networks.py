@@ -21,8 +21,7 @@ from locsnn_compile.models.chip_entry import ChipNumbers
 from locsnn_compile.models.chip_layers import ChipLayer
 from locsnn_compile.models.dense_layer import INITIAL_SCALE
 from locsnn_compile.models.description import LifParameters, NetworkDescription
-from locsnn_compile.models.graph_layer import GraphLayer
-from locsnn_compile.models.lif import LifLayer
+from locsnn_compile.models.lif import GraphLayer, LifLayer
 from locsnn_compile.models.srm import SRMLayer, transpose_recording
 from locsnn_compile.models.touch_model import TouchModel
 from locsnn_compile.models.window_network import WindowNetwork

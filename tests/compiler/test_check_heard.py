@@ -11,7 +11,7 @@ from locsnn_compile.errors import TargetError
 from locsnn_compile.network.network import Population
 from locsnn_compile.network.neurons import Cuba, SoftCuba, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Projection
-from locsnn_compile.passes.check_heard import check_heard
+from locsnn_compile.passes.quantize import check_heard
 from locsnn_compile.passes.rounding.task import NEAREST, Task
 
 STEPS = 4
