@@ -7,6 +7,7 @@ import pytest
 from networks import hybrid, recordings
 
 import hw_model as hw
+from locsnn_compile.baselines.operations import network_additions
 from locsnn_compile.errors import InputError
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
@@ -83,6 +84,52 @@ def test_the_first_divergence_is_the_first(network, levels):
     assert (first.reference_potential >= first.threshold) != (first.chip_potential >= first.threshold)
 
 
+def test_what_chunks_of_recordings_add_up_to():
+    """Two chunks and a part of one, with registers that clip in all of them."""
+    network = hybrid(1, steps=40, hidden=6, scale=4000.0)
+    levels = lower(network, CHIP, 3)
+    played = recordings(network, samples=2 * CHUNK + 3)
+    match = compare(levels.quantized, levels.program, played)
+    found = hw.simulate(levels.program, played, probe=("spikes", "activity"))
+    assert match.wraps_and_clips == found.events
+    assert all(counts.voltage_clips for counts in found.per_recording)
+    assert match.counts_by_phase == found.counts_by_phase
+    assert match.additions == network_additions(network, evaluate(network, played).spikes)
+    alone = [compare(levels.quantized, levels.program, one[None]).latency_range_ns for one in played]
+    least, most = zip(*alone, strict=True)
+    assert match.latency_range_ns == (
+        None if None in least else pytest.approx(np.mean(least)),
+        None if None in most else pytest.approx(np.mean(most)),
+    )
+
+
+def test_a_first_divergence_behind_the_first_chunk(network, levels):
+    played = np.concatenate((np.zeros((CHUNK + 2, 40, 4), dtype=np.uint8), recordings(network, samples=1)))
+    assert compare(levels.quantized, levels.program, played).first_divergence.recording == CHUNK + 2
+
+
+def test_the_time_axis_comes_first(network, levels):
+    """Of the recordings in which the location branch differs at an earlier step of its own."""
+    played = recordings(network, samples=30)
+    wanted, found = evaluate(network, played).spikes, hw.simulate(levels.program, played).spikes
+    first = {
+        axis: [
+            min((int(np.argwhere(a != b)[0, 0]) for a, b in pairs if (a != b).any()), default=99)
+            for pairs in (
+                [(wanted[p.name][i], found[p.name][i]) for p in network.populations if p.axis == axis]
+                for i in range(len(played))
+            )
+        ]
+        for axis in network.axes
+    }
+    tried = [i for i in range(len(played)) if first["location"][i] < first["time"][i] < 99]
+    assert tried
+    for i in tried:
+        divergence = compare(levels.quantized, levels.program, played[i : i + 1]).first_divergence
+        assert divergence.population.startswith("time")
+        assert divergence.step == first["time"][i]
+
+
 def test_equal_spikes_have_no_divergence(network, levels):
     silent = np.zeros((2, network.steps, network.channels), dtype=np.uint8)
     match = compare(levels.quantized, levels.program, silent)
@@ -148,8 +195,9 @@ def test_recordings_that_do_not_fit(levels, shape, message):
     [
         ([0], "labels of 'array': there is not one label per recording ((1,) against (2,)). Give one class number for every recording."),
         ([0, 2], "labels of 'array': a label is none of the model's classes (0..2 against 0..1). Check that the events belong to this model."),
+        ([-1, 0], "labels of 'array': a label is none of the model's classes (-1..0 against 0..1). Check that the events belong to this model."),
     ],
-    ids=["count", "class"],
+    ids=["count", "class", "below 0"],
 )  # fmt: skip
 def test_labels_that_do_not_fit(network, levels, labels, message):
     with pytest.raises(InputError) as caught:
