@@ -1,6 +1,8 @@
 """Placement and routing: no limit is ever exceeded, and every synapse is delivered exactly once."""
 
+from collections import Counter
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -94,12 +96,59 @@ def wanted(links):
     )
 
 
-def test_voltage_limits_are_of_a_core():
+@pytest.mark.parametrize(
+    ("end", "values"), [("vmin", [0, 0, -1, -1]), ("vmax", [511, 511, 2047, 2047])], ids=["lower", "upper"]
+)
+def test_voltage_limits_are_of_a_core(end, values):
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 1)
-    n = builder.add_compartments("n", 4, threshold=1, vmin=[0, 0, -1, -1])
+    n = builder.add_compartments("n", 4, threshold=1, **{end: values})
     builder.connect(x, n, np.full((4, 1), 2))
-    assert [(core.vmin, core.compartments) for core in builder.build().cores] == [(0, 2), (-1, 2)]
+    cores = builder.build().cores
+    assert [(getattr(core, end), core.compartments) for core in cores] == [(values[0], 2), (values[2], 2)]
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(chip=chips, seed=st.integers(0, 2**32 - 1))
+def test_no_core_has_room_for_the_next_neuron(chip, seed):
+    """A neuron and what is joined to it start a new core only where the core before would break a limit."""
+    program = random_program(seed, chip)[0]
+    limits = chip.limits
+    for core, after in pairwise(program.cores):
+        moved = _first_neuron(program, after)
+        both = [(core, np.arange(core.compartments)), (after, moved)]
+        sources, lists, profiles, thresholds, ends = set(), Counter(), set(), set(), set()
+        for one, compartments in both:
+            axons = one.axons
+            source = program.senders[one.number][axons.axon_of_synapse]
+            here = np.isin(axons.target, compartments)
+            sources |= set(source[here].tolist())
+            lists.update(
+                (int(s), axons.formats[f]) for s, f in zip(source[here], axons.format_index[here], strict=True)
+            )
+            profiles |= {one.profiles[i] for i in one.profile[compartments]}
+            thresholds |= {one.thresholds[i] for i in one.threshold[compartments]}
+            ends.add((one.vmin, one.vmax))
+        words = sum(int(chip.synapse_memory.words(n, form.bits_per_synapse)) for (_, form), n in lists.items())
+        formats = {*core.axons.formats, *after.axons.formats}
+        broken = [
+            core.compartments + len(moved) > limits.compartments_per_core,
+            len(sources) > limits.input_axons_per_core,
+            words > limits.synapse_words_per_core,
+            len(profiles) > limits.compartment_profiles_per_core,
+            len(thresholds) > limits.threshold_profiles_per_core,
+            len(formats) > limits.synapse_formats_per_core,
+            len(ends) > 1,
+        ]
+        assert any(broken)
+
+
+def _first_neuron(program, core):
+    """The compartments of the first neuron of a core: of every group of its cluster the first."""
+    root = program.joined_to.get(core.slices[0].group, core.slices[0].group)
+    start = core.slices[0].start
+    groups = [p for p in core.slices if p.start == start and program.joined_to.get(p.group, p.group) == root]
+    return np.array([piece.offset for piece in groups])
 
 
 @pytest.mark.parametrize(
