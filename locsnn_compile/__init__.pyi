@@ -23,9 +23,9 @@ from .network.neurons import SrmAlpha as SrmAlpha
 from .network.projections import ChipProjection as ChipProjection
 from .network.projections import Projection as Projection
 from .pipeline import Levels as Levels
+from .training.config import EpochRecord as EpochRecord
 from .training.config import TrainingConfig as TrainingConfig
-from .training.export import train as train
-from .training.schedule import EpochRecord as EpochRecord
+from .training.from_python import train as train
 from .verification.diagnosis import Diagnosis as Diagnosis
 from .verification.error_bounds import ErrorBudget as ErrorBudget
 from .verification.excerpt import Excerpt as Excerpt

@@ -189,6 +189,15 @@ def test_help_imports_nothing_heavy(command):
     assert (done.returncode, done.stderr) == (0, "")
 
 
+def test_every_public_name_is_there_without_torch():
+    script = (
+        "import sys\nsys.modules['torch'] = None\nimport hw_model, locsnn_compile\n"
+        "for package in (hw_model, locsnn_compile):\n    for name in package.__all__:\n        getattr(package, name)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 @pytest.mark.parametrize("package", ["hw_model", "locsnn_compile"])
 def test_names_that_are_not_imported_yet_are_completed(package):
     script = f"import sys, {package} as p\nassert {{*p.__all__}} <= {{*dir(p)}}\nassert 'numpy' not in sys.modules\n"

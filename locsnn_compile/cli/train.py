@@ -17,8 +17,7 @@ from locsnn_compile.strategies import TRAINABLE
 if TYPE_CHECKING:
     from locsnn_compile.data.recordings import Recordings
     from locsnn_compile.models.checkpoint import Checkpoint
-    from locsnn_compile.training.config import TrainingConfig
-    from locsnn_compile.training.schedule import EpochRecord, Progress
+    from locsnn_compile.training.config import EpochRecord, Progress, TrainingConfig
     from locsnn_compile.training.train import TrainingResult
 
 HELP = "train a touch network and write a checkpoint"

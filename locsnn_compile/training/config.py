@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, cast, get_args, get_type_hints
@@ -31,6 +31,22 @@ USUAL: dict[str, dict[str, Any]] = {
     "window-snn": {"count_scale": 1.0, "optimizer": "sgd", "learning_rate": 0.005, "weight_decay": 0.0001},
 }
 """Network -> options whose usual value is not that of :class:`TrainingConfig`."""
+
+
+@dataclass(frozen=True)
+class EpochRecord:
+    """One epoch: mean training loss, and the validation figures, None where there are none."""
+
+    phase: str
+    epoch: int
+    learning_rate: float
+    loss: float
+    validation_loss: float | None
+    validation_accuracy: float | None
+
+
+Progress = Callable[[int, int, EpochRecord], None]
+"""Called after every epoch with (epochs done in all phases, epochs in all as far as known, the epoch's record)."""
 
 
 class Range(NamedTuple):

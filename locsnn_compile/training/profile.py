@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from locsnn_compile.report.content import Curve
 from locsnn_compile.report.pictures.chart import Panel, draw
-from locsnn_compile.training.schedule import EpochRecord
+from locsnn_compile.training.config import EpochRecord
 
 
 def profile(history: Sequence[EpochRecord], name: str) -> bytes:

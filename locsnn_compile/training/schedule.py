@@ -3,31 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
-from locsnn_compile.training.config import TrainingConfig
-
-
-@dataclass(frozen=True)
-class EpochRecord:
-    """One epoch: mean training loss, and the validation figures, None where there are none."""
-
-    phase: str
-    epoch: int
-    learning_rate: float
-    loss: float
-    validation_loss: float | None
-    validation_accuracy: float | None
-
-
-Progress = Callable[[int, int, EpochRecord], None]
-"""Called after every epoch with (epochs done in all phases, epochs in all as far as known, the epoch's record)."""
+from locsnn_compile.training.config import EpochRecord, TrainingConfig
 
 
 def learning_rate(config: TrainingConfig, epoch: int, epochs: int) -> float:

@@ -18,8 +18,7 @@ from hw_model.io.files import replace_file
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import Checkpoint
-from locsnn_compile.training.config import TrainingConfig
-from locsnn_compile.training.schedule import EpochRecord
+from locsnn_compile.training.config import EpochRecord, TrainingConfig
 
 _FORMAT, _VERSION = "locsnn-training-state", 2
 _DAMAGED = (

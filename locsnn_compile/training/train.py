@@ -27,11 +27,11 @@ from locsnn_compile.models.description import NetworkDescription
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.models.touch_model import TouchModel
 from locsnn_compile.training.batches import batches, epoch_generator, stratified_split
-from locsnn_compile.training.config import TrainingConfig
+from locsnn_compile.training.config import EpochRecord, Progress, TrainingConfig
 from locsnn_compile.training.describe import check_recordings, describe
 from locsnn_compile.training.measure import batch_loss, check_events, data_remarks, evaluate, result_remarks
 from locsnn_compile.training.profile import profile
-from locsnn_compile.training.schedule import EpochRecord, Progress, WeightAverage, choose_epoch, learning_rate
+from locsnn_compile.training.schedule import WeightAverage, choose_epoch, learning_rate
 from locsnn_compile.training.state import TrainingState, load_state, run_key, save_state
 from locsnn_compile.training.target import chip_numbers
 

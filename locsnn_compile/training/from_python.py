@@ -1,0 +1,66 @@
+"""``lc.train``: recordings in, a checkpoint out, as ``locsnn train`` writes it. torch is imported once it is called."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from hw_model.io.given import checked
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.torch_writer import need_torch
+from locsnn_compile.models.checkpoint import Checkpoint
+from locsnn_compile.models.checkpoint_reader import read_checkpoint
+from locsnn_compile.training.config import Progress, TrainingConfig, config_from_mapping, read_config
+from locsnn_compile.training.parts import all_classes, read_parts
+
+_log = logging.getLogger("locsnn")
+
+
+@checked
+def train(
+    recordings: str | Path | Recordings | npt.ArrayLike,
+    config: TrainingConfig | Mapping[str, Any] | str | Path | None = None,
+    *,
+    labels: npt.ArrayLike | None = None,
+    test: Recordings | None = None,
+    name: str = "model",
+    carried: int = 8,
+    progress: Progress | None = None,
+) -> Checkpoint:
+    """Train a network and return it, to save, to load or to compile.
+
+    ``recordings``: a file, archive or folder, whose test part, where it has one, is measured once at the end; or
+    :class:`Recordings`, with such a part as ``test``; or an array (samples, steps, channels) of 0 and 1 with ``labels``
+    (samples,). ``config``: options of the training by their names, or a YAML file of them. ``carried`` recordings go
+    into the checkpoint, for checks. ``progress`` is called after every epoch with (epochs done, epochs in all as far as
+    known, the epoch's figures). What a run that learned nothing says of itself is logged as warnings. Raises
+    ``InputError`` for what cannot be used.
+    """
+    need_torch("lc.train")
+    from locsnn_compile.training.export import export_checkpoint
+    from locsnn_compile.training.train import train as run
+
+    if not isinstance(config, TrainingConfig):
+        config = config_from_mapping(read_config(config) if isinstance(config, str | Path) else config or {})
+    if isinstance(recordings, str | Path):
+        part, of_file = read_parts(recordings, config, None)
+        test = test or of_file
+    elif isinstance(recordings, Recordings):
+        part = recordings
+    else:
+        known = None if labels is None else np.asarray(labels)
+        part = Recordings(np.asarray(recordings), known, config.step_seconds, "array")
+    result = run(part, config, name=name, classes=all_classes(part, test), progress=progress)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "model.pt"
+        export_checkpoint(path, result, config, part, test, carried=carried)
+        for remark in result.remarks:
+            _log.warning(remark)
+        return replace(read_checkpoint(path), content=path.read_bytes())
