@@ -158,7 +158,8 @@ def _integers(quantized: QuantizedNetwork) -> dict[str, Array | str]:
         found[f"quantized.{name}.scale"] = np.asarray(q.scale)
         numbers = dict(vars(q.neuron))
         if isinstance(q.neuron, ChipSrm):
-            numbers |= {f"refractory.{key}": np.asarray(value) for key, value in vars(q.neuron.refractory).items()}
+            held_back = {key: value for key, value in vars(q.neuron.refractory).items() if value is not None}
+            numbers |= {f"refractory.{key}": np.asarray(value) for key, value in held_back.items()}
         for key, values in numbers.items():
             if isinstance(values, np.ndarray):
                 found[f"quantized.{name}.{key}"] = values
