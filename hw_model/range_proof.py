@@ -27,7 +27,7 @@ import numpy.typing as npt
 from hw_model.arithmetic.fixed_point import DECAY_ONE, IntArray
 from hw_model.description.chip import Registers
 from hw_model.io.given import checked
-from hw_model.io.shown import shown
+from hw_model.io.shown import Shown
 from hw_model.program.chip_program import ChipProgram, Core
 
 FloatArray = npt.NDArray[np.float64]
@@ -52,16 +52,14 @@ class Bounds:
         return inside
 
 
-@dataclass(frozen=True, eq=False)
-class CoreRange:
+@dataclass(frozen=True, eq=False, repr=False)
+class CoreRange(Shown):
     """What is proven of the compartments of one core; arrays (compartments,).
 
     ``cannot_wrap``: no input can make q, u or u + bias wrap; ``cannot_clip``: none can make v clip. ``safe_period``:
     the shortest of :data:`PERIODS` p such that neither happens while every source spikes at most once in any p steps; 1
     where the proof holds for any input, 0 where none of the periods is enough.
     """
-
-    __repr__ = shown
 
     core: int
     q: Bounds

@@ -19,7 +19,7 @@ from hw_model.engine.probes import KINDS, Kind, PhaseProbes, Probe, hull, read_p
 from hw_model.engine.trace import EVENTS, ByteArray, PhaseInput, PhaseTrace, Register, Window
 from hw_model.errors import InputError, did_you_mean
 from hw_model.io.given import checked
-from hw_model.io.shown import shown
+from hw_model.io.shown import Shown
 from hw_model.mapping.graph import largest
 from hw_model.program.chip_program import ChipProgram
 
@@ -31,15 +31,13 @@ MAX_TOGETHER = 1 << 26
 """Spikes, 0 or 1, that are held at a time before they are counted: recordings go in parts of at most so many."""
 
 
-@dataclass(frozen=True, eq=False)
-class SimulationResult:
+@dataclass(frozen=True, eq=False, repr=False)
+class SimulationResult(Shown):
     """What a simulation found; arrays are (batch, steps, n), or (steps, n) where one recording was given.
 
     ``spikes[name]`` for every population that can spike, ``u[name]``, ``v[name]`` and ``potential[name]`` (v as the
     threshold saw it) for every group of compartments, each only if it was asked for.
     """
-
-    __repr__ = shown
 
     spikes: Mapping[str, ByteArray]
     u: Mapping[str, IntArray]

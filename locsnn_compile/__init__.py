@@ -9,5 +9,7 @@
 
 import lazy_loader
 
+__version__ = "0.1.0"
+
 # The names are those of the stub next to this file; each is imported when it is first used.
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

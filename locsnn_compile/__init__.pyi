@@ -32,3 +32,5 @@ from .verification.excerpt import Excerpt as Excerpt
 from .verification.matching import Divergence as Divergence
 from .verification.matching import Match as Match
 from .verification.matching import PopulationMatch as PopulationMatch
+
+__version__: str

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import hw_model as hw
 from hw_model.description.counts import total
-from hw_model.io.shown import shown
+from hw_model.io.shown import Shown
 from locsnn_compile.cluster.spread import Spread, here
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import TargetError
@@ -41,11 +41,9 @@ class Candidate(Losses):
         return self.setting.strategy
 
 
-@dataclass(frozen=True, eq=False)
-class Choice:
+@dataclass(frozen=True, eq=False, repr=False)
+class Choice(Shown):
     """The candidate that was taken, its program, all that were compared, on how many recordings of which source."""
-
-    __repr__ = shown
 
     taken: Candidate
     levels: Levels

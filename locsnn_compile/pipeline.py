@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import hw_model as hw
-from hw_model.io.shown import shown
+from hw_model.io.shown import Shown
 from hw_model.mapping.arrangement import arrange_cores
 from hw_model.mapping.graph import CompartmentGraph
 from hw_model.mapping.placement import PlacedGraph, place_cores
@@ -22,12 +23,12 @@ from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.passes.rounding.task import NEAREST, Rounding
 from locsnn_compile.reference.evaluate import Calibration
 
+_log = logging.getLogger("locsnn")
 
-@dataclass(frozen=True, eq=False)
-class Levels:
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Levels(Shown):
     """A network at every level, from float to program."""
-
-    __repr__ = shown
 
     network: Network
     quantized: QuantizedNetwork
@@ -49,10 +50,12 @@ def lower(
     check_network(network)
     quantized = quantize(network, chip, weight_bits, strategy, rounding, calibration)
     compartments = lower_neurons(quantized, chip)
+    _log.debug("%s: %s, %d compartments", network.name, quantized.strategy, sum(g.size for g in compartments.groups))
     placed = arrange_cores(place_cores(compartments, chip))
     routed = route_axons(placed)
     kept = {name: getattr(network, name) for name in ("step_seconds", "event_threshold", "psi")}
     program = replace(assemble(routed), **kept)
+    _log.debug("%s: %d cores of %s", network.name, len(program.cores), chip.name)
     return Levels(network, quantized, compartments, placed, routed, program)
 
 

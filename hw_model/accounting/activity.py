@@ -13,21 +13,19 @@ from hw_model.accounting.mesh_routes import PER_PACKET, Routes, routes_of
 from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.description.counts import BY_CORE, COUNTED
 from hw_model.engine.trace import EVENTS, ByteArray, Int32Array, PhaseInput, PhaseTrace
-from hw_model.io.shown import shown
+from hw_model.io.shown import Shown
 from hw_model.program.chip_program import ChipProgram
 from hw_model.program.pieces import Pieces, pieces_of
 
 
-@dataclass(frozen=True, eq=False)
-class StepActivity:
+@dataclass(frozen=True, eq=False, repr=False)
+class StepActivity(Shown):
     """One recording in one phase, step by step; several may be stacked, with a dimension in front.
 
     ``by_piece[name]`` (steps, pieces) for each of :data:`hw_model.description.counts.BY_CORE`; ``packets`` (steps,
     ways): packets on each way of :class:`hw_model.accounting.mesh_routes.Routes`; ``input_packets`` (steps, cores):
     those that bring input events; ``buffered`` (steps,): events that the transpose buffer gives out.
     """
-
-    __repr__ = shown
 
     pieces: Pieces
     routes: Routes

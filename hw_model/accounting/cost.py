@@ -22,7 +22,7 @@ from hw_model.accounting.mesh_routes import Routes, routes_of
 from hw_model.description.counts import Counts
 from hw_model.description.profile import Profile
 from hw_model.io.given import checked
-from hw_model.io.shown import shown
+from hw_model.io.shown import Shown
 from hw_model.program.chip_program import ChipProgram
 
 FloatArray = npt.NDArray[np.float64]
@@ -40,11 +40,9 @@ def energy_pj(counts: Counts, profile: Profile) -> dict[str, float]:
     return {name: counts[name] * cost for name, cost in profile.energy_pj.items()}
 
 
-@dataclass(frozen=True, eq=False)
-class Latency:
+@dataclass(frozen=True, eq=False, repr=False)
+class Latency(Shown):
     """Time of one recording: its phases follow each other. Host input is not in it."""
-
-    __repr__ = shown
 
     total_ns: float
     by_phase_ns: Mapping[str, float]

@@ -15,7 +15,7 @@ from hw_model.description.profile import Profile
 from hw_model.description.read import parse, read_description
 from hw_model.errors import InputError, did_you_mean
 from hw_model.io.given import checked
-from hw_model.io.shown import shown
+from hw_model.io.shown import Shown
 
 _YAML = (".yaml", ".yml")
 MAX_CORES = 1 << 20
@@ -120,11 +120,9 @@ class TransposeBuffer:
     cycles_per_event: float
 
 
-@dataclass(frozen=True)
-class Chip:
+@dataclass(frozen=True, repr=False)
+class Chip(Shown):
     """A chip and its board, as `hw_model/chips/*.yaml` describes it."""
-
-    __repr__ = shown
 
     name: str
     description: str

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from hw_model.io.shown import shown
+from hw_model.io.shown import Shown
 
 Range = tuple[float | None, float | None]
 """Least and most that a constant can be; None: not known."""
@@ -47,15 +47,13 @@ class NotIncluded:
     bound_source: str = ""
 
 
-@dataclass(frozen=True)
-class Profile:
+@dataclass(frozen=True, repr=False)
+class Profile(Shown):
     """One published set of costs: picojoules and nanoseconds for each count it prices.
 
     ``energy_pj_range`` and ``time_ns_range`` hold the constants that the source gives as a least, a most or both;
     ``sources`` those that are from elsewhere. ``voltage_v``: the supply voltage that they hold at; None: not said.
     """
-
-    __repr__ = shown
 
     source: str
     basis: str

@@ -46,7 +46,7 @@ OPTIONS = {"_nrt": False, "nogil": True, "boundscheck": False, "no_cfunc_wrapper
 """Without its runtime (nrt) loops count no references to arrays, which would take a locked instruction each and most of
 the time of short loops; nor can they make any. Nothing asks for the other way in."""
 
-_log = logging.getLogger("hw_model")
+_log = logging.getLogger("locsnn")
 
 
 class _Announce(event.Listener):  # type: ignore[misc]

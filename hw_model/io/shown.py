@@ -10,15 +10,14 @@ _PLAIN = (str, int, float, type(None))
 _LONGEST, _LONGEST_TEXT, _MOST_ITEMS = 400, 40, 4
 
 
-def shown(value: Any) -> str:
-    """Return what a dataclass holds, but for usual values, in a line of at most 400 characters: its ``__repr__``."""
-    parts = ((field, getattr(value, field.name)) for field in fields(value) if field.repr)
-    said = ", ".join(
-        f"{field.name}={_part(part)}"
-        for field, part in parts
-        if not (isinstance(part, _PLAIN) and part == field.default)
-    )
-    return f"{_cut(f'{type(value).__name__}({said}', _LONGEST)})"
+class Shown:
+    """A dataclass, made without ``repr``, that says what it holds, except usual values, in at most 400 characters."""
+
+    def __repr__(self) -> str:
+        parts = ((field, getattr(self, field.name)) for field in fields(self) if field.repr)  # type: ignore[arg-type]
+        said = (f"{f.name}={_part(part)}" for f, part in parts if not (isinstance(part, _PLAIN) and part == f.default))
+        text = f"{type(self).__name__}({', '.join(said)}"
+        return f"{_cut(text, _LONGEST)})"
 
 
 def _part(value: Any) -> str:

@@ -8,6 +8,7 @@ where a mapping has a key twice, every loader silently keeps the second value.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import yaml
@@ -17,6 +18,8 @@ from hw_model.errors import InputError
 MAX_DEPTH = 50
 MAX_NODES = 100_000
 """Values, keys and containers of a file that people write; about two seconds."""
+MAX_BYTES = 1_000_000
+"""Largest such file."""
 
 #: The loader in C where there is one: with bounded depth it is the same, and many times faster.
 FAST_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -54,6 +57,22 @@ def load_yaml(text: str | bytes, where: str, *, loader: Any = yaml.SafeLoader, m
     # The loader trusts explicit tags: `!!int ''` and `!!bool x` meet it unprepared.
     except (LookupError, AttributeError, TypeError, ArithmeticError, RecursionError) as error:
         raise yaml.YAMLError("a value is not what its tag says") from error
+
+
+def read_mapping(path: Path, where: str, fix: str) -> dict[Any, Any]:
+    """Return the mapping that a YAML file holds; ``InputError`` for any other file, with ``fix`` for one too large."""
+    way_on = "Write one 'key: value' a line."
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise InputError(where, "it is too large for a configuration", fix=fix)
+        values = load_yaml(path.read_text(encoding="utf-8"), where)
+    except OSError as error:
+        raise InputError(where, "it cannot be read", measured=error.strerror or "", fix="Check the path.") from None
+    except (yaml.YAMLError, ValueError):
+        raise InputError(where, "it is not a YAML file", fix=way_on) from None
+    if not isinstance(values, dict):
+        raise InputError(where, "it holds no mapping", measured=type(values).__name__, fix=way_on)
+    return values
 
 
 @dataclass

@@ -12,7 +12,7 @@ import numpy as np
 from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT, IntArray, effective_weight
 from hw_model.description.chip import Chip
 from hw_model.io.given import checked
-from hw_model.io.shown import shown
+from hw_model.io.shown import Shown
 from hw_model.mapping.graph import Input, Phase, Readout
 from hw_model.mapping.placement import Slice
 from hw_model.mapping.routing import AxonTables, InputRoute
@@ -82,11 +82,9 @@ class Core:
         return self.bias_mantissa << self.bias_exponent
 
 
-@dataclass(frozen=True, eq=False)
-class ChipProgram:
+@dataclass(frozen=True, eq=False, repr=False)
+class ChipProgram(Shown):
     """A program for a chip; phases run one after the other, each over its own step axis."""
-
-    __repr__ = shown
 
     name: str
     chip: Chip

@@ -19,7 +19,7 @@ from hw_model.engine.probes import Kind, Probe
 from hw_model.engine.trace import ByteArray
 from hw_model.errors import InputError
 from hw_model.io.given import checked
-from hw_model.io.shown import shown
+from hw_model.io.shown import Shown
 from hw_model.program.chip_program import ChipProgram
 from hw_model.simulation import SimulationResult, simulate
 from hw_model.streaming.proof import BoolArray, Proof, members_of
@@ -28,8 +28,8 @@ from hw_model.streaming.session import Session, leads
 FloatArray = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class Stops:
+@dataclass(frozen=True, eq=False, repr=False)
+class Stops(Shown):
     """Where each recording of a batch stops, and what was done until then.
 
     ``steps`` (batch,), over all phases run, of ``all_steps``; ``prediction`` (batch,) there, ``final`` (batch,) without
@@ -37,8 +37,6 @@ class Stops:
     cost energy (:data:`hw_model.description.counts.BY_CORE`); ``latency_ns`` and ``all_latency_ns`` likewise, by the
     chip's default profile.
     """
-
-    __repr__ = shown
 
     steps: IntArray
     all_steps: int

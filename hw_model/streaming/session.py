@@ -20,7 +20,7 @@ from hw_model.engine.playing import Spikes, read_streams
 from hw_model.engine.trace import ByteArray
 from hw_model.errors import InputError
 from hw_model.io.given import checked
-from hw_model.io.shown import shown
+from hw_model.io.shown import Shown
 from hw_model.mapping.graph import Phase, Readout
 from hw_model.program.chip_program import ChipProgram
 from hw_model.streaming.location_phase import Replay
@@ -29,15 +29,13 @@ from hw_model.streaming.time_phase import Live, Read
 FloatArray = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class StepScores:
+@dataclass(frozen=True, eq=False, repr=False)
+class StepScores(Shown):
     """The state of the readout after each of some steps.
 
     ``spikes[name]`` (steps, classes): spikes so far of each population of the readout, or, where potentials predict,
     ``potential[name]``: the largest so far. ``scores`` (steps, classes).
     """
-
-    __repr__ = shown
 
     spikes: dict[str, IntArray]
     potential: dict[str, IntArray]

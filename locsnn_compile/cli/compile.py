@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from argparse import Namespace, RawDescriptionHelpFormatter
+from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 from locsnn_compile.backends import BENCH_KINDS, BUILD_NAMES, EMIT_KINDS, EMITTED_NAMES, EXCHANGE_KINDS, LEVEL_KINDS
 from locsnn_compile.cli.checks import check_known, check_psi, given, recording_of
 from locsnn_compile.cli.completion import answer_shell
-from locsnn_compile.cli.shell import EXIT_GATE, Parser, guarded, progress_bar
+from locsnn_compile.cli.option_file import HELP as OPTIONS
+from locsnn_compile.cli.shell import EXIT_GATE, Parser, add_verbose, add_version, guarded, progress_bar
 from locsnn_compile.cli.step_options import add_step_options, asked_steps, with_steps
 from locsnn_compile.errors import InputError
 from locsnn_compile.strategies import AUTO, STRATEGIES
@@ -23,9 +24,11 @@ if TYPE_CHECKING:
     from locsnn_compile.api import CompiledModel
     from locsnn_compile.data.recordings import Recordings
 
-_EXAMPLE = """\
+HELP = "compile a model; the same as `locsnn-compile`"
+DESCRIPTION = "Compile a trained spiking network for a neuromorphic chip, check every spike, report the cost."
+EXAMPLE = """\
 example:
-  locsnn-compile examples/models/objects-hybrid.pt --events examples/recordings/touches.npz
+  %(prog)s examples/models/objects-hybrid.pt --events examples/recordings/touches.npz
 
 Without --events the check plays recordings that the model carries, else synthetic touches, and the report says so.
 Exit codes: 0 done; 1 the chip cannot hold the model; 2 wrong usage or unreadable input; 3 a gate failed.
@@ -44,19 +47,24 @@ _SPLIT = (
 )
 _PROFILE = "costs for the report: a profile of the chip, or a YAML file like one (default: the chip's first)"
 _PSI = "how late the report's time-weighted prediction shifts to the location branch (default: the model's own, or 10)"
-READ = ("--config", "--events", "--calibration", "--target", "--profile")
+READ = ("--options", "--config", "--events", "--calibration", "--target", "--profile")
 OF_RECORDING = ("vectors", "vcd", "trace", "sanafe")
 
 
 def parser() -> Parser:
-    """Return the argument parser."""
+    """Return the argument parser of ``locsnn-compile``."""
     made = Parser(
-        "locsnn-compile",
-        description="Compile a trained spiking network for a neuromorphic chip, check every spike, report the cost.",
-        epilog=_EXAMPLE,
-        formatter_class=RawDescriptionHelpFormatter,
+        "locsnn-compile", description=DESCRIPTION, epilog=EXAMPLE, formatter_class=RawDescriptionHelpFormatter
     )
-    add = made.add_argument
+    add_options(made)
+    add_verbose(made)
+    add_version(made)
+    return made
+
+
+def add_options(parser: ArgumentParser) -> None:
+    """Add the options of the command."""
+    add = parser.add_argument
     add("model", metavar="MODEL", help="a checkpoint (.pt) of `locsnn train`, a NIR graph (.nir), a lava-dl net (.net)")
     add("--target", default="loihi-sim", metavar="CHIP", help="chip name or chip file (default loihi-sim)")
     add("--profile", metavar="NAME|FILE", help=_PROFILE)
@@ -77,7 +85,7 @@ def parser() -> Parser:
     )
     add("--discretisation", metavar="NAME", help="NIR: euler, the usual one, hold, or exact (default euler)")
     add("--kernels", metavar="NAME", help="slayerPytorch: full (default), or cut in the reference, as in its training")
-    add_step_options(made)
+    add_step_options(parser)
     add("--psi", type=number, metavar="X", help=_PSI)
     add("--emit", action="extend", nargs="+", default=[], metavar="KIND", help=f"also write: {', '.join(EMIT_KINDS)}")
     add("--recording", type=int, metavar="K", help="the recording to emit, counted from 0 (default 0)")
@@ -96,7 +104,7 @@ def parser() -> Parser:
     add("--max-cores", type=int, metavar="N", help="exit 3 if more than N cores are used")
     add("--junit", metavar="FILE", help="write the gates as JUnit XML")
     add("--scheduler", metavar="ADDRESS", help="play the recordings on the Dask cluster of this scheduler")
-    return made
+    add("--options", metavar="FILE", help=OPTIONS)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -104,7 +112,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     made = parser()
     answer_shell(made)
     args = made.parse_args(argv)
-    return guarded(lambda: run(args))
+    return guarded(run, args, argv)
 
 
 def run(args: Namespace) -> int:

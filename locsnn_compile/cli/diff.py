@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from locsnn_compile.report.sections.comparison import Build
 
 HELP = "compare two builds"
-DESCRIPTION = "Compare the reports and programs of two builds, figure by figure; equal figures are left out."
+DESCRIPTION = "Compare the reports and programs of two builds: does it match as well, cost less, take less room?"
 EXAMPLE = """\
 example:
   locsnn diff build/objects-hybrid build/objects-hybrid-4bit --html diff.html
@@ -25,13 +25,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
     parser.add_argument("before", metavar="BUILD_A", help="folder that locsnn-compile wrote")
     parser.add_argument("after", metavar="BUILD_B", help="another one")
+    parser.add_argument("--all", action="store_true", help="print every figure that differs, a line each")
     parser.add_argument("--json", action="store_true", help="print the differences as JSON")
     parser.add_argument("--html", metavar="FILE", help="also write a page that shows them")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print every figure that differs, with its change in percent where both are numbers; write the page."""
-    from locsnn_compile.report.sections.comparison import changes, percent
+    """Print the summary, or every figure that differs, with its change in percent where both are numbers."""
+    from locsnn_compile.report.sections.comparison import changes, comparison, percent
 
     if args.html:
         from locsnn_compile.backends import BUILD_NAMES
@@ -45,18 +46,25 @@ def run(args: argparse.Namespace) -> int:
     if args.html:
         from hw_model.io.files import replace_file
         from locsnn_compile.report.renderers.html import render_page
-        from locsnn_compile.report.sections.comparison import comparison
 
         page = render_page(comparison(before, after), "locsnn diff", "Figures that are equal are left out.")
         replace_file(Path(args.html), page.encode(), where=f"--html {args.html!r}")
     if args.json:
         print(json.dumps({key: {"before": a, "after": b} for key, (a, b) in changed.items()}, indent=2))
         return 0
-    for key, (a, b) in changed.items():
-        by = percent(a, b)
-        print(f"{key}: {a} -> {b}{f' ({by})' if by else ''}")
     if not changed:
         print("The builds are equal.")
+    elif args.all:
+        for key, (a, b) in changed.items():
+            by = percent(a, b)
+            print(f"{key}: {a} -> {b}{f' ({by})' if by else ''}")
+    else:
+        from rich.console import Console
+
+        from locsnn_compile.report.renderers.terminal import render_summary
+
+        render_summary(comparison(before, after), Console())
+        print("\n--all lists every figure that changed.")
     return 0
 
 

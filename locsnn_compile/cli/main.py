@@ -5,15 +5,16 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from locsnn_compile.cli import completion, diff, events, explore, run, stress, targets, train
-from locsnn_compile.cli.shell import Parser, add_command, guarded
+from locsnn_compile.cli import compile, completion, diff, events, explore, run, stress, targets, train
+from locsnn_compile.cli.shell import Parser, add_command, add_version, guarded
 
-COMMANDS = (train, run, events, explore, diff, stress, targets, completion)
+COMMANDS = (compile, train, run, events, explore, diff, stress, targets, completion)
 
 
 def parser() -> Parser:
     """Return the argument parser, with one below it for each command."""
-    made = Parser("locsnn", description="Train, run and inspect spiking networks; `locsnn-compile` compiles them.")
+    made = Parser("locsnn", description="Compile, train, run and inspect spiking networks.")
+    add_version(made)
     commands = made.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for command in COMMANDS:
         add_command(commands, command.__name__.rpartition(".")[2], command)
@@ -25,7 +26,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     made = parser()
     completion.answer_shell(made)
     args = made.parse_args(argv)
-    return guarded(lambda: int(args.run(args)))
+    return guarded(args.run, args, argv)
 
 
 if __name__ == "__main__":

@@ -13,8 +13,10 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, NoReturn, Protocol
 
+from locsnn_compile import __version__
 from locsnn_compile.cli.interrupt import EXIT_INTERRUPTED as EXIT_INTERRUPTED
 from locsnn_compile.cli.interrupt import leaving_at_once
+from locsnn_compile.cli.option_file import read_options
 from locsnn_compile.errors import InputError, LocsnnError
 
 # Before numpy is there: matrices are small, threads of a busy machine wait for each other, and with one of them results
@@ -28,14 +30,25 @@ _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser whose errors are one line, like all others."""
+    """An argument parser whose errors are one line, like all others, and that reads the file of ``--options``."""
 
     def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
         """Refuse arguments that are not text in this locale: they would be names in reports, which are text."""
         for text in sys.argv[1:] if args is None else args:
             if any("\udc80" <= letter <= "\udcff" for letter in text):
                 self.error(f"argument {text!r} is not text in this locale; rename the file, or choose a UTF-8 locale")
-        return super().parse_known_args(args, namespace)
+        found, rest = super().parse_known_args(args, namespace)
+        if "--options" in self._option_string_actions and found.options is not None:
+            try:
+                values = read_options(self, found.options)
+            except InputError as error:
+                print(error, file=sys.stderr)
+                raise SystemExit(EXIT_INPUT) from None
+            # A default is taken only where there is no attribute: what is None after this was not typed.
+            typed, _ = super().parse_known_args(args, argparse.Namespace(**dict.fromkeys(values)))
+            for name, value in values.items():
+                setattr(found, name, value if getattr(typed, name) is None else getattr(typed, name))
+        return found, rest
 
     def error(self, message: str) -> NoReturn:
         """Print the one line and exit with 2."""
@@ -67,24 +80,35 @@ def add_command(commands: argparse._SubParsersAction[Any], name: str, command: C
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     command.add_options(parser)
+    add_verbose(parser)
     parser.set_defaults(run=command.run)
 
 
-def guarded(run: Callable[[], int]) -> int:
-    """Run a command; print an error as its one line and return the exit code that its kind has."""
+def add_verbose(parser: argparse.ArgumentParser) -> None:
+    """Add the option that all commands have."""
+    parser.add_argument("--verbose", action="store_true", help="say on standard error what is being done")
+
+
+def add_version(parser: argparse.ArgumentParser) -> None:
+    """Add the option that every program has."""
+    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}", help="print the version")
+
+
+def guarded(run: Callable[[argparse.Namespace], int], args: argparse.Namespace, typed: Sequence[str] | None) -> int:
+    """Run a command; print an error as its one line and return the exit code that its kind has.
+
+    ``typed``: the words of the command line, by default this program's own.
+    """
     _ready_streams()
-    _show_log()
+    _show_log(args.verbose)
     try:
         with leaving_at_once():
-            code = run()
+            code = run(args)
             sys.stdout.flush()
             return code
-    except InputError as error:
-        print(error, file=sys.stderr)
-        return EXIT_INPUT
     except LocsnnError as error:
-        print(error, file=sys.stderr)
-        return EXIT_TARGET
+        print(_as_typed(error, sys.argv[1:] if typed is None else typed), file=sys.stderr)
+        return EXIT_INPUT if isinstance(error, InputError) else EXIT_TARGET
     except KeyboardInterrupt:
         print("Interrupted; nothing was written.", file=sys.stderr)
         return EXIT_INTERRUPTED
@@ -97,6 +121,17 @@ def guarded(run: Callable[[], int]) -> int:
         if error.filename is None and error.errno in _NO_ROOM:
             _drop_output()
         return EXIT_INPUT
+
+
+def _as_typed(error: LocsnnError, typed: Sequence[str]) -> LocsnnError:
+    """Return an error that shows a path as it was typed, where it shows the name of the file; of two such, neither."""
+    found = {word.partition("=")[2] if word.startswith("--") else word for word in typed}
+    names = [os.path.basename(path.rstrip("/")) for path in found]
+    for path, name in zip(found, names, strict=True):
+        if names.count(name) == 1 and repr(name) in error.where:
+            where = error.where.replace(repr(name), repr(path))
+            return type(error)(where, error.what, measured=error.measured, fix=error.fix)
+    return error
 
 
 def _system_error(error: OSError) -> LocsnnError:
@@ -126,12 +161,11 @@ def _drop_output() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _show_log() -> None:
-    """Show what the packages log on standard error, where somebody watches: the first run compiles for seconds."""
-    if sys.stderr.isatty():
+def _show_log(verbose: bool) -> None:
+    """Show on standard error what is logged: all of it, or, where somebody watches, what takes seconds."""
+    if verbose or sys.stderr.isatty():
         logging.basicConfig(format="%(message)s")
-        for package in ("hw_model", "locsnn_compile"):
-            logging.getLogger(package).setLevel(logging.INFO)
+        logging.getLogger("locsnn").setLevel(logging.DEBUG if verbose else logging.INFO)
 
 
 class Moved(Protocol):

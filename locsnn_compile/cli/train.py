@@ -15,6 +15,7 @@ from locsnn_compile.models.architectures import ARCHITECTURES
 from locsnn_compile.strategies import TRAINABLE
 
 if TYPE_CHECKING:
+    from hw_model.arithmetic.fixed_point import IntArray
     from locsnn_compile.data.recordings import Recordings
     from locsnn_compile.models.checkpoint import Checkpoint
     from locsnn_compile.training.config import EpochRecord, Progress, TrainingConfig
@@ -37,6 +38,10 @@ once at the end. Beside OUT.pt a log OUT.csv and its picture OUT.svg are written
 """
 
 
+SHOWN_CLASSES, SHOWN_CONFUSIONS = 12, 5
+"""Classes up to which the confusion matrix is printed, and confusions that are printed of more."""
+
+
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
     add = parser.add_argument
@@ -53,6 +58,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--graph", metavar="NAME", help="taxels that a graph joins: manual (default), nearest or tree")
     add("--loss", metavar="NAME", help="cross-entropy (default) or spike-count")
     add("--lambda", dest="location_weight", type=float, metavar="X", help="weight of location spikes in the loss")
+    add("--class-weights", metavar="NAME", help="equal (default), or balanced: rare classes count for more in the loss")
     add("--learning-rate", type=float, metavar="X", help="largest learning rate (default 0.003)")
     add("--event-dropout", type=float, metavar="X", help="largest share of events to drop (default 0.5)")
     add("--validation-fraction", type=float, metavar="X", help="share held out to choose the epoch (default 0.125)")
@@ -74,6 +80,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     add("--from", dest="start", metavar="MODEL.pt", help="start from the weights of this checkpoint")
     add("--resume", action="store_true", help="go on from OUT.pt.state where a run was stopped")
+    add("--tensorboard", metavar="DIR", help="also log every epoch for TensorBoard (needs the extra tensorboard)")
     add("--quiet", action="store_true", help="print nothing")
     add("-o", "--output", default="model.pt", metavar="OUT.pt", help="checkpoint to write (default model.pt)")
 
@@ -116,17 +123,17 @@ def run(args: argparse.Namespace) -> int:
                 start=start,
                 state_path=state_path,
                 log_path=output.with_suffix(".csv"),
-                progress=_shown(moved),
+                progress=_after_epochs(args, moved),
             )
         except KeyboardInterrupt:
             kept = state_path.exists()
             way_on = "Go on with the same command and --resume." if kept else "No epoch was kept yet: start again."
             print(f"Stopped. {way_on}", file=sys.stderr)
             return EXIT_INTERRUPTED
-    accuracy = export_checkpoint(output, result, config, recordings, test, carried=args.recordings, start=start)
+    found = export_checkpoint(output, result, config, recordings, test, carried=args.recordings, start=start)
     state_path.unlink(missing_ok=True)
     if not args.quiet:
-        print(_summary(output, result, accuracy, test))
+        print(_summary(output, result, found, test))
     return 0
 
 
@@ -170,18 +177,15 @@ def _start(args: argparse.Namespace) -> Checkpoint | None:
 
 def _config(args: argparse.Namespace, start: Checkpoint | None) -> TrainingConfig:
     from locsnn_compile.models.architectures import ARCHITECTURES
-    from locsnn_compile.training.config import config_from_mapping, read_config
+    from locsnn_compile.models.plain_checks import field_kinds
+    from locsnn_compile.training.config import TrainingConfig, config_from_mapping, read_config
     from locsnn_compile.training.describe import FINE_TUNING, check_fits_start, fine_tuning_config
     from locsnn_compile.training.unused import check_used
 
     values: dict[str, Any] = read_config(args.config) if args.config is not None else {}
     of_file = {name: f"config {Path(args.config).name!r}, {name}" for name in values}
-    options = (
-        *("model", "order", "delays", "graph", "epochs", "seed", "hidden", "loss", "location_weight", "learning_rate"),
-        *("event_dropout", "validation_fraction", "refit", "target", "strategy", "weight_bits", "device"),
-        *("step_seconds", "steps", "event_threshold"),
-    )
-    asked = {name: getattr(args, name) for name in options if getattr(args, name) is not None}
+    options = field_kinds(TrainingConfig)
+    asked = {name: value for name, value in vars(args).items() if name in options and value is not None}
     flags = {"location_weight": "--lambda"}
     usual = {} if start is None else {"model": start.description.architecture} | FINE_TUNING
     config = config_from_mapping(usual | values | asked)
@@ -197,14 +201,17 @@ def _config(args: argparse.Namespace, start: Checkpoint | None) -> TrainingConfi
     return fine_tuning_config(config, start.description)
 
 
-def _summary(output: Path, result: TrainingResult, accuracy: float | None, test: Recordings | None) -> str:
+def _summary(output: Path, result: TrainingResult, found: IntArray | None, test: Recordings | None) -> str:
     from locsnn_compile.report.format import plural
+    from locsnn_compile.training.export import accuracy_of
 
+    accuracy = None if found is None else accuracy_of(found)
     lines = [f"epoch {result.chosen_epoch} chosen"]
     if result.validation_accuracy is not None:
         lines[0] += f" by validation accuracy {result.validation_accuracy:.3f}"
-    if accuracy is not None and test is not None:
+    if found is not None and test is not None:
         lines.append(f"test accuracy {accuracy:.3f} on {plural(len(test), 'recording')}")
+        lines += _confusion(found)
     lines += [f"! {remark}" for remark in (*result.remarks, *_test_remarks(accuracy, test))]
     lines.append(f"wrote {output}")
     return "\n".join(lines)
@@ -218,13 +225,35 @@ def _test_remarks(accuracy: float | None, test: Recordings | None) -> list[str]:
     return chance_remarks(accuracy, test.labels, "of the test part")
 
 
-def _shown(moved: Moved | None) -> Progress | None:
-    """Return what shows each epoch on a bar."""
-    if moved is None:
+def _confusion(found: IntArray) -> list[str]:
+    """Return the confusion matrix as lines, or, of many classes, the confusions that are most frequent."""
+    classes = len(found)
+    if classes <= SHOWN_CLASSES:
+        width = len(str(found.max())) + 2
+        rows = ["".join(f"{n:{width}}" for n in row) for row in [list(range(classes)), *found.tolist()]]
+        heads = ["label \\ predicted", *map(str, range(classes))]
+        return [f"{head:>17}{row}" for head, row in zip(heads, rows, strict=True)]
+    pairs = [(int(found[i, j]), i, j) for i in range(classes) for j in range(classes) if i != j and found[i, j]]
+    worst = sorted(pairs, key=lambda pair: -pair[0])[:SHOWN_CONFUSIONS]
+    return [f"  label {i} predicted as {j}: {n} of {int(found[i].sum())}" for n, i, j in worst]
+
+
+def _after_epochs(args: argparse.Namespace, moved: Moved | None) -> Progress | None:
+    """Return what is told of every epoch: a bar where somebody watches, lines elsewhere, and TensorBoard."""
+    from locsnn_compile.training.tensorboard import tensorboard_log
+
+    log = tensorboard_log(Path(args.tensorboard)) if args.tensorboard else None
+    if log is None and args.quiet:
         return None
 
     def after_epoch(done: int, expected: int, record: EpochRecord) -> None:
+        if log is not None:
+            log(done, expected, record)
         held = "" if record.validation_accuracy is None else f", validation {record.validation_accuracy:.3f}"
-        moved(done, expected, f"{record.phase} epoch {record.epoch}, loss {record.loss:.3f}{held}")
+        said = f"{record.phase} epoch {record.epoch}, loss {record.loss:.3f}{held}"
+        if moved is not None:
+            moved(done, expected, said)
+        elif not args.quiet:
+            print(f"{done}/{expected} {said}", file=sys.stderr, flush=True)
 
     return after_epoch

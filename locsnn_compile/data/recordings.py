@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from hw_model.io.shown import shown
+from hw_model.io.shown import Shown
 from locsnn_compile.errors import InputError, check_most
 
 #: Largest set of recordings accepted, in array elements: four times the largest published tactile set.
@@ -58,8 +58,8 @@ def so_many(count: int, kind: str = "recording") -> str:
     return f"{count} {kind}{'' if count == 1 else 's'}"
 
 
-@dataclass(frozen=True, eq=False)
-class Recordings:
+@dataclass(frozen=True, eq=False, repr=False)
+class Recordings(Shown):
     """``spikes`` (samples, steps, channels) uint8, 0 or 1; ``labels`` (samples,) int64, class numbers from 0,
     or None.
 
@@ -68,8 +68,6 @@ class Recordings:
     took everything as it is; ``first`` the number of the first one in its file. Both arrays are read-only. Raises
     ``InputError`` for anything else.
     """
-
-    __repr__ = shown
 
     spikes: NDArray[np.uint8]
     labels: NDArray[np.int64] | None

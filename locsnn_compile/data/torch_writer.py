@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import sys
 from typing import Any
 
 import numpy as np
@@ -33,5 +34,7 @@ def _with_tensors(value: Any) -> Any:
     import torch
 
     if isinstance(value, dict):
-        return {key: _with_tensors(entry) for key, entry in value.items()}
+        return {_with_tensors(key): _with_tensors(entry) for key, entry in value.items()}
+    if isinstance(value, str):
+        return sys.intern(value)  # equal texts are written once: equal values give equal bytes
     return torch.tensor(value) if isinstance(value, np.ndarray) else value

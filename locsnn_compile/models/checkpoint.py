@@ -36,7 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw_model.io.files import replace_file
-from hw_model.io.shown import shown
+from hw_model.io.shown import Shown
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.torch_writer import torch_bytes
 from locsnn_compile.errors import InputError
@@ -54,8 +54,8 @@ CHIP_VERSION = 2
 Plain = str | int | float | bool | None
 
 
-@dataclass(frozen=True, eq=False)
-class Checkpoint:
+@dataclass(frozen=True, eq=False, repr=False)
+class Checkpoint(Shown):
     """A trained network as read from a file.
 
     ``weights``: name -> float32 as in ``weight_shapes``, or int64 mantissas where there is a ``chip``; read-only, in
@@ -63,21 +63,15 @@ class Checkpoint:
     about, plain values; ``sha256`` of the file; ``chip``: the integers of a network trained on a chip's arithmetic.
     """
 
-    __repr__ = shown
-
     description: NetworkDescription
     weights: dict[str, NDArray[Any]]
     recordings: Recordings | None
     training: dict[str, Plain]
     sha256: str
     chip: ChipNumbers | None = None
-    content: bytes | None = None
-    """The file itself, where it is not written yet."""
 
     def save(self, path: Path | str) -> None:
         """Write it to a file, whole or not at all."""
-        if self.content is not None:
-            return replace_file(Path(path), self.content, f"checkpoint {Path(path).name!r}")
         kept, how, chip = self.recordings, self.training, self.chip
         save_checkpoint(path, self.description, self.weights, recordings=kept, training=how, chip=chip)
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hw_model.mapping.graph import Axis
-from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.errors import InputError
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import POSITIVE, Neuron
 from locsnn_compile.network.projections import ChipProjection, Projection, values_of
@@ -49,16 +49,13 @@ def check_network(network: Network) -> None:
 
 
 def _check_readout(network: Network) -> None:
-    sizes, readout = {population.name: population.size for population in network.populations}, network.readout
-    for name in readout.populations:
-        if name not in sizes:
-            raise InputError("readout", f"there is no population {name!r}", fix=did_you_mean(name, sizes))
-    found = [sizes[name] for name in readout.populations]
-    if len(set(found)) != 1 or len(readout.weights) != len(found):
+    readout = network.readout
+    found = [p.size for name in readout.populations for p in network.populations if p.name == name]
+    if len(set(found)) != 1 or not len(found) == len(readout.populations) == len(readout.weights):
         raise InputError(
             "readout",
             "it does not add up scores of populations of one size",
-            measured=f"sizes {found}, {len(readout.weights)} weights",
+            measured=f"populations {readout.populations}, sizes {found}, weights {readout.weights}",
             fix="Name populations of one size, each with its weight.",
         )
 

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hw_model.arithmetic.fixed_point import IntArray
-from hw_model.io.shown import shown
+from hw_model.io.shown import Shown
 from locsnn_compile.network.neurons import Neuron, Parameter, spread
 from locsnn_compile.network.projections import matrix
 
@@ -58,8 +58,8 @@ class ChipNeuron(Neuron):
         return {}
 
 
-@dataclass(frozen=True, eq=False)
-class ChipCuba(ChipNeuron):
+@dataclass(frozen=True, eq=False, repr=False)
+class ChipCuba(Shown, ChipNeuron):
     """One compartment a neuron, with the chip's own reset.
 
         u(t) = rz(u(t - 1), decay_u) + q(t)
@@ -67,8 +67,6 @@ class ChipCuba(ChipNeuron):
 
     It spikes where ``v(t) > 64 * threshold``; then v = 0, and stays so without a spike for ``refractory - 1`` steps.
     """
-
-    __repr__ = shown
 
     bias_mantissa: IntArray
     bias_exponent: IntArray
@@ -111,8 +109,8 @@ class Refractory:
         return found if self.decay is None else [Parameter("refractory decay", self.decay, (size,)), *found]
 
 
-@dataclass(frozen=True, eq=False)
-class ChipSrm(ChipNeuron):
+@dataclass(frozen=True, eq=False, repr=False)
+class ChipSrm(Shown, ChipNeuron):
     """A neuron without reset: a memoryless soma to which dendrites add their voltages.
 
         u(t) = rz(u(t - 1), decay_u) + q(t)                  the alpha dendrite
@@ -123,8 +121,6 @@ class ChipSrm(ChipNeuron):
     part of ``q``. A neuron may have ``dendrites`` of both kinds, with the same decays, each with inputs of its own and
     own spikes of the refractory weight: the potential is the sum of all, and may be as many times as large.
     """
-
-    __repr__ = shown
 
     refractory: Refractory
     dendrites: int = 1

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from hw_model.io.shown import shown
+from hw_model.io.shown import Shown
 from hw_model.mapping.graph import Axis
 from hw_model.mapping.graph import Readout as Readout
 from locsnn_compile.data.expected import Expected
@@ -21,16 +21,14 @@ from locsnn_compile.network.neurons import FloatArray, Neuron
 from locsnn_compile.network.projections import ChipProjection, Projection
 
 
-@dataclass(frozen=True, eq=False)
-class InputView:
+@dataclass(frozen=True, eq=False, repr=False)
+class InputView(Shown):
     """``lines`` input lines of one axis, taken from the recording (steps, channels).
 
     On the time axis line c spikes at step t where channel c does. On the location axis channel ``walk[i]`` is visited
     at step ``i // together``: an event of it at time step t spikes on line ``(i % together) * (lines // together) + t``
     there. After the walk follow ``silence`` steps without events, in which the last ones still go through the layers.
     """
-
-    __repr__ = shown
 
     name: str
     axis: Axis
@@ -70,11 +68,9 @@ class InputView:
         return played.reshape(len(visits), self.steps, self.lines)
 
 
-@dataclass(frozen=True, eq=False)
-class Population:
+@dataclass(frozen=True, eq=False, repr=False)
+class Population(Shown):
     """``size`` neurons of one model that step along one axis."""
-
-    __repr__ = shown
 
     name: str
     axis: Axis
@@ -94,14 +90,12 @@ class Population:
         return np.broadcast_to(np.asarray(self.neuron.spikes_at, dtype=np.float64), (self.size,))
 
 
-@dataclass(frozen=True, eq=False)
-class Network:
+@dataclass(frozen=True, eq=False, repr=False)
+class Network(Shown):
     """A trained network: views of one recording, populations, projections and a readout.
 
     :func:`load` reads one from a file; one is made by hand from its parts, with numpy arrays for weights.
     """
-
-    __repr__ = shown
 
     name: str
     channels: int

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.arithmetic.whole import whole_numbers
 from hw_model.errors import InputError
-from hw_model.io.shown import shown
+from hw_model.io.shown import Shown
 
 FloatArray = npt.NDArray[np.float64]
 Number = TypeVar("Number", np.float64, np.int64)
@@ -163,8 +163,8 @@ class Leaky(Neuron):
         return self.threshold
 
 
-@dataclass(frozen=True, eq=False)
-class Cuba(Leaky):
+@dataclass(frozen=True, eq=False, repr=False)
+class Cuba(Shown, Leaky):
     """Leaky integrate-and-fire neurons with a current; every parameter an array (n,), decays as fractions lost.
 
         i(t) = (1 - decay_u) * i(t - 1) + sum over inputs j and their spikes s = t - 1 - delay_j:  w_j
@@ -174,8 +174,6 @@ class Cuba(Leaky):
     so without a spike for ``refractory - 1`` steps; the current goes on. With ``decay_u`` 1 nothing of the current is
     kept: plain leaky integrate-and-fire (TLIF, LLIF); with ``decay_v`` 0 as well, integrate-and-fire.
     """
-
-    __repr__ = shown
 
     bias: FloatArray
     refractory: IntArray
@@ -190,8 +188,8 @@ class Cuba(Leaky):
         return np.asarray(self.bias != 0)
 
 
-@dataclass(frozen=True, eq=False)
-class SoftCuba(Leaky):
+@dataclass(frozen=True, eq=False, repr=False)
+class SoftCuba(Shown, Leaky):
     """Like :class:`Cuba`, but a spike takes ``drop`` from the voltage, a step later, and leaves the rest.
 
         i(t) = (1 - decay_u) * i(t - 1) + sum over inputs j and their spikes s = t - 1 - delay_j:  w_j
@@ -200,8 +198,6 @@ class SoftCuba(Leaky):
     It spikes where ``v(t) > threshold``. A reset by subtraction of the threshold, at once, is a drop of
     ``(1 - decay_v) * threshold``. Every parameter is an array (n,).
     """
-
-    __repr__ = shown
 
     drop: FloatArray
 

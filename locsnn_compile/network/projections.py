@@ -16,7 +16,7 @@ from scipy import sparse
 from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.arithmetic.whole import whole_numbers
 from hw_model.errors import InputError
-from hw_model.io.shown import shown
+from hw_model.io.shown import Shown
 
 Values = npt.NDArray[Any]
 Matrix: TypeAlias = Any
@@ -49,15 +49,13 @@ class Connection:
         return fan_out(self.held)
 
 
-@dataclass(frozen=True, eq=False)
-class Projection(Connection):
+@dataclass(frozen=True, eq=False, repr=False)
+class Projection(Shown, Connection):
     """Weights (n_target, n_source), float64, dense or CSR, from an input view or a population to a population.
 
     A spike of step t acts at step ``t + 1 + delay``; ``delay`` in steps, one for all, or an array like the matrix's
     values: (n_target, n_source), or (entries,) of a sparse one. The source may be the target, or come after it.
     """
-
-    __repr__ = shown
 
     weights: Matrix
     delay: int | IntArray = 0
@@ -74,15 +72,13 @@ class Projection(Connection):
         return self.weights
 
 
-@dataclass(frozen=True, eq=False)
-class ChipProjection(Connection):
+@dataclass(frozen=True, eq=False, repr=False)
+class ChipProjection(Shown, Connection):
     """Mantissas (n_target, n_source), int64, dense or CSR; effective weights are ``64 * floor(mantissa * 2^exponent)``.
 
     ``delay`` in steps: one for all, or an array like the matrix's values. ``dendrite`` is that of the target's alpha
     dendrites which the charge reaches. Several projections may join the same ends: their weights add up.
     """
-
-    __repr__ = shown
 
     mantissa: Matrix
     exponent: int

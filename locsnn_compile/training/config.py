@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, cast, get_args, get_type_hints
 
-import yaml
-
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS
-from hw_model.io.shown import shown
-from hw_model.io.yaml_text import load_yaml
+from hw_model.io.shown import Shown
+from hw_model.io.yaml_text import read_mapping
 from locsnn_compile.data.taxel_graph import GRAPHS
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.models.architectures import ARCHITECTURES
@@ -20,6 +18,7 @@ from locsnn_compile.strategies import TRAINABLE
 
 LOSSES = ("cross-entropy", "spike-count")
 OPTIMIZERS = ("adamw", "rmsprop", "sgd")
+CLASS_WEIGHTS = ("equal", "balanced")
 SCHEDULES = ("cosine", "constant")
 DEVICES = ("cpu", "cuda")
 
@@ -56,12 +55,13 @@ class Range(NamedTuple):
     high: float
 
 
-@dataclass(frozen=True)
-class TrainingConfig:
+@dataclass(frozen=True, repr=False)
+class TrainingConfig(Shown):
     """A training run, but for its data.
 
     - ``location_weight`` is lambda of the weighted loss. ``loss`` spike-count uses ``target_right`` and
       ``target_wrong`` (spikes a recording), cross-entropy uses ``count_scale`` and ``label_smoothing``.
+    - ``class_weights`` balanced: recordings of a rare class count for more in the loss, each class as much as another.
     - ``event_dropout``: every recording of a batch loses each event with a probability drawn from 0 to this;
       ``channel_dropout``: likewise each channel, with all its events; ``taxel_dropout``: each taxel, both polarities.
       ``time_shift``: every recording of a batch is moved by up to so many steps to either side.
@@ -97,8 +97,6 @@ class TrainingConfig:
     - ``spike_cost`` is added to the loss for every spike of a hidden neuron, averaged over neurons and recordings.
     """
 
-    __repr__ = shown
-
     model: Annotated[str, tuple(ARCHITECTURES)] = "hybrid"
     order: str = "loop"
     delays: str = "0"
@@ -108,6 +106,7 @@ class TrainingConfig:
     target_right: Annotated[float, Range(0.0, 1e6)] = 60.0
     target_wrong: Annotated[float, Range(0.0, 1e6)] = 3.0
     count_scale: Annotated[float, Range(1e-6, 1e3)] = 0.1
+    class_weights: Annotated[str, CLASS_WEIGHTS] = "equal"
     label_smoothing: Annotated[float, Range(0.0, 0.999)] = 0.05
     optimizer: Annotated[str, OPTIMIZERS] = "adamw"
     schedule: Annotated[str, SCHEDULES] = "cosine"
@@ -183,18 +182,7 @@ def read_config(path: Path | str) -> dict[str, Any]:
     """
     path = Path(path)
     where = f"config {path.name!r}"
-    try:
-        if path.stat().st_size > 1_000_000:
-            raise InputError(where, "it is too large for a configuration", fix="Give the YAML file of a training run.")
-        values = load_yaml(path.read_text(encoding="utf-8"), where)
-    except OSError as error:
-        raise InputError(where, "it cannot be read", measured=error.strerror or "", fix="Check the path.") from None
-    except (yaml.YAMLError, ValueError):
-        raise InputError(where, "it is not a YAML file", fix="Write one 'key: value' a line.") from None
-    if not isinstance(values, dict):
-        raise InputError(
-            where, "it holds no mapping", measured=type(values).__name__, fix="Write one 'key: value' a line."
-        )
+    values = read_mapping(path, where, "Give the YAML file of a training run.")
     config_from_mapping(values, where)
     return values
 

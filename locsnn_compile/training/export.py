@@ -14,14 +14,15 @@ from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import Checkpoint, Plain, save_checkpoint
 from locsnn_compile.training.config import TrainingConfig
-from locsnn_compile.training.measure import evaluate
+from locsnn_compile.training.measure import confusion
 from locsnn_compile.training.train import TrainingResult
 
 
-def measure(result: TrainingResult, config: TrainingConfig, recordings: Recordings) -> float:
-    """Return the accuracy, 0..1, on labelled ``recordings``, in float64: what the compiler compares against.
+def measure(result: TrainingResult, recordings: Recordings) -> NDArray[np.int64]:
+    """Return how often each label of ``recordings`` was predicted as each class, (classes, classes).
 
-    The network is left in float64. Raises ``InputError`` for recordings that do not fit the network.
+    In float64, which the network is left in: what the compiler compares against. Raises ``InputError`` for recordings
+    that do not fit the network.
     """
     if recordings.labels is None:
         raise InputError(
@@ -29,15 +30,14 @@ def measure(result: TrainingResult, config: TrainingConfig, recordings: Recordin
             "they have no labels to measure with",
             fix="Give labelled recordings.",
         )
-    return evaluate(result.network.double(), config, recordings.spikes, recordings.labels)[1]
+    return confusion(result.network.double(), recordings)
 
 
 def training_entry(
     result: TrainingResult,
     config: TrainingConfig,
     recordings: Recordings,
-    test: Recordings | None,
-    test_accuracy: float | None,
+    found: NDArray[np.int64] | None,
 ) -> dict[str, Plain]:
     """Return the checkpoint's ``training`` entry: data, figures, then the whole configuration."""
     figures: dict[str, Plain] = {
@@ -45,10 +45,16 @@ def training_entry(
         "train_recordings": len(recordings),
         "chosen_epoch": result.chosen_epoch,
         "validation_accuracy": result.validation_accuracy,
-        "test_recordings": None if test is None else len(test),
-        "test_accuracy": test_accuracy,
+        "test_recordings": None if found is None else int(found.sum()),
+        "test_accuracy": None if found is None else accuracy_of(found),
+        "test_confusion": None if found is None else "; ".join(" ".join(map(str, row)) for row in found.tolist()),
     }
     return figures | asdict(config)
+
+
+def accuracy_of(found: NDArray[np.int64]) -> float:
+    """Return the share of recordings that :func:`measure` found predicted right."""
+    return int(np.trace(found)) / int(found.sum())
 
 
 def _start_entry(start: Checkpoint | None) -> dict[str, Plain]:
@@ -87,8 +93,8 @@ def export_checkpoint(
     *,
     carried: int = 8,
     start: Checkpoint | None = None,
-) -> float | None:
-    """Measure ``test`` once, write the checkpoint to ``path``, and return the test accuracy, None without a
+) -> NDArray[np.int64] | None:
+    """Measure ``test`` once, write the checkpoint to ``path``, and return what :func:`measure` found, None without a
     test part.
 
     ``start`` is the checkpoint that the run began with. ``carried`` recordings of the test part (of the train part
@@ -96,7 +102,7 @@ def export_checkpoint(
     """
     network = result.network
     weights: Mapping[str, NDArray[Any]] = network.weights() if network.chip is None else network.mantissas()
-    test_accuracy = None if test is None else measure(result, config, test)
+    found = None if test is None else measure(result, test)
     kept: Recordings | None = None
     if carried > 0:
         pool = recordings if test is None else test
@@ -106,7 +112,7 @@ def export_checkpoint(
         network.description,
         weights,
         recordings=kept,
-        training=training_entry(result, config, recordings, test, test_accuracy) | _start_entry(start),
+        training=training_entry(result, config, recordings, found) | _start_entry(start),
         chip=network.chip,
     )
-    return test_accuracy
+    return found

@@ -25,24 +25,50 @@ _NAMED = 12
 """Labels that are named; more are counted."""
 
 
-def batch_loss(network: TouchModel, config: TrainingConfig, x: Tensor, labels: Tensor) -> Tensor:
-    """Return the scalar loss that ``config`` names for x (batch, steps, channels), labels (batch,)."""
-    return _loss(network, config, network(x), labels)
+def batch_loss(
+    network: TouchModel, config: TrainingConfig, x: Tensor, labels: Tensor, weights: Tensor | None = None
+) -> Tensor:
+    """Return the scalar loss that ``config`` names for x (batch, steps, channels), labels (batch,).
+
+    ``weights`` (classes,): how much a recording of each class counts; None: all alike.
+    """
+    return _loss(network, config, network(x), labels, weights)
 
 
-def _loss(network: TouchModel, config: TrainingConfig, activity: Mapping[str, Tensor], labels: Tensor) -> Tensor:
+def class_weights(config: TrainingConfig, labels: NDArray[np.int64], classes: int) -> Tensor | None:
+    """Return how much a recording of each class counts, so that the classes count alike; None where recordings do."""
+    if config.class_weights == "equal":
+        return None
+    counts = np.bincount(labels, minlength=classes)
+    found = len(labels) / (np.count_nonzero(counts) * np.maximum(counts, 1))
+    return torch.from_numpy(found.astype(np.float32)).to(config.device)
+
+
+def _loss(
+    network: TouchModel,
+    config: TrainingConfig,
+    activity: Mapping[str, Tensor],
+    labels: Tensor,
+    weights: Tensor | None = None,
+) -> Tensor:
     """Return the loss of what the network's ``forward`` returned."""
     counts = weighted_counts(network.scores(activity), config.location_weight)
-    if config.loss == "spike-count":
-        loss = spike_count_loss(counts, labels, target_right=config.target_right, target_wrong=config.target_wrong)
+    if weights is None:
+        loss = _of_counts(config, counts, labels)
     else:
-        loss = count_cross_entropy(
-            counts, labels, count_scale=config.count_scale, label_smoothing=config.label_smoothing
-        )
+        each = [_of_counts(config, counts[i : i + 1], labels[i : i + 1]) for i in range(len(labels))]
+        loss = (weights[labels] * torch.stack(each)).mean()
     if config.spike_cost:
         hidden = [spikes.sum(dim=1).mean() for spikes in network.hidden_spikes(activity)]
         loss = loss + config.spike_cost * sum(hidden, start=torch.zeros(()))
     return loss
+
+
+def _of_counts(config: TrainingConfig, counts: Tensor, labels: Tensor) -> Tensor:
+    """Return the loss that ``config`` names, every recording counting alike."""
+    if config.loss == "spike-count":
+        return spike_count_loss(counts, labels, target_right=config.target_right, target_wrong=config.target_wrong)
+    return count_cross_entropy(counts, labels, count_scale=config.count_scale, label_smoothing=config.label_smoothing)
 
 
 def _played(network: TouchModel, spikes: NDArray[np.uint8]) -> Iterator[tuple[slice, Mapping[str, Tensor]]]:
@@ -58,6 +84,14 @@ def class_scores(network: TouchModel, spikes: NDArray[np.uint8]) -> NDArray[np.f
     """Return the scores (samples, classes) of all branches together; the first of the largest is predicted."""
     found = [network.total(activity).cpu().numpy() for _, activity in _played(network, spikes)]
     return np.concatenate(found).astype(np.float64)
+
+
+def confusion(network: TouchModel, recordings: Recordings) -> NDArray[np.int64]:
+    """Return how often a label (row) was predicted as a class (column), (classes, classes)."""
+    assert recordings.labels is not None  # the caller's own check
+    classes = network.description.classes
+    pairs = recordings.labels * classes + class_scores(network, recordings.spikes).argmax(axis=1)
+    return np.bincount(pairs, minlength=classes**2).reshape(classes, classes)
 
 
 @torch.no_grad()

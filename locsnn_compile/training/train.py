@@ -29,7 +29,14 @@ from locsnn_compile.models.touch_model import TouchModel
 from locsnn_compile.training.batches import batches, epoch_generator, stratified_split
 from locsnn_compile.training.config import EpochRecord, Progress, TrainingConfig
 from locsnn_compile.training.describe import check_recordings, describe
-from locsnn_compile.training.measure import batch_loss, check_events, data_remarks, evaluate, result_remarks
+from locsnn_compile.training.measure import (
+    batch_loss,
+    check_events,
+    class_weights,
+    data_remarks,
+    evaluate,
+    result_remarks,
+)
 from locsnn_compile.training.profile import profile
 from locsnn_compile.training.schedule import WeightAverage, choose_epoch, learning_rate
 from locsnn_compile.training.state import TrainingState, load_state, run_key, save_state
@@ -169,6 +176,7 @@ def _run_phase(run: _Run, state: TrainingState, rows: NDArray[np.int64], held: N
     if state.weights:
         network.load_state_dict(state.weights)
         optimizer.load_state_dict(state.optimizer)
+    class_shares = class_weights(config, labels, run.description.classes)
     average = WeightAverage(network, config.weight_average, state.averages)
     for epoch in range(state.epoch + 1, epochs + 1):
         rate = learning_rate(config, epoch, epochs)
@@ -177,8 +185,8 @@ def _run_phase(run: _Run, state: TrainingState, rows: NDArray[np.int64], held: N
         total = 0.0
         rng = epoch_generator(config.seed, _PHASES[state.phase], epoch)
         for x, y in batches(spikes, labels, config, rng):
-            placed = (torch.from_numpy(values).to(config.device) for values in (x, y))
-            loss = batch_loss(network, config, *placed)
+            placed, of_them = (torch.from_numpy(values).to(config.device) for values in (x, y))
+            loss = batch_loss(network, config, placed, of_them, class_shares)
             for weight in weights:  # what zero_grad does, without its overhead
                 weight.grad = None
             loss.backward()  # type: ignore[no-untyped-call]

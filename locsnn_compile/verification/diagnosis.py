@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hw_model.engine.trace import ByteArray
-from hw_model.io.shown import shown
+from hw_model.io.shown import Shown
 from locsnn_compile.network.network import Network
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.verification.error_budget.budget import StageErrors, error_budget
@@ -22,15 +22,13 @@ NEURON_STEPS = 1 << 22
 """A diagnosis of a large network takes fewer recordings, so that all their neurons and steps are no more than this."""
 
 
-@dataclass(frozen=True, eq=False)
-class Diagnosis:
+@dataclass(frozen=True, eq=False, repr=False)
+class Diagnosis(Shown):
     """A diagnosis over the recordings of these numbers, out of ``available``.
 
     ``budget`` is None where every population is on the grid from the start: nothing is rounded, and there is nothing to
     take apart. ``cause`` is None where no spike differs, or there is no budget.
     """
-
-    __repr__ = shown
 
     recordings: tuple[int, ...]
     available: int

@@ -11,7 +11,7 @@ import numpy.typing as npt
 import hw_model as hw
 from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.engine.trace import ByteArray
-from hw_model.io.shown import shown
+from hw_model.io.shown import Shown
 from hw_model.mapping.graph import Axis
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import FloatArray
@@ -75,15 +75,13 @@ class NeuronPotential:
     chip_spikes: npt.NDArray[np.bool_]
 
 
-@dataclass(frozen=True, eq=False)
-class Excerpt:
+@dataclass(frozen=True, eq=False, repr=False)
+class Excerpt(Shown):
     """Of recording number ``recording``: the steps ``steps[axis]`` out of ``all_steps[axis]``.
 
     ``first`` is where both sides first differ; None where they never do, and the first recording is shown.
     ``populations_left_out`` is how many are not among ``populations``.
     """
-
-    __repr__ = shown
 
     recording: int
     first: Divergence | None

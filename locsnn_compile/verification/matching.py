@@ -16,7 +16,7 @@ from hw_model.accounting.usage import PhaseUsage, added_usage, measure, total_ns
 from hw_model.description.counts import Counts, total
 from hw_model.description.profile import Profile, Range
 from hw_model.engine.trace import ByteArray
-from hw_model.io.shown import shown
+from hw_model.io.shown import Shown
 from locsnn_compile.baselines.operations import network_additions
 from locsnn_compile.cluster.spread import Spread, here
 from locsnn_compile.errors import InputError
@@ -74,8 +74,8 @@ class Divergence:
     threshold: float
 
 
-@dataclass(frozen=True, eq=False)
-class Match:
+@dataclass(frozen=True, eq=False, repr=False)
+class Match(Shown):
     """How a program compares with the network it came from, over ``samples`` recordings.
 
     ``reference_prediction`` and ``chip_prediction`` are classes (samples,), -1 where all scores tie: nothing was
@@ -84,8 +84,6 @@ class Match:
     profile, and ``latency_range_ns`` the least and most of their mean where the profile has ranges; ``usage`` says by
     phase what they did step by step, ``additions`` the reference's operations by axis over all recordings.
     """
-
-    __repr__ = shown
 
     samples: int
     events_source: str

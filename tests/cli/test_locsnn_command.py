@@ -81,12 +81,20 @@ def test_diff_names_what_changed(build, tmp_path, capsys):
     assert changed["weight_bits"] == {"before": 8, "after": 4}
     assert "model.sha256" not in changed
     assert not [key for key in changed if "histogram" in key]
-    assert main(["diff", str(build / "out"), str(tmp_path / "four")]) == 0
+    assert main(["diff", str(build / "out"), str(tmp_path / "four"), "--all"]) == 0
     assert "weight_bits: 8 -> 4 (-50.0 %)" in capsys.readouterr().out.splitlines()
     page = tmp_path / "diff.html"
     assert main(["diff", str(build / "out"), str(tmp_path / "four"), "--html", str(page)]) == 0
-    assert "weight_bits: 8 -> 4 (-50.0 %)" in capsys.readouterr().out.splitlines()
-    assert "<h1>out → four</h1>" in page.read_text(encoding="utf-8")
+    summary = capsys.readouterr().out
+    shown = page.read_text(encoding="utf-8")
+    assert "<h1>out → four</h1>" in shown
+    lines = summary.splitlines()
+    assert lines[0] == "out → four"
+    assert lines[-1] == "--all lists every figure that changed."
+    assert len(lines) < 40
+    for question in ("Does it match as well?", "Does it cost less?", "Does it take less room?"):
+        assert question in shown
+        assert question in summary
     assert main(["diff", str(build / "out"), str(build / "out")]) == 0
     assert capsys.readouterr().out == "The builds are equal.\n"
 
@@ -103,5 +111,5 @@ def test_diff_names_what_changed(build, tmp_path, capsys):
 def test_reports_that_are_none(tmp_path, content, line, capsys):
     (tmp_path / "report.json").write_text(content)
     assert main(["diff", str(tmp_path), str(tmp_path)]) == 2
-    wanted = f"build {tmp_path.name!r}: {line}. Give a folder that locsnn-compile wrote.\n"
+    wanted = f"build {str(tmp_path)!r}: {line}. Give a folder that locsnn-compile wrote.\n"
     assert capsys.readouterr() == ("", wanted)

@@ -93,9 +93,9 @@ def test_names_that_no_file_can_have(command, where, name, fault, here, capsys):
 
 
 LINES = [
-    ("below a file, read", "locsnn events d.npz/a.npz", "file 'a.npz': it does not exist. Check the path."),
+    ("below a file, read", "locsnn events d.npz/a.npz", "file 'd.npz/a.npz': it does not exist. Check the path."),
     ("below a file, written", "locsnn events d.npz --to d.npz/a.npz", "--to 'd.npz/a.npz': its folder does not exist. Make the folder first."),
-    ("below a file, built", f"{COMPILE} -o d.npz/build", "output 'build': 'd.npz' is a file. Choose a folder with -o."),
+    ("below a file, built", f"{COMPILE} -o d.npz/build", "output 'd.npz/build': 'd.npz' is a file. Choose a folder with -o."),
     ("the root, a build", f"{COMPILE} -o /", "output '/': cannot be written: it is the root of the file system. Choose a folder you may write to with -o."),
     ("the root, an exploration", f"locsnn explore {MODEL} -o /", "output '/': cannot be written: it is the root of the file system. Choose a folder you may write to with -o."),
     ("the root, a model", "locsnn train --data d.npz -o /", "output '/': it is not a .pt file in an existing folder. Correct -o."),

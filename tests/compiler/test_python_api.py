@@ -13,7 +13,7 @@ from networks import hybrid, recordings
 
 import hw_model as hw
 import locsnn_compile as lc
-from hw_model.io.shown import shown
+from hw_model.io.shown import Shown
 from locsnn_compile.data.recordings import Recordings
 
 PUBLIC = {name: getattr(package, name) for package in (hw, lc) for name in package.__all__}
@@ -90,7 +90,7 @@ def test_every_public_value_says_what_it_is_in_a_line(values):
 
 def test_every_large_public_type_has_such_a_line():
     """A dataclass whose arrays or parts would be printed whole."""
-    own = {name for name, kind in PUBLIC.items() if is_dataclass(kind) and kind.__repr__ is not shown}
+    own = {name for name, kind in PUBLIC.items() if is_dataclass(kind) and kind.__repr__ is not Shown.__repr__}
     assert own == {
         *("CompiledModel", "Counts", "Divergence", "EpochRecord", "ErrorBudget", "Expected"),
         *("PopulationMatch", "Probe", "Readout", "SrmAlpha"),
@@ -172,16 +172,18 @@ def test_what_a_network_holds_stays_as_it_was():
     assert replace(held, target="c").weights is held.weights
 
 
+READOUT = "readout: it does not add up scores of populations of one size"
+ONE_SIZE = "Name populations of one size, each with its weight."
 ONE = lc.Projection("touch", "hidden", np.ones((3, 4)))
 BROKEN = [
     ("weights that are words", lambda: lc.Projection("touch", "hidden", [["a"]]), "projection 'touch' -> 'hidden': the weights are not an array of numbers. Give one row a target and one column a source."),
     ("rows of two lengths", lambda: lc.Projection("touch", "hidden", [[1.0], [1.0, 2.0]]), "projection 'touch' -> 'hidden': the weights are not an array of numbers. Give one row a target and one column a source."),
     ("parameters of other neurons", lambda: lc.Cuba.of(3, decay_v=[0.1, 0.2], threshold=1.0), "neurons: a parameter has the wrong shape ((2,) against (3,)). Give one number a neuron."),
     ("weights the other way round", lambda: lc.compile(by_hand(projections=(replace(ONE, weights=np.ones((4, 3))),))), "projection 'touch' -> 'hidden': the weights have the wrong shape ((4, 3) against (3, 4)). Give one row a target and one column a source."),
-    ("scores of nobody", lambda: lc.compile(by_hand(readout=lc.Readout(("score",), (1.0,)))), "readout: there is no population 'score'. Did you mean 'scores'?"),
-    ("scores of two sizes", lambda: lc.compile(by_hand(readout=lc.Readout(("scores", "hidden"), (1.0, 1.0)))), "readout: it does not add up scores of populations of one size (sizes [2, 3], 2 weights). Name populations of one size, each with its weight."),
-    ("scores without weights", lambda: lc.compile(by_hand(readout=lc.Readout(("scores",), ()))), "readout: it does not add up scores of populations of one size (sizes [2], 0 weights). Name populations of one size, each with its weight."),
-    ("no scores", lambda: lc.compile(by_hand(readout=lc.Readout((), ()))), "readout: it does not add up scores of populations of one size (sizes [], 0 weights). Name populations of one size, each with its weight."),
+    ("scores of nobody", lambda: lc.compile(by_hand(readout=lc.Readout(("score",), (1.0,)))), f"{READOUT} (populations ('score',), sizes [], weights (1.0,)). {ONE_SIZE}"),
+    ("scores of two sizes", lambda: lc.compile(by_hand(readout=lc.Readout(("scores", "hidden"), (1.0, 1.0)))), f"{READOUT} (populations ('scores', 'hidden'), sizes [2, 3], weights (1.0, 1.0)). {ONE_SIZE}"),
+    ("scores without weights", lambda: lc.compile(by_hand(readout=lc.Readout(("scores",), ()))), f"{READOUT} (populations ('scores',), sizes [2], weights ()). {ONE_SIZE}"),
+    ("no scores", lambda: lc.compile(by_hand(readout=lc.Readout((), ()))), f"{READOUT} (populations (), sizes [], weights ()). {ONE_SIZE}"),
 ]  # fmt: skip
 
 

@@ -61,13 +61,25 @@ def run(*command, cwd, **environment):
 def wheel(tmp_path_factory):
     """The wheel, built from the sdist, built from what a checkout has: so the sdist is whole."""
     folder = tmp_path_factory.mktemp("wheel")
-    for name in ("pyproject.toml", "README.md"):
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, folder)
     for package in ("hw_model", "locsnn_compile"):
         shutil.copytree(ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
     run(sys.executable, "-m", "build", "--outdir", "dist", cwd=folder)
     (found,) = (folder / "dist").glob("*.whl")
     return found
+
+
+def test_an_index_would_take_them(wheel):
+    files = sorted(wheel.parent.iterdir())
+    assert [file.name.rpartition("0.1.0")[2] for file in files] == ["-py3-none-any.whl", ".tar.gz"]
+    said = run(sys.executable, "-m", "twine", "check", "--strict", *files, cwd=wheel.parent)
+    assert said.count("PASSED") == 2
+
+
+def test_the_licence_comes_along(wheel):
+    names = run(sys.executable, "-m", "zipfile", "-l", wheel, cwd=wheel.parent)
+    assert ".dist-info/licenses/LICENSE" in names
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,10 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from locsnn_compile.training.config import TrainingConfig
 from locsnn_compile.training.measure import (
+    batch_loss,
+    class_weights,
     count_cross_entropy,
     spike_count_loss,
     weighted_counts,
@@ -67,3 +70,41 @@ def test_count_cross_entropy(seed: int, scale: float, smoothing: float) -> None:
         torch.from_numpy(counts), torch.from_numpy(labels), count_scale=scale, label_smoothing=smoothing
     )
     assert float(found) == pytest.approx(expected, rel=1e-10, abs=1e-12)
+
+
+class Counted:
+    """A network whose class scores are counts, as they are."""
+
+    def __init__(self, counts: np.ndarray) -> None:
+        self.counts = torch.from_numpy(counts)
+
+    def __call__(self, x: torch.Tensor) -> torch.Tensor:
+        return self.counts[x]
+
+    def scores(self, activity: torch.Tensor) -> dict[str, torch.Tensor]:
+        return {"time": activity}
+
+
+@pytest.mark.parametrize("loss", ["cross-entropy", "spike-count"])
+@given(seed=SEEDS)
+@settings(max_examples=10, deadline=None)
+def test_recordings_count_as_much_as_their_class(loss: str, seed: int) -> None:
+    counts, _, labels = draw(seed, batch=5)
+    network, config, rows = Counted(counts), TrainingConfig(loss=loss), torch.arange(5)
+    weights = torch.from_numpy(np.random.default_rng(seed).uniform(0, 3, 4))
+    y = torch.from_numpy(labels)
+    each = [float(batch_loss(network, config, rows[i : i + 1], y[i : i + 1])) for i in range(5)]  # type: ignore[arg-type]
+    found = float(batch_loss(network, config, rows, y, weights))  # type: ignore[arg-type]
+    assert found == pytest.approx(np.mean(weights[y].numpy() * each), rel=1e-9)
+    alike = float(batch_loss(network, config, rows, y, torch.ones(4)))  # type: ignore[arg-type]
+    assert alike == pytest.approx(float(batch_loss(network, config, rows, y)))  # type: ignore[arg-type]
+
+
+def test_balanced_classes_count_alike() -> None:
+    labels = np.array([0] * 6 + [2] * 2)
+    assert class_weights(TrainingConfig(), labels, 3) is None
+    found = class_weights(TrainingConfig(class_weights="balanced"), labels, 3)
+    assert found is not None
+    shares = found.numpy()[labels]
+    assert shares.sum() == 8  # on average a recording counts as before
+    assert shares[labels == 0].sum() == shares[labels == 2].sum() == 4

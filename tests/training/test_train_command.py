@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import re
 import subprocess
 import sys
+import types
 from dataclasses import replace
 from pathlib import Path
 
@@ -67,7 +69,10 @@ def test_a_file_without_parts(tmp_path: Path, data: str, capsys: pytest.CaptureF
     assert printed.out == (
         f"epoch {found.training['chosen_epoch']} chosen by validation accuracy {validation:.3f}\n{SILENT}wrote {output}\n"
     )
-    assert printed.err == ""
+    lines = printed.err.splitlines()
+    assert len(lines) == 2 + found.training["chosen_epoch"]
+    assert re.fullmatch(rf"1/4 select epoch 1, loss \d+\.\d{{3}}, validation {validation:.3f}", lines[0])
+    assert re.fullmatch(r"3/\d refit epoch 1, loss \d+\.\d{3}", lines[2])
     assert sorted(file.name for file in tmp_path.iterdir()) == ["small.csv", "small.pt", "small.svg", "touches.npz"]
 
 
@@ -80,7 +85,15 @@ def test_a_folder_with_parts(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert found.recordings is not None
     assert found.recordings.labels is not None
     assert found.recordings.labels.tolist() == [0, 1]
-    assert f"test accuracy {found.training['test_accuracy']:.3f} on 3 recordings\n" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert (
+        f"test accuracy {found.training['test_accuracy']:.3f} on 3 recordings\nlabel \\ predicted  0  1  2\n" in printed
+    )
+    rows = [[int(n) for n in line.split()] for line in found.training["test_confusion"].split(";")]
+    assert [sum(row) for row in rows] == [1, 1, 1]  # a recording of each label
+    assert sum(rows[i][i] for i in range(3)) / 3 == found.training["test_accuracy"]
+    for label, row in enumerate(rows):
+        assert f"{label:>17}" + "".join(f"{n:3}" for n in row) + "\n" in printed
 
 
 def test_options_lie_over_the_configuration(tmp_path: Path, data: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -131,7 +144,8 @@ def test_a_stopped_run_resumes(
     monkeypatch.setattr(training, "EpochRecord", stopping)
     capsys.readouterr()
     assert run(*options, "-o", str(tmp_path / "small.pt")) == 130
-    assert capsys.readouterr().err == "Stopped. Go on with the same command and --resume.\n"
+    *epochs, last = capsys.readouterr().err.splitlines()
+    assert (len(epochs), last) == (10, "Stopped. Go on with the same command and --resume.")
     monkeypatch.setattr(training, "EpochRecord", record)
     assert (tmp_path / "small.pt.state").exists()
     assert run(*options, "--resume", "-o", str(tmp_path / "small.pt")) == 0
@@ -209,14 +223,15 @@ def test_help_shows_a_working_example(capsys: pytest.CaptureFixture[str]) -> Non
 
 def test_progress_is_drawn_on_a_terminal(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    asked = argparse.Namespace(tensorboard=None, quiet=False)
     with progress_bar("training", show=True) as moved:
-        progress = command._shown(moved)
+        progress = command._after_epochs(asked, moved)
         assert progress is not None
         progress(1, 4, EpochRecord("select", 1, 0.1, 2.0, 1.0, 0.5))
     shown = capsys.readouterr()
     assert shown.out == ""
     assert "select epoch 1, loss 2.000, validation 0.500" in shown.err
-    assert command._shown(None) is None
+    assert command._after_epochs(argparse.Namespace(tensorboard=None, quiet=True), None) is None
 
 
 def test_the_command_is_imported_without_torch() -> None:
@@ -245,3 +260,62 @@ def test_a_gpu_learns_what_the_processor_learns(name: str) -> None:
         options = {"model": name, "device": device, "epochs": 2, "hidden": 4, "features": 3, "step_features": 2}
         losses.append([row.loss for row in train(made, config_from_mapping(options)).history])
     assert np.allclose(*losses, rtol=0.05)
+
+
+def test_of_many_classes_the_worst_confusions_are_printed() -> None:
+    found = np.diag(np.full(20, 3))
+    found[4, 7], found[9, 2] = 2, 5
+    assert command._confusion(found) == ["  label 9 predicted as 2: 5 of 8", "  label 4 predicted as 7: 2 of 5"]
+    assert command._confusion(np.array([[12, 0], [1, 4]])) == [
+        "label \\ predicted   0   1",
+        "                0  12   0",
+        "                1   1   4",
+    ]
+
+
+def test_a_quiet_run_prints_no_epochs(tmp_path: Path, data: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("--data", data, "--epochs", "1", "--hidden", "4", "--quiet", "-o", str(tmp_path / "q.pt")) == 0
+    assert capsys.readouterr() == ("", "")
+
+
+def test_without_tensorboard_nothing_is_trained(tmp_path: Path, data: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "torch.utils.tensorboard", None)
+    with pytest.raises(InputError) as found:
+        run("--data", data, "--tensorboard", str(tmp_path / "runs"), "-o", str(tmp_path / "small.pt"))
+    assert str(found.value) == (
+        "--tensorboard: the package tensorboard is not installed. Install it with pip install 'locsnn-compile[tensorboard]'."
+    )
+    assert not (tmp_path / "small.pt").exists()
+
+
+def test_epochs_go_to_tensorboard(tmp_path: Path, data: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[tuple[str, float, int]] = []
+
+    class Writer:
+        def __init__(self, folder: str) -> None:
+            assert folder == str(tmp_path / "runs")
+
+        def add_scalar(self, name: str, value: float, step: int) -> None:
+            told.append((name, value, step))
+
+        def flush(self) -> None:
+            pass
+
+    monkeypatch.setitem(sys.modules, "torch.utils.tensorboard", types.SimpleNamespace(SummaryWriter=Writer))
+    asked = ("--epochs", "1", "--hidden", "4", "--no-refit", "--quiet", "--tensorboard", str(tmp_path / "runs"))
+    assert run("--data", data, *asked, "-o", str(tmp_path / "small.pt")) == 0
+    _, rate, loss, *held = (tmp_path / "small.csv").read_text().splitlines()[1].split(",")[1:]
+    names = ("learning_rate", "loss", "validation_loss", "validation_accuracy")
+    assert [(name, step) for name, _, step in told] == [(f"select/{name}", 1) for name in names]
+    assert [float(f"{value:.6g}") for _, value, _ in told] == [float(rate), float(loss), *map(float, held)]
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_tensorboard_reads_them(tmp_path: Path, data: str) -> None:
+    accumulator = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
+    runs = tmp_path / "runs"
+    asked = ("--epochs", "2", "--hidden", "4", "--no-refit", "--quiet", "--tensorboard", str(runs))
+    assert run("--data", data, *asked, "-o", str(tmp_path / "small.pt")) == 0
+    found = accumulator.EventAccumulator(str(runs)).Reload()
+    assert [event.step for event in found.Scalars("select/loss")] == [1, 2]

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 import textwrap
+from collections.abc import Callable
 
 from rich.console import Console
 from rich.text import Text
 
 from locsnn_compile.report.compose import subtitle
-from locsnn_compile.report.content import Document, Verdict
+from locsnn_compile.report.content import Document, Report, Verdict
 from locsnn_compile.report.format import plain, share, shortened
 from locsnn_compile.report.sections.verdict import costs, fits, matches, notices
 from locsnn_compile.report.words import ASSUMED, SIGNS, no_spikes
@@ -25,25 +26,37 @@ _SHOWN_POPULATIONS = 8
 _BEFORE_UNIT = re.compile(r"(?<=\d) (?=(?:[pnuµm]?[Js]|[kMG]?B|%)(?!\w))")
 _HELD = "\u00a0"
 """Stands for a blank between a number and its unit while lines are folded, so that the two stay together."""
-_ASCII = str.maketrans({"✓": "+", "≈": "~", "✗": "x", "█": "#", "░": ".", "µ": "u", "−": "-", "–": "-", "…": "~"})  # noqa: RUF001
+_ASCII = str.maketrans(
+    {"✓": "+", "≈": "~", "✗": "x", "█": "#", "░": ".", "µ": "u", "−": "-", "–": "-", "…": "~", "→": "->"}  # noqa: RUF001
+)
 
 
 def render_terminal(document: Document, console: Console) -> None:
-    """Print the summary; plain text where the console is not a terminal, ASCII where its encoding has no more."""
-    _line(console, f"{_short(document['model']['name'])} on {_short(document['target'])}", style="bold")
-    _line(console, _short(subtitle(document), 2 * _LONGEST), style="dim")
-    match = matches(document)
-    for verdict in (match, costs(document), fits(document)):
+    """Print the summary of a build, with a bar for every population."""
+    title = f"{_short(document['model']['name'])} on {_short(document['target'])}"
+    verdicts, assumed = (matches(document), costs(document), fits(document)), tuple(document["assumptions"])
+    summary = Report(title, subtitle(document), verdicts, notices(document), (), assumed)
+    render_summary(summary, console, lambda: _populations(console, document))
+
+
+def render_summary(report: Report, console: Console, below_first: Callable[[], None] = lambda: None) -> None:
+    """Print title, verdicts and notices, and what is ``below_first`` of the verdicts.
+
+    Plain text where the console is not a terminal, ASCII where its encoding has no more.
+    """
+    _line(console, report.title, style="bold")
+    _line(console, _short(report.subtitle, 2 * _LONGEST), style="dim")
+    for verdict in report.verdicts:
         console.print()
         _verdict(console, verdict)
-        if verdict is match:
-            _populations(console, document)
-    if document["assumptions"]:
+        if verdict is report.verdicts[0]:
+            below_first()
+    if report.assumptions:
         console.print()
         _line(console, ASSUMED, style="yellow")
-    for sentence in document["assumptions"]:
+    for sentence in report.assumptions:
         _line(console, f"- {sentence}", style="yellow")
-    for notice in notices(document):
+    for notice in report.notices:
         console.print()
         _line(console, f"! {notice.title} {notice.text}", style="yellow")
 

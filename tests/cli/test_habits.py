@@ -1,0 +1,163 @@
+"""What people expect of any command: a version, a module to run, logs, a file of options, and the paths that they typed."""
+
+from __future__ import annotations
+
+import logging
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import locsnn_compile as lc
+from locsnn_compile.cli.compile import main as compile_main
+from locsnn_compile.cli.compile import parser as compile_parser
+from locsnn_compile.cli.main import COMMANDS, main, parser
+
+ROOT = Path(__file__).parents[2]
+MODEL = str(ROOT / "examples/models/objects-hybrid.pt")
+TOUCHES = str(ROOT / "examples/recordings/touches.npz")
+
+
+def refused(capsys, run, *words):
+    """Return the one line on standard error of a command that exits with 2."""
+    try:
+        code = run(list(words))
+    except SystemExit as left:
+        code = left.code
+    printed = capsys.readouterr()
+    assert (code, printed.out) == (2, "")
+    return printed.err
+
+
+@pytest.mark.parametrize(("run", "name"), [(main, "locsnn"), (compile_main, "locsnn-compile")], ids=["locsnn", "locsnn-compile"])  # fmt: skip
+def test_the_version(run, name, capsys):
+    with pytest.raises(SystemExit) as left:
+        run(["--version"])
+    assert (left.value.code, capsys.readouterr().out) == (0, f"{name} {lc.__version__}\n")
+    assert re.fullmatch(r"\d+\.\d+\.\d+", lc.__version__)
+
+
+def test_the_package_runs_as_a_module():
+    done = subprocess.run(
+        [sys.executable, "-m", "locsnn_compile", "--version"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, f"locsnn {lc.__version__}\n", "")
+
+
+def test_compile_is_a_command_with_the_same_options():
+    words = ["m.pt", "--target", "tiny-sim", "--emit", "vcd", "--psi", "3"]
+    one, other = vars(compile_parser().parse_args(words)), vars(parser().parse_args(["compile", *words]))
+    assert other.pop("run").__module__ == "locsnn_compile.cli.compile"
+    assert one == other
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda module: module.__name__.rpartition(".")[2])
+def test_every_command_can_be_verbose(command):
+    (below,) = (action.choices for action in parser()._actions if isinstance(action.choices, dict))
+    assert "--verbose" in below[command.__name__.rpartition(".")[2]]._option_string_actions
+
+
+@pytest.fixture
+def levels():
+    """Leave the loggers as they were."""
+    root, ours = logging.getLogger(), logging.getLogger("locsnn")
+    before = (list(root.handlers), ours.level)
+    root.handlers.clear()
+    yield
+    root.handlers[:] = before[0]
+    ours.setLevel(before[1])
+
+
+def test_a_verbose_command_says_what_it_does(tmp_path, capsys, levels):
+    words = [MODEL, "--events", TOUCHES, "--strategy", "dendrite", "--quiet", "-o", str(tmp_path / "build")]
+    logging.getLogger().handlers.clear()  # as in a process of its own
+    assert main(["compile", *words, "--verbose"]) == 0
+    said = capsys.readouterr().err
+    assert "objects-hybrid: dendrite, " in said
+    assert re.search(r"^objects-hybrid: \d+ cores of loihi-sim$", said, flags=re.MULTILINE)
+    assert "objects-hybrid: checking on 8 recordings of touches.npz" in said
+
+
+def test_there_is_one_logger():
+    found = set()
+    for package in ("hw_model", "locsnn_compile"):
+        for path in (ROOT / package).rglob("*.py"):
+            found |= set(re.findall(r"getLogger\((.*?)\)", path.read_text("utf-8")))
+    assert found == {'"locsnn"'}
+
+
+def parsed(tmp_path, text, *words, model="m.pt"):
+    (tmp_path / "options.yaml").write_text(text)
+    return vars(compile_parser().parse_args([model, "--options", str(tmp_path / "options.yaml"), *words]))
+
+
+ALL = "weight-bits: 4\npsi: 1e-3\nemit: [network, vcd]\nprobe: hidden[0]\nquiet: true\nsplit-weights: all\n"
+
+
+def test_a_file_gives_options(tmp_path):
+    found = parsed(tmp_path, ALL)
+    words = ["--weight-bits", "4", "--psi", "1e-3", "--emit", "network", "vcd", "--probe", "hidden[0]", "--quiet", "--split-weights", "all"]  # fmt: skip
+    assert found | {"options": None} == vars(compile_parser().parse_args(["m.pt", *words]))
+
+
+def test_the_command_line_wins(tmp_path):
+    found = parsed(tmp_path, ALL, "--weight-bits", "8", "--emit", "trace", "--psi=2")
+    assert (found["weight_bits"], found["emit"], found["psi"], found["quiet"]) == (8, ["trace"], 2.0, True)
+    assert found["probe"] == ["hidden[0]"]
+
+
+def test_a_file_serves_the_other_name_of_the_command(tmp_path):
+    (tmp_path / "o.yaml").write_text("weight-bits: 4\n")
+    args = parser().parse_args(["compile", "m.pt", "--options", str(tmp_path / "o.yaml")])
+    assert (args.weight_bits, args.model) == (4, "m.pt")
+
+
+BAD = [
+    ("an unknown option", "weight-bit: 4\n", ": key 'weight-bit' is not known. Did you mean 'weight-bits'?"),
+    ("not an option of the file", "options: o.yaml\n", ": key 'options' is not known. "),
+    ("a number that is none", "weight-bits: four\n", ", weight-bits: it is not a value of this option (got 'four'). Correct the value."),
+    ("a list for one value", "weight-bits: [4, 8]\n", ", weight-bits: it is not a value of this option (got [4, 8]). Correct the value."),
+    ("nothing", "target:\n", ", target: it is not a value of this option (got None). Correct the value."),
+    ("a number for a switch", "quiet: 1\n", ", quiet: it must be true or false (got 1). Correct the value."),
+    ("no mapping", "- a\n", ": it holds no mapping (list). Write one 'key: value' a line."),
+    ("no YAML", "a: [\n", ": it is not a YAML file. Write one 'key: value' a line."),
+    ("a key given twice", "psi: 1\npsi: 2\n", ": the key 'psi' is given twice, again at line 2. Keep one."),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "message"), [row[1:] for row in BAD], ids=[row[0] for row in BAD])
+def test_a_file_that_cannot_be_used_is_one_line(text, message, tmp_path, capsys):
+    (tmp_path / "o.yaml").write_text(text)
+    path = str(tmp_path / "o.yaml")
+    said = refused(capsys, compile_main, "m.pt", "--options", path)
+    assert said.startswith(f"options {path!r}{message}")
+    assert said.count("\n") == 1
+
+
+def test_a_file_of_options_that_is_not_there(tmp_path, capsys):
+    said = refused(capsys, compile_main, "m.pt", "--options", "no/such.yaml")
+    assert said == "options 'no/such.yaml': it cannot be read (No such file or directory). Check the path.\n"
+
+
+def test_a_file_of_options_is_not_overwritten(tmp_path, capsys):
+    (tmp_path / "report.json").write_text("quiet: true\n")
+    words = [MODEL, "--options", str(tmp_path / "report.json"), "-o", str(tmp_path)]
+    assert refused(capsys, compile_main, *words) == f"-o {str(tmp_path)!r}: 'report.json' is what --options reads. Write somewhere else.\n"  # fmt: skip
+
+
+TYPED = [
+    ("a model", (compile_main, "no/such.pt"), "checkpoint 'no/such.pt': it cannot be read (No such file or directory). Check the path."),
+    ("events", (compile_main, MODEL, "--events=no/such.npz"), "file 'no/such.npz': it does not exist. Check the path."),
+    ("data", (main, "train", "--data", "./no/such.npz"), "file './no/such.npz': it does not exist. Check the path."),
+    ("a configuration", (main, "train", "--data", TOUCHES, "--config", "a/b.yaml"), "config 'a/b.yaml': it cannot be read (No such file or directory). Check the path."),
+    ("a name", (compile_main, "such.pt"), "checkpoint 'such.pt': it cannot be read (No such file or directory). Check the path."),
+    ("two of one name", (compile_main, "a/such.pt", "--events", "b/such.pt"), "checkpoint 'such.pt': it cannot be read (No such file or directory). Check the path."),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("call", "message"), [row[1:] for row in TYPED], ids=[row[0] for row in TYPED])
+def test_an_error_shows_the_path_that_was_typed(call, message, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert refused(capsys, *call) == f"{message}\n"
