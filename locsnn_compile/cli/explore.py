@@ -175,7 +175,7 @@ def _check_options(args: argparse.Namespace, wanted: Mapping[str, Sequence[Value
 
 def _print(found: Exploration, folder: Path, names: Sequence[str]) -> None:
     """Print a table of all points, the recommendation, and the commands of the front."""
-    from locsnn_compile.explore.table import lines
+    from locsnn_compile.explore.result import lines
 
     for line in lines(found):
         print(line)

@@ -1,23 +1,39 @@
-"""Run all cases, one row after the other."""
+"""Run all cases, one row after the other, and the long runs: whether the difference of both sides grows.
+
+In a long run the float network goes block by block; of the program a byte is held for each compartment and step, and
+the potentials of one population. A session, which holds no more than a block, must count the same spikes.
+"""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from itertools import groupby
 
 import numpy as np
+import numpy.typing as npt
 
 import hw_model as hw
+from hw_model.engine.trace import ByteArray
 from locsnn_compile.errors import LocsnnError
+from locsnn_compile.network.network import Network
+from locsnn_compile.network.projections import Projection, charge
+from locsnn_compile.reference.evaluate import steps_of
+from locsnn_compile.report.format import share, short
+from locsnn_compile.stress.bounds import error_bound
 from locsnn_compile.stress.cases import cases
-from locsnn_compile.stress.cases.case import Case
-from locsnn_compile.stress.cases.long_runs import BLOCK, long_runs
-from locsnn_compile.stress.drift import long_row, play_float
-from locsnn_compile.stress.measure import Float, measure
-from locsnn_compile.stress.row import Row, judge
+from locsnn_compile.stress.cases.case import POPULATION, Case
+from locsnn_compile.stress.cases.long_runs import BLOCK, LongRun, long_runs
+from locsnn_compile.stress.measure import Float, Sides, lowered, measure
+from locsnn_compile.stress.row import TENTH, Drift, Row, judge
+from locsnn_compile.verification.matching import PopulationMatch
 
+TENTHS = 10
+LESS = 0.05
+"""Spike agreement that the last tenth of a run may be short of the beginning without a word."""
+BoolArray = npt.NDArray[np.bool_]
 LONG_STEPS, QUICK_STEPS = 1_000_000, 10 * BLOCK
 """Steps of a long run, and of one of a quick run."""
 
@@ -65,3 +81,96 @@ def _row(case: Case, make: Callable[[], Row]) -> Row:
             return Row(case, "refused", (str(error),))
         except Exception as error:
             return Row(case, "unexplained", (f"crash: {type(error).__name__}: {error}",))
+
+
+def long_row(run: LongRun, chip: hw.Chip, float_run: Float) -> Row:
+    """Return the row of a long run: that of its beginning, and how it went on."""
+    row = judge(run.case, measure(run.case, chip))
+    drift, odd = measure_drift(run, chip, float_run)
+    defects = tuple(defect for defect in (odd, _beyond(drift)) if defect)
+    if defects or row.verdict == "unexplained":
+        before = row.causes if row.verdict == "unexplained" else ()
+        return replace(row, verdict="unexplained", causes=before + defects, drift=drift)
+    causes = (*row.causes, *_growth(row, drift, run.fades))
+    return replace(row, verdict="limited" if causes else "ok", causes=causes, drift=drift)
+
+
+def measure_drift(run: LongRun, chip: hw.Chip, wanted: Float) -> tuple[Drift, str | None]:
+    """Return figures by tenth of the run, and what differs from the simulation, if anything does."""
+    steps = len(wanted.spikes)
+    levels = lowered(run.case, chip, steps)
+    played = np.tile(run.block, (-(-steps // len(run.block)), 1))[:steps]
+    found = hw.simulate(levels.program, played, probe=("spikes", hw.Probe("potential", (POPULATION,))))
+    spikes, potential = found.spikes[POPULATION], found.potential[POPULATION]
+    scale = levels.quantized.population(POPULATION).scale
+    theta = run.case.network.populations[0].thresholds
+    quiet: BoolArray = ~np.asarray(wanted.spikes.any(axis=0) | spikes.any(axis=0))
+    parts = [slice(part[0], part[-1] + 1) for part in np.array_split(np.arange(steps), TENTHS)]
+    error = [
+        float((np.abs(potential[part] / scale - wanted.potential[part]) / theta)[:, quiet].max(initial=0.0))
+        for part in parts
+    ]
+    drift = Drift(
+        steps,
+        tuple(PopulationMatch.of(wanted.spikes[part], spikes[part]) for part in parts),
+        tuple(error) if quiet.any() else None,
+        _bound(run, chip, quiet, steps),
+    )
+    return drift, _session_differs(levels.program, played, spikes, len(run.block))
+
+
+def play_float(network: Network, block: ByteArray, steps: int) -> Float:
+    """Step a float population on a block (steps, channels) that repeats; return (steps, n), in its own units."""
+    (population,), (projection,) = network.populations, network.projections
+    n = population.size
+    assert isinstance(projection, Projection)  # long runs are of float networks
+    # A spike of the last row of a block arrives in the first step of the next.
+    arriving = np.roll(charge(block, projection.weights), 1, axis=0)
+    state = steps_of(population.neuron, 1, n)
+    spikes, potential = np.empty((steps, n), dtype=np.uint8), np.empty((steps, n))
+    silence = np.zeros((1, n))
+    for step in range(steps):
+        fired, seen = state.step(arriving[None, step % len(block)] if step else silence)
+        spikes[step], potential[step] = fired[0], seen[0]
+    return Float(spikes, potential)
+
+
+def _bound(run: LongRun, chip: hw.Chip, quiet: BoolArray, steps: int) -> float:
+    """Bound the error of neurons that never spike, in thresholds: as settled, or grown on as in the beginning."""
+    if not quiet.any():
+        return 0.0
+    sides = Sides(lowered(run.case, chip), run.case.recordings)
+    sent = {POPULATION: sides.float.spikes}
+    bound = error_bound(sides.phase.program_neurons, POPULATION, sides.lines, sent)
+    shares = (sides.model_error() + bound.total) / sides.threshold
+    settled = float(shares[:, -len(run.block) :][..., quiet].max())
+    return settled * (1.0 if run.fades else steps / run.case.network.steps)
+
+
+def _session_differs(program: hw.ChipProgram, played: ByteArray, spikes: ByteArray, rows: int) -> str | None:
+    """Push the run to a session, so many rows at a time; say where it first counts other spikes."""
+    session, counted = hw.Session(program), spikes.cumsum(axis=0, dtype=np.int64)
+    for start in range(0, len(played), rows):
+        pushed = session.push(played[start : start + rows]).spikes[POPULATION]
+        if not np.array_equal(pushed[-1], counted[start + len(pushed) - 1]):
+            return f"a session counts other spikes until step {start + len(pushed)}"
+    return None
+
+
+def _beyond(drift: Drift) -> str | None:
+    largest = max(drift.error or (0.0,))
+    if largest <= drift.bound * (1 + 1e-6):
+        return None
+    return f"an error of {short(largest)} thresholds in the long run is beyond the bound of {short(drift.bound)}"
+
+
+def _growth(row: Row, drift: Drift, fades: bool) -> Iterator[str]:
+    """Name what is worse in the last tenth of the run than in its beginning."""
+    assert row.measured is not None
+    if not fades and drift.error is not None and drift.error[-1] > TENTH:
+        yield f"nothing fades, so rounding adds up: {short(drift.error[-1])} thresholds in {drift.steps:,} steps"
+    first, last = row.measured.spikes.agreement, drift.spikes[-1].agreement
+    # Where no side spikes in the beginning, nothing differs there.
+    if last is not None and last < (1.0 if first is None else first) - LESS:
+        equal = f"{share(first)} are equal" if first is not None else "there are none"
+        yield f"spikes drift apart: {equal} in the beginning, {share(last)} in the last tenth"

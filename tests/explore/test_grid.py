@@ -12,7 +12,7 @@ from locsnn_compile import settings as grid
 from locsnn_compile.cli import explore as explore_cli
 from locsnn_compile.cli.compile import parser
 from locsnn_compile.errors import InputError
-from locsnn_compile.explore import result, table
+from locsnn_compile.explore import result
 from locsnn_compile.settings import AXES, Axis, Setting, settings
 from locsnn_compile.strategies import STRATEGIES
 
@@ -67,7 +67,7 @@ class Late(Setting):
 
 def test_a_row_and_its_field_add_an_axis(model, events, tmp_path, monkeypatch):
     """Option, grid, compilation, files and commands follow the table; ``psi`` is an option that changes no figure."""
-    for module in (grid, explore_cli, result, table):
+    for module in (grid, explore_cli, result):
         monkeypatch.setattr(module, "AXES", (*AXES, PSI))
     monkeypatch.setattr(grid, "Setting", Late)
     options = (*narrow("reset"), "--psi", 5, 10, "--engines", "--quiet")
