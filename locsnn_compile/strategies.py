@@ -28,18 +28,18 @@ class Strategy:
 
 
 STRATEGIES = {
-    "dendrite": Strategy("three joined compartments a neuron: alpha dendrite, refractory dendrite, memoryless soma"),
-    "delay-line": Strategy("two joined compartments a neuron, the refractory kernel through delayed self-synapses"),
-    "reset": Strategy("one compartment a neuron with the chip's own reset, an approximation"),
+    "dendrite": Strategy("three joined compartments per neuron: alpha dendrite, refractory dendrite, memoryless soma"),
+    "delay-line": Strategy("two joined compartments per neuron, the refractory kernel through delayed self-synapses"),
+    "reset": Strategy("one compartment per neuron with the chip's own reset, an approximation"),
     "paired-dendrite": Strategy(
-        "five joined compartments a neuron: dendrite with two dendrites of each kind, at a finer scale",
+        "five joined compartments per neuron: dendrite with two dendrites of each kind, at a finer scale",
         dendrites=2,
         trainable=False,
         last_resort=True,
     ),
 }
 LAYOUTS = {name: strategy.layout for name, strategy in STRATEGIES.items()} | {
-    NATIVE: "one compartment a neuron, as the model has it"
+    NATIVE: "one compartment per neuron, as the model has it"
 }
 TRAINABLE = tuple(name for name, strategy in STRATEGIES.items() if strategy.trainable)
 USUAL = tuple(name for name, strategy in STRATEGIES.items() if not strategy.last_resort)
