@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -125,8 +125,10 @@ def simulate(
         for phase in program.phases:
             played = play(program, phase, part, steps, player)
             wanted = PhaseProbes(program, phase.name, probes, played.steps)
-            deciding = PhaseProbes(program, phase.name, decisive, played.steps)
-            keeping = PhaseProbes(program, phase.name, kept_probes, played.steps)
+            deciding = keeping = wanted
+            if decisive:
+                deciding = PhaseProbes(program, phase.name, decisive, played.steps)
+                keeping = PhaseProbes(program, phase.name, kept_probes, played.steps)
             trace = run_phase(program, phase.name, played, keeping.windows())
             counts[phase.name].append(count_totals(program, phase.name, played, trace))
             if "activity" in probes:
@@ -149,15 +151,12 @@ def simulate(
 
     score = np.concatenate(scores)
     return SimulationResult(
-        spikes=result("spikes"),
-        u=result("u"),
-        v=result("v"),
-        potential=result("potential"),
+        spikes=result("spikes"), u=result("u"), v=result("v"), potential=result("potential"),
         activity={phase: tuple(items) for phase, items in activity.items()},
         count_tables={phase: np.concatenate(tables) for phase, tables in counts.items()},
         events={name: _named(found) for name, found in events.items() if found.any()},
         scores=None if program.readout is None else (score if batched else score[0]),
-    )
+    )  # fmt: skip
 
 
 def _columns(program: ChipProgram) -> int:
@@ -175,6 +174,7 @@ def _classes(program: ChipProgram) -> int:
 Run = Callable[[ChipProgram, str, PhaseInput, dict[Register, Window]], PhaseTrace]
 
 
+@lru_cache(maxsize=4)
 def _engine(engine: Engine, skip: bool) -> tuple[Run, Player]:
     if engine == "reference":
         from hw_model.engine.reference import run_phase
@@ -188,6 +188,8 @@ def _engine(engine: Engine, skip: bool) -> tuple[Run, Player]:
 
 def _add_events(program: ChipProgram, phase: str, trace: PhaseTrace, events: dict[str, IntArray]) -> None:
     """Add up wraps and clips by population."""
+    if not trace.events.any():
+        return
     found = trace.events.sum(axis=0)
     for name, columns in program.columns_of(phase).items():
         events[name] = events.get(name, np.zeros(len(EVENTS), dtype=np.int64)) + found[:, columns].sum(axis=1)

@@ -70,33 +70,32 @@ class FanOut:
     """What one spike of each source causes; sources are input lines, then columns.
 
     ``synapses`` (sources, pieces of the phase): synapses at each piece. ``due_late`` (longest delay + 1, sources): of
-    them, those with at least that delay. ``packets`` (sources, 4): of a compartment, :data:`PER_PACKET`.
-    ``input_packets`` (lines, cores of the phase): packets that carry an event of a line.
+    them, those with at least that delay. ``input_packets`` (lines, cores of the phase): packets that carry an event of
+    a line. ``totals`` (sources, counts): what one spike adds to each of :data:`PER_SPIKE`.
     """
 
     synapses: Int32Array
     due_late: IntArray
-    packets: IntArray
     input_packets: IntArray
+    totals: IntArray
+
+
+PER_SPIKE = ("synaptic_ops", "spikes", *PER_PACKET, "input_packets")
+"""Counts of a recording that are a sum over its spikes and input events."""
 
 
 def count_totals(program: ChipProgram, phase: str, played: PhaseInput, trace: PhaseTrace) -> IntArray:
     """Return the counts of every recording, (batch, fields of Counts): spikes of each source times what one causes."""
     fan = fan_out(program, phase)
-    lines = len(fan.input_packets)
-    packets = trace.sent @ fan.packets
     events = trace.events.sum(axis=2)
     columns = {
+        **dict(zip(PER_SPIKE, (trace.sent @ fan.totals).T, strict=True)),
         "input_events": played.input_events,
         "transpose_events": played.transpose_events,
         "events_dropped": played.events_dropped,
-        "synaptic_ops": trace.sent @ fan.synapses.sum(axis=1),
         "synaptic_ops_after_end": _due_after_end(played, trace.spikes, fan.due_late),
         "neuron_updates": played.steps * trace.spikes.shape[2],
         "neuron_updates_active": trace.active.sum(axis=(1, 2), dtype=np.int64),
-        "spikes": trace.sent[:, lines:].sum(axis=1),
-        **{name: packets[:, k] for k, name in enumerate(PER_PACKET)},
-        "input_packets": trace.sent[:, :lines] @ fan.input_packets.sum(axis=1),
         **{name: events[:, k] for k, name in enumerate(EVENTS)},
         "skipped_steps": trace.skipped,
     }
@@ -189,7 +188,9 @@ def fan_out(program: ChipProgram, phase: str) -> FanOut:
         ways = [(1, int(hops[to] == (0, 0)), *hops[to]) for to in axons.out_core.tolist()]
         sender = lines + program.columns_of_core(core)[axons.out_compartment]
         np.add.at(packets, sender, np.array(ways, dtype=np.int64).reshape(-1, len(PER_PACKET)))
-    return FanOut(synapses, due_late, packets, input_packets)
+    to_inputs = np.pad(input_packets.sum(axis=1), (0, count - lines))
+    totals = np.column_stack((synapses.sum(axis=1), np.arange(count) >= lines, packets, to_inputs)).astype(np.int64)
+    return FanOut(synapses, due_late, input_packets, totals)
 
 
 def _tally(row: IntArray, column: IntArray, shape: tuple[int, int]) -> IntArray:

@@ -10,20 +10,8 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
+from hw_model.accounting import cost
 from hw_model.accounting.activity import StepActivity, stacked
-from hw_model.accounting.cost import (
-    DELIVERIES,
-    SENDING,
-    SYNAPSES,
-    UPDATES,
-    CriticalPath,
-    FloatArray,
-    Latency,
-    StepTimes,
-    critical_path,
-    recording_latency,
-    step_times,
-)
 from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.description.profile import Profile
 from hw_model.program.chip_program import ChipProgram
@@ -46,9 +34,9 @@ class PhaseUsage:
     counts: Mapping[str, IntArray]
     link_packets: IntArray
     link_most: IntArray
-    step_ns: FloatArray
+    step_ns: cost.FloatArray
     parts_ns: Mapping[str, float]
-    busy_ns: Mapping[str, FloatArray]
+    busy_ns: Mapping[str, cost.FloatArray]
     paths_ns: Mapping[tuple[int, int], float]
 
     def __add__(self, other: Self) -> Self:
@@ -65,17 +53,17 @@ class PhaseUsage:
 
 def measure(
     program: ChipProgram, activity: Mapping[str, Sequence[StepActivity]], profile: Profile
-) -> tuple[list[Latency], dict[str, PhaseUsage]]:
+) -> tuple[list[cost.Latency], dict[str, PhaseUsage]]:
     """Return the latency of each recording, and the sums of all of them by phase; all recordings of equal length."""
-    latencies: list[Latency] = []
+    latencies: list[cost.Latency] = []
     usages = []
     for part in _parts(activity):
         steps = {phase: stacked(items) for phase, items in part.items()}
-        times = {phase: step_times(program, phase, found, profile) for phase, found in steps.items()}
-        paths = {phase: critical_path(found) for phase, found in times.items()}
+        times = {phase: cost.step_times(program, phase, found, profile) for phase, found in steps.items()}
+        paths = {phase: cost.critical_path(found) for phase, found in times.items()}
         usages.append({phase: _usage(steps[phase], times[phase], paths[phase]) for phase in steps})
         for i in range(len(next(iter(part.values())))):
-            latencies.append(recording_latency(program, {phase: _one(path, i) for phase, path in paths.items()}))
+            latencies.append(cost.recording_latency(program, {phase: _one(path, i) for phase, path in paths.items()}))
     return latencies, added_usage(usages)
 
 
@@ -85,7 +73,7 @@ def total_ns(program: ChipProgram, activity: Mapping[str, Sequence[StepActivity]
         float((core_ns := times.core_ns.max(axis=-1)).sum() + times.barrier_ns * core_ns.size)
         for part in _parts(activity)
         for phase, items in part.items()
-        for times in (step_times(program, phase, stacked(items), profile),)
+        for times in (cost.step_times(program, phase, stacked(items), profile),)
     )
 
 
@@ -98,10 +86,10 @@ def _parts(activity: Mapping[str, Sequence[StepActivity]]) -> Iterator[dict[str,
         yield {phase: items[start : start + many] for phase, items in activity.items()}
 
 
-def _usage(steps: StepActivity, times: StepTimes, path: CriticalPath) -> PhaseUsage:
+def _usage(steps: StepActivity, times: cost.StepTimes, path: cost.CriticalPath) -> PhaseUsage:
     """Add up recordings (recordings, steps, ...)."""
     loads = steps.routes.loads(steps.packets)
-    parts = {"updates": UPDATES, "sending": SENDING, "deliveries": DELIVERIES, "synapses": SYNAPSES}
+    parts = {"updates": cost.UPDATES, "sending": cost.SENDING, "deliveries": cost.DELIVERIES, "synapses": cost.SYNAPSES}
     return PhaseUsage(
         counts={name: counts.sum(axis=0) for name, counts in steps.by_piece.items()},
         link_packets=loads.sum(axis=(0, 1)),
@@ -125,15 +113,15 @@ def _added(one: Mapping[str, npt.NDArray[np.generic]], other: Mapping[str, npt.N
     return {name: values + other[name] for name, values in one.items()}  # type: ignore[operator]
 
 
-def _one(path: CriticalPath, recording: int) -> CriticalPath:
-    return CriticalPath(
+def _one(path: cost.CriticalPath, recording: int) -> cost.CriticalPath:
+    return cost.CriticalPath(
         path.last[recording],
         path.sender[recording],
         {part: ns[recording] for part, ns in path.parts_ns.items()},
     )
 
 
-def _paths_ns(path: CriticalPath) -> dict[tuple[int, int], float]:
+def _paths_ns(path: cost.CriticalPath) -> dict[tuple[int, int], float]:
     """Add up the time of steps by sender and last core."""
     cores = int(path.last.max()) + 1
     pairs, which = np.unique(path.sender.ravel() * cores + path.last.ravel(), return_inverse=True)

@@ -12,36 +12,14 @@ import numpy as np
 from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT
 from hw_model.engine.compiled import absorbed, inlined
 from hw_model.engine.lane_arithmetic import constant_in_32_bits, fit, rz, wrap
-from hw_model.engine.layout import (
-    BIAS,
-    BLOCKED,
-    CHARGE_WRAPS,
-    CURRENT_WRAPS,
-    FIELDS,
-    JOINED,
-    KEEP_U,
-    KEEP_V,
-    LANES,
-    POTENTIAL,
-    REFRACTORY,
-    THRESHOLD,
-    USUAL_WIDTHS,
-    VMAX,
-    VMIN,
-    VOLTAGE_CLIPS,
-    U,
-    V,
-)
+from hw_model.engine.layout import FIELDS, LANES, USUAL_WIDTHS
 
 # Offsets of the registers from the first of a chunk; unsigned, or each index would be tested for being negative.
 _LANES, _CHUNK = np.uint64(LANES), np.uint64(FIELDS * LANES)
-_KEEP_U, _KEEP_V = np.uint64(KEEP_U * LANES), np.uint64(KEEP_V * LANES)
-_THRESHOLD, _BIAS, _REFRACTORY = np.uint64(THRESHOLD * LANES), np.uint64(BIAS * LANES), np.uint64(REFRACTORY * LANES)
-_VMIN, _VMAX = np.uint64(VMIN * LANES), np.uint64(VMAX * LANES)
-_U, _V, _POTENTIAL = np.uint64(U * LANES), np.uint64(V * LANES), np.uint64(POTENTIAL * LANES)
-_BLOCKED, _JOINED = np.uint64(BLOCKED * LANES), np.uint64(JOINED * LANES)
-_CHARGE_WRAPS, _CURRENT_WRAPS = np.uint64(CHARGE_WRAPS * LANES), np.uint64(CURRENT_WRAPS * LANES)
-_VOLTAGE_CLIPS = np.uint64(VOLTAGE_CLIPS * LANES)
+_AT = [np.uint64(field * LANES) for field in range(FIELDS)]  # in the order of the fields of the layout
+_KEEP_U, _KEEP_V, _THRESHOLD, _BIAS, _REFRACTORY, _VMIN, _VMAX = _AT[:7]
+_U, _V, _POTENTIAL, _BLOCKED, _JOINED = _AT[7:12]
+_CHARGE_WRAPS, _CURRENT_WRAPS, _VOLTAGE_CLIPS = _AT[12:]
 
 
 @inlined
@@ -122,6 +100,31 @@ def update(registers, at, charge, row, slot, widths):  # type: ignore[no-untyped
         spikes |= np.int32(fired) << np.int32(i)
         busy_lanes += np.int32(busy)
         restless |= u | state | bias
+    return spikes, busy_lanes, restless
+
+
+@absorbed
+def update_plain(registers, at, charge, row, slot):  # type: ignore[no-untyped-def]
+    """Do the same for a chunk without bias, refractory steps and children, in which nothing can wrap."""
+    spikes = np.int32(0)
+    busy_lanes = np.int32(0)
+    restless = fit(0, registers)
+    for i in range(_LANES):
+        k = at + i
+        arrived, u, v = charge[row, slot + i], registers[k + _U], registers[k + _V]
+        charge[row, slot + i] = 0
+        busy_lanes += np.int32((arrived | u | v) != 0)
+        u = fit(rz(u, registers[k + _KEEP_U]) + fit(arrived << WEIGHT_SHIFT, u), u)
+        unclipped = fit(rz(v, registers[k + _KEEP_V]) + u, u)
+        clipped = _clip(registers, k, unclipped)
+        fired = clipped > registers[k + _THRESHOLD]
+        left = fit(0 if fired else clipped, u)
+        registers[k + _U] = u
+        registers[k + _V] = left
+        registers[k + _POTENTIAL] = clipped
+        registers[k + _VOLTAGE_CLIPS] += fit(clipped != unclipped, u)
+        spikes |= np.int32(fired) << np.int32(i)
+        restless |= u | left
     return spikes, busy_lanes, restless
 
 

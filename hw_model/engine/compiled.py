@@ -18,7 +18,6 @@ from typing import Any
 
 import llvmlite.binding
 import numba
-import numpy as np
 from llvmlite import ir
 from numba.core import event, types
 from numba.core.runtime import rtsys
@@ -148,15 +147,21 @@ def trailing_zeros(typing: Any, word: Any) -> Any:
 
 def in_parts(work: Callable[[int, int], Any], batch: int) -> list[Any]:
     """Run ``work(start, stop)`` on even parts of a batch, one a core, in threads, and return what they return."""
-    bounds = [int(bound) for bound in np.linspace(0, batch, min(batch, os.cpu_count() or 1) + 1)]
-    if len(bounds) == 2:
+    parts = min(batch, cores())
+    if parts == 1:
         return [work(0, batch)]
-    first, *rest = pairwise(bounds)
+    first, *rest = pairwise(batch * part // parts for part in range(parts + 1))
     others = [_threads(os.getpid()).submit(work, *part) for part in rest]
     return [work(*first), *(other.result() for other in others)]
 
 
 @lru_cache(maxsize=1)
+def cores() -> int:
+    """Return how many cores this machine has; asking it takes as long as a short recording's last steps."""
+    return os.cpu_count() or 1
+
+
+@lru_cache(maxsize=1)
 def _threads(process: int) -> ThreadPoolExecutor:
     """Return the threads of this process; a fork has none of its parent's."""
-    return ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="hw_model")
+    return ThreadPoolExecutor(cores(), thread_name_prefix="hw_model")

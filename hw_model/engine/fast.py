@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import IntArray
-from hw_model.engine.compiled import compiled, in_parts
-from hw_model.engine.layout import CHARGE_WRAPS, FIELDS, LANES, FastLayout, fast_layout
-from hw_model.engine.tiles import NOTHING_KEPT, Kept, KeptRegister, first_state, reset, run_tile, workspace
-from hw_model.engine.trace import (
-    EVENTS,
-    NOTHING,
-    REGISTERS,
-    EventLists,
-    Int32Array,
-    PhaseInput,
-    PhaseTrace,
-    Register,
-    Window,
-)
+from hw_model.engine import tiles
+from hw_model.engine.compiled import compiled, entry, in_parts
+from hw_model.engine.layout import CHARGE_WRAPS, FIELDS, LANES, FastLayout, Int32Array, fast_layout
+from hw_model.engine.trace import EVENTS, NOTHING, REGISTERS, EventLists, PhaseInput, PhaseTrace, Register, Window
 from hw_model.program.chip_program import ChipProgram
+
+SMALL = 1 << 12
+"""Compartments up to which a phase keeps its room, some MiB, for the next recording; making it takes time."""
 
 
 def run_phase(
@@ -50,29 +45,47 @@ def _run_part(
     skip: bool,
     part: slice,
 ) -> None:
-    kept = NOTHING_KEPT
+    kept = tiles.NOTHING_KEPT
     if windows:
-        kept = Kept(True, *(_kept(kind, layout, trace, windows, part) for kind in REGISTERS))
-    first, line = join_lists(played.events, part)
-    _run(
-        first, line, layout.nodes, layout.chunks, layout.links, first_state(layout), workspace(layout), skip,
+        kept = tiles.Kept(True, *(_kept(kind, layout, trace, windows, part) for kind in REGISTERS))
+    rooms, loop = _made(layout)
+    try:
+        room = rooms.pop()  # of two threads that ask for the last one, one finds none
+    except IndexError:
+        room = tiles.first_state(layout), tiles.workspace(layout)
+    arguments = (
+        *join_lists(played.events, part), layout.nodes, layout.chunks, layout.links, *room, skip,
         trace.spikes[part], trace.sent[part], trace.active[part], trace.events[part], trace.skipped[part], kept,
     )  # fmt: skip
+    if not loop:
+        loop.append(entry(_run, *arguments))
+    loop[0](*arguments)
+    if layout.columns <= SMALL:
+        rooms.append(room)
+
+
+@lru_cache(maxsize=8)
+def _made(layout: FastLayout) -> tuple[list[tuple[tiles.State, tiles.Workspace]], list[Callable[..., Any]]]:
+    """Return the rooms of a layout that no thread is using, whoever takes one resets it, and its machine code."""
+    return [], []
 
 
 def _kept(
     kind: Register, layout: FastLayout, trace: PhaseTrace, windows: dict[Register, Window], part: slice
-) -> KeptRegister:
+) -> tiles.KeptRegister:
     window = windows.get(kind, NOTHING)
     place = np.full(layout.columns, -1, dtype=np.int64)
     place[window.columns] = np.arange(len(window.columns))
-    return KeptRegister(place, window.start, trace.registers.get(kind, window.empty(part.stop))[part])
+    return tiles.KeptRegister(place, window.start, trace.registers.get(kind, window.empty(part.stop))[part])
 
 
 def join_lists(events: Sequence[EventLists], part: slice) -> tuple[IntArray, Int32Array]:
     """Return the lists of several inputs as one: where each recording of ``part``, row and input begins, and lines."""
-    offsets = np.cumsum([0, *(len(lists.channel) for lists in events)])
-    first = np.stack([lists.first[part] + offset for lists, offset in zip(events, offsets, strict=False)], axis=2)
+    offset = 0
+    first = np.empty((*events[0].first[part].shape, len(events)), dtype=np.int64)
+    for node, lists in enumerate(events):
+        np.add(lists.first[part], offset, out=first[:, :, node])
+        offset += len(lists.channel)
     return first, events[0].channel if len(events) == 1 else np.concatenate([lists.channel for lists in events])
 
 
@@ -83,10 +96,10 @@ def _run(  # type: ignore[no-untyped-def]
     """Run recordings one after the other, each tile by tile."""
     steps, tile = spikes.shape[1], len(work.masks)
     for b in range(len(spikes)):
-        reset(state)
+        tiles.reset(state)
         for step in range(0, steps, tile):
             rows = min(tile, steps - step)
-            skipped[b] += run_tile(
+            skipped[b] += tiles.run_tile(
                 step, rows, first[b, step:], line, nodes, chunks, links, state, work, skip,
                 spikes[b, step:], sent[b], active[b, step:], b, kept,
             )  # fmt: skip

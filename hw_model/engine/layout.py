@@ -40,6 +40,10 @@ DENSE_SHARE = 0.25
 """A link with at least this share of all pairs is a matrix: adding zeros in a row is cheaper than following a list."""
 DENSE_MOST = 1 << 27
 """Entries of the largest matrix, 256 MiB."""
+LIST, MATRIX, PACKED_LIST = range(3)
+"""Ways to hold a link."""
+PACKED_BITS = 32
+"""Bits in which the slot, delay and weight of every synapse of a link have to fit, or its lists are wide ones."""
 
 
 def aligned(shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
@@ -66,8 +70,8 @@ class Chunks(NamedTuple):
 
     ``node`` and ``piece`` (of the phase, :mod:`hw_model.program.pieces`) say where it is; ``parent``: the chunk that
     its voltages are added to, or -1; ``sums``: it keeps nothing and no synapse reaches it, so that it only adds up its
-    children. ``registers`` (chunks, FIELDS, LANES) are its parameters, with a state of 0, in 32 bits, or in 64 where a
-    sum might need them. Bundle i is
+    children; ``plain``: nothing in it has a bias, is refractory, has children or can wrap. ``registers`` (chunks,
+    FIELDS, LANES) are its parameters, with a state of 0, in 32 bits, or in 64 where a sum might need them. Bundle i is
     ``member[bundle[i]:bundle[i + 1]]``, and ``begins`` marks the first member of each. Block k is bundles
     ``of_block[k]`` to the next; it feeds itself where ``feeds_itself[k]``, and the nodes in it that can spike are
     ``spiking_node[of_node[k]:of_node[k + 1]]``.
@@ -79,6 +83,7 @@ class Chunks(NamedTuple):
     first_column: IntArray
     width: IntArray
     sums: npt.NDArray[np.uint8]
+    plain: npt.NDArray[np.uint8]
     registers: Lanes
     member: IntArray
     begins: npt.NDArray[np.bool_]
@@ -93,21 +98,27 @@ class Chunks(NamedTuple):
 class Links(NamedTuple):
     """Synapses between nodes. Weights are in units of 64.
 
-    Link l of source s adds, if ``dense[l]``, ``matrix[offset[l] + s * width[l] + j]`` to slot ``target[l] + j``,
-    ``delay[l]`` steps late; else, for rows k of ``list_start[offset[l] + s]`` to the next, ``weight[k]`` to slot
-    ``slot[k]``, ``late[k]`` steps late; from ``reach_start`` likewise, ``reach_chunk`` and ``reach_late`` list the
-    chunks and delays of these once each. Links into block k from other nodes are rows ``into_block[k]`` to the next;
+    Link l of source s adds, if ``kind[l]`` is a matrix, ``matrix[offset[l] + s * width[l] + j]`` to slot ``target[l] +
+    j``, ``delay[l]`` steps late; else, for rows k of ``list_start[offset[l] + s]`` to the next, ``weight[k]`` to slot
+    ``slot[k]``, ``late[k]`` steps late. A packed list has ``packed[k]`` for these: from the lowest bit on ``slot_bits``
+    of the slot, from ``target[l]`` on; ``late_bits`` of the delay, beyond ``delay[l]``; and the weight, in units of
+    2^``weight_shift``. From ``reach_start`` likewise, ``reach_chunk`` and ``reach_late`` list the chunks and delays of
+    a list once each. Links into block k from other nodes are rows ``into_block[k]`` to the next;
     those from node n into its own block are rows ``from_node[n]`` to the next.
     """
 
     source: IntArray
     target_node: IntArray
-    dense: IntArray
+    kind: IntArray
     offset: IntArray
     width: IntArray
     target: IntArray
     delay: IntArray
+    slot_bits: IntArray
+    late_bits: IntArray
+    weight_shift: IntArray
     matrix: npt.NDArray[np.int16]
+    packed: Int32Array
     list_start: IntArray
     slot: Int32Array
     weight: Int32Array
@@ -286,11 +297,15 @@ def _chunks(
     reached = np.zeros(count, dtype=np.bool_)
     reached[slot[synapses.column] // LANES] = True
     keeps = registers[:, [KEEP_U, KEEP_V, BIAS]].any(axis=(1, 2))
+    arrived = np.bincount(slot[synapses.column], np.abs(synapses.weight), minlength=count * LANES)
+    plain = ~registers[:, BIAS].any(axis=1) & (registers[:, REFRACTORY] <= 1).all(axis=1)
+    plain &= _cannot_wrap(arrived.reshape(-1, LANES), DECAY_ONE - registers[:, KEEP_U], widths)
     # A child lies beside its parent on the same core, so both are cut into chunks at the same places.
     joined = nodes.parent[cut.node] >= 0
     parent = np.full(count, -1, dtype=np.int64)
     beside = nodes.first[nodes.parent[cut.node]] + cut.first_column - nodes.first[cut.node]
     parent[joined] = slot[beside[joined]] // LANES
+    plain[parent[joined]] = False
     children: dict[int, list[int]] = {}
     for chunk in np.flatnonzero(joined).tolist():
         children.setdefault(int(parent[chunk]), []).append(chunk)
@@ -316,6 +331,7 @@ def _chunks(
         first_column=cut.first_column,
         width=cut.width,
         sums=(~keeps & ~reached).astype(np.uint8),
+        plain=plain.astype(np.uint8),
         registers=registers,
         member=np.array(member, dtype=np.int64),
         begins=np.isin(np.arange(len(member)), starts),
@@ -328,6 +344,16 @@ def _chunks(
         of_node=np.cumsum([0, *map(len, spiking)]),
         widths=widths,
     )
+
+
+def _cannot_wrap(arrived: npt.NDArray[Any], decay_u: Lanes, widths: Widths) -> npt.NDArray[np.bool_]:
+    """Tell which chunks neither q nor u can wrap in, whatever arrives of the charges ``arrived`` (chunks, LANES).
+
+    If all of a compartment's synapses, taken without their signs, bring a charge of a in every step, u stays within
+    64 a 4096 / decay_u.
+    """
+    grows_to = arrived * (DECAY_ONE << WEIGHT_SHIFT)
+    return np.asarray(((arrived < widths.half_charge) & (grows_to < decay_u * float(widths.half_current))).all(axis=1))
 
 
 def _largest_sum(program: ChipProgram, phase: str, synapses: _Synapses) -> int:
@@ -358,66 +384,74 @@ def _links(nodes: _Numbering, synapses: _Synapses, blocks: list[list[int]], cut:
         inside = source >= nodes.inputs and block_of[source] == block_of[target]
         (internal[source] if inside else external[block_of[target]]).append(i)
     listed = [i for part in (*external, *internal) for i in part]
-    rows, matrices, starts_of_lists, slots, weights, delays = [], [], [], [], [], []
-    matrix_size = lists_size = list_rows = 0
+    rows, matrices, packed, wide = [], [], [], []
+    starts_of_lists, reached = [], []
+    matrix_size = list_rows = reach_size = 0
+    sizes = {LIST: 0, PACKED_LIST: 0}
     for i in listed:
         mine = order[bounds[i] : bounds[i + 1]]
         node, to = divmod(int(pairs[i]), count)
         low, high = LANES * int(cut.of_node[to]), LANES * int(cut.of_node[to + 1])
-        matrix = _matrix(synapses, mine, slot[synapses.column[mine]] - low, (int(nodes.size[node]), high - low))
+        place, delay = slot[synapses.column[mine]] - low, synapses.delay[mine]
+        matrix = _matrix(synapses, mine, place, (int(nodes.size[node]), high - low))
         if matrix is not None:
-            late = int(synapses.delay[mine[0]])
-            rows.append((node, to, 1, matrix_size, high - low, low, late))
+            rows.append((node, to, MATRIX, matrix_size, high - low, low, int(delay[0]), 0, 0, 0))
             matrices.append(matrix.ravel())
             matrix_size += matrix.size
+            continue
+        first = np.searchsorted(synapses.source[mine], np.arange(nodes.size[node] + 1))
+        words, form = _packed(place, synapses.weight[mine], delay, (high - low - 1).bit_length())
+        kind = LIST if words is None else PACKED_LIST
+        rows.append((node, to, kind, list_rows, 0, low, *form))
+        if words is None:
+            wide.append(np.stack((place + low, synapses.weight[mine], delay)))
         else:
-            rows.append((node, to, 0, list_rows, 0, 0, 0))
-            sources = np.arange(nodes.size[node] + 1)
-            starts_of_lists.append(np.searchsorted(synapses.source[mine], sources) + lists_size)
-            slots.append(slot[synapses.column[mine]])
-            weights.append(synapses.weight[mine])
-            delays.append(synapses.delay[mine])
-            list_rows += len(sources)
-            lists_size += len(mine)
+            packed.append(words)
+        reach = _reach(first, (place + low) // LANES, delay)
+        starts_of_lists.append(np.stack((first + sizes[kind], reach[0] + reach_size)))
+        reached.append(np.stack(reach[1:]))
+        sizes[kind] += len(mine)
+        list_rows += len(first)
+        reach_size += len(reach[1])
 
-    empty = np.empty(0, dtype=np.int64)
-    list_start = np.concatenate([empty, *starts_of_lists])
-    slot_of, lates = np.concatenate([empty, *slots]), np.concatenate([empty, *delays])
-    reach_start, reach_chunk, reach_late = _reach(list_start, slot_of // LANES, lates)
+    nothing = np.empty((3, 0), dtype=np.int64)
+    list_start, reach_start = np.concatenate([nothing[:2], *starts_of_lists], axis=1)
+    reach_chunk, reach_late = np.concatenate([nothing[:2], *reached], axis=1).astype(np.int32)
+    slot_of, weight, late = np.concatenate([nothing, *wide], axis=1).astype(np.int32)
     matrix = aligned((matrix_size,), np.int16)
     if matrices:
         np.concatenate(matrices, out=matrix)
-    heads = np.array(rows, dtype=np.int64).reshape(-1, 7).T.copy()
+    heads = dict(zip(Links._fields, np.array(rows, dtype=np.int64).reshape(-1, 10).T.copy(), strict=False))
     outside = sum(len(part) for part in external)
     return Links(
-        source=heads[0],
-        target_node=heads[1],
-        dense=heads[2],
-        offset=heads[3],
-        width=heads[4],
-        target=heads[5],
-        delay=heads[6],
-        matrix=matrix,
-        list_start=list_start,
-        slot=slot_of.astype(np.int32),
-        weight=np.concatenate([empty, *weights]).astype(np.int32),
-        late=lates.astype(np.int32),
-        reach_start=reach_start,
-        reach_chunk=reach_chunk,
-        reach_late=reach_late,
-        into_block=np.cumsum([0, *map(len, external)]),
-        from_node=np.cumsum([0, *map(len, internal)]) + outside,
-    )
+        **heads, matrix=matrix, packed=np.concatenate([nothing[0].astype(np.int32), *packed]), list_start=list_start,
+        slot=slot_of, weight=weight, late=late, reach_start=reach_start, reach_chunk=reach_chunk, reach_late=reach_late,
+        into_block=np.cumsum([0, *map(len, external)]), from_node=np.cumsum([0, *map(len, internal)]) + outside,
+    )  # fmt: skip
 
 
-def _reach(list_start: IntArray, chunk: IntArray, late: IntArray) -> tuple[IntArray, Int32Array, Int32Array]:
+def _packed(
+    slot: IntArray, weight: IntArray, delay: IntArray, slot_bits: int
+) -> tuple[Int32Array | None, tuple[int, int, int, int]]:
+    """Return synapses in a word each, None where one does not fit; and delay, slot_bits, late_bits, weight_shift."""
+    least, union = int(delay.min()), int(np.bitwise_or.reduce(weight))
+    shift = (union & -union).bit_length() - 1 if union else 0
+    late_bits = int(delay.max() - least).bit_length()
+    widest = max(int(weight.max()), -int(weight.min())) >> shift
+    if slot_bits + late_bits + widest.bit_length() + 1 > PACKED_BITS:
+        return None, (0, 0, 0, 0)
+    words = (weight >> shift) << (slot_bits + late_bits) | (delay - least) << slot_bits | slot
+    return words.astype(np.int32), (least, slot_bits, late_bits, shift)
+
+
+def _reach(list_start: IntArray, chunk: IntArray, late: IntArray) -> tuple[IntArray, IntArray, IntArray]:
     """List, for the synapses between two starts, each chunk and delay once; return where these begin, and both."""
     row = np.searchsorted(list_start, np.arange(len(chunk)), side="right")
     longest = int(late.max(initial=0)) + 1
     chunks = int(chunk.max(initial=0)) + 1
     once = np.unique((row * chunks + chunk) * longest + late)
     first = np.searchsorted(once // (longest * chunks), np.arange(len(list_start)), side="right")
-    return first, (once // longest % chunks).astype(np.int32), (once % longest).astype(np.int32)
+    return first, once // longest % chunks, once % longest
 
 
 def _matrix(

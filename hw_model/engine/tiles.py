@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from hw_model.engine.chunks import add_up, pass_on, update
+from hw_model.engine.chunks import add_up, pass_on, update, update_plain
 from hw_model.engine.compiled import absorbed, compiled, inner, trailing_zeros
-from hw_model.engine.layout import BIAS, FIELDS, LANES, POTENTIAL, FastLayout, U, V, aligned
+from hw_model.engine.layout import BIAS, FIELDS, LANES, MATRIX, PACKED_LIST, POTENTIAL, FastLayout, U, V, aligned
 
 TILE = 64
 """Steps that one block runs before the next does: their charges stay in the cache."""
@@ -108,7 +108,7 @@ def deliver(  # type: ignore[no-untyped-def]
     The spikes of row r are ``event[base + e]`` for e in ``begin[r, m]..begin[r + 1, m]``.
     """
     offset, width = links.offset[link], links.width[link]
-    if links.dense[link]:
+    if links.kind[link] == MATRIX:
         node = links.target_node[link]
         many, low = np.uint64(width), np.uint64(links.target[link])
         for r in range(rows_from, rows_to):
@@ -124,15 +124,37 @@ def deliver(  # type: ignore[no-untyped-def]
                 for chunk in range(nodes.chunk[node], nodes.chunk[node + 1]):
                     touched[at, np.uint64(chunk)] = 1
     else:
+        form = form_of(link, links)
         for r in range(rows_from, rows_to):
             for e in range(begin[r, m], begin[r + 1, m]):
                 source = np.uint64(offset + event[base + e])
                 first, last = np.uint64(links.list_start[source]), np.uint64(links.list_start[source + np.uint64(1)])
                 for k in range(first, last):
-                    charge[np.uint64(r + 1 + links.late[k]), np.uint64(links.slot[k])] += links.weight[k]
+                    late, slot, weight = synapse(form, k, links)
+                    charge[np.uint64(r + 1 + late), slot] += weight
                 first, last = np.uint64(links.reach_start[source]), np.uint64(links.reach_start[source + np.uint64(1)])
                 for k in range(first, last):
                     touched[np.uint64(r + 1 + links.reach_late[k]), np.uint64(links.reach_chunk[k])] = 1
+
+
+@absorbed
+def form_of(link, links):  # type: ignore[no-untyped-def]
+    """Return how the lists of a link are held, for :func:`synapse`: loops read it once."""
+    return (
+        links.kind[link] == PACKED_LIST, links.target[link], links.delay[link], links.slot_bits[link],
+        links.late_bits[link], links.weight_shift[link],
+    )  # fmt: skip
+
+
+@absorbed
+def synapse(form, k, links):  # type: ignore[no-untyped-def]
+    """Return delay, slot and weight of synapse k of a list."""
+    packed, low, delay, slot_bits, late_bits, shift = form
+    if not packed:
+        return np.int64(links.late[k]), np.uint64(links.slot[k]), np.int64(links.weight[k])
+    word = np.int64(links.packed[k])
+    late, slot = (word >> slot_bits) & ((1 << late_bits) - 1), word & ((1 << slot_bits) - 1)
+    return delay + late, np.uint64(low + slot), (word >> (slot_bits + late_bits)) << shift
 
 
 @inner
@@ -276,12 +298,15 @@ def _run_block(  # type: ignore[no-untyped-def]
 def _update_alone(k, rows, chunks, state, work, skip, active):  # type: ignore[no-untyped-def]
     """Do what :func:`_update_members` does for a chunk to which nothing is joined, in all rows: the shortest loop."""
     piece = np.uint64(chunks.piece[k])
-    rests = skip and state.at_rest[k]
+    rests, plain = skip and state.at_rest[k], chunks.plain[k]
     fired = np.int32(0)
     for r in range(np.uint64(rows)):
         if rests and not state.touched[r, k]:
             continue
-        mask, busy, restless = update(state.registers, k * _CHUNK, state.charge, r, k * _LANES, chunks.widths)
+        if plain:
+            mask, busy, restless = update_plain(state.registers, k * _CHUNK, state.charge, r, k * _LANES)
+        else:
+            mask, busy, restless = update(state.registers, k * _CHUNK, state.charge, r, k * _LANES, chunks.widths)
         rests = skip and restless == 0
         work.masks[r, k] = mask
         work.updated[r] = 1
@@ -306,6 +331,8 @@ def _update_members(start, stop, r, step, chunks, state, work, skip, active, rec
         at = np.uint64(k * np.uint64(FIELDS * LANES))
         if chunks.sums[k]:
             mask, busy, restless = add_up(registers, at)
+        elif chunks.plain[k]:
+            mask, busy, restless = update_plain(registers, at, state.charge, np.uint64(r), k * _LANES)
         else:
             mask, busy, restless = update(registers, at, state.charge, np.uint64(r), k * _LANES, chunks.widths)
         at_rest[k] = restless == 0

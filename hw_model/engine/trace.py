@@ -61,10 +61,10 @@ class EventLists:
 
     def at(self, row: int) -> tuple[IntArray, Int32Array]:
         """Return the recording and the channel of every spike of a row."""
-        counts = self.first[:, row + 1] - self.first[:, row]
-        recording = np.repeat(np.arange(len(counts)), counts)
-        within = np.arange(len(recording)) - np.repeat(np.cumsum(counts) - counts, counts)
-        return recording, self.channel[self.first[recording, row] + within]
+        begin, end = self.first[:, row], self.first[:, row + 1]
+        recording = np.repeat(np.arange(len(begin)), end - begin)
+        parts = [self.channel[low:high] for low, high in zip(begin.tolist(), end.tolist(), strict=True)]
+        return recording, parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 @dataclass(frozen=True, eq=False)

@@ -61,6 +61,12 @@ def check_path(path: str | Path, where: str) -> None:
 
 def _bound(signature: inspect.Signature, args: Any, kwargs: Any) -> Iterator[tuple[str, Any]]:
     """Yield arguments by name; calls that Python itself refuses, with its own error."""
+    # A signature takes longer to bind than all checks do, and most calls are plain.
+    names, plain = signature.parameters, dict(zip(signature.parameters, args, strict=False)) | kwargs
+    whole = len(plain) == len(args) + len(kwargs) and plain.keys() <= names.keys()
+    if whole and all(name in plain or names[name].default is not inspect.Parameter.empty for name in names):
+        yield from plain.items()
+        return
     try:
         yield from signature.bind(*args, **kwargs).arguments.items()
     except TypeError:

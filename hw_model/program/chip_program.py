@@ -104,7 +104,11 @@ class ChipProgram(Shown):
 
     def cores_of(self, phase: str) -> tuple[Core, ...]:
         """Return the cores that run in a phase."""
-        return tuple(core for core in self.cores if core.phase == phase)
+        return self._cores_of.get(phase, ())
+
+    @cached_property
+    def _cores_of(self) -> dict[str, tuple[Core, ...]]:
+        return {p.name: tuple(core for core in self.cores if core.phase == p.name) for p in self.phases}
 
     def inputs_of(self, phase: str) -> tuple[Input, ...]:
         """Return the inputs of a phase."""
@@ -116,10 +120,16 @@ class ChipProgram(Shown):
 
     def columns_of(self, phase: str) -> dict[str, slice]:
         """Return the columns of every group in arrays over a phase's compartments, groups one after the other."""
-        columns, first = {}, 0
-        for name in dict.fromkeys(piece.group for core in self.cores_of(phase) for piece in core.slices):
-            columns[name] = slice(first, first + self.populations[name])
-            first += self.populations[name]
+        return self._columns_of.get(phase, {})
+
+    @cached_property
+    def _columns_of(self) -> dict[str, dict[str, slice]]:
+        columns: dict[str, dict[str, slice]] = {phase.name: {} for phase in self.phases}
+        for phase, found in columns.items():
+            first = 0
+            for name in dict.fromkeys(piece.group for core in self.cores_of(phase) for piece in core.slices):
+                found[name] = slice(first, first + self.populations[name])
+                first += self.populations[name]
         return columns
 
     def columns_of_core(self, core: Core) -> IntArray:

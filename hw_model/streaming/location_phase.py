@@ -15,8 +15,8 @@ import numpy as np
 
 from hw_model.engine.chunks import add_up, advance, advance_pair, pass_on
 from hw_model.engine.compiled import absorbed, compiled, entry, inner, trailing_zeros
-from hw_model.engine.layout import BIAS, BLOCKED, FIELDS, LANES, POTENTIAL, REFRACTORY, FastLayout, U
-from hw_model.engine.tiles import AnyArray
+from hw_model.engine.layout import BIAS, BLOCKED, FIELDS, LANES, MATRIX, POTENTIAL, REFRACTORY, FastLayout, U
+from hw_model.engine.tiles import AnyArray, form_of, synapse
 from hw_model.engine.trace import ByteArray
 from hw_model.mapping.graph import Input
 from hw_model.streaming.time_phase import Read
@@ -94,18 +94,13 @@ class Replay:
             low, high = chunks.bundle[chunks.of_block[block : block + 2]]
             block_of[chunks.node[chunks.member[low:high]]] = block
         self._layout, self._steps = layout, steps
+        dtype = chunks.registers.dtype
         self._history = History(
-            charge=np.zeros((steps, slots), dtype=chunks.registers.dtype),
-            after=np.zeros((steps, len(chunks.node), KEPT), dtype=chunks.registers.dtype),
-            masks=np.zeros((steps, len(chunks.node)), dtype=np.int32),
-            reached=np.zeros((steps, len(chunks.node)), dtype=np.uint8),
-            spikes=np.zeros(layout.columns, dtype=np.int64),
-            changed=np.zeros(blocks, dtype=np.int64),
-            run=np.zeros(1, dtype=np.int64),
-            block_of=block_of,
-            potential=np.zeros((steps if len(read.columns) else 0, slots), dtype=chunks.registers.dtype),
-            slot=layout.slot,
-        )
+            charge=np.zeros((steps, slots), dtype), after=np.zeros((steps, len(chunks.node), KEPT), dtype),
+            masks=np.zeros((steps, len(chunks.node)), np.int32), reached=np.zeros((steps, len(chunks.node)), np.uint8),
+            spikes=np.zeros(layout.columns, np.int64), changed=np.zeros(blocks, np.int64), run=np.zeros(1, np.int64),
+            block_of=block_of, potential=np.zeros((steps if len(read.columns) else 0, slots), dtype), slot=layout.slot,
+        )  # fmt: skip
         visits = _visits(inputs)
         self._played = (
             visits, read, layout.nodes, chunks, layout.links, _order(layout, read),
@@ -174,16 +169,8 @@ def _order(layout: FastLayout, of: Read) -> Order:
     for low, high in pairwise(chunks.bundle.tolist()):
         is_pair[low] = high - low == 3 and forgets[high - 1] and (parent[low : high - 1] == high - 1).all()
         is_pair[low] &= not read[low:high].any()  # a pair is run without a potential of its own
-    return Order(
-        member=member,
-        begins=chunks.begins,
-        parent=parent,
-        sums=sums,
-        forgets=forgets,
-        never_rests=(chunks.registers[member][:, BIAS] != 0).max(axis=1),
-        is_pair=is_pair,
-        read=read,
-    )
+    never_rests = (chunks.registers[member][:, BIAS] != 0).max(axis=1)
+    return Order(member, chunks.begins, parent, sums, forgets, never_rests, is_pair, read)
 
 
 @compiled
@@ -229,7 +216,7 @@ def _change(link, source, step, sign, links, history):  # type: ignore[no-untype
     """Add, or take away, the charges of a spike in ``step``, and note from where on the target has to run again."""
     block = np.uint64(history.block_of[links.target_node[link]])
     steps = len(history.masks)
-    if links.dense[link]:
+    if links.kind[link] == MATRIX:
         at = step + 1 + links.delay[link]
         if at < steps:
             due = np.uint64(at)
@@ -241,12 +228,13 @@ def _change(link, source, step, sign, links, history):  # type: ignore[no-untype
             for chunk in range(low // _LANES, (low + many) // _LANES):
                 history.reached[due, chunk] = 1
     else:
-        row = links.offset[link] + source
+        row, form = links.offset[link] + source, form_of(link, links)
         for k in range(np.uint64(links.list_start[row]), np.uint64(links.list_start[row + 1])):
-            at = step + 1 + links.late[k]
+            late, slot, weight = synapse(form, k, links)
+            at = step + 1 + late
             if at < steps:
-                due, slot = np.uint64(at), np.uint64(links.slot[k])
-                history.charge[due, slot] += sign * links.weight[k]
+                due = np.uint64(at)
+                history.charge[due, slot] += sign * weight
                 history.changed[block] = min(history.changed[block], at)
                 history.reached[due, slot // _LANES] = 1
 

@@ -14,7 +14,6 @@ spike is to come, and every potential is 0.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -96,34 +95,26 @@ def _rests_from(activity: Sequence[StepActivity]) -> IntArray:
     return found
 
 
-@dataclass(frozen=True, eq=False)
-class _Member:
-    """One group of a readout's bundle, (n,) each: what its compartments keep, and their largest charge and drive."""
-
-    name: str
-    decay_u: IntArray
-    decay_v: IntArray
-    charge: IntArray
-    bias: IntArray
-    vmin: IntArray
-    vmax: IntArray
-    parent: str | None
-
-
 class _Voter:
     """A readout population in its phase."""
 
+    _so_far: IntArray
+
     def __init__(self, program: ChipProgram, phase: Phase, name: str, weight: float, result: SimulationResult) -> None:
         self.weight = weight
-        self._members = [_member(program, phase.name, member) for member in members_of(program, name)]
-        self._safe = all(_cannot_wrap(program, phase.name, member.name) for member in self._members)
-        self._u = {member.name: result.u[member.name] for member in self._members}
-        self._v = {member.name: result.v[member.name] for member in self._members}
+        self._members = members_of(program, name)
+        self._parent = program.joined_to
+        self._safe = all(_cannot_wrap(program, phase.name, member) for member in self._members)
+        self._u, self._v = result.u, result.v
         self._steps = self._u[name].shape[1]
+        self._settings = {
+            member: {key: _each(program, phase.name, member, value) for key, value in _SETTINGS.items()}
+            for member in self._members
+        }
 
     def given(self, step: IntArray) -> IntArray:
         """Return what counts after the first steps, (batch, n)."""
-        raise NotImplementedError
+        return np.asarray(self._so_far[np.arange(len(step)), step])
 
     def ends(self, step: IntArray, nothing_comes: BoolArray) -> tuple[IntArray, IntArray]:
         """Return what counts at the end at the least and at the most, (batch, n), as known after ``step`` steps."""
@@ -133,17 +124,18 @@ class _Voter:
         """Yield the highest voltages of every step from ``step`` on, (batch, n)."""
         each, last = np.arange(len(step)), np.maximum(step - 1, 0)
         started = (step > 0)[:, None]
-        u = {name: np.where(started, kept[each, last], 0) for name, kept in self._u.items()}
-        v = {name: np.where(started, kept[each, last], 0) for name, kept in self._v.items()}
+        u = {name: np.where(started, self._u[name][each, last], 0) for name in self._members}
+        v = {name: np.where(started, self._v[name][each, last], 0) for name in self._members}
         for _ in range(int((self._steps - step).max(initial=0))):
             joined: dict[str | None, IntArray | int] = {}
-            for member in self._members:
-                u[member.name] = decay(u[member.name], member.decay_u) + member.charge
-                drive = u[member.name] + member.bias + joined.get(member.name, 0)
-                voltage = clip(decay(v[member.name], member.decay_v) + drive, member.vmin, member.vmax)
+            for name in self._members:
+                own, parent = self._settings[name], self._parent.get(name)
+                u[name] = decay(u[name], own["decay_u"]) + own["charge"]
+                drive = u[name] + own["bias"] + joined.get(name, 0)
+                voltage = clip(decay(v[name], own["decay_v"]) + drive, own["vmin"], own["vmax"])
                 # A spike, or a refractory step, brings the v of a spiking compartment to 0, which may be higher.
-                v[member.name] = voltage if member.parent else np.maximum(voltage, 0)
-                joined[member.parent] = joined.get(member.parent, 0) + v[member.name]
+                v[name] = voltage if parent else np.maximum(voltage, 0)
+                joined[parent] = joined.get(parent, 0) + v[name]
             yield voltage
 
 
@@ -156,12 +148,9 @@ class _BySpikes(_Voter):
         self._refractory = _each(program, phase.name, name, lambda core: core.setting("refractory"))
         spikes = result.spikes[name]
         before = np.zeros((len(spikes), 1, spikes.shape[2]), dtype=np.int64)
-        self._counts = np.concatenate((before, spikes.cumsum(axis=1, dtype=np.int64)), axis=1)
+        self._so_far = np.concatenate((before, spikes.cumsum(axis=1, dtype=np.int64)), axis=1)
         free_from = np.where(spikes, np.arange(self._steps)[:, None] + self._refractory, 0)
         self._free_from = np.concatenate((before, np.maximum.accumulate(free_from, axis=1)), axis=1)
-
-    def given(self, step: IntArray) -> IntArray:
-        return np.asarray(self._counts[np.arange(len(step)), step])
 
     def ends(self, step: IntArray, nothing_comes: BoolArray) -> tuple[IntArray, IntArray]:
         given = self.given(step)
@@ -169,7 +158,7 @@ class _BySpikes(_Voter):
 
     def _spikes_after(self, step: IntArray) -> IntArray:
         """Return how many spikes there can be after the first steps at the most, (batch, n)."""
-        found = np.zeros(self._counts[:, 0].shape, dtype=np.int64)
+        found = np.zeros(self._so_far[:, 0].shape, dtype=np.int64)
         free_from = self._free_from[np.arange(len(step)), step] - step[:, None]
         for ahead, voltage in enumerate(self._voltages(step)):
             can = (voltage > self._threshold) | (not self._safe)
@@ -188,14 +177,11 @@ class _ByPotentials(_Voter):
         assert program.readout.potentials_from is not None
         self._first = program.readout.potentials_from
         rows = result.potential[name]
-        self._largest = np.zeros((len(rows), self._steps + 1, rows.shape[2]), dtype=np.int64)
-        self._largest[:, self._first + 1 :] = np.maximum.accumulate(rows[:, self._first :], axis=1)
-
-    def given(self, step: IntArray) -> IntArray:
-        return np.asarray(self._largest[np.arange(len(step)), step])
+        self._so_far = np.zeros((len(rows), self._steps + 1, rows.shape[2]), dtype=np.int64)
+        self._so_far[:, self._first + 1 :] = np.maximum.accumulate(rows[:, self._first :], axis=1)
 
     def ends(self, step: IntArray, nothing_comes: BoolArray) -> tuple[IntArray, IntArray]:
-        read, (vmin, vmax) = step[:, None], (self._members[-1].vmin, self._members[-1].vmax)
+        read, (vmin, vmax) = step[:, None], (self._settings[self._members[-1]][key] for key in ("vmin", "vmax"))
         given = self.given(step)
         most = np.broadcast_to(vmin, given.shape)
         for ahead, voltage in enumerate(self._voltages(step)):
@@ -207,6 +193,23 @@ class _ByPotentials(_Voter):
         decided = np.maximum(read, self._first) >= self._steps
         low, high = (np.where(decided, given, end) for end in ends)
         return low, high
+
+
+def _largest_charge(core: Core) -> IntArray:
+    charge = np.zeros(core.compartments, dtype=np.int64)
+    np.add.at(charge, core.axons.target, np.maximum(core.effective_weights, 0))
+    return charge
+
+
+_SETTINGS: dict[str, Callable[[Core], IntArray | int]] = {
+    "decay_u": lambda core: core.setting("decay_u"),
+    "decay_v": lambda core: core.setting("decay_v"),
+    "charge": _largest_charge,
+    "bias": lambda core: core.bias,
+    "vmin": lambda core: core.vmin,
+    "vmax": lambda core: core.vmax,
+}
+"""What the bound of a compartment is made of."""
 
 
 def members_of(program: ChipProgram, name: str) -> list[str]:
@@ -221,25 +224,6 @@ def members_of(program: ChipProgram, name: str) -> list[str]:
 def _each(program: ChipProgram, phase: str, name: str, values: Callable[[Core], IntArray | int]) -> IntArray:
     """Return what ``values`` gives for the compartments of a core, for those of a group, (n,)."""
     return program.by_column(phase, values)[program.columns_of(phase)[name]]
-
-
-def _member(program: ChipProgram, phase: str, name: str) -> _Member:
-    return _Member(
-        name=name,
-        decay_u=_each(program, phase, name, lambda core: core.setting("decay_u")),
-        decay_v=_each(program, phase, name, lambda core: core.setting("decay_v")),
-        charge=_each(program, phase, name, _largest_charge),
-        bias=_each(program, phase, name, lambda core: core.bias),
-        vmin=_each(program, phase, name, lambda core: core.vmin),
-        vmax=_each(program, phase, name, lambda core: core.vmax),
-        parent=program.joined_to.get(name),
-    )
-
-
-def _largest_charge(core: Core) -> IntArray:
-    charge = np.zeros(core.compartments, dtype=np.int64)
-    np.add.at(charge, core.axons.target, np.maximum(core.effective_weights, 0))
-    return charge
 
 
 def _proof(program: ChipProgram) -> dict[int, npt.NDArray[np.bool_]]:

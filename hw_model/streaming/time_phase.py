@@ -6,19 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hw_model.engine import tiles
 from hw_model.engine.compiled import absorbed, compiled, entry, inner
 from hw_model.engine.layout import FastLayout
-from hw_model.engine.tiles import (
-    NO_REGISTER,
-    TILE,
-    AnyArray,
-    Kept,
-    KeptRegister,
-    first_state,
-    reset,
-    run_tile,
-    workspace,
-)
+from hw_model.engine.tiles import TILE, AnyArray
 from hw_model.engine.trace import ByteArray
 
 
@@ -41,7 +32,7 @@ class Room(NamedTuple):
     so_far: AnyArray
     sent: AnyArray
     active: AnyArray
-    kept: Kept
+    kept: tiles.Kept
     read: Read
 
 
@@ -53,7 +44,7 @@ class Live:
         lines = int(layout.nodes.size[:inputs].sum())
         place = np.full(layout.columns, -1, dtype=np.int64)
         place[read.columns] = np.arange(len(read.columns))
-        potential = KeptRegister(place, 0, np.zeros((1, TILE, len(read.columns)), dtype=np.int64))
+        potential = tiles.KeptRegister(place, 0, np.zeros((1, TILE, len(read.columns)), dtype=np.int64))
         room = Room(
             first=np.zeros((TILE + 1, inputs), dtype=np.int64),
             line=np.empty(TILE * lines, dtype=np.int32),
@@ -61,18 +52,18 @@ class Live:
             so_far=np.zeros(layout.columns, dtype=np.int64),
             sent=np.zeros(lines + layout.columns, dtype=np.int64),
             active=np.zeros((TILE, layout.pieces), dtype=np.int64),
-            kept=Kept(len(read.columns) > 0, NO_REGISTER, NO_REGISTER, potential),
+            kept=tiles.Kept(len(read.columns) > 0, tiles.NO_REGISTER, tiles.NO_REGISTER, potential),
             read=read,
         )
         self._steps, self._columns = steps, layout.columns
-        self._state, self._so_far = first_state(layout), room.so_far
-        self._played = (layout.nodes, layout.chunks, layout.links, self._state, workspace(layout), room)
+        self._state, self._so_far = tiles.first_state(layout), room.so_far
+        self._played = (layout.nodes, layout.chunks, layout.links, self._state, tiles.workspace(layout), room)
         rows, counts = np.zeros((1, lines), dtype=np.uint8), np.zeros((1, layout.columns), dtype=np.int64)
         self._push = entry(_push, rows, 1, 0, *self._played, counts)
 
     def reset(self) -> None:
         """Go back to before the first step."""
-        reset(self._state)
+        tiles.reset(self._state)
         self._so_far[:] = 0
 
     def push(self, before: int, rows: ByteArray) -> AnyArray:
@@ -97,7 +88,7 @@ def _push(  # type: ignore[no-untyped-def]
     for low in range(0, lasting, len(room.spikes)):
         many = min(len(room.spikes), lasting - low)
         _list_rows(rows, low, many, nodes, room.first, room.line)
-        run_tile(
+        tiles.run_tile(
             _ZERO, many, room.first, room.line, nodes, chunks, links, state, work, _SKIP,
             room.spikes, room.sent, room.active, _ZERO, room.kept,
         )  # fmt: skip

@@ -11,6 +11,7 @@ import any_program
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
 from test_early_stop import futures, in_streams
 from test_session import check_every_step, largest_so_far
 
@@ -97,9 +98,14 @@ def draw_and_check(check, strategy, examples: int, phases=tuple(Phase)) -> Count
     met: Counter[str] = Counter()
 
     @settings(SETTINGS, max_examples=examples, phases=phases)
-    @given(strategy)
-    def run(drawn):
-        met.update(check(drawn))
+    @given(strategy, st.sampled_from([32, 32, 12]))
+    def run(drawn, bits):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(layout, "PACKED_BITS", bits)  # 12 are too few for most: their lists are wide ones
+            met.update(check(drawn))
+            for phase in drawn.program.phases:
+                kinds = layout.fast_layout(drawn.program, phase.name).links.kind.tolist()
+                met.update({"wide lists": kinds.count(layout.LIST), "packed lists": kinds.count(layout.PACKED_LIST)})
 
     run()
     return met
@@ -108,7 +114,7 @@ def draw_and_check(check, strategy, examples: int, phases=tuple(Phase)) -> Count
 def test_any_program():
     met = draw_and_check(check_program, any_program.programs(), 40)
     for what in (*EVENTS, "spikes", "joined compartments", "fans of more than 255", "biases of more than 31 bits",
-                 "predict by potentials", "recurrent links", "programs of other widths", "programs of several cores"):  # fmt: skip
+                 "predict by potentials", "wide lists", "packed lists", "recurrent links", "programs of other widths", "programs of several cores"):  # fmt: skip
         assert met[what] > 0, what
 
 
@@ -132,7 +138,8 @@ def test_a_sum_that_the_bound_forgets_is_found(monkeypatch, values):
 
 def test_any_hybrid():
     met = draw_and_check(check_streams, any_program.hybrid_programs(), 15)
-    for what in ("joined compartments", "programs of other widths", "proven early", "steps replayed"):
+    for what in ("joined compartments", "programs of other widths", "proven early", "steps replayed", "wide lists",
+                 "packed lists"):  # fmt: skip
         assert met[what] > 0, what
 
 
