@@ -25,7 +25,8 @@ GOALS: dict[str, dict[str, float]] = {
 LIMIT_GOAL = 0.5
 PLACING = ("build", "place", "arrange", "route")
 TRAINING_SPEED, COMMAND_SPEED = "training-speed", "command-speed"
-"""The sections that ``training_speed.py`` and ``command_speed.py`` write; they stay."""
+KEPT = ("density", "against", TRAINING_SPEED, COMMAND_SPEED)
+"""The sections that ``density.py``, ``against.py`` and scripts named as the others write; they stay."""
 UNBROKEN = {"break_long_words": False, "break_on_hyphens": False}
 
 
@@ -371,7 +372,7 @@ Local, 10 layers of 1,000, 250 synapses each:
 KNEES = """*A layer's MiB* are its synapses as the engine holds them, and *in* the nearest cache that holds these. The engine
 plays a tile of 64 steps of one layer, then of the next, so a layer is what has to stay near. Cost is linear in events between
 the knees, and there are three. Layers that are at least a quarter full are matrices of 2 bytes a synapse, added in vectors; the
-others are lists, followed synapse by synapse, 12 bytes each: that is the step from 3,000 compartments on. As a layer outgrows a
+others are lists, followed synapse by synapse, 4 bytes each where slot, delay and weight fit, else 12: that is the step from 3,000 compartments on. As a layer outgrows a
 cache, each spike fetches its synapses from farther away; the table below has the same for rows alone. In the small networks the
 part of a step that does not depend on events, the updates, is the larger one."""
 
@@ -420,8 +421,8 @@ def main() -> None:
     records = read(args.results)
     draw(records, args.picture)
     text = wrapped(page(records, os.path.relpath(args.picture, args.page.parent)))
-    old = args.page.read_text() if args.page.exists() else ""
-    kept = [section for name in (TRAINING_SPEED, COMMAND_SPEED) if (section := section_of(old, name))]
+    before = args.page.read_text() if args.page.exists() else ""
+    kept = [section for name in KEPT if (section := section_of(before, name)) is not None]
     args.page.write_text("\n".join([text, *(f"{section}\n" for section in kept)]))
 
 
