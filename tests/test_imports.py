@@ -203,3 +203,16 @@ def test_names_that_are_not_imported_yet_are_completed(package):
     script = f"import sys, {package} as p\nassert {{*p.__all__}} <= {{*dir(p)}}\nassert 'numpy' not in sys.modules\n"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_command_loads_nothing_that_it_does_not_need(tmp_path):
+    script = (
+        "import os, sys\n"
+        "from locsnn_compile.cli.compile import main\n"
+        f"assert main({['examples/models/objects-hybrid.pt', '--quiet', '-o', str(tmp_path / 'out')]}) == 0\n"
+        "heavy = {'torch', 'networkx', 'scipy.signal', 'scipy.stats', 'matplotlib', 'h5py', 'dask'} & set(sys.modules)\n"
+        "assert os.environ['OPENBLAS_NUM_THREADS']\n"
+        "sys.exit(' '.join(sorted(heavy)) or 0)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")

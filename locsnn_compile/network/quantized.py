@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from hw_model.mapping.graph import Readout
 from locsnn_compile.network.chip_neurons import ChipNeuron
@@ -39,7 +41,12 @@ class QuantizedPopulation:
     population: Population
     neuron: ChipNeuron
     scale: FloatArray
-    fit: KernelFit | None
+    measure_fit: Callable[[], KernelFit | None] | None
+
+    @cached_property
+    def fit(self) -> KernelFit | None:
+        """How its neurons fit, measured when it is asked for: of strategies that are only compared nobody asks."""
+        return self.measure_fit() if self.measure_fit else None
 
     @property
     def strategy(self) -> str:

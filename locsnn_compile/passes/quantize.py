@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from functools import singledispatch
+from functools import partial, singledispatch
 
 import numpy as np
 
@@ -61,7 +61,7 @@ def quantize(
             here = rounding if _holds_grades(floats, chip) else replace(rounding, graded=False)
             task = Task(population, floats, chip, grid, strategy, here, calibration)
             scaled, rounded = round_onto(neuron, task, integers_of(neuron, task))
-            fit = kernel_fit(neuron, scaled, chip.registers)
+            fit = partial(kernel_fit, neuron, scaled, chip.registers)
             populations.append(QuantizedPopulation(population, scaled.neuron, scaled.scale, fit))
             check_heard(task, rounded, network.steps_of(population.axis))
         pruned += sum(_zeros(of_one) for of_one in rounded)

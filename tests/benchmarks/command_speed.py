@@ -17,7 +17,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,10 +49,11 @@ def main() -> int:
     parser.add_argument("--page", type=Path, metavar="FILE", help="page to write the section into; else it is printed")
     parser.add_argument("--turns", type=int, default=5, help="how often each command is run (default 5)")
     parser.add_argument("--cold", type=int, default=1, help="how often with an empty cache (default 1)")
+    parser.add_argument("--only", default="`", metavar="TEXT", help="only the rows whose name holds a text")
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder, worktree(args.against) as before:
         trees = [ROOT, *([before] if before else [])]
-        found = measure(trees, Path(folder), args.turns, args.cold)
+        found = measure(trees, Path(folder), args.turns, args.cold, args.only)
     text = section(found, args.against and git("log", "-1", "--format=%h, %cs", args.against), args.turns, args.cold)
     if args.page:
         put_section(args.page, COMMAND_SPEED, text)
@@ -61,48 +62,45 @@ def main() -> int:
     return 0
 
 
-def measure(trees: Sequence[Path], folder: Path, turns: int, cold: int) -> dict[str, list[list[Took]]]:
+def measure(trees: Sequence[Path], folder: Path, turns: int, cold: int, only: str) -> dict[str, list[list[Took]]]:
     """Return by row, for each tree, what its runs took."""
     program, out = folder / "program", folder / "out"
     touches = [str(MODEL), "--events", str(TOUCHES), "--quiet"]
-    # The earlier version's program: later ones read it.
-    run(trees[-1], [*COMPILE, *touches, "-o", str(program)])
     rows: dict[str, Sequence[str]] = {
+        f"`{IMPORTS}`": ["-c", IMPORTS],
         "`locsnn-compile`, 8 recordings": [*COMPILE, *touches, "-o", str(out)],
-        "`locsnn-compile --strategy dendrite`": [*COMPILE, *touches, "-o", str(out), "--strategy", "dendrite"],
+        "`locsnn-compile --strategy dendrite`, 8 recordings": [
+            *COMPILE,
+            *touches,
+            "-o",
+            str(out),
+            "--strategy",
+            "dendrite",
+        ],
         "`locsnn run`, 8 recordings": [*RUN, str(program), "--events", str(TOUCHES)],
     }
     if (objects := RECORDINGS / "Ev-Objects.zip").exists():
-        rows["`locsnn-compile`, all of Ev-Objects"] = [
-            *COMPILE,
-            str(MODEL),
-            "--events",
-            str(objects),
-            "-o",
-            str(out),
-            "--quiet",
-        ]
-    found: dict[str, list[list[Took]]] = {f"`{IMPORTS}`": [[] for _ in trees]} | {
-        row: [[] for _ in trees] for row in rows
-    }
-    for turn in range(turns + 1):
-        for row, words in {f"`{IMPORTS}`": ["-c", IMPORTS], **rows}.items():
-            for tree, took in zip(trees, found[row], strict=True):
-                one = run(tree, words)
-                took += [one] if turn else []  # the first turn fills the caches
+        rows["`locsnn-compile`, all of Ev-Objects"] = [*COMPILE, *touches, "--events", str(objects), "-o", str(out)]
     first = "`locsnn-compile`, nothing compiled yet"
-    found[first] = [[] for _ in trees]
-    for turn in range(cold):
-        for tree, took in zip(trees, found[first], strict=True):
-            cache = folder / f"cache-{turn}-{tree.name}"
-            took.append(run(tree, [*COMPILE, *touches, "-o", str(out)], NUMBA_CACHE_DIR=str(cache)))
+    rows = {row: words for row, words in rows.items() if only in row or IMPORTS in row}
+    found: dict[str, list[list[Took]]] = {row: [[] for _ in trees] for row in (*rows, first)}
+    caches = [{"NUMBA_CACHE_DIR": str(folder / f"cache-{number}")} for number in range(len(trees))]
+    for _ in range(cold):
+        for tree, cache, took in zip(trees, caches, found[first], strict=True):
+            shutil.rmtree(cache["NUMBA_CACHE_DIR"], ignore_errors=True)
+            # The earlier version's program stays: later ones read it.
+            took.append(run(tree, [*COMPILE, *touches, "-o", str(program)], cache))
+    for _ in range(turns):
+        for row, words in rows.items():
+            for tree, cache, took in zip(trees, caches, found[row], strict=True):
+                took.append(run(tree, words, cache))
     return found
 
 
-def run(tree: Path, words: Sequence[str], **environment: str) -> Took:
+def run(tree: Path, words: Sequence[str], environment: Mapping[str, str]) -> Took:
     """Run Python with the packages of a tree."""
     begin = time.perf_counter()
-    given = os.environ | {"PYTHONPATH": str(tree)} | environment
+    given = os.environ | {"PYTHONPATH": str(tree)} | dict(environment)
     process = subprocess.Popen([sys.executable, *words], env=given, cwd=tree, stdout=subprocess.DEVNULL)
     _, status, used = os.wait4(process.pid, 0)
     if status:
@@ -112,8 +110,7 @@ def run(tree: Path, words: Sequence[str], **environment: str) -> Took:
 
 def section(found: dict[str, list[list[Took]]], against: str | None, turns: int, cold: int) -> str:
     """Return the page's section."""
-    (imports, *_), *_ = found.values()
-    needed = median(imports, "seconds")
+    needed = median(found[f"`{IMPORTS}`"][0], "seconds")
     rows = []
     for row, versions in found.items():
         now = versions[0]

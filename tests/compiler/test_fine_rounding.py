@@ -164,6 +164,20 @@ def test_the_moments_are_those_of_the_kernels():
     assert np.allclose(drive.rate, spikes[:, :-3].sum(axis=(0, 1)) / 3)
 
 
+def test_strategies_of_the_same_decays_share_what_is_known_of_the_inputs():
+    network = single(NEURON, np.random.default_rng(0).normal(0, 4, (2, 3)))
+    calibration, (projection,) = calibrated(network), network.projections
+    drive = drive_of(NEURON, [projection], (379, 401), 1.0, calibration)
+    assert drive_of(NEURON, [projection], (379, 401), 1.0, calibration) is drive
+    assert drive.metric is drive.metric
+    for decays, gain, others in [
+        ((390, 390), 1.0, calibration),
+        ((379, 401), 2.0, calibration),
+        ((379, 401), 1.0, calibrated(network, seed=6)),
+    ]:
+        assert drive_of(NEURON, [projection], decays, gain, others) is not drive
+
+
 @pytest.mark.parametrize(
     ("weights", "delay", "rate"),
     [

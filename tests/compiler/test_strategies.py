@@ -199,3 +199,12 @@ def test_every_table_of_strategies_has_all_of_them():
     assert list(LAYOUTS) == list(STRATEGIES)
     assert list(_OWN_MOST) == list(TRAINABLE)
     assert [quantized(strategy).strategy for strategy in STRATEGIES] == list(STRATEGIES)
+
+
+def test_a_fit_is_measured_once_and_only_when_it_is_asked_for(monkeypatch):
+    measured = []
+    monkeypatch.setattr("locsnn_compile.passes.quantize.kernel_fit", lambda *given: measured.append(given))
+    population = quantized("dendrite")
+    assert measured == []
+    assert (population.fit, population.fit) == (None, None)
+    assert len(measured) == 1
