@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.arithmetic.whole import whole_numbers
-from hw_model.errors import InputError
+from hw_model.errors import InputError, did_you_mean
 from hw_model.io.shown import Shown
 
 FloatArray = npt.NDArray[np.float64]
@@ -76,10 +76,19 @@ class Neuron(ABC):
 
     @classmethod
     def of(cls, size: int, **given: Any) -> Self:
-        """Make ``size`` neurons by the names of their parameters: one number for all, or an array (size,)."""
+        """Make ``size`` neurons by the names of their parameters: one number for all, or an array (size,).
+
+        A name that is not a parameter's is an ``InputError``, like one that is missing.
+        """
         kinds = {item.name: _ARRAYS.get(str(item.type)) for item in fields(cls)}  # type: ignore[arg-type]
         values = {**cls.usual, **given}
-        return cls(**{k: v if (kind := kinds.get(k)) is None else spread(v, size, kind) for k, v in values.items()})
+        where, missing = f"{cls.__name__}.of", [name for name in kinds if kinds[name] and name not in values]
+        for name in values:
+            if name not in kinds:
+                raise InputError(where, f"there is no parameter {name!r}", fix=did_you_mean(name, kinds))
+        if missing:
+            raise InputError(where, f"parameter {missing[0]!r} is missing", fix="Give it by its name.")
+        return cls(**{k: v if (kind := kinds[k]) is None else spread(v, size, kind) for k, v in values.items()})
 
     def whole(self) -> Neuron:
         """Return it with the tails of its kernels, where it has kernels."""

@@ -32,6 +32,8 @@ def network():
 
 
 WITHOUT = [
+    ("a parameter that neurons have not", lambda: lc.Cuba.of(2, decay=0.1, threshold=1.0), "Cuba.of: there is no parameter 'decay'. Did you mean 'decay_v'?"),
+    ("neurons without a threshold", lambda: lc.Cuba.of(2, decay_v=0.1), "Cuba.of: parameter 'threshold' is missing. Give it by its name."),
     ("a path for a network", lambda: lc.compile("model.pt"), f"compile, network: it must be a Network or Checkpoint (got str 'model.pt'). {NETWORK}"),
     ("a Path for a network", lambda: lc.compile(Path("model.pt")), f"compile, network: it must be a Network or Checkpoint (got PosixPath PosixPath('model.pt')). {NETWORK}"),
     ("nothing for a network", lambda: lc.compile(None), f"compile, network: it must be a Network or Checkpoint (got NoneType None). {NETWORK}"),
