@@ -219,7 +219,9 @@ def recordings_for(network: Network, events: Events | None, labels: npt.ArrayLik
             return network.recordings
         if network.fingertips is None:
             raise InputError(
-                f"model {network.name!r}", "carries no recordings, and its input is no fingertip's", fix="Give events."
+                f"model {network.name!r}",
+                "carries no recordings, and its input is not a fingertip's",
+                fix="Give events.",
             )
         touches = synthetic_touches(
             SYNTHETIC_SAMPLES, steps=network.steps, fingertips=network.fingertips, seed=SYNTHETIC_SEED

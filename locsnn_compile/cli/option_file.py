@@ -8,7 +8,7 @@ from typing import Any
 
 from locsnn_compile.errors import InputError, did_you_mean
 
-HELP = "options of this command by their names in a YAML file, laid under those given here"
+HELP = "YAML file of this command's options by name; those given here win"
 _OTHERS = ("help", "options", "version")
 
 

@@ -49,7 +49,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--model", metavar="NAME", help=f"{', '.join(ARCHITECTURES)} (default hybrid)")
     add("--order", metavar="ORDER", help="loop (default), arch, whorl, or taxel numbers separated by commas")
     add("--delays", metavar="STEPS", help="delays of synapses onto the time branch, such as '0 20 40' (default 0)")
-    add("--config", metavar="FILE.yaml", help="training options, laid under those given here")
+    add("--config", metavar="FILE.yaml", help="YAML file of training options; those given here win")
     add_step_options(parser, threshold="event_threshold")
     add("--epochs", type=int, metavar="N", help="epochs of the schedule (default 250)")
     add("--seed", type=int, metavar="N", help="seed of weights, split, order and dropout (default 0)")

@@ -33,7 +33,7 @@ class Cluster:
             return future.result()
         except self.distributed.KilledWorker:
             fix = "Give them more memory, or fewer recordings."
-            raise InputError(self.where, "its workers die at their work", fix=fix) from None
+            raise InputError(self.where, "its workers keep dying", fix=fix) from None
         except self.distributed.CancelledError:
             raise InputError(self.where, "it was lost", fix="Start it and the command again.") from None
 
@@ -79,7 +79,9 @@ def connected(address: str) -> Iterator[Cluster]:
     try:
         client = distributed.Client(address, timeout=PATIENCE_SECONDS, set_as_default=False)
     except ValueError as error:
-        raise InputError(where, f"it is no address: {error}", fix="Give one such as tcp://127.0.0.1:8786.") from None
+        raise InputError(
+            where, f"it is not an address: {error}", fix="Give one such as tcp://127.0.0.1:8786."
+        ) from None
     except OSError:
         fix = "Start one with: dask scheduler"
         raise InputError(where, "no scheduler answers", measured=waited, fix=fix) from None

@@ -119,7 +119,7 @@ def _check_convolution(weight: npt.NDArray[Any], input_shape: Shape, window: Win
     if len(input_shape) != axes + 1 or 0 in weight.shape:
         raise InputError(
             where,
-            "its input is no image of the kernel's axes",
+            "its input is not an image of the kernel's axes",
             measured=f"input {input_shape}, weight {weight.shape}",
             fix="Give a shape (channels, ...).",
         )

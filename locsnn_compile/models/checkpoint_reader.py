@@ -125,7 +125,7 @@ def _check_keys(where: str, prefix: str, values: Mapping[Any, Any], known: Mappi
 
 def _name(where: str, key: str, name: str) -> str:
     if not 0 < len(name) <= 200 or not name.isprintable() or "/" in name or "\\" in name:
-        raise file_fault(where, f"entry '{key}' is no plain name", f"got {name[:80]!r}")
+        raise file_fault(where, f"entry '{key}' is not a plain name", f"got {name[:80]!r}")
     return name
 
 
@@ -210,6 +210,6 @@ def _origin(training: Mapping[str, Plain]) -> Origin:
 def _training(where: str, entry: dict[Any, Any]) -> dict[str, Plain]:
     for key, value in entry.items():
         if not isinstance(key, str) or not isinstance(value, str | int | float | bool | None):
-            what = f"entry 'training.{str(key)[:60]}' is no plain value"
+            what = f"entry 'training.{str(key)[:60]}' is not a plain value"
             raise file_fault(where, what, f"got {type(value).__name__}")
     return dict(entry)

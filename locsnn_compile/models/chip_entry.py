@@ -116,7 +116,7 @@ def parse_chip_entry(where: str, entry: object, shapes: Mapping[str, tuple[int, 
     whole = _mapping(where, "chip", entry, ("target", "strategy", "registers", "populations"))
     strategy, target = whole["strategy"], whole["target"]
     if not isinstance(target, str) or not target.isprintable() or len(target) > 200:
-        raise file_fault(where, "entry 'chip.target' is no plain name")
+        raise file_fault(where, "entry 'chip.target' is not a plain name")
     if strategy not in TRAINABLE:
         raise file_fault(where, "entry 'chip.strategy' is not known", _seen(strategy))
     registers = _registers(where, whole["registers"])

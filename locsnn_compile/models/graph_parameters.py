@@ -39,7 +39,7 @@ class GraphParameters:
             if not rises((a, b), 1, taxels):
                 raise InputError(
                     "taxel graph",
-                    "an edge is no pair of taxels, the lower number first",
+                    "an edge is not a pair of taxels with the lower number first",
                     measured=f"got {a!r}-{b!r} against 1..{taxels}",
                     fix="Correct the graph.",
                 )

@@ -120,7 +120,7 @@ def test_without_dask_there_is_a_command_to_install_it(model, tmp_path, monkeypa
     ("address", "line"),
     [
         ("tcp://127.0.0.1:9", "no scheduler answers (within 0.2 s). Start one with: dask scheduler"),
-        ("nonsense", "it is no address: missing port number in address 'nonsense'. Give one such as tcp://127.0.0.1:8786."),
+        ("nonsense", "it is not an address: missing port number in address 'nonsense'. Give one such as tcp://127.0.0.1:8786."),
     ],
     ids=["nobody", "no address"],
 )  # fmt: skip

@@ -303,9 +303,7 @@ def test_what_all_settings_share_is_one_error(model, tmp_path, capsys):
     long = tmp_path / "long.npz"
     np.savez(long, spikes=np.zeros((2, 78, 41), dtype=np.uint8))
     assert explore(model, "--events", long, "-o", tmp_path / "out") == 2
-    wanted = (
-        "events 'long.npz': the recordings are longer than the model's (41 steps against 40). Cut them to 40 steps.\n"
-    )
+    wanted = f"events {str(long)!r}: the recordings are longer than the model's (41 steps against 40). Cut them to 40 steps.\n"
     assert capsys.readouterr() == ("", wanted)
     assert not (tmp_path / "out").exists()
 
@@ -338,7 +336,7 @@ def test_wrong_usage_is_one_line(model, arguments, line, tmp_path, capsys):
 def test_only_a_test_part_is_refused(model, divided, tmp_path, capsys):
     shutil.copytree(divided / "test", tmp_path / "some/test")
     assert explore(model, "--events", tmp_path / "some", "-o", tmp_path / "out") == 2
-    wanted = "events 'some': it has only a test part, and no setting may be chosen on that. Give other recordings, or say so with --part test.\n"
+    wanted = f"events {str(tmp_path / 'some')!r}: it has only a test part, and no setting may be chosen on that. Give other recordings, or say so with --part test.\n"
     assert capsys.readouterr() == ("", wanted)
 
 

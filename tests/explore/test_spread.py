@@ -109,7 +109,7 @@ def test_workers_that_always_die_are_one_line(cluster):
     with pytest.raises(InputError) as caught, connected(cluster.scheduler_address) as found:
         list(found.spread(os._exit, [1]))
     where = f"--scheduler {cluster.scheduler_address}"
-    assert str(caught.value) == f"{where}: its workers die at their work. Give them more memory, or fewer recordings."
+    assert str(caught.value) == f"{where}: its workers keep dying. Give them more memory, or fewer recordings."
 
 
 def commands(build, model, many):

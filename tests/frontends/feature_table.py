@@ -128,7 +128,7 @@ NIR_CELLS = [
     refused("NIR", "LI before other nodes", neurons(LI, linear(RNG, 5, 12), lif(RNG, 5)), ", node 'after0': it takes the potential of 'n', and the chip sends spikes only. End the graph at that node, or make it a LIF.", dt=DT),
     refused("NIR", "an Output of weights", neurons(lif(RNG, 12), linear(RNG, 5, 12)), ", node 'after0': the output is that of Linear, and the chip's is spikes. End the graph in a LIF, or in an LI whose potential is read.", dt=DT),
     refused("NIR", "no Input", graph(nir.NIRGraph({"n": lif(RNG, 10), "o": nir.Output(np.array([10]))}, [("n", "o")], type_check=False)), ": a graph needs an Input. Add an Input node before the first weights.", dt=DT),
-    refused("NIR", "Delay of a fraction of a step", graph(chain((10,), ("d", nir.Delay(spread(10, 1.5 * DT))), ("n", lif(RNG, 10)))), ", node 'd': a delay is no whole number of steps (1.5 steps of 0.001 s). Give another --dt.", dt=DT),
+    refused("NIR", "Delay of a fraction of a step", graph(chain((10,), ("d", nir.Delay(spread(10, 1.5 * DT))), ("n", lif(RNG, 10)))), ", node 'd': a delay is not a whole number of steps (1.5 steps of 0.001 s). Give another --dt.", dt=DT),
     refused("NIR", "tau shorter than a step, euler", neurons(nir.LIF(tau=spread(12, 1e-4), r=np.ones(12), v_leak=np.zeros(12), v_threshold=np.ones(12), v_reset=np.zeros(12))), ", node 'n': tau is shorter than a step (0.0001 s against 0.001 s). Give a smaller --dt, or --discretisation exact or hold.", dt=DT),
     refused("NIR", "a threshold below the reset", neurons(lif(RNG, 12, v_reset=1.5)), ", node 'n': the threshold is not above the reset (by -0.5). Train with a threshold above v_reset and v_leak, and above 0.", dt=DT),
 ]  # fmt: skip
@@ -162,7 +162,7 @@ SLAYER_CELLS = [
     works("slayerPytorch", "dense of images", slayer({}, extra={"fc1.weight": 2 * torch.rand(3, 2, 4, 5, 1)})),
     works("slayerPytorch", "convolution, pooling, dense: the YAML's `layer` list", slayer({}, LOIHI, extra={"c.weight": 90 * torch.rand(4, 2, 3, 3, 1), "p.weight": torch.full((1, 1, 2, 2, 1), 90.0), "d.weight": 90 * torch.rand(3, 36, 1, 1, 1)}, layer=[{"dim": "6x6x2"}, {"dim": "4c3z"}, {"dim": "2a"}, {"dim": 3}])),
     loses("slayerPytorch", "dense, SRMALPHA neurons", slayer(WEIGHTS), "kernels keep the tails that slayerPytorch cuts", lambda n: n.populations[0].neuron.tau_sr == 10),
-    refused("slayerPytorch", "convolutions without a list of layers", slayer({}, extra={"conv1.weight": torch.randn(3, 2, 4, 5, 2)}), "model 'model.pt', layer 'conv1': it is no dense layer (weight (3, 2, 4, 5, 2)). Use slayer.dense layers, or list all layers in the YAML, as layer: [{dim: 34x34x2}, {dim: 16c5z}, ...]."),
+    refused("slayerPytorch", "convolutions without a list of layers", slayer({}, extra={"conv1.weight": torch.randn(3, 2, 4, 5, 2)}), "model 'model.pt', layer 'conv1': it is not a dense layer (weight (3, 2, 4, 5, 2)). Use slayer.dense layers, or list all layers in the YAML, as layer: [{dim: 34x34x2}, {dim: 16c5z}, ...]."),
     refused("slayerPytorch", "a YAML of another neuron", slayer(WEIGHTS, {**LOIHI, "type": "CUBA"}), "config 'net.yaml', neuron.type: 'CUBA' is not known. Choose one of: LOIHI, SRMALPHA."),
 ]  # fmt: skip
 CELLS = [*NIR_CELLS, *NET_CELLS, *SLAYER_CELLS]

@@ -61,14 +61,14 @@ BROKEN = [
     ("a dangling edge", edges(("input", "fc"), ("fc", "lif"), ("lif", "outputs")), "model 'model.nir': the edge 'lif' -> 'outputs' names a node that does not exist. Did you mean 'output'?"),
     ("a circle of weights", circle, "model 'model.nir': a circle of edges passes no neuron (a -> b). Put a neuron into the circle."),
     ("a slash in a name", rename, "model 'model.nir', node 'deep': it has no type; HDF5 makes groups of a name with a slash. Rename nodes without slashes."),
-    ("an unknown primitive", put("node/nodes/lif/type", "LIFF"), "model 'model.nir', node 'lif': 'LIFF' is no NIR primitive. Did you mean 'LIF'?"),
+    ("an unknown primitive", put("node/nodes/lif/type", "LIFF"), "model 'model.nir', node 'lif': 'LIFF' is not a NIR primitive. Did you mean 'LIF'?"),
     ("absurd dimensions", absurd, "model 'model.nir', node 'fc': 'weight': the file unpacks to more than is read (8796093022208 bytes more against 499999984 of 500000000 left). Give a smaller model."),
     ("text for numbers", put("node/nodes/lif/tau", "long"), "model 'model.nir', node 'lif': 'tau' is not made of numbers (object). Give a whole file, or write it again."),
     ("a parameter missing", lambda f: f.__delitem__("node/nodes/lif/r"), "model 'model.nir', node 'lif': 'r' is missing. Give a whole file, or write it again."),
     ("a group for a number", lambda f: (f.__delitem__("node/nodes/lif/r"), f.create_group("node/nodes/lif/r")), "model 'model.nir', node 'lif': 'r' is a group, not a value. Give a whole file, or write it again."),
     ("an infinite resistance", put("node/nodes/lif/r", np.full(12, np.inf)), "model 'model.nir', node 'lif': r is infinite, and its tau is not. Give both as numbers."),
-    ("an infinite weight", put("node/nodes/fc/weight", np.full((12, 10), np.inf)), "model 'model.nir', node 'fc': 'weight' holds what is no finite number. Train or export again."),
-    ("not a number", put("node/nodes/lif/tau", np.full(12, np.nan)), "model 'model.nir', node 'lif': 'tau' holds what is no finite number. Train or export again."),
+    ("an infinite weight", put("node/nodes/fc/weight", np.full((12, 10), np.inf)), "model 'model.nir', node 'fc': 'weight' holds a number that is not finite. Train or export again."),
+    ("not a number", put("node/nodes/lif/tau", np.full(12, np.nan)), "model 'model.nir', node 'lif': 'tau' holds a number that is not finite. Train or export again."),
     ("a negative tau", put("node/nodes/lif/tau", np.full(12, -1e-3)), "model 'model.nir', node 'lif': tau must be above 0 (-0.001). Correct it."),
     ("a tau below a step", put("node/nodes/lif/tau", np.full(12, 1e-4)), "model 'model.nir', node 'lif': tau is shorter than a step (0.0001 s against 0.001 s). Give a smaller --dt, or --discretisation exact or hold."),
     ("a threshold below the reset", put("node/nodes/lif/v_reset", np.full(12, 2.0)), "model 'model.nir', node 'lif': the threshold is not above the reset (by -1). Train with a threshold above v_reset and v_leak, and above 0."),
@@ -131,7 +131,7 @@ def test_the_command_line_says_it_in_a_line_and_writes_nothing(tmp_path, capsys)
     assert main([str(path), "-o", str(tmp_path / "out")]) == 2
     assert (
         capsys.readouterr().err
-        == "model 'model.nir': it is damaged, truncated or not an HDF5 file. Give a whole file, or write it again.\n"
+        == f"model {str(path)!r}: it is damaged, truncated or not an HDF5 file. Give a whole file, or write it again.\n"
     )
     assert not (tmp_path / "out").exists()
 

@@ -215,7 +215,7 @@ REFUSED = [
     ("kernels of no name", lambda f: write(f, {"fc1": weights(4, 6)}), "kernels 'short': are not known. Choose one of: cut, full."),
     ("kernels of integers", lambda f: write(f, {"fc1": weights(4, 6)}, LOIHI), "kernels 'cut': LOIHI neurons have no kernels. Leave the option out."),
     ("a gap in the chain", lambda f: write(f, {"fc1": weights(4, 6), "fc2": weights(3, 5)}), "model 'model.pt', layer 'fc2': it does not follow 'fc1' (5 inputs against 4). Save the layers of one chain in their order."),
-    ("a convolution", lambda f: write(f, {}, extra={"conv1.weight": torch.randn(3, 2, 4, 5, 2)}), "model 'model.pt', layer 'conv1': it is no dense layer (weight (3, 2, 4, 5, 2)). Use slayer.dense layers, or list all layers in the YAML, as layer: [{dim: 34x34x2}, {dim: 16c5z}, ...]."),
+    ("a convolution", lambda f: write(f, {}, extra={"conv1.weight": torch.randn(3, 2, 4, 5, 2)}), "model 'model.pt', layer 'conv1': it is not a dense layer (weight (3, 2, 4, 5, 2)). Use slayer.dense layers, or list all layers in the YAML, as layer: [{dim: 34x34x2}, {dim: 16c5z}, ...]."),
     ("a list without an input", lambda f: listed(f, LISTED[1:])[:2], "config 'net.yaml', layer 0: dim '4c3z' is not read there. Give the input first, as 34x34x2, then 16c5z, 2a or 10."),
     ("a list of fewer layers", lambda f: listed(f, LISTED[:3])[:2], "model 'model.pt': the YAML lists another number of layers (2 against 4). List the input and every layer that has weights."),
     ("a list of other layers", lambda f: listed(f, [*LISTED[:1], {"dim": "4c5z"}, *LISTED[2:]])[:2], "model 'model.pt', layer 'blocks.0.weightOp': its weights are not those that the YAML lists ((4, 2, 3, 3, 1) against (4, 2, 5, 5)). Give the YAML that this checkpoint was trained with."),
@@ -223,7 +223,7 @@ REFUSED = [
     ("a heavy weight", lambda f: write(f, {"fc1": np.full((2, 2), 300.0)}, LOIHI), "model 'model.pt', layer 'fc1': a weight is out of an 8-bit synapse's range (0..300 against -256..254). Clamp the weights in training."),
     ("another neuron", yaml_text("simulation: {Ts: 1}\nneuron: {type: SRMALPHAA}"), "config 'net.yaml', neuron.type: 'SRMALPHAA' is not known. Did you mean 'SRMALPHA'?"),
     ("no neuron", yaml_text("simulation: {Ts: 1}"), "config 'net.yaml': section 'neuron' is missing. Give slayerPytorch's network description."),
-    ("a python object", yaml_text("!!python/object/apply:os.system ['true']"), "config 'net.yaml': it is no YAML. Give slayerPytorch's network description."),
+    ("a python object", yaml_text("!!python/object/apply:os.system ['true']"), "config 'net.yaml': it is not YAML. Give slayerPytorch's network description."),
     ("text for a number", yaml_text("simulation: {Ts: one}\nneuron: {type: SRMALPHA}"), "config 'net.yaml': Ts must be a number from 1e-06 on ('one'). Correct it."),
 ]  # fmt: skip
 

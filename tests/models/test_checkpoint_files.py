@@ -224,11 +224,11 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
     ("unknown entry", put("hiden", value=3), "entry 'hiden' is not known. Did you mean 'hidden'?"),
     ("wrong type", put("neuron", "tau_sr", value="10"), f"entry 'neuron.tau_sr' must be a number (got str). {AGAIN}"),
     ("truth value", put("classes", value=True), f"entry 'classes' must be a whole number (got bool). {AGAIN}"),
-    ("name with a path", put("name", value="../x"), f"entry 'name' is no plain name (got '../x'). {AGAIN}"),
+    ("name with a path", put("name", value="../x"), f"entry 'name' is not a plain name (got '../x'). {AGAIN}"),
     (
         "training holds a tensor",
         put("training", "x", value=torch.zeros(1)),
-        f"entry 'training.x' is no plain value (got Tensor). {AGAIN}",
+        f"entry 'training.x' is not a plain value (got Tensor). {AGAIN}",
     ),
 ]
 

@@ -130,7 +130,9 @@ PLACE = "chip.populations.time_hidden"
             f": entry 'chip' must hold target, strategy, registers, populations (got {{}}). {AGAIN}",
             id="empty",
         ),
-        pytest.param(put("chip", "target", value=3), f": entry 'chip.target' is no plain name. {AGAIN}", id="target"),
+        pytest.param(
+            put("chip", "target", value=3), f": entry 'chip.target' is not a plain name. {AGAIN}", id="target"
+        ),
         pytest.param(
             put("chip", "strategy", value="fast"),
             f": entry 'chip.strategy' is not known (got 'fast'). {AGAIN}",

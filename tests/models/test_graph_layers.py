@@ -170,13 +170,13 @@ def test_a_time_step_hears_steps_up_to_three_away() -> None:
     [
         pytest.param(
             {"taxel_edges": ((2, 1),)},
-            "taxel graph: an edge is no pair of taxels, the lower number first (got 2-1 against 1..39). "
+            "taxel graph: an edge is not a pair of taxels with the lower number first (got 2-1 against 1..39). "
             "Correct the graph.",
             id="turned round",
         ),
         pytest.param(
             {"taxel_edges": ((1, 40),)},
-            "taxel graph: an edge is no pair of taxels, the lower number first (got 1-40 against 1..39). "
+            "taxel graph: an edge is not a pair of taxels with the lower number first (got 1-40 against 1..39). "
             "Correct the graph.",
             id="no such taxel",
         ),

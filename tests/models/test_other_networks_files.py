@@ -88,7 +88,7 @@ GRAPH_FAULTS = [
         put("graph", "hops", value=True), f": entry 'graph.hops' must be a whole number (got bool). {AGAIN}", id="truth"
     ),
     pytest.param(
-        put("graph", "name", value="../x"), f": entry 'graph.name' is no plain name (got '../x'). {AGAIN}", id="path"
+        put("graph", "name", value="../x"), f": entry 'graph.name' is not a plain name (got '../x'). {AGAIN}", id="path"
     ),
     pytest.param(
         put("graph", "taxel_edges", 0, value=[1, 2, 3]),
@@ -97,7 +97,7 @@ GRAPH_FAULTS = [
     ),
     pytest.param(
         put("graph", "taxel_edges", 0, value=["1", 2]),
-        ", taxel graph: an edge is no pair of taxels, the lower number first (got '1'-2 against 1..39). "
+        ", taxel graph: an edge is not a pair of taxels with the lower number first (got '1'-2 against 1..39). "
         "Correct the graph.",
         id="an end of text",
     ),

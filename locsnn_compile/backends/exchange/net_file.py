@@ -63,7 +63,7 @@ def _layer(number: int, q: QuantizedPopulation, onto: list[ChipProjection]) -> N
         raise InputError(where, "lava-dl runs neurons of one compartment without refractory period only", fix=_OTHER)
     bias = neuron.bias_mantissa * 2**neuron.bias_exponent
     if (bias % 64).any():
-        raise InputError(where, "a bias is no multiple of 64", measured=f"{bias[bias % 64 != 0][0]}", fix=_OTHER)
+        raise InputError(where, "a bias is not a multiple of 64", measured=f"{bias[bias % 64 != 0][0]}", fix=_OTHER)
     values: dict[str, Array | str] = {
         "shape": np.array([q.population.size]),
         "outFeatures": np.array(q.population.size),

@@ -52,7 +52,9 @@ class Group:
         if values.dtype.kind == "f":
             values = values.astype(np.float64)
             if np.isnan(values).any() or (not infinite and np.isinf(values).any()):
-                raise InputError(self.where, f"{name!r} holds what is no finite number", fix="Train or export again.")
+                raise InputError(
+                    self.where, f"{name!r} holds a number that is not finite", fix="Train or export again."
+                )
         else:
             if values.dtype.kind == "u" and values.size and int(values.max()) > 2**62:
                 raise InputError(self.where, f"{name!r} is too large", measured=f"{values.max()}", fix=_WHOLE)

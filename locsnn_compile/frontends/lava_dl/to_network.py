@@ -117,7 +117,7 @@ def _add(built: _Built, layer: NetLayer, where: str) -> None:
     elif kind in _REFUSED:
         raise InputError(where, f"{kind!r} has no meaning on the chip", fix=_REFUSED[kind])
     else:
-        raise InputError(where, f"{kind[:40]!r} is no known type of layer", fix="Use dense and conv layers.")
+        raise InputError(where, f"{kind[:40]!r} is not a known type of layer", fix="Use dense and conv layers.")
 
 
 def _add_neurons(built: _Built, layer: NetLayer, where: str) -> None:
@@ -173,7 +173,7 @@ def _weights(built: _Built, layer: NetLayer, where: str) -> tuple[Matrix, Shape,
     given = built.shape or _image_before(layer, weight.shape, shape, where)
     kernel = _kernel(layer, weight, where)
     if kernel.ndim != 4 or len(given) != 3:
-        raise export_again(where, "it is no layer of images", f"weight {weight.shape}")
+        raise export_again(where, "it is not a layer of images", f"weight {weight.shape}")
     window, groups = Window(*_strides(layer, where)), layer.one("groups", where, 1)
     if layer.kind == "pool":
         fill = _fill(given, shape, window.stride)
@@ -316,7 +316,7 @@ def _neurons(layer: NetLayer, shape: Shape, where: str) -> ChipCuba:
         if (values < 0).any() or (values > most).any():
             raise InputError(
                 where,
-                f"{key} is no decay",
+                f"{key} is not a decay",
                 measured=f"{values.min()}..{values.max()} against 0..{most}",
                 fix="Correct.",
             )

@@ -229,7 +229,7 @@ def layer_of(node: NirNode, given: Shape | None, where: str) -> Layer | None:
 def _dense(node: NirNode, where: str) -> Layer:
     weight = node.array("weight")
     if weight.ndim != 2:
-        raise InputError(where, "its weight is no matrix", measured=f"{weight.shape}", fix="Give (outputs, inputs).")
+        raise InputError(where, "its weight is not a matrix", measured=f"{weight.shape}", fix="Give (outputs, inputs).")
     check_entries(weight.size, where)
     bias = node.each("bias", len(weight), "output", where) if node.kind == "Affine" else 0.0
     return Layer(sparse.csr_array(weight.astype(np.float64)), bias, (len(weight),))

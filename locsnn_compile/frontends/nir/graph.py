@@ -105,7 +105,7 @@ def _read_graph(group: Group, where: str, depth: int, seen: list[int]) -> NirGra
             raise InputError(where, "too many nodes", measured=f"more than {MAX_NODES}", fix="Give a smaller graph.")
         place = f"{where}, node {name[:60]!r}"
         if not name.isprintable() or len(name) > 200:
-            raise InputError(place, "its name is no plain text", fix="Rename it.")
+            raise InputError(place, "its name is not plain text", fix="Rename it.")
         nodes[name] = _read_node(held.group(name, place), place, depth, seen)
     edges = group.texts("edges") if "edges" in group else []
     if edges and group.shape("edges")[1:] != (2,):
@@ -133,7 +133,7 @@ def _read_node(group: Group, where: str, depth: int, seen: list[int]) -> NirNode
     if kind == "NIRGraph":
         return _read_graph(group, where, depth + 1, seen)
     if kind not in PARAMETERS:
-        raise InputError(where, f"{kind[:60]!r} is no NIR primitive", fix=did_you_mean(kind[:60], PARAMETERS))
+        raise InputError(where, f"{kind[:60]!r} is not a NIR primitive", fix=did_you_mean(kind[:60], PARAMETERS))
     # Some versions write the input's type as a group; its order is all that the weights behind it need.
     left_out = [name for name in OPTIONAL if name not in group or (name == "input_type" and group.is_group(name))]
     return NirNode(kind, {name: _parameter(group, name) for name in PARAMETERS[kind] if name not in left_out})

@@ -224,7 +224,7 @@ def _delay_steps(node: NirNode, size: int, dt: float, where: str) -> Any:
     if bad.size:
         raise InputError(
             where,
-            "a delay is no whole number of steps",
+            "a delay is not a whole number of steps",
             measured=f"{bad[0]:g} steps of {dt:g} s",
             fix="Give another --dt.",
         )

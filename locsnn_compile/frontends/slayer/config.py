@@ -78,9 +78,9 @@ def read_config(path: Path) -> SlayerConfig:
     try:
         values = load_yaml(data, where)
     except (yaml.YAMLError, ValueError):
-        raise InputError(where, "it is no YAML", fix="Give slayerPytorch's network description.") from None
+        raise InputError(where, "it is not YAML", fix="Give slayerPytorch's network description.") from None
     if not isinstance(values, dict):
-        raise InputError(where, "it is no description", fix="Give slayerPytorch's network description.")
+        raise InputError(where, "it is not a description", fix="Give slayerPytorch's network description.")
     return parse_config(values, where)
 
 
@@ -114,7 +114,7 @@ def parse_config(values: Mapping[Any, Any], where: str) -> SlayerConfig:
 def parse_layers(held: Any, where: str) -> tuple[LayerEntry, ...]:
     """Return the entries of a ``layer`` list as slayerPytorch's Loihi networks read it: ``34x34x2, 16c5z, 2a, 10``."""
     if not isinstance(held, list) or not 0 < len(held) <= MAX_LAYERS or not all(isinstance(e, dict) for e in held):
-        raise InputError(f"{where}, layer", "it is no list of layers", fix="Give entries such as {dim: 16c5z}.")
+        raise InputError(f"{where}, layer", "it is not a list of layers", fix="Give entries such as {dim: 16c5z}.")
     return tuple(_entry(entry, f"{where}, layer {i}", first=i == 0) for i, entry in enumerate(held))
 
 
@@ -148,7 +148,7 @@ def _order(values: Mapping[Any, Any], where: str) -> str | None:
                 return ",".join(str(n) for n in order[:1000])
             if isinstance(order, str):
                 return order[:4000]
-            raise InputError(f"{where}, {key}", "it is no order", fix="Give arch, whorl, loop or a list of taxels.")
+            raise InputError(f"{where}, {key}", "it is not an order", fix="Give arch, whorl, loop or a list of taxels.")
     return None
 
 

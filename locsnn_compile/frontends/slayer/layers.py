@@ -32,7 +32,7 @@ def dense_layer(kernel: FloatArray, where: str) -> tuple[Matrix, int]:
             return kernel.reshape(len(kernel), -1), len(kernel)
     raise InputError(
         where,
-        "it is no dense layer",
+        "it is not a dense layer",
         measured=f"weight {kernel.shape}",
         fix="Use slayer.dense layers, or list all layers in the YAML, as layer: [{dim: 34x34x2}, {dim: 16c5z}, ...].",
     )

@@ -216,14 +216,14 @@ def _tensors(held: object, where: str) -> dict[str, Any]:
     if isinstance(held, dict):
         held = next((held[key] for key in _STATE_KEYS if isinstance(held.get(key), dict)), held)
     if not isinstance(held, dict) or not held:
-        raise InputError(where, "it is no state dict", measured=f"a {type(held).__name__}", fix=_FIX)
+        raise InputError(where, "it is not a state dict", measured=f"a {type(held).__name__}", fix=_FIX)
     found: dict[str, Any] = {}
     for key, tensor in held.items():
         if not isinstance(key, str) or len(key) > 200 or not isinstance(tensor, Tensor):
             continue
         place = f"{where}, entry {key!r}"
         if not tensor.dense or tensor.dtype not in FLOATS:
-            raise InputError(place, "it is no dense float tensor", measured=tensor.dtype, fix=_FIX)
+            raise InputError(place, "it is not a dense float tensor", measured=tensor.dtype, fix=_FIX)
         check_most(math.prod(tensor.shape), MAX_WEIGHTS, place, "too many weights", fix="Give a smaller layer.")
         with np.errstate(invalid="ignore"):
             array = np.array(tensor.array(), dtype=np.float64)
