@@ -17,7 +17,13 @@ from rooms import between, circles, imports_of, inner_circles, modules_of, room
 ROOT = Path(__file__).parents[1]
 MODULES = modules_of(ROOT)
 FILES = imports_of(MODULES)
-TRAINS = ("locsnn_compile/models/", "locsnn_compile/training/", "locsnn_compile/cli/train", "locsnn_compile/cli/main")
+TRAINS = (
+    "locsnn_compile/models/",
+    "locsnn_compile/training/",
+    "locsnn_compile/cli/train",
+    "locsnn_compile/cli/main",
+    "locsnn_compile/__main__",
+)
 """Whose modules may reach torch; of the models, descriptions and checkpoints must not."""
 
 RULES = {
