@@ -127,9 +127,9 @@ def section(found: dict[str, list[list[Took]]], against: str | None, turns: int,
     return f"""## The command
 
 Made by `python tests/benchmarks/command_speed.py`: new processes, reading, all strategies of `auto`, the check, the reports, files
-written. Medians of {turns} turns, with an empty cache of {cold}.{before} The goal is 2 s, or six times the imports that it cannot do
-without.
-Measured on {machine()["processor"]}; other work kept {load():.1f} cores busy.
+written. *Nothing compiled yet* has an empty cache of compiled code. Medians of {turns} turns, and of {cold} with nothing
+compiled.{before} The goal is 2 s, or six times the imports that it cannot do without.
+Measured on {machine()["processor"]}; the average load of other work was {load():.1f}, so processor seconds say more than the clock's.
 
 {table(head, rows)}
 """
