@@ -98,13 +98,7 @@ def total(counts: Iterable[Counts]) -> Counts:
 
 
 BY_CORE = (
-    "synaptic_ops",
-    "neuron_updates",
-    "neuron_updates_active",
-    "spikes",
-    "axon_packets",
-    "packets_within_tile",
-    "hops_x",
-    "hops_y",
-)
+    "synaptic_ops", "neuron_updates", "neuron_updates_active", "spikes", "axon_packets", "packets_within_tile",
+    "hops_x", "hops_y",
+)  # fmt: skip
 """Counts kept for every step and core. Synapses count at the receiving core, packets and hops at the sending one."""

@@ -26,13 +26,11 @@ def run_phase(
     layout = fast_layout(program, phase)
     batch, n = len(played.input_events), layout.columns
     trace = PhaseTrace(
-        spikes=np.zeros((batch, played.steps, n), dtype=np.uint8),
-        sent=np.zeros((batch, sum(played.sizes) + n), dtype=np.int64),
-        active=np.zeros((batch, played.steps, layout.pieces), dtype=np.int64),
-        events=np.zeros((batch, len(EVENTS), n), dtype=np.int64),
-        skipped=np.zeros(batch, dtype=np.int64),
+        spikes=np.zeros((batch, played.steps, n), np.uint8), sent=np.zeros((batch, sum(played.sizes) + n), np.int64),
+        active=np.zeros((batch, played.steps, layout.pieces), np.int64), skipped=np.zeros(batch, np.int64),
+        events=np.zeros((batch, len(EVENTS), n), np.int64),
         registers={kind: window.empty(batch) for kind, window in windows.items()},
-    )
+    )  # fmt: skip
     in_parts(lambda start, stop: _run_part(layout, played, trace, windows, skip, slice(start, stop)), batch)
     return trace
 

@@ -324,26 +324,15 @@ def _chunks(
     member = [chunk for block in bundles for each in block for chunk in each]
     starts = np.cumsum([0, *(len(each) for block in bundles for each in block)])
     spiking = [[n for n in block if nodes.parent[n] < 0] for block in blocks]
+    feeds_itself = [any(links.from_node[n] < links.from_node[n + 1] for n in block) for block in blocks]
     return Chunks(
-        node=cut.node,
-        piece=cut.piece,
-        parent=parent,
-        first_column=cut.first_column,
-        width=cut.width,
-        sums=(~keeps & ~reached).astype(np.uint8),
-        plain=plain.astype(np.uint8),
-        registers=registers,
-        member=np.array(member, dtype=np.int64),
-        begins=np.isin(np.arange(len(member)), starts),
-        bundle=starts,
-        of_block=np.cumsum([0, *map(len, bundles)]),
-        feeds_itself=np.array(
-            [any(links.from_node[n] < links.from_node[n + 1] for n in block) for block in blocks], dtype=np.uint8
-        ),
-        spiking_node=np.array([n for block in spiking for n in block], dtype=np.int64),
-        of_node=np.cumsum([0, *map(len, spiking)]),
-        widths=widths,
-    )
+        node=cut.node, piece=cut.piece, parent=parent, first_column=cut.first_column, width=cut.width,
+        sums=(~keeps & ~reached).astype(np.uint8), plain=plain.astype(np.uint8), registers=registers,
+        member=np.array(member, np.int64), begins=np.isin(np.arange(len(member)), starts), bundle=starts,
+        of_block=np.cumsum([0, *map(len, bundles)]), feeds_itself=np.array(feeds_itself, np.uint8),
+        spiking_node=np.array([n for block in spiking for n in block], np.int64),
+        of_node=np.cumsum([0, *map(len, spiking)]), widths=widths,
+    )  # fmt: skip
 
 
 def _cannot_wrap(arrived: npt.NDArray[Any], decay_u: Lanes, widths: Widths) -> npt.NDArray[np.bool_]:

@@ -84,12 +84,9 @@ def first_state(layout: FastLayout, tile: int = TILE) -> State:
 
 def workspace(layout: FastLayout, tile: int = TILE) -> Workspace:
     """Return room for the spikes of a tile."""
-    return Workspace(
-        masks=np.zeros((tile, len(layout.chunks.node)), dtype=np.int32),
-        event=np.empty(tile * layout.columns, dtype=np.int32),
-        begin=np.zeros((tile + 1, len(layout.nodes.first)), dtype=np.int64),
-        updated=np.zeros(tile, dtype=np.uint8),
-    )
+    masks = np.zeros((tile, len(layout.chunks.node)), dtype=np.int32)
+    begin = np.zeros((tile + 1, len(layout.nodes.first)), dtype=np.int64)
+    return Workspace(masks, np.empty(tile * layout.columns, dtype=np.int32), begin, np.zeros(tile, dtype=np.uint8))
 
 
 _ZERO = np.int64(0)
@@ -225,6 +222,8 @@ def run_tile(  # type: ignore[no-untyped-def]
     ``first`` (rows + 1 or more, inputs) and ``line``: the lists of the tile's input events. ``spikes`` (rows, n) and
     ``active`` (rows, pieces) are written, ``sent`` (lines + n,) is added to, and registers are kept for ``recording``.
     """
+    if skip and _is_silent(rows, first, state):
+        return rows
     for m in range(first.shape[1]):
         low = np.uint64(nodes.first[m])
         for e in range(np.uint64(first[0, m]), np.uint64(first[rows, m])):
@@ -241,6 +240,22 @@ def run_tile(  # type: ignore[no-untyped-def]
     for r in range(rows):
         quiet -= work.updated[r]
     return quiet
+
+
+@inner
+def _is_silent(rows, first, state):  # type: ignore[no-untyped-def]
+    """Tell whether nothing comes in a tile, nothing is due in it or later, and everything is at rest."""
+    for m in range(first.shape[1]):
+        if first[0, m] != first[rows, m]:
+            return False
+    for k in range(len(state.at_rest)):
+        if not state.at_rest[k]:
+            return False
+    for r in range(len(state.touched)):
+        for k in range(len(state.at_rest)):
+            if state.touched[r, k]:
+                return False
+    return True
 
 
 @absorbed

@@ -46,15 +46,11 @@ class Live:
         place[read.columns] = np.arange(len(read.columns))
         potential = tiles.KeptRegister(place, 0, np.zeros((1, TILE, len(read.columns)), dtype=np.int64))
         room = Room(
-            first=np.zeros((TILE + 1, inputs), dtype=np.int64),
-            line=np.empty(TILE * lines, dtype=np.int32),
-            spikes=np.zeros((TILE, layout.columns), dtype=np.uint8),
-            so_far=np.zeros(layout.columns, dtype=np.int64),
-            sent=np.zeros(lines + layout.columns, dtype=np.int64),
-            active=np.zeros((TILE, layout.pieces), dtype=np.int64),
-            kept=tiles.Kept(len(read.columns) > 0, tiles.NO_REGISTER, tiles.NO_REGISTER, potential),
-            read=read,
-        )
+            first=np.zeros((TILE + 1, inputs), np.int64), line=np.empty(TILE * lines, np.int32),
+            spikes=np.zeros((TILE, layout.columns), np.uint8), so_far=np.zeros(layout.columns, np.int64),
+            sent=np.zeros(lines + layout.columns, np.int64), active=np.zeros((TILE, layout.pieces), np.int64),
+            kept=tiles.Kept(len(read.columns) > 0, tiles.NO_REGISTER, tiles.NO_REGISTER, potential), read=read,
+        )  # fmt: skip
         self._steps, self._columns = steps, layout.columns
         self._state, self._so_far = tiles.first_state(layout), room.so_far
         self._played = (layout.nodes, layout.chunks, layout.links, self._state, tiles.workspace(layout), room)

@@ -154,6 +154,27 @@ def test_the_sum_of_many_joined_voltages(chain):
     assert fast.counts == slow.counts
 
 
+@pytest.mark.parametrize("decay", [4096, 256], ids=["at rest between", "decaying"])
+def test_a_tile_of_silence_waits_for_what_is_under_way(decay):
+    """Events of one tile of 64 steps are due in the next, which has none; a third has nothing, and a fourth one more."""
+    builder = hw.ProgramBuilder(CHIP)
+    x, y = builder.add_input("x", 2), builder.add_compartments("y", 2, decay_u=decay, decay_v=decay, threshold=30)
+    builder.connect(x, y, [[60, 0], [0, 60]], delay=[[0, 0], [0, 62]])
+    builder.read_out(y)
+    program = builder.build()
+    recording = np.zeros((260, 2), dtype=np.uint8)
+    recording[[60, 200], 1] = 1
+    recording[[3, 129], 0] = 1
+    fast, slow = (hw.simulate(program, recording, engine=engine, probe=("spikes", "u", "v")) for engine in ENGINES)
+    for kind in ("spikes", "u", "v"):
+        assert np.array_equal(getattr(fast, kind)["y"], getattr(slow, kind)["y"])
+    assert fast.spikes["y"][:, 1].nonzero()[0][0] == 60 + 63
+    session = hw.Session(program)
+    parts = [session.push(part).spikes["y"] for part in np.split(recording, [64, 128, 200])]
+    assert np.array_equal(np.concatenate(parts), slow.spikes["y"].cumsum(axis=0, dtype=np.int64))
+    assert (fast.counts.skipped_steps > 200) == (decay == 4096)
+
+
 def test_a_chain_as_long_as_a_core():
     """Each adds its v to the next; nothing that walks along it calls itself."""
     builder = hw.ProgramBuilder(CHIP)
