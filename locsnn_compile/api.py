@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -48,8 +47,6 @@ from locsnn_compile.verification.excerpt import Excerpt, take_excerpt
 from locsnn_compile.verification.grounds import grounds_of
 from locsnn_compile.verification.matching import Match, Progress, compare
 from locsnn_compile.verification.over_time import PSI, over_time
-
-_log = logging.getLogger("locsnn")
 
 Events = str | Path | Recordings | npt.ArrayLike
 
@@ -166,7 +163,6 @@ def compile(
     with spread_over(scheduler) as spread:
         settled = split_weights is not None
         levels, choice = _lower(network, chip, asked, calibrated, budget or ErrorBudget(), spread, settled=settled)
-        _log.debug("%s: checking on %d recordings of %s", network.name, len(recordings), recordings.source)
         match = _compare(levels, recordings, progress, spread)
     found, followed, excerpt = None, None, None
     if diagnosis:

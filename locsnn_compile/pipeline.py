@@ -50,12 +50,11 @@ def lower(
     check_network(network)
     quantized = quantize(network, chip, weight_bits, strategy, rounding, calibration)
     compartments = lower_neurons(quantized, chip)
-    _log.debug("%s: %s, %d compartments", network.name, quantized.strategy, sum(g.size for g in compartments.groups))
     placed = arrange_cores(place_cores(compartments, chip))
     routed = route_axons(placed)
     kept = {name: getattr(network, name) for name in ("step_seconds", "event_threshold", "psi")}
     program = replace(assemble(routed), **kept)
-    _log.debug("%s: %d cores of %s", network.name, len(program.cores), chip.name)
+    _log.debug("%s: %s, %d cores of %s", network.name, quantized.strategy, len(program.cores), chip.name)
     return Levels(network, quantized, compartments, placed, routed, program)
 
 

@@ -9,7 +9,7 @@ BENCH_KINDS = ("vectors", "vcd", "trace", "sanafe", "graphml", "dot")
 """Programs and a recording played to them, for test benches, viewers and other simulators."""
 EXCHANGE_KINDS = ("nir", "net")
 """The model itself, as a file of another tool."""
-EMIT_KINDS = (*LEVEL_KINDS, *BENCH_KINDS, *EXCHANGE_KINDS, "csv")
+EMIT_KINDS = (*LEVEL_KINDS, *BENCH_KINDS, *EXCHANGE_KINDS, "csv", "viewer")
 """All that ``--emit`` takes."""
 BUILD_NAMES = ("program.yaml", "program.npz", "report.json", "report.md", "report.html")
 """What every build holds."""
@@ -21,5 +21,6 @@ EMITTED_NAMES = {
     "graphml": "program.graphml",
     "dot": "program.dot",
     "csv": "csv/",
+    "viewer": "viewer.html",
 }
 """What the kinds write, a folder where it ends in a slash."""

@@ -14,7 +14,7 @@ from locsnn_compile.backends import BENCH_KINDS, BUILD_NAMES, EMIT_KINDS, EMITTE
 from locsnn_compile.cli.checks import check_known, check_psi, given, recording_of
 from locsnn_compile.cli.completion import answer_shell
 from locsnn_compile.cli.option_file import HELP as OPTIONS
-from locsnn_compile.cli.shell import EXIT_GATE, Parser, add_verbose, add_version, guarded, progress_bar
+from locsnn_compile.cli.shell import EXIT_GATE, Parser, add_common, guarded, progress_bar
 from locsnn_compile.cli.step_options import add_step_options, asked_steps, with_steps
 from locsnn_compile.errors import InputError
 from locsnn_compile.strategies import AUTO, STRATEGIES
@@ -33,18 +33,9 @@ example:
 Without --events the check plays recordings that the model carries, else synthetic touches, and the report says so.
 Exit codes: 0 done; 1 the chip cannot hold the model; 2 wrong usage or unreadable input; 3 a gate failed.
 """
-_STRATEGY = (
-    f"lowering of SRM neurons: {', '.join(STRATEGIES)}, or auto: the cheapest within --min-agreement and "
-    "--max-spike-error, or by default as accurate as dendrite (default auto)"
-)
-_CALIBRATION = (
-    "recordings for rounding weights and choosing settings (of an archive, the train part; default: the model's own, "
-    "or synthetic)"
-)
-_SPLIT = (
-    "weights that get a second synapse for what the first cannot hold: none, all, or a share 0..1 (default: none, or "
-    "what --min-agreement and --max-spike-error need)"
-)
+_STRATEGY = f"lowering of SRM neurons: {', '.join(STRATEGIES)}, or auto (default): the cheapest that keeps the bounds"
+_CALIBRATION = "recordings for rounding and settings (an archive's train part; default: the model's own, or synthetic)"
+_SPLIT = "weights that get a second synapse: none, all, or a share 0..1 (default: none, or what the bounds need)"
 _PROFILE = "costs for the report: a profile of the chip, or a YAML file like one (default: the chip's first)"
 _PSI = "how late the report's time-weighted prediction shifts to the location branch (default: the model's own, or 10)"
 READ = ("--options", "--config", "--events", "--calibration", "--target", "--profile")
@@ -57,8 +48,7 @@ def parser() -> Parser:
         "locsnn-compile", description=DESCRIPTION, epilog=EXAMPLE, formatter_class=RawDescriptionHelpFormatter
     )
     add_options(made)
-    add_verbose(made)
-    add_version(made)
+    add_common(made)
     return made
 
 
@@ -73,16 +63,10 @@ def add_options(parser: ArgumentParser) -> None:
     add("--strategy", default=AUTO, metavar="NAME", help=_STRATEGY)
     add("--calibration", metavar="FILE", help=_CALIBRATION)
     add("--split-weights", type=part, metavar="SHARE", help=_SPLIT)
-    add(
-        "--weight-bits", type=int, metavar="BITS", help="1 to 6, or 8 (default: the chip's most); with a bound, at most"
-    )
+    add("--weight-bits", type=int, metavar="BITS", help="1 to 6, or 8 (default: the chip's most); at most, if bounded")
     add("--config", metavar="FILE", help="network description, for model formats that need one; a checkpoint does not")
     add("--dt", type=number, metavar="SECONDS", help="NIR: seconds per step (default 1e-4, the convention)")
-    add(
-        "--reset",
-        metavar="NAME",
-        help="NIR, what a spike does: zero, subtract, late-zero, late-subtract (default zero)",
-    )
+    add("--reset", metavar="NAME", help="NIR: zero (default), subtract, late-zero or late-subtract at a spike")
     add("--discretisation", metavar="NAME", help="NIR: euler, the usual one, hold, or exact (default euler)")
     add("--kernels", metavar="NAME", help="slayerPytorch: full (default), or cut in the reference, as in its training")
     add_step_options(parser)
@@ -93,12 +77,7 @@ def add_options(parser: ArgumentParser) -> None:
     add("--json", action="store_true", help="print report.json to standard output, and nothing else there")
     add("--quiet", action="store_true", help="print nothing")
     add("--min-agreement", type=number, metavar="X", help="exit 3 if prediction agreement is below X (0..1)")
-    add(
-        "--max-spike-error",
-        type=number,
-        metavar="X",
-        help="exit 3 if more than this share of spikes differs (0..1)",
-    )
+    add("--max-spike-error", type=number, metavar="X", help="exit 3 if over this share of spikes differs (0..1)")
     add("--max-energy-nj", type=number, metavar="X", help="exit 3 if a recording takes over X nanojoules on average")
     add("--max-latency-us", type=number, metavar="X", help="exit 3 if a recording takes over X microseconds on average")
     add("--max-cores", type=int, metavar="N", help="exit 3 if more than N cores are used")
@@ -111,8 +90,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; return its exit code."""
     made = parser()
     answer_shell(made)
-    args = made.parse_args(argv)
-    return guarded(run, args, argv)
+    return guarded(made, argv, run)
 
 
 def run(args: Namespace) -> int:
@@ -226,14 +204,19 @@ def written_names(emit: Sequence[str]) -> tuple[str, ...]:
 
 
 def _emitted(args: Namespace, compiled: CompiledModel, recordings: Recordings, number: int) -> dict[str, bytes]:
-    """Return the files for other tools, of the program and of one recording."""
-    kinds = [kind for kind in BENCH_KINDS if kind in args.emit]
-    if not kinds:
-        return {}
-    from locsnn_compile.backends.files import bench_files
+    """Return the files for other tools, of the program and of one recording, and the viewer, of several."""
+    found: dict[str, bytes] = {}
+    if kinds := [kind for kind in BENCH_KINDS if kind in args.emit]:
+        from locsnn_compile.backends.files import bench_files
 
-    title = f"recording {number} of {recordings.source}"
-    return bench_files(compiled.program, kinds, recordings.spikes[number], title, args.probe)
+        title = f"recording {number} of {recordings.source}"
+        found |= bench_files(compiled.program, kinds, recordings.spikes[number], title, args.probe)
+    if "viewer" in args.emit:
+        from locsnn_compile.report.viewer.page import render_viewer
+
+        played, first = compiled.network.fit(recordings.spikes, recordings.source), compiled.match.first_divergence
+        found["viewer.html"] = render_viewer(compiled.levels, compiled.report, played, recordings.labels, first)
+    return found
 
 
 def _say_gates(gates: Sequence[Gate]) -> int:

@@ -64,9 +64,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         add(axis.option, type=kind, nargs="+", default=[], metavar="X", help=f"{axis.help} to try (default: {listed})")
     add("--engines", nargs="*", default=list(ENGINES), metavar="NAME", help="engines to time: fast, reference")
     add("--min-agreement", type=float, metavar="X", help="recommend a setting that keeps this share of predictions")
-    add(
-        "--max-spike-error", type=float, metavar="X", help="recommend one in which at most this share of spikes differs"
-    )
+    add("--max-spike-error", type=float, metavar="X", help="recommend one in which no larger share of spikes differs")
     add("-o", "--output", metavar="DIR", help="folder to write (default build/<model name>-explore)")
     add("--workers", type=int, metavar="N", help="measure in N processes of this machine")
     add("--scheduler", metavar="ADDRESS", help="measure on the Dask cluster of this scheduler (needs the extra dask)")

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 
 from locsnn_compile.cli import compile, completion, diff, events, explore, run, stress, targets, train
-from locsnn_compile.cli.shell import Parser, add_command, add_version, guarded
+from locsnn_compile.cli.shell import Parser, add_command, add_common, guarded
 
 COMMANDS = (compile, train, run, events, explore, diff, stress, targets, completion)
 
@@ -14,7 +14,7 @@ COMMANDS = (compile, train, run, events, explore, diff, stress, targets, complet
 def parser() -> Parser:
     """Return the argument parser, with one below it for each command."""
     made = Parser("locsnn", description="Compile, train, run and inspect spiking networks.")
-    add_version(made)
+    add_common(made)
     commands = made.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for command in COMMANDS:
         add_command(commands, command.__name__.rpartition(".")[2], command)
@@ -25,8 +25,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command that the first argument names; return its exit code."""
     made = parser()
     completion.answer_shell(made)
-    args = made.parse_args(argv)
-    return guarded(args.run, args, argv)
+    return guarded(made, argv, lambda args: int(args.run(args)))
 
 
 if __name__ == "__main__":

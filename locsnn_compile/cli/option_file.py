@@ -18,9 +18,8 @@ def read_options(parser: argparse.ArgumentParser, path: str) -> dict[str, Any]:
 
     where = f"options {path!r}"
     values = read_mapping(Path(path), where, "Give the YAML file of a command's options.")
-    known = {name[2:]: action for name, action in parser._option_string_actions.items() if name.startswith("--")}
-    for name in _OTHERS:
-        known.pop(name, None)
+    options = {name[2:]: action for name, action in parser._option_string_actions.items() if name.startswith("--")}
+    known = {name: action for name, action in options.items() if name not in _OTHERS}
     for name in values:
         if name not in known:
             raise InputError(where, f"key {str(name)[:60]!r} is not known", fix=did_you_mean(name, known))
@@ -41,7 +40,6 @@ def _value(action: argparse.Action, value: Any, where: str) -> Any:
             raise ValueError(value)
         found = [kind(str(one)) for one in items]
     except ValueError:
-        raise InputError(
-            where, "it is not a value of this option", measured=f"got {value!r}", fix="Correct the value."
-        ) from None
+        got = f"got {value!r}"
+        raise InputError(where, "it is not a value of this option", measured=got, fix="Correct the value.") from None
     return found if several else found[0]

@@ -44,12 +44,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--profile", metavar="NAME|FILE", help="costs to show: a profile of the chip, or a YAML file like one")
     add("--engine", default="fast", metavar="NAME", help="fast or reference (default fast); equal integers")
     add("--stream", action="store_true", help="play step by step; show each change of the prediction, and the pace")
-    add(
-        "--psi",
-        type=float,
-        metavar="X",
-        help="with --stream or --stop margin: weigh the branches by time, such as 10",
-    )
+    add("--psi", type=float, metavar="X", help="with --stream or --stop margin: weigh branches by time, such as 10")
     add("--stop", metavar="HOW", help="stop early: proven, margin or silence")
     add("--calibrate", metavar="FILE", help="recordings to find the margin on")
     add("--min-agreement", type=float, metavar="X", help="of stops with the end, on those recordings (default 0.99)")

@@ -39,11 +39,7 @@ class Parser(argparse.ArgumentParser):
                 self.error(f"argument {text!r} is not text in this locale; rename the file, or choose a UTF-8 locale")
         found, rest = super().parse_known_args(args, namespace)
         if "--options" in self._option_string_actions and found.options is not None:
-            try:
-                values = read_options(self, found.options)
-            except InputError as error:
-                print(error, file=sys.stderr)
-                raise SystemExit(EXIT_INPUT) from None
+            values = read_options(self, found.options)
             # A default is taken only where there is no attribute: what is None after this was not typed.
             typed, _ = super().parse_known_args(args, argparse.Namespace(**dict.fromkeys(values)))
             for name, value in values.items():
@@ -80,28 +76,26 @@ def add_command(commands: argparse._SubParsersAction[Any], name: str, command: C
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     command.add_options(parser)
-    add_verbose(parser)
+    add_common(parser)
     parser.set_defaults(run=command.run)
 
 
-def add_verbose(parser: argparse.ArgumentParser) -> None:
-    """Add the option that all commands have."""
-    parser.add_argument("--verbose", action="store_true", help="say on standard error what is being done")
-
-
-def add_version(parser: argparse.ArgumentParser) -> None:
-    """Add the option that every program has."""
+def add_common(parser: argparse.ArgumentParser) -> None:
+    """Add the options that all commands have."""
+    help_ = "say on standard error what is being done"
+    parser.add_argument("--verbose", action="store_true", default=argparse.SUPPRESS, help=help_)
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}", help="print the version")
 
 
-def guarded(run: Callable[[argparse.Namespace], int], args: argparse.Namespace, typed: Sequence[str] | None) -> int:
+def guarded(parser: Parser, typed: Sequence[str] | None, run: Callable[[argparse.Namespace], int]) -> int:
     """Run a command; print an error as its one line and return the exit code that its kind has.
 
     ``typed``: the words of the command line, by default this program's own.
     """
     _ready_streams()
-    _show_log(args.verbose)
     try:
+        args = parser.parse_args(typed)
+        _show_log("verbose" in args)
         with leaving_at_once():
             code = run(args)
             sys.stdout.flush()

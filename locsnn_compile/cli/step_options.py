@@ -22,9 +22,7 @@ def add_step_options(parser: argparse.ArgumentParser, threshold: str = "threshol
     """Add ``--step-seconds``, ``--steps`` and ``--threshold``, which is kept under the name ``threshold``."""
     add = parser.add_argument
     add("--step-seconds", type=float, metavar="X", help="seconds of a step, where nothing says it (events: 0.02)")
-    add(
-        "--steps", type=int, metavar="N", help="steps of a recording: silence follows shorter ones, longer ones are cut"
-    )
+    add("--steps", type=int, metavar="N", help="steps of a recording: shorter ones end in silence, longer ones are cut")
     add("--threshold", dest=threshold, type=int, metavar="N", help="events that a bin must exceed to be 1 (default 0)")
 
 

@@ -38,8 +38,8 @@ once at the end. Beside OUT.pt a log OUT.csv and its picture OUT.svg are written
 """
 
 
-SHOWN_CLASSES, SHOWN_CONFUSIONS = 12, 5
-"""Classes up to which the confusion matrix is printed, and confusions that are printed of more."""
+SHOWN_CLASSES = 20
+"""Classes up to which the confusion matrix is printed."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -62,22 +62,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--learning-rate", type=float, metavar="X", help="largest learning rate (default 0.003)")
     add("--event-dropout", type=float, metavar="X", help="largest share of events to drop (default 0.5)")
     add("--validation-fraction", type=float, metavar="X", help="share held out to choose the epoch (default 0.125)")
-    add(
-        "--refit",
-        action=argparse.BooleanOptionalAction,
-        default=None,
-        help="train again on the whole train part once the epoch is chosen (default: yes)",
-    )
+    refit = "train again on the whole train part once the epoch is chosen (default: yes)"
+    add("--refit", action=argparse.BooleanOptionalAction, help=refit)
     add("--recordings", type=int, default=8, metavar="N", help="recordings to keep in the checkpoint (default 8)")
     add("--target", metavar="CHIP", help="train on the integers of this chip (default: float)")
     usual, *others, last = TRAINABLE
     add("--strategy", metavar="NAME", help=f"with --target: {usual} (default), {', '.join(others)} or {last}")
-    add(
-        "--weight-bits",
-        type=int,
-        metavar="N",
-        help="with --target: 1 to 6, or 8 (default), or the chip's most if it has fewer",
-    )
+    add("--weight-bits", type=int, metavar="N", help="with --target: 1 to 6, or 8 (default: the chip's most)")
     add("--from", dest="start", metavar="MODEL.pt", help="start from the weights of this checkpoint")
     add("--resume", action="store_true", help="go on from OUT.pt.state where a run was stopped")
     add("--tensorboard", metavar="DIR", help="also log every epoch for TensorBoard (needs the extra tensorboard)")
@@ -204,47 +195,33 @@ def _config(args: argparse.Namespace, start: Checkpoint | None) -> TrainingConfi
 def _summary(output: Path, result: TrainingResult, found: IntArray | None, test: Recordings | None) -> str:
     from locsnn_compile.report.format import plural
     from locsnn_compile.training.export import accuracy_of
-
-    accuracy = None if found is None else accuracy_of(found)
-    lines = [f"epoch {result.chosen_epoch} chosen"]
-    if result.validation_accuracy is not None:
-        lines[0] += f" by validation accuracy {result.validation_accuracy:.3f}"
-    if found is not None and test is not None:
-        lines.append(f"test accuracy {accuracy:.3f} on {plural(len(test), 'recording')}")
-        lines += _confusion(found)
-    lines += [f"! {remark}" for remark in (*result.remarks, *_test_remarks(accuracy, test))]
-    lines.append(f"wrote {output}")
-    return "\n".join(lines)
-
-
-def _test_remarks(accuracy: float | None, test: Recordings | None) -> list[str]:
     from locsnn_compile.training.measure import chance_remarks
 
-    if accuracy is None or test is None or test.labels is None:
-        return []
-    return chance_remarks(accuracy, test.labels, "of the test part")
+    lines, remarks = [f"epoch {result.chosen_epoch} chosen"], list(result.remarks)
+    if result.validation_accuracy is not None:
+        lines[0] += f" by validation accuracy {result.validation_accuracy:.3f}"
+    if found is not None and test is not None and test.labels is not None:
+        accuracy = accuracy_of(found)
+        lines += [f"test accuracy {accuracy:.3f} on {plural(len(test), 'recording')}", *_confusion(found)]
+        remarks += chance_remarks(accuracy, test.labels, "of the test part")
+    return "\n".join([*lines, *(f"! {remark}" for remark in remarks), f"wrote {output}"])
 
 
 def _confusion(found: IntArray) -> list[str]:
-    """Return the confusion matrix as lines, or, of many classes, the confusions that are most frequent."""
-    classes = len(found)
-    if classes <= SHOWN_CLASSES:
-        width = len(str(found.max())) + 2
-        rows = ["".join(f"{n:{width}}" for n in row) for row in [list(range(classes)), *found.tolist()]]
-        heads = ["label \\ predicted", *map(str, range(classes))]
-        return [f"{head:>17}{row}" for head, row in zip(heads, rows, strict=True)]
-    pairs = [(int(found[i, j]), i, j) for i in range(classes) for j in range(classes) if i != j and found[i, j]]
-    worst = sorted(pairs, key=lambda pair: -pair[0])[:SHOWN_CONFUSIONS]
-    return [f"  label {i} predicted as {j}: {n} of {int(found[i].sum())}" for n, i, j in worst]
+    """Return the confusion matrix as lines; none where there are too many classes for a terminal."""
+    classes = range(len(found))
+    if len(found) > SHOWN_CLASSES:
+        return []
+    width = len(str(found.max())) + 2
+    rows = ["".join(f"{n:{width}}" for n in row) for row in (classes, *found.tolist())]
+    return [f"{head:>17}{row}" for head, row in zip(("label \\ predicted", *classes), rows, strict=True)]
 
 
-def _after_epochs(args: argparse.Namespace, moved: Moved | None) -> Progress | None:
+def _after_epochs(args: argparse.Namespace, moved: Moved | None) -> Progress:
     """Return what is told of every epoch: a bar where somebody watches, lines elsewhere, and TensorBoard."""
     from locsnn_compile.training.tensorboard import tensorboard_log
 
     log = tensorboard_log(Path(args.tensorboard)) if args.tensorboard else None
-    if log is None and args.quiet:
-        return None
 
     def after_epoch(done: int, expected: int, record: EpochRecord) -> None:
         if log is not None:

@@ -19,8 +19,7 @@ def tensorboard_log(folder: Path) -> Progress:
 
     def after_epoch(done: int, expected: int, record: EpochRecord) -> None:
         for name in ("learning_rate", "loss", "validation_loss", "validation_accuracy"):
-            value = getattr(record, name)
-            if value is not None:
+            if (value := getattr(record, name)) is not None:
                 writer.add_scalar(f"{record.phase}/{name}", value, record.epoch)
         writer.flush()
 

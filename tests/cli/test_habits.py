@@ -75,9 +75,7 @@ def test_a_verbose_command_says_what_it_does(tmp_path, capsys, levels):
     logging.getLogger().handlers.clear()  # as in a process of its own
     assert main(["compile", *words, "--verbose"]) == 0
     said = capsys.readouterr().err
-    assert "objects-hybrid: dendrite, " in said
-    assert re.search(r"^objects-hybrid: \d+ cores of loihi-sim$", said, flags=re.MULTILINE)
-    assert "objects-hybrid: checking on 8 recordings of touches.npz" in said
+    assert re.search(r"^objects-hybrid: dendrite, \d+ cores of loihi-sim$", said, flags=re.MULTILINE)
 
 
 def test_there_is_one_logger():

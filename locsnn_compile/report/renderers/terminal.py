@@ -5,14 +5,14 @@ from __future__ import annotations
 import re
 import textwrap
 from collections.abc import Callable
+from dataclasses import replace
 
 from rich.console import Console
 from rich.text import Text
 
-from locsnn_compile.report.compose import subtitle
+from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import Document, Report, Verdict
 from locsnn_compile.report.format import plain, share, shortened
-from locsnn_compile.report.sections.verdict import costs, fits, matches, notices
 from locsnn_compile.report.words import ASSUMED, SIGNS, no_spikes
 
 _STYLES = {"yes": "bold green", "nearly": "bold yellow", "no": "bold red", "unknown": "bold", "modelled": "bold"}
@@ -34,9 +34,7 @@ _ASCII = str.maketrans(
 def render_terminal(document: Document, console: Console) -> None:
     """Print the summary of a build, with a bar for every population."""
     title = f"{_short(document['model']['name'])} on {_short(document['target'])}"
-    verdicts, assumed = (matches(document), costs(document), fits(document)), tuple(document["assumptions"])
-    summary = Report(title, subtitle(document), verdicts, notices(document), (), assumed)
-    render_summary(summary, console, lambda: _populations(console, document))
+    render_summary(replace(compose(document), title=title), console, lambda: _populations(console, document))
 
 
 def render_summary(report: Report, console: Console, below_first: Callable[[], None] = lambda: None) -> None:
