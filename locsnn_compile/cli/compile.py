@@ -105,7 +105,7 @@ def run(args: Namespace) -> int:
     from locsnn_compile.api import compile, recordings_for
     from locsnn_compile.data.read import read_recordings
     from locsnn_compile.frontends import load
-    from locsnn_compile.report.sections.choice import unmet_budget
+    from locsnn_compile.report.sections.build import unmet_budget
     from locsnn_compile.settings import check_matters
     from locsnn_compile.verification.error_bounds import ErrorBudget
 

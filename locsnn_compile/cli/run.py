@@ -11,13 +11,13 @@ from functools import partial
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
+import hw_model as hw
 from locsnn_compile.cli.checks import check_known, check_number, check_psi
 from locsnn_compile.cli.shell import progress_bar
 from locsnn_compile.cli.step_options import CHUNK, add_step_options, chunks_for_program, read_for_program
 from locsnn_compile.errors import InputError
 
 if TYPE_CHECKING:
-    import hw_model as hw
     from locsnn_compile.cluster.spread import Spread
     from locsnn_compile.data.recordings import Recordings
 
@@ -58,7 +58,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Play every recording; print a line each, or JSON."""
     _check_options(args)
-    import hw_model as hw
     from locsnn_compile.cli.run_stop import find_stops, known_margin, stop_lines
     from locsnn_compile.cli.run_stream import stream_all, stream_lines
     from locsnn_compile.cluster.dask_cluster import spread_over
@@ -152,7 +151,6 @@ def _play(
 
 def _play_part(program: hw.ChipProgram, engine: Any, part: tuple[Any, Any]) -> tuple[list[dict[str, Any]], hw.Counts]:
     """Play spikes with their labels; return rows and counts."""
-    import hw_model as hw
 
     spikes, labels = part
     found = hw.simulate(program, spikes, engine=engine, probe=())

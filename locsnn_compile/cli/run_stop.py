@@ -8,12 +8,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import hw_model as hw
 from locsnn_compile.cli.shell import progress_bar
 from locsnn_compile.cli.step_options import read_for_program
 from locsnn_compile.errors import InputError
 
 if TYPE_CHECKING:
-    import hw_model as hw
     from locsnn_compile.cluster.spread import Spread
     from locsnn_compile.data.recordings import Recordings
 
@@ -26,8 +26,6 @@ def known_margin(args: argparse.Namespace, program: hw.ChipProgram) -> Row:
     if args.margin is not None:
         return {"margin": args.margin, "calibrated_on": None}
     import numpy as np
-
-    import hw_model as hw
 
     asked = MIN_AGREEMENT if args.min_agreement is None else args.min_agreement
     recordings, part = _calibration(args, program)
@@ -57,7 +55,6 @@ def find_stops(
     """Stop every recording; add its ``stop`` to the rows and return what is saved, and what it costs in agreement."""
     import numpy as np
 
-    import hw_model as hw
     from locsnn_compile.verification.over_time import savings, stop_all
 
     if args.silence is not None:

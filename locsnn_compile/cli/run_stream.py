@@ -12,12 +12,12 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
+import hw_model as hw
 from locsnn_compile.cli.diff import read_report
 from locsnn_compile.cli.shell import progress_bar
 from locsnn_compile.errors import InputError
 
 if TYPE_CHECKING:
-    import hw_model as hw
     from locsnn_compile.data.recordings import Recordings
     from locsnn_compile.verification.over_time import OnStep, Streamed
 
@@ -77,7 +77,6 @@ def stream_all(
     args: argparse.Namespace, program: hw.ChipProgram, recordings: Recordings, rows: list[Row], margin: Row | None
 ) -> Row:
     """Stream every recording, showing it; add ``changes`` to the rows and return what was found of all together."""
-    import hw_model as hw
     from hw_model.streaming.early_stop import to_the_end
     from locsnn_compile.verification.over_time import right_over_time, step_latency, stream
 
