@@ -204,7 +204,10 @@ def test_what_contradicts_is_refused(
     spikes = np.zeros((2, 156, STEPS), dtype=np.uint8)
     np.savez(slip / "binned.npz", spikes=spikes, labels=[0, 1], step_seconds=0.02)
     np.savez(slip / "bare.npz", spikes=spikes, labels=[0, 1])
-    assert main([*(word.format(slip) for word in command), *given]) == 2
+    typed = [word.format(slip) for word in command]
+    for word in typed:
+        message = message.replace(f"recordings {Path(word).name!r}", f"recordings {word!r}")
+    assert main([*typed, *given]) == 2
     assert capsys.readouterr() == ("", f"{message}\n")
     assert not (slip / "never").exists()
     assert not (slip / "never.pt").exists()
