@@ -77,9 +77,11 @@ def test_an_index_would_take_them(wheel):
     assert said.count("PASSED") == 2
 
 
-def test_the_licence_comes_along(wheel):
+def test_the_licences_and_the_viewer_come_along(wheel):
     names = run(sys.executable, "-m", "zipfile", "-l", wheel, cwd=wheel.parent)
     assert ".dist-info/licenses/LICENSE" in names
+    for name in ("viewer.html", "viewer.css", "viewer.js", "uPlot.iife.min.js", "uPlot.min.css", "uPlot.LICENSE"):
+        assert f"locsnn_compile/report/viewer/{name} " in names
 
 
 @pytest.fixture(scope="module")
