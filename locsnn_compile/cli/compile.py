@@ -15,7 +15,7 @@ from locsnn_compile.cli.checks import check_known, check_psi, given, recording_o
 from locsnn_compile.cli.completion import answer_shell
 from locsnn_compile.cli.option_file import HELP as OPTIONS
 from locsnn_compile.cli.shell import EXIT_GATE, Parser, add_common, guarded, progress_bar
-from locsnn_compile.cli.step_options import add_step_options, asked_steps, with_steps
+from locsnn_compile.cli.step_options import add_step_options, asked_reading, with_steps
 from locsnn_compile.errors import InputError
 from locsnn_compile.strategies import AUTO, STRATEGIES
 from locsnn_compile.verification.gates import GATES, Gate, check_gates, gates_entry, junit_file
@@ -123,7 +123,7 @@ def run(args: Namespace) -> int:
     if args.events is None:
         recordings = recordings_for(network, None)
     else:
-        recordings = read_recordings(args.events, model=network.expected, **asked_steps(args))
+        recordings = read_recordings(args.events, model=network.expected, **asked_reading(args))
     number = recording_of(args.recording, recordings)
     with progress_bar("checking against the float reference", show=not args.quiet) as progress:
         compiled = compile(

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.cli.checks import recording_of
-from locsnn_compile.cli.step_options import add_step_options, asked_steps
+from locsnn_compile.cli.step_options import add_step_options, asked_reading
 from locsnn_compile.errors import InputError
 
 if TYPE_CHECKING:
     from locsnn_compile.data.recordings import Recordings
-    from locsnn_compile.data.statistics import EventStatistics, Spread
 
 HELP = "show what recordings hold, or write them in another format"
 DESCRIPTION = (
@@ -65,48 +64,57 @@ def run(args: argparse.Namespace) -> int:
         channels=args.channels,
         polarities=args.polarities,
         columns=args.columns,
-        **asked_steps(args),
+        **asked_reading(args),
     )
     number = recording_of(args.recording, recordings)
     found = event_statistics(recordings)
     written = _write(args, recordings, number)
     if args.json:
-        print(json.dumps(found.document(), indent=2, allow_nan=False))
+        print(json.dumps(found, indent=2, allow_nan=False))
         return 0
-    print("\n".join([*statistics_lines(found), *_raster(recordings, number), *written]))
+    print(
+        "\n".join(
+            [
+                *statistics_lines(found, recordings.binned.words if recordings.binned else None),
+                *_raster(recordings, number),
+                *written,
+            ]
+        )
+    )
     return 0
 
 
-def statistics_lines(found: EventStatistics) -> list[str]:
-    """Return the figures as lines."""
+def statistics_lines(found: Mapping[str, Any], binning: str | None) -> list[str]:
+    """Return the figures as lines; ``binning`` says what reading left out."""
     from locsnn_compile.report.format import plural
 
-    width = found.step_seconds
-    events, silence, rate = found.events.per_recording, found.silence, found.rate_hz_per_channel
-    seconds = "" if width is None else f" of {width:g} s ({found.steps * width:g} s)"
+    width, steps, polarity = found["step_seconds"], found["steps"], found["polarity"]
+    events, silence, rate = found["events"]["per_recording"], found["silence"], found["rate_hz_per_channel"]
+    seconds = "" if width is None else f" of {width:g} s ({steps * width:g} s)"
     lines = [
-        f"{found.source}: {plural(found.recordings, 'recording')}, "
-        f"{plural(found.steps, 'step')}{seconds}, {plural(found.channels, 'channel')}",
-        f"labels            {_labels(found.labels)}",
-        f"events            {events.mean:.1f} per recording ({events.least} to {events.most}), "
-        f"{100 * found.events.share_of_bins:.2f} % of bins",
+        f"{found['source']}: {plural(found['recordings'], 'recording')}, "
+        f"{plural(steps, 'step')}{seconds}, {plural(found['channels'], 'channel')}",
+        f"labels            {_labels(found['labels'])}",
+        f"events            {events['mean']:.1f} per recording ({events['least']} to {events['most']}), "
+        f"{100 * found['events']['share_of_bins']:.2f} % of bins",
     ]
-    if found.binning is not None:
-        lines.append(f"binning           {found.binning.words}")
+    if binning is not None:
+        lines.append(f"binning           {binning}")
     if rate is not None:
-        lines.append(f"rate              {rate:.3g} Hz per channel, {rate * found.channels:.4g} Hz in all")
+        lines.append(f"rate              {rate:.3g} Hz per channel, {rate * found['channels']:.4g} Hz in all")
     lines += [
-        f"silent at start   {_spread(silence.start_steps)}",
-        f"silent at end     {_spread(silence.end_steps)}",
-        f"silent steps      {100 * silence.share_of_steps:.1f} %, "
-        f"{plural(silence.empty_recordings, 'recording')} without any event",
+        f"silent at start   {_spread(silence['start_steps'])}",
+        f"silent at end     {_spread(silence['end_steps'])}",
+        f"silent steps      {100 * silence['share_of_steps']:.1f} %, "
+        f"{plural(silence['empty_recordings'], 'recording')} without any event",
     ]
-    if found.polarity is not None:
-        rising, falling = 100 * found.polarity.rising, 100 * found.polarity.falling
+    if polarity is not None:
+        rising, falling = 100 * polarity["rising"], 100 * polarity["falling"]
         lines.append(f"polarity          {rising:.1f} % rising, {falling:.1f} % falling")
-    busiest = [f"{one.channel}{one.place and f' ({one.place})'} {one.events}" for one in found.busiest_channels]
+    rows = [(one["channel"], one["place"], one["events"]) for one in found["busiest_channels"]]
+    busiest = [f"{channel}{place and f' ({place})'} {count}" for channel, place, count in rows]
     lines.append(f"busiest channels  {', '.join(busiest) or 'none'}")
-    dead = found.dead_channels
+    dead = found["dead_channels"]
     more = f", and {len(dead) - _SHOWN_DEAD} more" if len(dead) > _SHOWN_DEAD else ""
     lines.append(f"dead channels     {', '.join(map(str, dead[:_SHOWN_DEAD])) or 'none'}{more}")
     return lines
@@ -124,8 +132,8 @@ def _labels(labels: dict[int, int] | None) -> str:
     return f"{plural(len(labels), 'class', 'classes')} ({shown}{', ...' if len(labels) > _SHOWN_LABELS else ''})"
 
 
-def _spread(steps: Spread) -> str:
-    return f"{steps.mean:.1f} steps ({steps.least} to {steps.most})"
+def _spread(steps: Mapping[str, float]) -> str:
+    return f"{steps['mean']:.1f} steps ({steps['least']} to {steps['most']})"
 
 
 def _raster(recordings: Recordings, index: int) -> Sequence[str]:

@@ -19,15 +19,21 @@ CHUNK = 16
 
 
 def add_step_options(parser: argparse.ArgumentParser, threshold: str = "threshold") -> None:
-    """Add ``--step-seconds``, ``--steps`` and ``--threshold``, which is kept under the name ``threshold``."""
+    """Add ``--step-seconds``, ``--steps``, ``--axes`` and ``--threshold``, which is kept as ``threshold``."""
     add = parser.add_argument
     add("--step-seconds", type=float, metavar="X", help="seconds of a step, where nothing says it (events: 0.02)")
     add("--steps", type=int, metavar="N", help="steps of a recording: shorter ones end in silence, longer ones are cut")
     add("--threshold", dest=threshold, type=int, metavar="N", help="events that a bin must exceed to be 1 (default 0)")
+    add("--axes", metavar="ORDER", help="of arrays, such as samples,steps,channels (default samples,channels,steps)")
+
+
+def asked_reading(args: argparse.Namespace) -> dict[str, Any]:
+    """Return all of these options as ``read_recordings`` takes them."""
+    return asked_steps(args) | {"axes": args.axes}
 
 
 def asked_steps(args: argparse.Namespace) -> dict[str, Any]:
-    """Return the options as ``read_recordings`` takes them."""
+    """Return the options that a model may have, too."""
     return {"step_seconds": args.step_seconds, "steps": args.steps, "threshold": args.threshold}
 
 
@@ -37,14 +43,14 @@ def read_for_program(
     """Return recordings in the steps of a program, or as asked for where it does not say them."""
     from locsnn_compile.data.read import read_recordings
 
-    return read_recordings(path, split=split, model=expected_by(program), **asked_steps(args))
+    return read_recordings(path, split=split, model=expected_by(program), **asked_reading(args))
 
 
 def chunks_for_program(args: argparse.Namespace, program: hw.ChipProgram) -> Iterator[Recordings]:
     """Yield the recordings of ``--events`` likewise, a few at a time where the file allows it."""
     from locsnn_compile.data.in_chunks import read_in_chunks
 
-    return read_in_chunks(args.events, CHUNK, model=expected_by(program), **asked_steps(args))
+    return read_in_chunks(args.events, CHUNK, model=expected_by(program), **asked_reading(args))
 
 
 def expected_by(program: hw.ChipProgram) -> Expected:

@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locsnn_compile.data.arrays import label_in_name
+from locsnn_compile.data.axes import to_step_major
 from locsnn_compile.data.event_stream import Binning, EventStream, bin_streams
 from locsnn_compile.data.members import Members, open_members
-from locsnn_compile.data.npy import load_npy, to_step_major
+from locsnn_compile.data.npy import load_npy
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Binned, Recordings, clean_spikes
 from locsnn_compile.data.streams import EVENT_SUFFIXES, parse_events
 from locsnn_compile.data.structured import parse_structured
@@ -45,16 +46,23 @@ def read_archive(path: Path, *, split: str | None, binning: Binning) -> Recordin
     """Return one part of a ``.zip`` archive or of a folder of recordings, with labels where every name has one.
 
     A file of events is a folder of one. All are as long as the longest: the others are followed by silence.
-    ``split`` is a part; None takes ``test`` of a divided archive and everything of one that is not. Raises
-    ``InputError`` for a damaged archive or member, members of different shapes, and nothing to read.
+    ``split`` is a part; None takes ``test`` of a divided archive and everything of one that is not. Where names have
+    no labels, the folders that recordings lie in are their classes, if there are several. Raises ``InputError`` for a
+    damaged archive or member, members of different shapes, and nothing to read.
     """
     with open_members(path) as members:
         names = _chosen(members, split)
         members.check_sizes(names)
         spikes, seconds, binned = _read(members, names, binning)
+        # Of all parts: a class may be missing from one.
+        folders = sorted({_folder(name) for name in members.sizes if _is_recording(name)}, key=_order)
     labels = [label_in_name(PurePosixPath(name).name) for name in names]
+    class_names = None
+    if len(folders) > 1 and "" not in folders and not any(label is not None for label in labels):
+        class_names, labels = tuple(folders), [folders.index(_folder(name)) for name in names]
     known = np.array([label for label in labels if label is not None], dtype=np.int64)
-    return Recordings(spikes, known if len(known) == len(names) else None, seconds, path.name, binned=binned)
+    held = known if len(known) == len(names) else None
+    return Recordings(spikes, held, seconds, path.name, binned=binned, class_names=class_names)
 
 
 def _chosen(members: Members, split: str | None) -> list[str]:
@@ -101,7 +109,7 @@ def _read(
         if array.dtype.names is not None:
             streams.append(parse_structured(array, place))
         else:
-            array = to_step_major(array, place, binning.channels)
+            array = to_step_major(array, place, binning.channels, binning.axes)
             if len(array) != 1:
                 raise InputError(
                     place, "it is not one recording", measured=f"{len(array)} inside", fix="Give one a file."
@@ -148,5 +156,12 @@ def _is_recording(name: str) -> bool:
 
 
 def _part(name: str) -> str:
-    parents = PurePosixPath(name).parent
-    return parents.name if parents.name in PARTS else ""
+    """Return the part that a file lies in: that of the innermost folder called train or test, in any case."""
+    folders = [folder.lower() for folder in PurePosixPath(name).parent.parts]
+    return next((folder for folder in reversed(folders) if folder in PARTS), "")
+
+
+def _folder(name: str) -> str:
+    """Return the name of the folder that a file lies in, empty where that is a part, or there is none."""
+    folder = PurePosixPath(name).parent.name
+    return "" if folder.lower() in PARTS else folder

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw_model.io.zip_directory import check_directory, read_entry
+from locsnn_compile.data.axes import Order, parse_axes, to_step_major
 from locsnn_compile.data.event_stream import Binning, bin_streams
 from locsnn_compile.data.expected import same
-from locsnn_compile.data.npy import load_npy, to_step_major
+from locsnn_compile.data.npy import load_npy
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Recordings
 from locsnn_compile.data.structured import parse_structured
 from locsnn_compile.data.tensors import Tensor
@@ -25,27 +26,27 @@ from locsnn_compile.errors import InputError
 
 _LABEL = re.compile(r"_label_(\d{1,6})(?=\.|_|$)")
 #: Entries of ``.npz`` and ``.pt`` files that are not the recordings.
-_BESIDE = ("labels", "step_seconds")
+_BESIDE = ("labels", "step_seconds", "class_names", "axes")
+_TEXTS = _BESIDE[2:]
 
 
 def read_arrays(path: Path, binning: Binning, asked_seconds: float | None) -> Recordings:
     """Return the recordings of a ``.npy``, ``.npz`` or ``.pt`` file; a structured array is one recording of events.
 
-    Shapes as in :func:`locsnn_compile.data.npy.to_step_major`. In ``.npz`` and ``.pt`` the recordings are the
-    entry ``spikes``, or the only one beside ``labels`` and ``step_seconds``; a ``.pt`` may also be the array
-    itself. Labels of a ``.npy`` come from ``<stem>_labels.npy`` beside it, or of one recording from
-    ``_label_<k>`` in its name. The width of a bin is the file's, and ``binning``'s where it does not say it, or where
-    it holds single events. Raises ``InputError`` for anything else, and where bins are not ``asked_seconds`` wide.
+    Shapes as in :func:`locsnn_compile.data.axes.to_step_major`, or as the entry ``axes`` or ``binning`` says. The
+    recordings are the entry ``spikes``, or the only one that is none of ``labels``, ``step_seconds``, ``class_names``
+    and ``axes``; a ``.pt`` may also be the array itself. Labels of a ``.npy`` come from ``<stem>_labels.npy`` beside
+    it, or of one recording from ``_label_<k>`` in its name. The width of a bin is the file's, and ``binning``'s where
+    it does not say it, or where it holds single events. Raises ``InputError`` for anything else, where bins are not
+    ``asked_seconds`` wide, and where the file says another order of axes than ``binning``.
     """
     where = f"file {path.name!r}"
-    data = read_bytes(path, where)
     entries: Mapping[str, NDArray[Any]]
+    data = read_bytes(path, where)
     if path.suffix == ".npy":
         entries = {"spikes": load_npy(data, where)}
-    elif path.suffix == ".npz":
-        entries = _npz_entries(data, where)
     else:
-        entries = _torch_entries(data, where)
+        entries = _npz_entries(data, where) if path.suffix == ".npz" else _torch_entries(data, where)
     own: float | None = _number(entries["step_seconds"], where) if "step_seconds" in entries else None
     found = _find_spikes(entries, where)
     binned = None
@@ -61,12 +62,33 @@ def read_arrays(path: Path, binning: Binning, asked_seconds: float | None) -> Re
                 measured=f"got {asked_seconds:g} against {own:g}",
                 fix="Leave it out.",
             )
-        spikes = to_step_major(found, where, binning.channels)
+        spikes = to_step_major(found, where, binning.channels, _order(entries, binning.axes, where))
     labels = entries.get("labels")
     if labels is None:
         labels = labels_beside(path, len(spikes))
     seconds = binning.step_seconds if own is None else own
-    return Recordings(spikes, labels, seconds, path.name, binned=binned)
+    return Recordings(
+        spikes, labels, seconds, path.name, binned=binned, class_names=_texts(entries, "class_names", where)
+    )
+
+
+def _order(entries: Mapping[str, NDArray[Any]], asked: Order | None, where: str) -> Order | None:
+    """Return the order of axes that is asked for or that the file says; ``InputError`` where they differ."""
+    said = _texts(entries, "axes", where)
+    own = None if said is None else parse_axes(" ".join(said), f"{where}, 'axes'")
+    if own is not None and asked not in (None, own):
+        raise InputError("axes", f"{where} says another order", measured=",".join(own), fix="Leave it out.")
+    return asked or own
+
+
+def _texts(entries: Mapping[str, NDArray[Any]], name: str, where: str) -> tuple[str, ...] | None:
+    """Return the texts of an entry; None where there is none of this name."""
+    if name not in entries:
+        return None
+    held = entries[name].reshape(-1).tolist()
+    if entries[name].dtype.kind not in "US":
+        raise InputError(where, f"its entry {name!r} does not hold texts", fix="Give texts.")
+    return tuple(text.decode("utf-8", "replace") if isinstance(text, bytes) else text for text in held)
 
 
 def _number(stored: NDArray[Any], where: str) -> float:
@@ -95,11 +117,11 @@ def _npz_entries(data: bytes, where: str) -> dict[str, NDArray[Any]]:
                     measured=f"{unpacked} bytes in {len(members)} entries",
                     fix="Give fewer recordings.",
                 )
+            names = [member.filename.removesuffix(".npy") for member in members]
+            kinds = dict.fromkeys(_TEXTS, "US")
             return {
-                member.filename.removesuffix(".npy"): load_npy(
-                    read_entry(archive, member), f"{where}, {member.filename!r}"
-                )
-                for member in members
+                name: load_npy(read_entry(archive, member), f"{where}, {member.filename!r}", kinds.get(name, "biuf"))
+                for name, member in zip(names, members, strict=True)
             }
     except InputError:
         raise
@@ -117,7 +139,7 @@ def _torch_entries(data: bytes, where: str) -> dict[str, NDArray[Any]]:
         )
     entries: dict[str, NDArray[Any]] = {}
     for name, entry in found.items():
-        if name in _BESIDE and isinstance(entry, int | float | list):
+        if name in _BESIDE and isinstance(entry, int | float | list | str):
             entries[str(name)] = _plain_array(entry, where, str(name))
         elif entry is not None:
             entries[str(name)] = _tensor_array(entry, where, str(name)[:40])
@@ -138,7 +160,7 @@ def _tensor_array(entry: object, where: str, name: str) -> NDArray[Any]:
 
 def _plain_array(entry: object, where: str, name: str) -> NDArray[Any]:
     try:
-        array: NDArray[Any] = np.asarray(entry, dtype=np.float64)
+        array: NDArray[Any] = np.asarray(entry, dtype=np.str_ if name in _TEXTS else np.float64)
         return array
     except (TypeError, ValueError):
         raise InputError(where, f"its entry {name!r} holds no numbers", fix="Give plain numbers.") from None

@@ -1,37 +1,74 @@
-"""In which order the axes of an array are: as files have them, or, by their sizes, more likely in another one."""
+"""In which order the axes of an array are: as files have them, as said, or, by their sizes, more likely in another one.
+
+Files hold (samples, channels, steps), Python arrays are (samples, steps, channels).
+"""
 
 from __future__ import annotations
 
+from itertools import permutations
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
+from locsnn_compile.data.recordings import MAX_ELEMENTS
 from locsnn_compile.data.sensor import POLARITIES, TAXELS
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, check_most
 
 Order = tuple[str, ...]
+AXES = ("samples", "steps", "channels", "rows", "columns", "taxels", "polarities")
+"""What an axis may count; a channel is counted whole, or by taxels or rows and columns, with or without polarities."""
+_CHANNELS: tuple[Order, ...] = tuple(
+    (*places, *rest) for places in (("taxels",), ("rows", "columns")) for rest in ((), ("polarities",))
+)
 _READ: dict[int, tuple[Order, ...]] = {
     2: (("channels", "steps"),),
     3: (("samples", "channels", "steps"), ("taxels", "polarities", "steps")),
     4: (("samples", "taxels", "polarities", "steps"),),
 }
 """Number of axes -> orders that are read."""
-_OTHERS: dict[int, tuple[Order, ...]] = {
-    2: (("steps", "channels"),),
-    3: (
-        ("samples", "steps", "channels"),
-        ("polarities", "taxels", "steps"),
-        ("steps", "taxels", "polarities"),
-        ("steps", "polarities", "taxels"),
-        ("channels", "samples", "steps"),
-    ),
-    4: (
-        ("samples", "polarities", "taxels", "steps"),
-        ("samples", "steps", "taxels", "polarities"),
-        ("samples", "steps", "polarities", "taxels"),
-    ),
-}
-"""Number of axes -> orders that are not, the likely ones first."""
+
+
+def parse_axes(text: str, where: str) -> Order:
+    """Return the order that a text names, such as ``samples,steps,channels``; ``InputError`` for what is none."""
+    order = tuple(text.replace(",", " ").split())
+    of_channel = tuple(axis for axis in AXES if axis in order and axis not in ("samples", "steps"))
+    whole = set(order) <= set(AXES) and len(set(order)) == len(order) and "steps" in order
+    if not (whole and of_channel in (("channels",), *_CHANNELS)):
+        way_on = "Name steps and channels, or taxels, or rows and columns, with polarities or without, and samples."
+        raise InputError(where, "it is not an order of axes", measured=f"got {text[:60]!r}", fix=way_on)
+    return order
+
+
+def to_step_major(
+    array: NDArray[Any], where: str, channels: int | None = None, order: Order | None = None
+) -> NDArray[Any]:
+    """Return (samples, steps, channels) of an array whose axes are in this ``order``, or in one that files have.
+
+    (samples, taxels, polarities, steps), (samples, channels, steps), and of one recording (channels, steps)
+    and (taxels, polarities, steps). Three axes are one recording where the middle one has the two polarities
+    and the first the taxels of whole fingertips (39 each). Channel = polarities * taxel + polarity. Raises
+    ``InputError`` for other numbers of axes, and for other orders where sizes tell them: see :func:`check_axes`.
+    """
+    # A tensor may claim any size over a few stored values; reshaping would make it true.
+    check_most(array.size, MAX_ELEMENTS, where, "it is too large", unit="values", fix="Give fewer recordings.")
+    if order is None:
+        check_axes(array, where, channels)
+        order = _READ.get(array.ndim, ((),))[-1 if is_one(array.shape, channels) else 0]
+    if array.ndim != len(order):
+        measured = f"{array.ndim} axes against {len(order) or '2 to 4'}"
+        usual = "(samples, channels, steps) or (samples, taxels, polarities, steps)"
+        fix = f"Give {'(' + ', '.join(order) + ')' if order else usual}."
+        raise InputError(where, "its shape is not one of recordings", measured=measured, fix=fix)
+    if "samples" not in order:
+        array, order = array[np.newaxis], ("samples", *order)
+    array = array.transpose([order.index(axis) for axis in AXES if axis in order])
+    return array.reshape(*array.shape[:2], int(np.prod(array.shape[2:])))
+
+
+def is_one(shape: tuple[int, ...], channels: int | None = None) -> bool:
+    """Whether an array of this shape, in an order that files have, is one recording: see :func:`to_step_major`."""
+    return len(shape) == 2 or (len(shape) == 3 and _fits(_READ[3][1], shape, channels))
 
 
 def check_axes(array: NDArray[Any], where: str, channels: int | None = None) -> None:
@@ -43,14 +80,15 @@ def check_axes(array: NDArray[Any], where: str, channels: int | None = None) -> 
     read = _READ.get(array.ndim, ())
     if any(_fits(order, array.shape, channels) for order in read):
         return
-    for order in _OTHERS.get(array.ndim, ()):
-        if _fits(order, array.shape, channels):
-            wanted = next(names for names in read if sorted(names) == sorted(order))
+    for wanted, order in [(names, turned) for names in read for turned in permutations(names)]:
+        # Of arrays by taxel, recordings may be as many as taxels, or two: they stay in front.
+        in_front = order[0] == "samples" or not {"samples", "taxels"} <= set(order)
+        if in_front and _fits(order, array.shape, channels):
             raise InputError(
                 where,
                 f"its axes look like ({', '.join(order)})",
                 measured=f"{' x '.join(map(str, array.shape))} values",
-                fix=f"Transpose it to ({', '.join(wanted)}).",
+                fix=f"Give --axes {','.join(order)}, or transpose it to ({', '.join(wanted)}), as files have it.",
             )
 
 
@@ -58,7 +96,7 @@ def _fits(order: Order, shape: tuple[int, ...], channels: int | None) -> bool:
     sizes = dict(zip(order, shape, strict=True))
     if "channels" in sizes:
         found = sizes["channels"]
-    elif sizes["polarities"] == POLARITIES and sizes["taxels"] % TAXELS == 0:
+    elif sizes["polarities"] == POLARITIES and (channels is not None or sizes["taxels"] % TAXELS == 0):
         found = POLARITIES * sizes["taxels"]
     else:
         return False

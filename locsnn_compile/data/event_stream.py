@@ -30,6 +30,7 @@ class Binning:
     - ``channels``, ``steps``: of every recording; later events are cut off, events of other channels refused;
       ``most_steps``: a recording that needs more is cut there
     - ``polarities``: 2, or 1 to put both together; ``columns``: width of a grid of x and y
+    - ``axes``: the order of the axes of arrays, which are binned already
     """
 
     step_seconds: float | None = None
@@ -39,6 +40,7 @@ class Binning:
     polarities: int | None = None
     columns: int | None = None
     most_steps: int | None = None
+    axes: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True, eq=False)

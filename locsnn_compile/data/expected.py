@@ -16,6 +16,7 @@ class Expected:
 
     - ``step_seconds``: width of a bin; ``threshold``: a bin is 1 where it has more events
     - ``steps`` of a recording, None where it takes any number; ``channels``
+    - ``class_names``
     """
 
     whose: str
@@ -23,6 +24,7 @@ class Expected:
     threshold: int | None = None
     steps: int | None = None
     channels: int | None = None
+    class_names: tuple[str, ...] | None = None
 
     def agreed(self, **asked: float | None) -> dict[str, Any]:
         """Return each option as asked for, or as the model has it; ``InputError`` where both say it and differ."""
@@ -30,18 +32,22 @@ class Expected:
             own = getattr(self, name)
             if value is not None and own is not None and not same(value, own):
                 raise InputError(
-                    name,
-                    f"{self.whose} has another",
-                    measured=f"got {value:g} against {own:g}",
-                    fix="Leave it out.",
+                    name, f"{self.whose} has another", measured=f"got {value:g} against {own:g}", fix="Leave it out."
                 )
         return {name: getattr(self, name) if value is None else value for name, value in asked.items()}
 
-    def check_steps(self, recordings: Recordings) -> None:
-        """Refuse bins of another width, where the model has recordings of one length and both widths are known.
+    def check(self, recordings: Recordings) -> None:
+        """Refuse classes of other names, and bins of another width, where the model has recordings of one length.
 
-        A network that takes recordings of any length only sees steps; how long each was is for its user to know.
+        A network that takes recordings of any length only sees steps; how long each was is for its user to know. What
+        is known of one side only is not compared.
         """
+        names = recordings.class_names
+        if self.class_names is not None and names is not None and names != self.class_names:
+            what = f"their classes have other names than those of {self.whose}"
+            measured = f"{', '.join(names)[:80]} against {', '.join(self.class_names)[:80]}"
+            fix = "Give recordings of the same classes, in the same order."
+            raise InputError(f"recordings {recordings.source!r}", what, measured=measured, fix=fix)
         own, given = self.step_seconds, recordings.step_seconds
         if self.steps is not None and own is not None and given is not None and not same(own, given):
             raise InputError(

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from locsnn_compile.data.arrays import labels_beside
-from locsnn_compile.data.axes import check_axes
+from locsnn_compile.data.axes import check_axes, is_one
 from locsnn_compile.data.expected import Expected
-from locsnn_compile.data.npy import is_one
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Recordings
 from locsnn_compile.errors import InputError
@@ -34,7 +33,11 @@ def _chunks(path: Path, many: int, model: Expected) -> Iterator[Recordings] | No
         mapped = np.load(path, mmap_mode="r")
         shape, dtype, begin = mapped.shape, mapped.dtype, mapped.offset
         one = math.prod(shape[1:])
-        if len(shape) not in (3, 4) or is_one(shape) or not (mapped.flags.c_contiguous and 0 < one * many):
+        if (
+            len(shape) not in (3, 4)
+            or is_one(shape, model.channels)
+            or not (mapped.flags.c_contiguous and 0 < one * many)
+        ):
             return None
     # A hostile header meets numpy's parser in many ways.
     except Exception:

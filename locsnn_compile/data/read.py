@@ -8,6 +8,7 @@ from pathlib import Path
 from hw_model.io.given import checked
 from locsnn_compile.data.archives import PARTS, archive_parts, read_archive
 from locsnn_compile.data.arrays import read_arrays
+from locsnn_compile.data.axes import parse_axes
 from locsnn_compile.data.event_stream import MAX_EVENTS, MAX_STEP_SECONDS, MIN_STEP_SECONDS, Binning
 from locsnn_compile.data.expected import OPEN, Expected
 from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS, Recordings
@@ -36,20 +37,23 @@ def read_recordings(
     steps: int | None = None,
     polarities: int | None = None,
     columns: int | None = None,
+    axes: str | None = None,
     model: Expected = OPEN,
 ) -> Recordings:
     """Return the recordings at ``path``, of whatever supported format.
 
-    A ``.zip`` or folder of ``.npy``, ``.tact``, ``.bs1`` or ``.bs2``, one recording each, or one file of these, or
-    ``.npz`` or ``.pt``. ``split`` is ``train`` or ``test`` of an archive or folder that is so divided (None:
-    ``test``); a single file has no parts. Events are binned as :class:`locsnn_compile.data.event_stream.Binning` says,
-    by the options and by what ``model`` expects. Arrays are bins already: ``step_seconds`` is their width where the
-    file does not say it. ``steps`` of a recording: a shorter one is followed by silence, of a longer one the end is
-    cut; without, all of an archive or folder are as long as the longest. Every unusable input, and an option that
-    contradicts the model or the file, is one ``InputError``.
+    A ``.zip`` or folder of ``.npy`` or files of events, one recording each, or one file of these, or ``.npz`` or
+    ``.pt``. ``split`` is ``train`` or ``test`` of an archive or folder that is so divided (None: ``test``); a single
+    file has no parts. Events are binned as :class:`locsnn_compile.data.event_stream.Binning` says, by the options and
+    by what ``model`` expects. Arrays are bins already, (samples, channels, steps) unless ``axes`` or the file names
+    another order, such as ``samples,steps,channels``; ``step_seconds`` is their width where the file does not say it.
+    ``steps`` of a recording: a shorter one is followed by silence, of a longer one the end is cut; without, all of an
+    archive or folder are as long as the longest. Every unusable input, and an option that contradicts the model or the
+    file, is one ``InputError``.
     """
     path = Path(path)
-    asked = Binning(step_seconds, threshold, channels, steps, polarities, columns)
+    order = None if axes is None else parse_axes(axes, "axes")
+    asked = Binning(step_seconds, threshold, channels, steps, polarities, columns, axes=order)
     _check_options(split, asked)
     agreed = model.agreed(step_seconds=step_seconds, threshold=threshold, steps=steps) | {"steps": steps}
     channels_of = model.channels if channels is None else channels
@@ -61,7 +65,7 @@ def read_recordings(
             counts["channels"] = channels
         for name in (name for name, value in counts.items() if value is not None):
             raise InputError(name, f"{found.source!r} holds bins and no single events to count", fix="Leave it out.")
-    model.check_steps(found)
+    model.check(found)
     return found if steps is None else found.with_steps(steps)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -17,6 +18,8 @@ MAX_ELEMENTS = 200_000_000
 MAX_STEPS = 20_000
 #: Largest class number accepted.
 MAX_LABEL = 100_000
+#: Most characters of a class's name.
+MAX_NAME = 80
 
 Origin = Literal["given", "carried", "trained on", "made up"]
 """Where recordings come from: the user, a checkpoint that carries some of its own, one that carries some of those that
@@ -65,8 +68,8 @@ class Recordings(Shown):
 
     ``step_seconds`` is the width of a time bin, None where the file does not say it; ``source`` is the name
     of the file, without directories; ``origin`` says whose they are; ``binned`` is what reading left out, None where it
-    took everything as it is; ``first`` the number of the first one in its file. Both arrays are read-only. Raises
-    ``InputError`` for anything else.
+    took everything as it is; ``first`` the number of the first one in its file; ``class_names``, where the classes have
+    any, from class 0 on. Both arrays are read-only. Raises ``InputError`` for anything else.
     """
 
     spikes: NDArray[np.uint8]
@@ -76,19 +79,20 @@ class Recordings(Shown):
     origin: Origin = "given"
     binned: Binned | None = None
     first: int = 0
+    class_names: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
         where = f"recordings {self.source!r}"
         object.__setattr__(self, "spikes", clean_spikes(where, np.asarray(self.spikes), self.first))
         if self.labels is not None:
             object.__setattr__(self, "labels", _clean_labels(where, np.asarray(self.labels), len(self.spikes)))
+        if self.class_names is not None:
+            least = 0 if self.labels is None else int(self.labels.max(initial=-1)) + 1
+            object.__setattr__(self, "class_names", clean_class_names(where, self.class_names, least))
         seconds = self.step_seconds
         if seconds is not None and not (np.isfinite(seconds) and seconds > 0):
             raise InputError(
-                where,
-                "step_seconds must be above 0",
-                measured=f"got {seconds!r}",
-                fix="Give the width of a bin.",
+                where, "step_seconds must be above 0", measured=f"got {seconds!r}", fix="Give the width of a bin."
             )
 
     def __len__(self) -> int:
@@ -145,14 +149,21 @@ def clean_spikes(where: str, spikes: NDArray[np.generic], first: int = 0) -> NDA
     return clean
 
 
+def clean_class_names(where: str, names: Sequence[object], least: int) -> tuple[str, ...]:
+    """Return names of classes, all different and at least so many; ``InputError`` for what is none."""
+    held = [name for name in names if isinstance(name, str) and 0 < len(name) <= MAX_NAME and name.isprintable()]
+    if len(set(held)) != len(names) or not least <= len(names) <= MAX_LABEL:
+        measured = f"{len(set(held))} different ones against {max(least, len(names))}"
+        fix = f"Give a name of at most {MAX_NAME} characters for each class, from class 0 on."
+        raise InputError(where, "its class names do not fit its classes", measured=measured, fix=fix)
+    return tuple(held)
+
+
 def _clean_labels(where: str, labels: NDArray[np.generic], samples: int) -> NDArray[np.int64]:
     fix = "Give one class number from 0 a recording."
     if labels.shape != (samples,):
         raise InputError(
-            where,
-            "labels and recordings differ in number",
-            measured=f"{labels.shape} against ({samples},)",
-            fix=fix,
+            where, "labels and recordings differ in number", measured=f"{labels.shape} against ({samples},)", fix=fix
         )
     values = labels.astype(np.float64) if labels.dtype.kind in "iuf" else np.full(samples, np.nan)
     # Written so that NaN is refused too.

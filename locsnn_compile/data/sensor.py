@@ -1,13 +1,15 @@
-"""The NeuTouch fingertip: where its taxels lie, how its channels are numbered, in which orders they are
-walked.
+"""The NeuTouch fingertip: where its taxels lie, how its channels are numbered, the published walks over them.
 
-Source: Kang et al. 2022 and its released configuration; coordinates of the TactileSGNet release (Gu et al.
-2020).
+Its tables are those of ``neutouch.json``. Source: Kang et al. 2022 and its released configuration; coordinates and
+edges of the TactileSGNet release (Gu et al. 2020).
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,27 +22,16 @@ TAXELS = 39
 #: 0.
 POLARITIES = 2
 
+_FILE: dict[str, Any] = json.loads(Path(__file__).with_name("neutouch.json").read_text("utf-8"))
 #: (x, y) of taxels 1..39 in millimetres, the centre of the fingertip at (0, 0).
-TAXEL_COORDINATES_MM: tuple[tuple[float, float], ...] = (
-    *((-6, 0), (-5.3, -3), (-5.3, 3), (-4.6, -7.8), (-4.6, 7.8), (-3.5, 0), (-3.05, -5.2), (-3.05, 5.2)),
-    *((-3.1, -1.75), (-3.1, 1.75), (-1.6, -8.9), (-1.75, -3), (-1.6, 8.9), (-1.75, 3), (-1.5, 0)),
-    *((-0.7, -1.3), (-0.7, 1.3), (0, -6), (0, 6), (0, -3.5), (0, 0), (0, 3.5), (0.8, -1.3), (0.8, 1.3)),
-    *((1.6, -8.9), (1.6, 8.9), (1.5, 0), (1.75, 3), (1.75, -3), (3.05, -5.2), (3.1, 1.75), (3.05, 5.2)),
-    *((3.1, -1.75), (3.6, 0), (4.6, -7.8), (4.6, 7.8), (5.3, -3), (5.3, 3), (6, 0)),
-)
-
+TAXEL_COORDINATES_MM: tuple[tuple[float, float], ...] = tuple((x, y) for x, y in _FILE["positions"])
 #: The published walks over one fingertip, 1-based taxel numbers.
-LOCATION_ORDERS: dict[str, tuple[int, ...]] = {
-    "arch": (
-        *(11, 25, 35, 4, 18, 30, 7, 2, 20, 37, 29, 12, 9, 33, 23, 16, 1, 6, 15, 21),
-        *(27, 34, 39, 24, 17, 10, 31, 38, 28, 14, 3, 22, 32, 8, 19, 36, 5, 13, 26),
-    ),
-    "loop": tuple(range(1, TAXELS + 1)),
-    "whorl": (
-        *(21, 15, 16, 23, 27, 24, 17, 6, 9, 12, 20, 29, 33, 34, 31, 28, 22, 14, 10, 1),
-        *(2, 7, 18, 30, 37, 39, 38, 32, 19, 8, 3, 4, 11, 25, 35, 36, 26, 13, 5),
-    ),
-}
+LOCATION_ORDERS = {"loop": tuple(range(1, TAXELS + 1)), "arch": tuple(_FILE["arch"]), "whorl": tuple(_FILE["whorl"])}
+#: Neighbours that the authors of TactileSGNet joined by hand: pairs of taxel numbers, the lower first.
+MANUAL_EDGES: tuple[tuple[int, int], ...] = tuple((a, b) for a, b in _FILE["edges"])
+#: Taxel numbers by row (y from -8.9 to 8.9 mm) and column (x from -6 to 6 mm); 0 where there is none. Every taxel has a
+#: cell of its own, so that the squared distances between taxels and the middles of their cells add up to the least.
+FRAME_OF_TAXELS: tuple[tuple[int, ...], ...] = tuple(map(tuple, _FILE["frame"]))
 
 
 def parse_location_order(text: str) -> tuple[str, tuple[int, ...]]:
@@ -103,8 +94,5 @@ def check_location_taxels(taxels: Sequence[int], count: int) -> None:
         seen.add(taxel)
     if missing := [taxel for taxel in range(1, count + 1) if taxel not in seen]:
         raise InputError(
-            "location order",
-            f"taxel {missing[0]} is missing",
-            measured=f"{len(seen)} of {count} taxels given",
-            fix=fix,
+            "location order", f"taxel {missing[0]} is missing", measured=f"{len(seen)} of {count} taxels given", fix=fix
         )

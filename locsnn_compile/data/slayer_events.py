@@ -1,7 +1,8 @@
-"""SLAYER's binary events, five bytes each: ``.bs1`` and ``.bs2``.
+"""Binary events of five bytes each: SLAYER's ``.bs1`` and ``.bs2``, and ``.bin`` of N-MNIST and N-Caltech101.
 
-``.bs1``: neuron number, 16 bits, high byte first. ``.bs2``: x, then y, 8 bits each. Both: polarity, 1 bit, and time
-in microseconds, 23 bits, so nothing is later than 8.388607 s.
+``.bs1``: neuron number, 16 bits, high byte first. ``.bs2`` and ``.bin``: x, then y, 8 bits each. All: polarity, 1 bit,
+and time in microseconds, 23 bits, so nothing is later than 8.388607 s; but in a ``.bin``, what has y 240 is no event:
+from it on, times are 8,192 microseconds later (Orchard et al. 2015, and their Read_Ndataset).
 """
 
 from __future__ import annotations
@@ -13,13 +14,14 @@ from locsnn_compile.data.event_stream import EventStream
 from locsnn_compile.errors import InputError
 
 EVENT_BYTES = 5
+OVERFLOW_ROW, OVERFLOW_MICROSECONDS = 240, 1 << 13
 MAX_MICROSECONDS = (1 << 23) - 1
 #: Columns of the grid that a recording without a shape of its own is laid out in: the taxels of a fingertip a row.
 COLUMNS = 39
 
 
 def parse_slayer_events(data: bytes, suffix: str, where: str) -> EventStream:
-    """Return the events of the bytes of a ``.bs1`` or ``.bs2`` file, in its order; any five bytes are an event.
+    """Return the events of the bytes of such a file, in its order; any five bytes are an event.
 
     Raises ``InputError`` for bytes that end within an event.
     """
@@ -36,7 +38,12 @@ def parse_slayer_events(data: bytes, suffix: str, where: str) -> EventStream:
         x, y = fields[0] << 8 | fields[1], np.zeros_like(times)
     else:
         x, y = fields[0], fields[1]
-    return EventStream(times, x, y, fields[2] >> 7)
+    polarity = fields[2] >> 7
+    if suffix == ".bin":
+        overflow = y == OVERFLOW_ROW
+        times = times + OVERFLOW_MICROSECONDS * np.cumsum(overflow)
+        times, x, y, polarity = (values[~overflow] for values in (times, x, y, polarity))
+    return EventStream(times, x, y, polarity)
 
 
 def pack_slayer_events(

@@ -7,7 +7,7 @@ from locsnn_compile.data.slayer_events import EVENT_BYTES, parse_slayer_events
 from locsnn_compile.data.tact import parse_tact
 from locsnn_compile.errors import check_most
 
-EVENT_SUFFIXES = (".tact", ".bs1", ".bs2")
+EVENT_SUFFIXES = (".tact", ".bs1", ".bs2", ".bin")
 #: Largest text of one recording: about 600,000 events.
 MAX_TEXT_BYTES = 10_000_000
 

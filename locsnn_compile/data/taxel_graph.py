@@ -11,21 +11,13 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.distance import cdist
 
-from locsnn_compile.data.sensor import TAXEL_COORDINATES_MM, TAXELS
+from locsnn_compile.data.sensor import MANUAL_EDGES, TAXEL_COORDINATES_MM, TAXELS
 from locsnn_compile.errors import InputError, did_you_mean
 
 Edges = tuple[tuple[int, int], ...]
 GRAPHS = ("manual", "nearest", "tree")
 CENTRE = 21
 """The taxel in the middle of the fingertip, from which the spanning tree grows."""
-
-_MANUAL: tuple[tuple[int, ...], ...] = (
-    *((2, 3, 6), (7, 9), (8, 10), (7, 11), (8, 13), (9, 10, 15), (12, 18), (14, 19), (12, 16), (14, 15)),
-    *((18, 25), (16, 20), (19, 26), (17, 22), (16, 17, 21), (21, 23), (21, 24), (20, 25, 30), (22, 26, 32)),
-    *((23, 29), (23, 24, 27), (28,), (27, 29), (27, 28, 31), (35,), (36,), (33, 34), (31, 32), (30, 33)),
-    *((35, 37), (34, 38), (36, 38), (34, 37), (39,), (), (), (39,), (39,), ()),
-)
-"""Taxel 1, 2, ... -> its neighbours of a higher number, as the authors joined them by hand."""
 
 
 def taxel_graph(kind: str, *, neighbours: int, nearer_mm: float) -> Edges:
@@ -36,7 +28,7 @@ def taxel_graph(kind: str, *, neighbours: int, nearer_mm: float) -> Edges:
     than ``nearer_mm`` millimetres. Raises ``InputError`` for another kind.
     """
     if kind == "manual":
-        return tuple((a, b) for a, others in enumerate(_MANUAL, start=1) for b in others)
+        return MANUAL_EDGES
     distance = _distances_mm()
     if kind == "nearest":
         near = np.argsort(distance + np.diag(np.full(TAXELS, np.inf)), axis=1, kind="stable")

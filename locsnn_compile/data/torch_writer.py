@@ -21,7 +21,7 @@ def need_torch(where: str) -> None:
 
 
 def torch_bytes(values: dict[str, Any], where: str) -> bytes:
-    """Return the file of a dict of plain values, dicts, and arrays, which become tensors."""
+    """Return the file of a dict of plain values, dicts, and arrays, which become tensors, or lists of texts."""
     need_torch(where)
     import torch
 
@@ -37,4 +37,6 @@ def _with_tensors(value: Any) -> Any:
         return {_with_tensors(key): _with_tensors(entry) for key, entry in value.items()}
     if isinstance(value, str):
         return sys.intern(value)  # equal texts are written once: equal values give equal bytes
-    return torch.tensor(value) if isinstance(value, np.ndarray) else value
+    if isinstance(value, np.ndarray):
+        return value.tolist() if value.dtype.kind == "U" else torch.tensor(value)
+    return value

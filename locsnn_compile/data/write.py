@@ -117,6 +117,8 @@ def _entries(recordings: Recordings, kind: str, where: str) -> dict[str, NDArray
         entries["labels"] = recordings.labels
     if seconds is not None:
         entries["step_seconds"] = np.array(seconds, dtype=np.float64)
+    if recordings.class_names is not None:
+        entries["class_names"] = np.array(recordings.class_names)
     return entries
 
 

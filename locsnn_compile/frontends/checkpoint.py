@@ -84,6 +84,7 @@ def network_of(checkpoint: Checkpoint) -> Network:
         fingertips=layout.fingertips,
         event_threshold=layout.event_threshold,
         psi=_psi(checkpoint),
+        class_names=description.class_names,
         views=tuple(views),
         populations=tuple(populations),
         projections=tuple(projections),

@@ -52,7 +52,7 @@ class GruMlp(ArtificialNetwork):
 class Cnn3d(ArtificialNetwork):
     """``cnn-3d``: two convolutions with ReLU over frames of each fingertip, then one linear layer over all of them.
 
-    A frame has 9 x 7 cells, of which :data:`locsnn_compile.data.frame.FRAME_OF_TAXELS` gives 39 to taxels, and a
+    A frame has 9 x 7 cells, of which :data:`locsnn_compile.data.sensor.FRAME_OF_TAXELS` gives 39 to taxels, and a
     channel a polarity. All fingertips go through the same convolutions.
     """
 

@@ -124,6 +124,8 @@ def save_checkpoint(
         values["chip"] = chip_entry(chip)
     if description.delays != (0,):
         values["delays"] = list(description.delays)
+    if description.class_names is not None:
+        values["class_names"] = list(description.class_names)
     if not srm:
         values["graph"] = _graph_entry(description.graph)
     where = f"checkpoint {path.name!r}"

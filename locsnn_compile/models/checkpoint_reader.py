@@ -64,8 +64,8 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
         raise InputError(where, "it was written by a newer version", measured=against, fix="Update locsnn-compile.")
     more: dict[object, dict[str, tuple[type, ...]]]
     more = {CHIP_VERSION: {"chip": (dict,)}, VERSION: {"graph": (dict, type(None))}}
-    delays: dict[str, tuple[type, ...]] = {"delays": (list,)} if "delays" in values else {}
-    _check_keys(where, "", values, _KEYS | more.get(version, {}) | delays)
+    lists: dict[str, tuple[type, ...]] = {name: (list,) for name in ("delays", "class_names") if name in values}
+    _check_keys(where, "", values, _KEYS | more.get(version, {}) | lists)
     if version not in (1, *more):
         raise file_fault(where, "its version does not exist", against)
     layout = field_kinds(InputLayout)
@@ -86,6 +86,7 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
             name=name,
             graph=_graph(where, values.get("graph")),
             delays=tuple(values.get("delays", (0,))),
+            class_names=tuple(values["class_names"]) if "class_names" in values else None,
         )
     except InputError as error:
         place = error.where if error.where.startswith(where) else f"{where}, {error.where}"

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from locsnn_compile.baselines.ann_shapes import ann_shapes
-from locsnn_compile.data.recordings import MAX_STEPS
+from locsnn_compile.data.recordings import MAX_STEPS, clean_class_names
 from locsnn_compile.data.sensor import channel_walk, check_location_taxels
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
@@ -117,7 +117,8 @@ class NetworkDescription:
     ``neuron`` and ``graph`` are those of its architecture; None stands for the published neuron, and for no graph.
     ``location_order`` names the walk and ``location_taxels`` is it, 1-based taxel numbers of one fingertip;
     both are None for a network without a location branch. ``delays``: every channel has so many synapses onto each
-    neuron of ``time_hidden``, one of each delay in steps. Weights have the shapes of ``weight_shapes``.
+    neuron of ``time_hidden``, one of each delay in steps. ``class_names``, where the classes have any. Weights have the
+    shapes of ``weight_shapes``.
     """
 
     architecture: str
@@ -130,6 +131,7 @@ class NetworkDescription:
     name: str = "model"
     graph: GraphParameters | None = None
     delays: tuple[int, ...] = (0,)
+    class_names: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
         if self.architecture not in ARCHITECTURES:
@@ -144,6 +146,9 @@ class NetworkDescription:
             require_count("window neurons", sum(self._hidden_of_taxel), MAX_WINDOW_NEURONS)
         require_count("classes", self.classes, MAX_UNITS)
         require_count("hidden", self.hidden, MAX_UNITS)
+        if self.class_names is not None:
+            clean_class_names("classes", self.class_names, self.classes)
+            require_count("classes", len(self.class_names), self.classes)
         if "location" not in self.branches:
             if self.location_taxels is not None or self.location_order is not None:
                 raise self._refused(

@@ -121,6 +121,8 @@ class Network(Shown):
     """What had to be assumed to read its file, in sentences."""
     event_threshold: int | None = None
     """Events that a bin must exceed to be 1; None where nothing says it."""
+    class_names: tuple[str, ...] | None = None
+    """Of its classes, where they have any."""
     psi: float | None = None
     """How late its time-weighted prediction turns to the location branch; None where nothing says it."""
 
@@ -143,7 +145,8 @@ class Network(Shown):
     def expected(self) -> Expected:
         """What it expects of recordings."""
         steps = None if self.any_length else self.steps
-        return Expected(f"model {self.name!r}", self.step_seconds, self.event_threshold, steps, self.channels)
+        own = self.step_seconds, self.event_threshold, steps, self.channels, self.class_names
+        return Expected(f"model {self.name!r}", *own)
 
     def steps_of(self, axis: Axis) -> int:
         """Steps of an axis: time steps, or those of the walk over the channels."""

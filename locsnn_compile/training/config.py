@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, cast, get_args, get_type_hints
+from typing import Annotated, Any, NamedTuple, cast, get_type_hints
 
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS
 from hw_model.io.shown import Shown
@@ -78,6 +78,7 @@ class TrainingConfig(Shown):
       is not known. ``event_threshold``: a bin is 1 where it has more single events (None: 0). ``steps`` of a recording:
       silence follows a shorter one, a longer one is cut (None: the longest one's). ``psi``: how late the time-weighted
       prediction turns to the location branch, which the checkpoint keeps (None: not said).
+    - ``axes``: the order of the axes of arrays, where it is not that of files.
     - time constants in steps; ``theta`` to ``scale_rho`` are those of spike response neurons, ``decay``, ``threshold``
       and ``window`` those of integrate-and-fire ones.
     - ``delays``: of the synapses from the recording onto the time branch, in steps, separated by spaces: a neuron has a
@@ -129,6 +130,7 @@ class TrainingConfig(Shown):
     steps: Annotated[int | None, Range(1, 20_000)] = None
     event_threshold: Annotated[int | None, Range(0, 20_000_000)] = None
     psi: Annotated[float | None, Range(0.0, 1e6)] = None
+    axes: str | None = None
     theta: Annotated[float, Range(1e-6, 1e6)] = 10.0
     tau_sr: Annotated[float, Range(1e-3, 1e5)] = 10.0
     tau_ref: Annotated[float, Range(1e-3, 1e5)] = 1.0
@@ -158,7 +160,7 @@ class TrainingConfig(Shown):
     def __post_init__(self) -> None:
         hints = get_type_hints(TrainingConfig, include_extras=True)
         for name, kinds in field_kinds(TrainingConfig).items():
-            _check(name, kinds, getattr(self, name), *get_args(hints[name])[1:])
+            _check(name, kinds, getattr(self, name), *getattr(hints[name], "__metadata__", ()))
 
 
 def config_from_mapping(values: Mapping[str, Any], where: str = "training configuration") -> TrainingConfig:

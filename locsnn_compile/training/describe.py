@@ -51,6 +51,7 @@ def describe(recordings: Recordings, config: TrainingConfig, classes: int, name:
         name=name,
         graph=_graph(config) if structure.graph else None,
         delays=_whole_numbers("delays", config.delays, "0 20 40 60"),
+        class_names=recordings.class_names,
     )
 
 

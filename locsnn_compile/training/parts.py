@@ -18,7 +18,8 @@ def read_parts(
     model = OPEN
     if start is not None:
         own = start.description.input
-        model = Expected("the network to start from", own.step_seconds, own.event_threshold, own.steps, own.channels)
+        sizes = own.step_seconds, own.event_threshold, own.steps, own.channels
+        model = Expected("the network to start from", *sizes, start.description.class_names)
     parts = [part for part in ("train", "test") if part in recording_parts(data)]
     read = [
         read_recordings(
@@ -27,6 +28,7 @@ def read_parts(
             step_seconds=config.step_seconds,
             threshold=config.event_threshold,
             steps=config.steps,
+            axes=config.axes,
             model=model,
         )
         for part in (parts if "train" in parts else [None])
@@ -37,6 +39,7 @@ def read_parts(
 
 
 def all_classes(recordings: Recordings, test: Recordings | None) -> int | None:
-    """Return how many classes the labels of both parts show; None without any."""
-    labels = [part.labels for part in (recordings, test) if part is not None and part.labels is not None]
-    return max((int(vector.max()) + 1 for vector in labels), default=None)
+    """Return how many classes the names and labels of both parts show; None without any."""
+    parts = [part for part in (recordings, test) if part is not None]
+    counts = [len(part.class_names) for part in parts if part.class_names is not None]
+    return max(counts + [int(part.labels.max()) + 1 for part in parts if part.labels is not None], default=None)

@@ -88,7 +88,7 @@ def train(
             fix="Give labelled recordings.",
         )
     _check_device(config.device)
-    classes = max(classes or 0, int(labels.max()) + 1)
+    classes = max(classes or 0, int(labels.max()) + 1, len(recordings.class_names or ()))
     if start is None:
         description = describe(recordings, config, classes, name)
     else:

@@ -48,7 +48,8 @@ def test_another_order_is_named(
         read_recordings(tmp_path / "a.npy", channels=channels)
     sizes = " x ".join(map(str, shape))
     assert str(caught.value) == (
-        f"file 'a.npy': its axes look like ({order}) ({sizes} values). Transpose it to ({wanted})."
+        f"file 'a.npy': its axes look like ({order}) ({sizes} values). "
+        f"Give --axes {order.replace(', ', ',')}, or transpose it to ({wanted}), as files have it."
     )
 
 
@@ -76,5 +77,5 @@ def test_a_member_of_a_folder_is_named(tmp_path: Path) -> None:
         read_recordings(tmp_path)
     assert str(caught.value) == (
         f"folder {tmp_path.name!r}, 'sample_1_label_0.npy': its axes look like (steps, channels) (50 x 78 values). "
-        "Transpose it to (channels, steps)."
+        "Give --axes steps,channels, or transpose it to (channels, steps), as files have it."
     )

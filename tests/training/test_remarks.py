@@ -217,5 +217,5 @@ def test_a_transposed_file_is_not_trained_on(tmp_path: Path, capsys: Capture) ->
     assert capsys.readouterr() == (
         "",
         "file 'a.npz': its axes look like (samples, steps, channels) (4 x 30 x 78 values). "
-        "Transpose it to (samples, channels, steps).\n",
+        "Give --axes samples,steps,channels, or transpose it to (samples, channels, steps), as files have it.\n",
     )

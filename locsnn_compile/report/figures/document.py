@@ -57,6 +57,7 @@ def report_document(
             "readout": _readout(network, match),
         },
         "accuracy": match.accuracy,
+        **({"classes": list(network.class_names)} if network.class_names else {}),
         "operations": {
             "per_sample": _per_sample(counts, samples),
             "by_branch": {name: _per_sample(c, samples) for name, c in match.counts_by_phase.items()},

@@ -39,7 +39,7 @@ class Cost:
         """Return the range of the mean, and the costliest recordings."""
         found = document[self.key]
         worst = found["worst_recording"]
-        label = "" if worst["class"] is None else f" of class {worst['class']}"
+        label = "" if worst["class"] is None else f" of class {_class_name(document, worst['class'])}"
         return (
             ("range of the mean", _range(found[f"range_{self.unit}"], self.shown)),
             ("99 % of recordings", f"at most {self.shown(found[f'over_samples_{self.unit}']['p99'])}"),
@@ -57,7 +57,7 @@ class Cost:
         return table(
             f"{self.name} by class, profile {found['profile']}",
             rows,
-            ("class", of("class", count)),
+            ("class", of("class", lambda number: _class_name(document, number))),
             ("", of(mean, lambda x: Bar(share_of(x, largest), f"mean {self.shown(x)}"))),
             ("recordings", of("recordings", count)),
             ("mean", of(mean, self.shown)),
@@ -171,3 +171,9 @@ def _constant(value: float | None, ends: list[float | None] | None, unit: str) -
     if low is None or high is None:
         return f"{'at most' if low is None else 'at least'} {value:g} {unit}"
     return f"{value:g} {unit} ({low:g} to {high:g})"
+
+
+def _class_name(document: Document, number: int) -> str:
+    """Return what a class is called, else its number."""
+    names = document.get("classes")
+    return names[number] if names else count(number)
