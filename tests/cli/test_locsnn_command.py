@@ -1,6 +1,7 @@
 """``locsnn run``, ``explore``, ``diff`` and ``targets``."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -91,6 +92,7 @@ def test_diff_names_what_changed(build, tmp_path, capsys):
     lines = summary.splitlines()
     assert lines[0] == "out → four"
     assert lines[-1] == "--all lists every figure that changed."
+    assert re.search(r"^  spikes on one side only \d", summary, flags=re.MULTILINE)
     assert len(lines) < 40
     for question in ("Does it match as well?", "Does it cost less?", "Does it take less room?"):
         assert question in shown

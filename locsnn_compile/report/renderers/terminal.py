@@ -86,7 +86,7 @@ def _drawn(value: float) -> str:
 
 
 def _row(console: Console, label: str, value: str) -> None:
-    _line(console, f"  {label:<{_LABEL}}{value}", style="dim", styled=_LABEL, hanging=2 + _LABEL)
+    _line(console, f"  {label:<{_LABEL - 1}} {value}", style="dim", styled=_LABEL, hanging=2 + _LABEL)
 
 
 def _line(console: Console, line: str, style: str, *, styled: int | None = None, hanging: int = 2) -> None:
