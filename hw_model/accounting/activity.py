@@ -69,14 +69,11 @@ def stacked(items: Sequence[StepActivity]) -> StepActivity:
 class FanOut:
     """What one spike of each source causes; sources are input lines, then columns.
 
-    ``synapses`` (sources, pieces of the phase): synapses at each piece. ``due_late`` (longest delay + 1, sources): of
-    them, those with at least that delay. ``input_packets`` (lines, cores of the phase): packets that carry an event of
-    a line. ``totals`` (sources, counts): what one spike adds to each of :data:`PER_SPIKE`.
+    ``due_late`` (longest delay + 1, sources): synapses with at least that delay. ``totals`` (sources, counts): what one
+    spike adds to each of :data:`PER_SPIKE`.
     """
 
-    synapses: Int32Array
     due_late: IntArray
-    input_packets: IntArray
     totals: IntArray
 
 
@@ -107,16 +104,16 @@ def count_totals(program: ChipProgram, phase: str, played: PhaseInput, trace: Ph
 
 def count_steps(program: ChipProgram, phase: str, played: PhaseInput, trace: PhaseTrace) -> list[StepActivity]:
     """Return the counts of every recording step by step and core by core."""
-    fan = fan_out(program, phase)
+    synapses, input_packets = _by_place(program, phase)
     pieces, routes = pieces_of(program, phase), routes_of(program, phase)
-    lines = len(fan.input_packets)
+    lines = len(input_packets)
     from_buffer = _through_buffer(program, phase)
     found = []
     for i in range(len(trace.spikes)):
         sent, played_lines = trace.spikes[i], played.lines(i)
         events = played_lines.astype(np.float64)
         by_piece = {
-            "synaptic_ops": _whole(events @ fan.synapses[:lines] + sent.astype(np.float64) @ fan.synapses[lines:]),
+            "synaptic_ops": _whole(events @ synapses[:lines] + sent.astype(np.float64) @ synapses[lines:]),
             "neuron_updates": np.broadcast_to(pieces.size, (played.steps, len(pieces.group))),
             "neuron_updates_active": trace.active[i].astype(np.int64),
             "spikes": pieces.of_spikes(sent),
@@ -130,7 +127,7 @@ def count_steps(program: ChipProgram, phase: str, played: PhaseInput, trace: Pha
                 routes,
                 by_piece,
                 packets=packets,
-                input_packets=_whole(events @ fan.input_packets),
+                input_packets=_whole(events @ input_packets),
                 buffered=played_lines[:, from_buffer].sum(axis=1, dtype=np.int64),
             )
         )
@@ -166,31 +163,48 @@ def _due_after_end(played: PhaseInput, spikes: ByteArray, due_late: IntArray) ->
 @lru_cache(maxsize=8)
 def fan_out(program: ChipProgram, phase: str) -> FanOut:
     """Follow every axon of a phase. Programs are hashed by identity."""
-    cores, pieces = program.cores_of(phase), pieces_of(program, phase)
+    cores = program.cores_of(phase)
     lines = sum(item.size for item in program.inputs_of(phase))
     count = lines + sum(core.compartments for core in cores)
     longest = max((int(core.axons.delay.max(initial=0)) for core in cores), default=0)
-    synapses = np.zeros((count, len(pieces.group)), dtype=np.int32)
+    synapses = np.zeros(count, dtype=np.int64)
     due_late = np.zeros((longest + 1, count), dtype=np.int64)
     packets = np.zeros((count, len(PER_PACKET)), dtype=np.int64)
-    input_packets = np.zeros((lines, len(cores)), dtype=np.int64)
-    for index, core in enumerate(cores):
+    input_packets = np.zeros(lines, dtype=np.int64)
+    for core in cores:
         # What arrives: each input axon of a core has a sender of its own.
         axons, source = core.axons, program.senders[core.number]
-        axon, piece = axons.axon_of_synapse, core.slice_of_compartment[axons.target]
-        here = slice(pieces.of_core[index], pieces.of_core[index + 1])
-        synapses[source, here] = _tally(axon, piece, (axons.input_axons, len(core.slices)))
-        by_delay = _tally(axon, axons.delay, (axons.input_axons, longest + 1))
+        synapses[source] += np.diff(axons.list_start)
+        by_delay = _tally(axons.axon_of_synapse, axons.delay, (axons.input_axons, longest + 1))
         due_late[:, source] += by_delay[:, ::-1].cumsum(axis=1)[:, ::-1].T
-        input_packets[source[source < lines], index] = 1
+        input_packets[source[source < lines]] += 1
         # What is sent.
         hops = {int(to): program.chip.hops(core.slot, program.cores[to].slot) for to in np.unique(axons.out_core)}
         ways = [(1, int(hops[to] == (0, 0)), *hops[to]) for to in axons.out_core.tolist()]
         sender = lines + program.columns_of_core(core)[axons.out_compartment]
         np.add.at(packets, sender, np.array(ways, dtype=np.int64).reshape(-1, len(PER_PACKET)))
-    to_inputs = np.pad(input_packets.sum(axis=1), (0, count - lines))
-    totals = np.column_stack((synapses.sum(axis=1), np.arange(count) >= lines, packets, to_inputs)).astype(np.int64)
-    return FanOut(synapses, due_late, input_packets, totals)
+    to_inputs = np.pad(input_packets, (0, count - lines))
+    totals = np.column_stack((synapses, np.arange(count) >= lines, packets, to_inputs)).astype(np.int64)
+    return FanOut(due_late, totals)
+
+
+@lru_cache(maxsize=8)
+def _by_place(program: ChipProgram, phase: str) -> tuple[Int32Array, IntArray]:
+    """Return the synapses of each source at each piece, and the packets of each line to each core.
+
+    They grow with the square of a program's size; only counts of every step and core need them.
+    """
+    cores, pieces = program.cores_of(phase), pieces_of(program, phase)
+    lines = sum(item.size for item in program.inputs_of(phase))
+    synapses = np.zeros((lines + sum(core.compartments for core in cores), len(pieces.group)), dtype=np.int32)
+    input_packets = np.zeros((lines, len(cores)), dtype=np.int64)
+    for index, core in enumerate(cores):
+        axons, source = core.axons, program.senders[core.number]
+        piece = core.slice_of_compartment[axons.target]
+        here = slice(pieces.of_core[index], pieces.of_core[index + 1])
+        synapses[source, here] = _tally(axons.axon_of_synapse, piece, (axons.input_axons, len(core.slices)))
+        input_packets[source[source < lines], index] = 1
+    return synapses, input_packets
 
 
 def _tally(row: IntArray, column: IntArray, shape: tuple[int, int]) -> IntArray:

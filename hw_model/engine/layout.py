@@ -10,7 +10,7 @@ quicker, else as lists.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -170,14 +170,15 @@ def fast_layout(program: ChipProgram, phase: str) -> FastLayout:
     synapses = _synapses(program, phase, nodes)
     blocks = _blocks(nodes, synapses)
     links = _links(nodes, synapses, blocks, cut)
+    delays = [int(core.axons.delay.max(initial=0)) for core in program.cores_of(phase)]
     return FastLayout(
         inputs=nodes.inputs,
         pieces=len(pieces_of(program, phase).group),
         nodes=Nodes(nodes.first, nodes.size, cut.of_node),
-        chunks=_chunks(program, phase, nodes, synapses, blocks, cut, links),
+        chunks=_chunks(program, phase, nodes, blocks, cut, links),
         links=links,
         slot=cut.slot,
-        longest_delay=int(synapses.delay.max(initial=0)),
+        longest_delay=max(delays, default=0),
     )
 
 
@@ -206,35 +207,49 @@ class _Numbering:
         return self.of_source(self.lines + column)[0]
 
 
-@dataclass(frozen=True, eq=False)
-class _Synapses:
-    """Every synapse of a phase: node and number of its source there, node and column of its target."""
+class _Synapses(NamedTuple):
+    """Some synapses from one node to another: number of the source there, column, weight in units of 64, and delay."""
 
-    node: IntArray
-    source: IntArray
-    target_node: IntArray
-    column: IntArray
-    weight: IntArray
-    delay: IntArray
+    source: Int32Array
+    column: Int32Array
+    weight: Int32Array
+    delay: Int32Array
 
 
-def _synapses(program: ChipProgram, phase: str, nodes: _Numbering) -> _Synapses:
-    parts = []
+Ends = tuple[int, int]
+"""Nodes that synapses lead from and to."""
+
+
+def _synapses(program: ChipProgram, phase: str, nodes: _Numbering) -> dict[Ends, list[_Synapses]]:
+    """Return the synapses of a phase by their ends, core by core: each is held once, in 32 bits a number."""
+    found: dict[Ends, list[_Synapses]] = {}
     for core in program.cores_of(phase):
-        axons = core.axons
-        source = program.senders[core.number][axons.axon_of_synapse]
-        column = program.columns_of_core(core)[axons.target]
-        parts.append((source, column, core.effective_weights >> WEIGHT_SHIFT, axons.delay))
-    source, column, weight, delay = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return _Synapses(*nodes.of_source(source), nodes.of_column(column), column, weight, delay)
+        axons, columns = core.axons, program.columns_of_core(core)
+        node, source = nodes.of_source(program.senders[core.number])
+        axon = axons.axon_of_synapse
+        ends = node[axon] * len(nodes.names) + nodes.of_column(columns)[axons.target]
+        weight = core.effective_weights >> WEIGHT_SHIFT
+        for pair in np.unique(ends).tolist():
+            here = np.flatnonzero(ends == pair)
+            table = (source[axon[here]], columns[axons.target[here]], weight[here], axons.delay[here])
+            part = _Synapses(*(values.astype(np.int32) for values in table))
+            found.setdefault(divmod(pair, len(nodes.names)), []).append(part)
+    return found
 
 
-def _blocks(nodes: _Numbering, synapses: _Synapses) -> list[list[int]]:
+def _sorted(parts: list[_Synapses]) -> tuple[IntArray, ...]:
+    """Return the columns of synapses of the same ends together, by source and then by column."""
+    together = [np.concatenate(column) for column in zip(*parts, strict=True)]
+    order = np.lexsort((together[1], together[0]))
+    return tuple(column[order].astype(np.int64) for column in together)
+
+
+def _blocks(nodes: _Numbering, pairs: Iterable[Ends]) -> list[list[int]]:
     """Return the groups' nodes block by block, sources before targets, children before parents."""
-    first, pairs = nodes.inputs, np.unique(np.stack((synapses.node, synapses.target_node)), axis=1).T
+    first = nodes.inputs
     joined = [(child, int(parent)) for child, parent in enumerate(nodes.parent) if parent >= 0]
     # Both ways, for what is joined is updated together.
-    edges = [(int(a), int(b)) for a, b in pairs if a >= first] + joined + [(parent, child) for child, parent in joined]
+    edges = [(a, b) for a, b in sorted(pairs) if a >= first] + joined + [(parent, child) for child, parent in joined]
     order = sources_first(len(nodes.names) - first, [(a - first, b - first) for a, b in edges])
 
     def depth(node: int) -> int:
@@ -279,7 +294,6 @@ def _chunks(
     program: ChipProgram,
     phase: str,
     nodes: _Numbering,
-    synapses: _Synapses,
     blocks: list[list[int]],
     cut: _Cut,
     links: Links,
@@ -287,17 +301,21 @@ def _chunks(
     slot, count = cut.slot, len(cut.node)
     limits = program.chip.registers
     widths = Widths(1 << (limits.charge_bits - WEIGHT_SHIFT), 1 << limits.current_bits)
-    fits = widths == USUAL_WIDTHS and _largest_sum(program, phase, synapses) <= np.iinfo(np.int32).max
+    arrived, reached = np.zeros(count * LANES), np.zeros(count, dtype=np.bool_)
+    for core in program.cores_of(phase):
+        here, weights = slot[program.columns_of_core(core)], np.abs(core.effective_weights >> WEIGHT_SHIFT)
+        arrived[here] = np.bincount(core.axons.target, weights, minlength=len(here))
+        reached[here[core.axons.target] // LANES] = True
+    fits = (
+        widths == USUAL_WIDTHS and _largest_sum(program, phase, int(arrived.max(initial=0))) <= np.iinfo(np.int32).max
+    )
     never = np.iinfo(np.int32 if fits else np.int64).max  # the threshold of what cannot spike
     shape = (count, FIELDS, LANES)
     registers: Lanes = np.zeros(shape, dtype=np.int32) if fits else np.zeros(shape, dtype=np.int64)
     registers[:, THRESHOLD] = never
     for field, values in _parameters(program, phase, never).items():
         registers[slot // LANES, field, slot % LANES] = values
-    reached = np.zeros(count, dtype=np.bool_)
-    reached[slot[synapses.column] // LANES] = True
     keeps = registers[:, [KEEP_U, KEEP_V, BIAS]].any(axis=(1, 2))
-    arrived = np.bincount(slot[synapses.column], np.abs(synapses.weight), minlength=count * LANES)
     plain = ~registers[:, BIAS].any(axis=1) & (registers[:, REFRACTORY] <= 1).all(axis=1)
     plain &= _cannot_wrap(arrived.reshape(-1, LANES), DECAY_ONE - registers[:, KEEP_U], widths)
     # A child lies beside its parent on the same core, so both are cut into chunks at the same places.
@@ -345,12 +363,11 @@ def _cannot_wrap(arrived: npt.NDArray[Any], decay_u: Lanes, widths: Widths) -> n
     return np.asarray(((arrived < widths.half_charge) & (grows_to < decay_u * float(widths.half_current))).all(axis=1))
 
 
-def _largest_sum(program: ChipProgram, phase: str, synapses: _Synapses) -> int:
+def _largest_sum(program: ChipProgram, phase: str, arrived: int) -> int:
     """Return a bound on every number that an update of this phase works with, whatever the input."""
     registers = program.chip.registers
     charge, current = 1 << registers.charge_bits, 1 << registers.current_bits
-    arrived = np.bincount(synapses.column, np.abs(synapses.weight)).max(initial=0)
-    found = [int(arrived), charge + current]
+    found = [arrived, charge + current]
     for core in program.cores_of(phase):
         # A child adds its v, within the core's limits, to what the parent keeps of its own and to its drive.
         most_children = int(np.bincount(core.parent[core.parent >= 0]).max(initial=0))
@@ -360,46 +377,42 @@ def _largest_sum(program: ChipProgram, phase: str, synapses: _Synapses) -> int:
     return max(found)
 
 
-def _links(nodes: _Numbering, synapses: _Synapses, blocks: list[list[int]], cut: _Cut) -> Links:
-    count, slot = len(nodes.names), cut.slot
-    pair = synapses.node * count + synapses.target_node
-    order = np.lexsort((synapses.column, synapses.source, pair))
-    pairs, starts = np.unique(pair[order], return_index=True)
-    bounds = np.append(starts, len(order))
+def _links(nodes: _Numbering, synapses: dict[Ends, list[_Synapses]], blocks: list[list[int]], cut: _Cut) -> Links:
+    """Lay out the synapses by their ends; they are taken out, so that no more than one link is there twice."""
+    slot = cut.slot
     block_of = {node: k for k, block in enumerate(blocks) for node in block}
-    external: list[list[int]] = [[] for _ in blocks]
-    internal: list[list[int]] = [[] for _ in range(count)]
-    for i, (source, target) in enumerate(divmod(int(p), count) for p in pairs):
+    external: list[list[Ends]] = [[] for _ in blocks]
+    internal: list[list[Ends]] = [[] for _ in nodes.names]
+    for source, target in sorted(synapses):
         inside = source >= nodes.inputs and block_of[source] == block_of[target]
-        (internal[source] if inside else external[block_of[target]]).append(i)
-    listed = [i for part in (*external, *internal) for i in part]
+        (internal[source] if inside else external[block_of[target]]).append((source, target))
+    listed = [ends for part in (*external, *internal) for ends in part]
     rows, matrices, packed, wide = [], [], [], []
     starts_of_lists, reached = [], []
     matrix_size = list_rows = reach_size = 0
     sizes = {LIST: 0, PACKED_LIST: 0}
-    for i in listed:
-        mine = order[bounds[i] : bounds[i + 1]]
-        node, to = divmod(int(pairs[i]), count)
+    for node, to in listed:
+        sources, column, weights, delay = _sorted(synapses.pop((node, to)))
         low, high = LANES * int(cut.of_node[to]), LANES * int(cut.of_node[to + 1])
-        place, delay = slot[synapses.column[mine]] - low, synapses.delay[mine]
-        matrix = _matrix(synapses, mine, place, (int(nodes.size[node]), high - low))
+        place = slot[column] - low
+        matrix = _matrix(sources, place, weights, delay, (int(nodes.size[node]), high - low))
         if matrix is not None:
             rows.append((node, to, MATRIX, matrix_size, high - low, low, int(delay[0]), 0, 0, 0))
             matrices.append(matrix.ravel())
             matrix_size += matrix.size
             continue
-        first = np.searchsorted(synapses.source[mine], np.arange(nodes.size[node] + 1))
-        words, form = _packed(place, synapses.weight[mine], delay, (high - low - 1).bit_length())
+        first = np.searchsorted(sources, np.arange(nodes.size[node] + 1))
+        words, form = _packed(place, weights, delay, (high - low - 1).bit_length())
         kind = LIST if words is None else PACKED_LIST
         rows.append((node, to, kind, list_rows, 0, low, *form))
         if words is None:
-            wide.append(np.stack((place + low, synapses.weight[mine], delay)))
+            wide.append(np.stack((place + low, weights, delay)))
         else:
             packed.append(words)
         reach = _reach(first, (place + low) // LANES, delay)
         starts_of_lists.append(np.stack((first + sizes[kind], reach[0] + reach_size)))
         reached.append(np.stack(reach[1:]))
-        sizes[kind] += len(mine)
+        sizes[kind] += len(place)
         list_rows += len(first)
         reach_size += len(reach[1])
 
@@ -444,14 +457,14 @@ def _reach(list_start: IntArray, chunk: IntArray, late: IntArray) -> tuple[IntAr
 
 
 def _matrix(
-    synapses: _Synapses, mine: IntArray, target: IntArray, shape: tuple[int, int]
+    source: IntArray, target: IntArray, weight: IntArray, delay: IntArray, shape: tuple[int, int]
 ) -> npt.NDArray[np.int16] | None:
     """Return synapses as a matrix (sources, slots); None where lists are better, or weights or delays forbid it."""
-    delay = synapses.delay[mine]
-    if len(mine) < DENSE_SHARE * shape[0] * shape[1] or shape[0] * shape[1] > DENSE_MOST or (delay != delay[0]).any():
+    size = shape[0] * shape[1]
+    if len(delay) < DENSE_SHARE * size or size > DENSE_MOST or (delay != delay[0]).any():
         return None
     matrix = np.zeros(shape, dtype=np.int64)
-    np.add.at(matrix, (synapses.source[mine], target), synapses.weight[mine])
+    np.add.at(matrix, (source, target), weight)
     if np.abs(matrix).max() >= 1 << 15:
         return None
     return matrix.astype(np.int16)

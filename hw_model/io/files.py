@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import os
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +55,7 @@ def check_file(path: Path, where: str) -> None:
 
 def pack_arrays(arrays: Mapping[str, npt.NDArray[Any]], *, compressed: bool) -> bytes:
     """Return an ``.npz`` without time stamps. Compressed bytes also depend on the build of zlib."""
-    return pack_files({f"{name}.npy": npy_bytes(array) for name, array in arrays.items()}, compressed=compressed)
+    return pack_files(((f"{name}.npy", npy_bytes(array)) for name, array in arrays.items()), compressed=compressed)
 
 
 def npy_bytes(array: npt.NDArray[Any]) -> bytes:
@@ -65,11 +65,11 @@ def npy_bytes(array: npt.NDArray[Any]) -> bytes:
     return content.getvalue()
 
 
-def pack_files(files: Mapping[str, bytes], *, compressed: bool) -> bytes:
-    """Return a zip archive without time stamps."""
+def pack_files(files: Iterable[tuple[str, bytes]], *, compressed: bool) -> bytes:
+    """Return a zip archive of names and contents without time stamps; of the contents it holds one at a time."""
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w") as archive:
-        for name, content in files.items():
+        for name, content in files:
             entry = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
             entry.compress_type = zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
             archive.writestr(entry, content)

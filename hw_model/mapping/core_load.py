@@ -30,12 +30,17 @@ class Limit:
 
 
 class CoreLoad:
-    """The load of one core; ``like`` passes on what was learnt of window sizes from the core before."""
+    """The load of one core; ``like`` is the core before, full: its window and its arrays are taken over, emptied.
+
+    So a core takes time for the sources that it has, not for all that there are.
+    """
 
     def __init__(self, chip: Chip, sources: int, like: CoreLoad | None = None) -> None:
         self._chip = chip
         self._window: int = like._window if like else FIRST_WINDOW
-        self._on_core = np.zeros(sources, dtype=np.bool_)
+        self._empty = like._emptied() if like else []
+        self._on_core = self._empty.pop() if like else np.zeros(sources, dtype=np.int64)
+        self._found = [np.empty(0, dtype=np.int64)]
         self._profiles: set[tuple[int, ...]] = set()
         self._thresholds: set[tuple[int, ...]] = set()
         self._voltage_limits: set[tuple[int, ...]] = set()
@@ -46,7 +51,15 @@ class CoreLoad:
 
     def sources_on_core(self) -> IntArray:
         """Return the sources with an input axon here, ascending."""
-        return np.flatnonzero(self._on_core)
+        found: IntArray = np.sort(np.concatenate(self._found))
+        return found
+
+    def _emptied(self) -> list[IntArray]:
+        """Give up the arrays over all sources, with zeros again."""
+        used, here = [*self._lengths.values(), self._on_core], self.sources_on_core()
+        for array in used:
+            array[here] = 0
+        return self._empty + used
 
     def take(self, groups: Sequence[Compartments], projections: Sequence[FanIn], start: int, stop: int) -> int:
         """Take as many of the neurons ``start..stop`` as fit, in order; return how many.
@@ -76,11 +89,10 @@ class CoreLoad:
             self.words = by_name["synapse memory words"]
             self._formats |= _formats(projections)
             for projection in projections:
-                source = projection.source[projection.rows(start, start + count)]
-                self._on_core[source] = True
-                self._lengths[projection.lists] = self._length(projection.lists) + np.bincount(
-                    source, minlength=len(self._on_core)
-                )
+                source, many = np.unique(projection.source[projection.rows(start, start + count)], return_counts=True)
+                self._found.append(source[self._on_core[source] == 0])
+                self._on_core[source] = 1
+                self._length(projection.lists)[source] += many
             for known, values in self._distinct(groups, start, start + count):
                 known |= {tuple(row) for row in np.unique(values, axis=0).tolist()}
         return count
@@ -123,8 +135,10 @@ class CoreLoad:
         ]
 
     def _length(self, lists: SynapseFormat | str) -> IntArray:
-        """Return how long each source's list is on this core."""
-        return self._lengths.get(lists, np.zeros(len(self._on_core), dtype=np.int64))
+        """Return how long each source's list is on this core, to be added to."""
+        if lists not in self._lengths:
+            self._lengths[lists] = self._empty.pop() if self._empty else np.zeros_like(self._on_core)
+        return self._lengths[lists]
 
     def _synapse_uses(self, projections: Sequence[FanIn], start: int, stop: int) -> tuple[IntArray, IntArray]:
         """Return input axons and synapse memory words after each neuron of the window."""
@@ -132,7 +146,7 @@ class CoreLoad:
         new_axons, new_words = np.zeros(size, dtype=np.int64), np.zeros(size, dtype=np.int64)
         found_sources, found_neurons = [], []
         for together in _by_lists(projections):
-            rows = [(p.source[r], p.target[r] - start) for p in together for r in (p.rows(start, stop),)]
+            rows = [(p.source[p.rows(start, stop)], p.targets(start, stop) - start) for p in together]
             source, neuron = (np.concatenate(column) for column in zip(*rows, strict=True))
             order = np.lexsort((neuron, source))
             ranked = source[order]
@@ -146,13 +160,13 @@ class CoreLoad:
             found_neurons.append(neuron[order][begins])
         if found_sources:
             source, neuron = np.concatenate(found_sources), np.concatenate(found_neurons)
-            fresh = ~self._on_core[source]
+            fresh = self._on_core[source] == 0
             source, neuron = source[fresh], neuron[fresh]
             order = np.lexsort((neuron, source))
             source, neuron = source[order], neuron[order]
             earliest = np.r_[True, source[1:] != source[:-1]] if len(source) else np.empty(0, np.bool_)
             new_axons += np.bincount(neuron[earliest], minlength=size)
-        return int(self._on_core.sum()) + np.cumsum(new_axons), self.words + np.cumsum(new_words)
+        return sum(map(len, self._found)) + np.cumsum(new_axons), self.words + np.cumsum(new_words)
 
 
 def first_broken(groups: Sequence[Compartments], projections: Sequence[FanIn], neuron: int, chip: Chip) -> Limit:

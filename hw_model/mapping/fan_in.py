@@ -6,12 +6,14 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from hw_model.arithmetic.fixed_point import IntArray, SignMode
 from hw_model.description.chip import Chip
-from hw_model.mapping.graph import CompartmentGraph, Synapses
+from hw_model.mapping.graph import CompartmentGraph, Synapses, held
 
 
 @dataclass(frozen=True, order=True)
@@ -60,10 +62,9 @@ class FanIn:
     target_group: str
     format: SynapseFormat
     start: IntArray
-    target: IntArray
-    source: IntArray
-    mantissa: IntArray
-    delay: IntArray
+    source: npt.NDArray[Any]
+    mantissa: npt.NDArray[Any]
+    delay: npt.NDArray[Any]
 
     @property
     def lists(self) -> SynapseFormat | str:
@@ -73,6 +74,10 @@ class FanIn:
     def rows(self, start: int, stop: int) -> slice:
         """Return the rows of all synapses onto targets ``start..stop``."""
         return slice(int(self.start[start]), int(self.start[stop]))
+
+    def targets(self, start: int, stop: int) -> IntArray:
+        """Return the targets of these synapses."""
+        return np.repeat(np.arange(start, stop), np.diff(self.start[start : stop + 1]))
 
 
 def first_source(graph: CompartmentGraph) -> dict[str, int]:
@@ -143,24 +148,22 @@ def _root(graph: CompartmentGraph, name: str) -> str:
 
 
 def _fan_in(name: str, synapses: Synapses, form: SynapseFormat, first: int, graph: CompartmentGraph) -> FanIn:
-    targets = graph.group(synapses.target).size
     order = np.argsort(synapses.target_index, kind="stable")
-    target = synapses.target_index[order]
+    each = np.bincount(synapses.target_index, minlength=graph.group(synapses.target).size)
     return FanIn(
         name=name,
         target_group=synapses.target,
         format=form,
-        start=np.searchsorted(target, np.arange(targets + 1)),
-        target=target,
-        source=synapses.source_index[order] + first,
-        mantissa=synapses.mantissa[order],
-        delay=synapses.delay[order],
+        start=np.append(0, np.cumsum(each)),
+        source=held(synapses.source_index[order] + first),
+        mantissa=held(synapses.mantissa[order]),
+        delay=held(synapses.delay[order]),
     )
 
 
 def _format(synapses: Synapses, targets: int, chip: Chip) -> SynapseFormat:
     """A list needs no index where every source reaches every target once: then any range of targets is contiguous."""
-    pairs = synapses.source_index * targets + synapses.target_index
+    pairs = synapses.source_index.astype(np.int64) * targets + synapses.target_index
     full = len(pairs) % targets == 0 and np.array_equal(pairs, np.arange(len(pairs)))
     index_bits = 0 if full else (chip.limits.compartments_per_core - 1).bit_length()
     return SynapseFormat(synapses.weight_bits, synapses.sign_mode, synapses.exponent, synapses.delay_bits, index_bits)

@@ -30,6 +30,21 @@ def read_only(array: object) -> IntArray:
     return copy
 
 
+def held(array: npt.ArrayLike) -> npt.NDArray[Any]:
+    """Return integers (n,), one for each synapse, that nobody can write to, in little memory.
+
+    Equal ones, as delays mostly are, take that of one; others take 32 bits, or 64 where these do not hold them.
+    """
+    values = np.asarray(array)
+    if len(values) and (values == values[0]).all():
+        return np.broadcast_to(np.int64(values[0]), values.shape)
+    limits = np.iinfo(np.int32)
+    narrow = values.min(initial=0) >= limits.min and values.max(initial=0) <= limits.max
+    copy = np.array(values, dtype=np.int32 if narrow else np.int64)
+    copy.setflags(write=False)
+    return copy
+
+
 @dataclass(frozen=True)
 class Phase:
     """One run over one step axis; ``steps`` is None where the recording decides."""
@@ -106,7 +121,10 @@ class Compartments:
 
 @dataclass(frozen=True, eq=False)
 class Synapses:
-    """Synapses from ``source`` (input or compartments) to ``target``, one row each, ordered by source, then target."""
+    """Synapses from ``source`` (input or compartments) to ``target``, one row each, ordered by source, then target.
+
+    Their arrays may have 32 bits a number, see :func:`held`.
+    """
 
     source: str
     target: str

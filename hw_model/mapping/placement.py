@@ -146,7 +146,7 @@ def _fill(
 ) -> PlacedGraph:
     sources = sum(node.size for node in graph.nodes)
     slices: list[Slice] = []
-    loads: list[CoreLoad] = []
+    full: list[tuple[IntArray, int]] = []
     for phase in graph.phases:
         load = CoreLoad(chip, sources)
         for cluster in clusters(graph, phase.name):
@@ -164,26 +164,24 @@ def _fill(
                 if count == 0 and load.compartments == 0:
                     raise _too_large(cluster, start, first_broken(cluster.groups, projections, start, chip), chip)
                 if count == 0:
-                    loads.append(load)
-                    load = CoreLoad(chip, sources, like=load)
+                    load = _next_core(load, full, chip, sources)
                     continue
                 for group in cluster.groups:
-                    slices.append(Slice(group.name, len(loads), start, start + count, offset))
+                    slices.append(Slice(group.name, len(full), start, start + count, offset))
                     offset += count
                 start += count
                 if count == most:  # the room left is for no other: its output axons are used up
-                    loads.append(load)
-                    load = CoreLoad(chip, sources, like=load)
+                    load = _next_core(load, full, chip, sources)
         if load.compartments:
-            loads.append(load)
-    return PlacedGraph(
-        graph,
-        chip,
-        tuple(slices),
-        tuple(range(len(loads))),
-        tuple(load.sources_on_core() for load in loads),
-        tuple(load.words for load in loads),
-    )
+            _next_core(load, full, chip, sources)
+    axons, words = zip(*full, strict=True)
+    return PlacedGraph(graph, chip, tuple(slices), tuple(range(len(full))), axons, words)
+
+
+def _next_core(load: CoreLoad, full: list[tuple[IntArray, int]], chip: Chip, sources: int) -> CoreLoad:
+    """Note what a full core holds; return the empty one that follows."""
+    full.append((load.sources_on_core(), load.words))
+    return CoreLoad(chip, sources, like=load)
 
 
 def _crowded_by_output(placed: PlacedGraph) -> dict[str, int]:

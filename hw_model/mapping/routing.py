@@ -15,6 +15,7 @@ from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.description.chip import Chip
 from hw_model.errors import TargetError
 from hw_model.mapping.fan_in import FanIn, SynapseFormat, fan_in, first_source
+from hw_model.mapping.graph import held
 from hw_model.mapping.placement import PlacedGraph, Slice
 from hw_model.mapping.synapse_lists import synapse_lists
 
@@ -23,8 +24,9 @@ from hw_model.mapping.synapse_lists import synapse_lists
 class AxonTables:
     """Axons and synapse lists of one core; compartments are numbered as on the core.
 
-    Input axon j's list is rows ``list_start[j]..list_start[j + 1]`` of the synapse arrays. Output axon k carries the
-    spikes of ``out_compartment[k]`` to input axon ``out_axon[k]`` of core ``out_core[k]``.
+    Input axon j's list is rows ``list_start[j]..list_start[j + 1]`` of the synapse arrays, which may have 32 bits a
+    number (:func:`hw_model.mapping.graph.held`). Output axon k carries the spikes of ``out_compartment[k]`` to input
+    axon ``out_axon[k]`` of core ``out_core[k]``.
     """
 
     formats: tuple[SynapseFormat, ...]
@@ -176,7 +178,7 @@ def _lists(slices: list[Slice], projections: tuple[FanIn, ...], chip: Chip) -> t
     columns: list[tuple[IntArray, ...]] = [(empty,) * 6]
     for rank, (projection, piece) in enumerate(here):
         rows = projection.rows(piece.start, piece.stop)
-        target = projection.target[rows] - piece.start + piece.offset
+        target = projection.targets(piece.start, piece.stop) - piece.start + piece.offset
         form = np.full(len(target), formats.index(projection.format))
         source, mantissa, delay = projection.source[rows], projection.mantissa[rows], projection.delay[rows]
         columns.append((source, np.full(len(target), rank), target, mantissa, delay, form))
@@ -190,10 +192,10 @@ def _lists(slices: list[Slice], projections: tuple[FanIn, ...], chip: Chip) -> t
     tables = AxonTables(
         formats=tuple(formats),
         list_start=list_start,
-        target=target,
-        mantissa=mantissa[order],
-        delay=delay[order],
-        format_index=form,
+        target=held(target),
+        mantissa=held(mantissa[order]),
+        delay=held(delay[order]),
+        format_index=held(form),
         synapse_words=int(lists.words.sum()),
         out_compartment=empty,
         out_core=empty,

@@ -22,6 +22,7 @@ from hw_model.mapping.graph import (
     Readout,
     Synapses,
     check_graph,
+    held,
     read_only,
 )
 from hw_model.mapping.placement import place_cores
@@ -158,18 +159,23 @@ class ProgramBuilder:
             rows, columns = np.nonzero(matrix)
             mantissa = matrix[rows, columns]
             self._pruned += matrix.size - len(rows)
+        # One delay for all is not spread over all pairs, of which there are many more than synapses.
         if sparse.issparse(delay):
-            delay = delay.toarray()
-        delays = np.broadcast_to(_whole(where, "delay", delay, shape), shape)[rows, columns]
+            if delay.shape != shape:
+                raise _wrong_shape(where, "delay", delay.shape, shape)
+            delay = _whole(where, "delay", sparse.csr_array(delay)[rows, columns], rows.shape)
+        elif np.ndim(delay):
+            delay = _whole(where, "delay", delay, shape)[rows, columns]
+        delays = np.broadcast_to(_whole(where, "delay", delay, rows.shape), rows.shape)
         order = np.lexsort((rows, columns))
         self._synapses.append(
             Synapses(
                 source.name,
                 target.name,
-                source_index=read_only(columns[order]),
-                target_index=read_only(rows[order]),
-                mantissa=read_only(mantissa[order]),
-                delay=read_only(delays[order]),
+                source_index=held(columns[order]),
+                target_index=held(rows[order]),
+                mantissa=held(mantissa[order]),
+                delay=held(delays[order]),
                 exponent=int(_whole(where, "exponent", exponent, ())),
                 weight_bits=weight_bits or self._chip.registers.weight_bits[-1],
                 sign_mode=sign_mode,

@@ -23,7 +23,7 @@ MAX_STEPS, MAX_LINES = 10_000_000, 10_000_000
 MAX_DECAY = 4096
 _NONE = np.zeros(0, dtype=np.int64)
 _OF_COMPARTMENTS = ("profile", "threshold", "bias_mantissa", "bias_exponent", "parent")
-_OF_SYNAPSES = ("target", "mantissa", "delay", "format_index")
+OF_SYNAPSES = ("target", "mantissa", "delay", "format_index")
 _OF_OUTPUTS = ("out_compartment", "out_core", "out_axon")
 
 
@@ -75,7 +75,7 @@ def _table_rules(index: int, core: Core, phases: Sequence[str], registers: Regis
     return [
         ("phases", core.phase in phases),
         ("compartment tables", all(len(getattr(core, name)) == count for name in _OF_COMPARTMENTS)),
-        ("synapse tables", len({len(getattr(axons, name)) for name in _OF_SYNAPSES}) == 1),
+        ("synapse tables", len({len(getattr(axons, name)) for name in OF_SYNAPSES}) == 1),
         ("output tables", len({len(getattr(axons, name)) for name in _OF_OUTPUTS}) == 1),
         ("slices", [piece.offset for piece in core.slices] + [count] == ends and count > 0),
         ("slices' places", all(p.core == index and 0 <= p.start < p.stop for p in core.slices)),

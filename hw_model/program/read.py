@@ -24,16 +24,16 @@ from hw_model.io.given import checked
 from hw_model.io.yaml_text import FAST_LOADER, load_yaml
 from hw_model.io.zip_directory import check_directory
 from hw_model.mapping.fan_in import SynapseFormat
-from hw_model.mapping.graph import Input, Phase, Readout
+from hw_model.mapping.graph import Input, Phase, Readout, held
 from hw_model.mapping.placement import Slice
 from hw_model.mapping.routing import AxonTables, InputRoute
-from hw_model.program.check import check_program
+from hw_model.program.check import OF_SYNAPSES, check_program
 from hw_model.program.chip_program import ChipProgram, CompartmentProfile, Core
 from hw_model.program.write import AXON_ARRAYS, CORE_ARRAYS, FORMAT, RECORDINGS, ROUTE_ARRAYS, VERSION
 
 MAX_FILE_BYTES = 2 << 30
-MAX_ARRAY_BYTES = 3 << 29
-"""Of all arrays together, unpacked."""
+MAX_ARRAY_BYTES, MAX_PACKING = 3 << 29, 64
+"""Of all arrays together, unpacked: so many bytes, or, if that is more, so many times those of the file."""
 _CHUNK_BYTES = 1 << 20
 MAX_YAML_NODES = 2_000_000
 """Values, keys and containers of ``program.yaml``: about a hundred for each core."""
@@ -76,7 +76,7 @@ def _unpack(content: bytes) -> dict[str, IntArray]:
     arrays: dict[str, IntArray] = {}
     check_directory(io.BytesIO(content))
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
-        if sum(entry.file_size for entry in archive.infolist()) > MAX_ARRAY_BYTES:
+        if sum(entry.file_size for entry in archive.infolist()) > max(MAX_ARRAY_BYTES, MAX_PACKING * len(content)):
             raise InputError("program.npz", "its arrays are absurdly large", fix="Compile again.")
         for entry in archive.infolist():
             with archive.open(entry) as member:
@@ -185,6 +185,7 @@ def _core(core: dict[str, Any], arrays: dict[str, IntArray]) -> Core:
         axons=AxonTables(
             formats=formats,
             synapse_words=int(core["synapse_words"]),
-            **{name: arrays[prefix + name] for name in AXON_ARRAYS},
+            **{name: arrays[prefix + name] for name in AXON_ARRAYS if name not in OF_SYNAPSES},
+            **{name: held(arrays.pop(prefix + name)) for name in OF_SYNAPSES},
         ),
     )

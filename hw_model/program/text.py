@@ -31,6 +31,8 @@ def array_text(array: npt.NDArray[Any]) -> str:
         return f"{values.flat[0]}"
     if values.size <= WRITTEN_OUT:
         return " ".join(map(str, values.ravel().tolist()))
+    if values.dtype.kind == "i":
+        values = values.astype(np.int64)
     digest = hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest()[:12]
     return f"{values.min()}..{values.max()} #{digest}"
 

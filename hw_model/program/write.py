@@ -7,11 +7,12 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import yaml
 
 from hw_model.arithmetic.fixed_point import IntArray
 from hw_model.errors import InputError
-from hw_model.io.files import pack_arrays
+from hw_model.io.files import npy_bytes, pack_files
 from hw_model.io.folders import replace_entries
 from hw_model.mapping.routing import AxonTables
 
@@ -29,7 +30,8 @@ ROUTE_ARRAYS = ("line", "core", "axon")
 
 def program_files(program: ChipProgram) -> dict[str, bytes]:
     """Return the two files as bytes, by name; the same program gives the same bytes."""
-    arrays = pack_arrays(_arrays(program), compressed=True)
+    columns = ((f"{name}.npy", npy_bytes(array.astype(np.int64))) for name, array in _arrays(program).items())
+    arrays = pack_files(columns, compressed=True)
     document = {"format": FORMAT, "version": VERSION, "arrays_sha256": hashlib.sha256(arrays).hexdigest()}
     document.update(_document(program))
     text = yaml.dump(document, sort_keys=False, allow_unicode=True, width=120, Dumper=_Dumper)

@@ -56,7 +56,7 @@ def write_recordings(
     if suffix in ("", ".zip"):
         files = _member_files(recordings, members, where)
         if suffix == ".zip":
-            replace_file(path, pack_files(files, compressed=False), where)
+            replace_file(path, pack_files(files.items(), compressed=False), where)
         else:
             _write_folder(path, files)
         return _not_held(recordings, members, startend=True)
