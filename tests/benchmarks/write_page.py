@@ -25,8 +25,8 @@ GOALS: dict[str, dict[str, float]] = {
 LIMIT_GOAL = 0.5
 PLACING = ("build", "place", "arrange", "route")
 TRAINING_SPEED, COMMAND_SPEED = "training-speed", "command-speed"
-KEPT = ("density", "against", TRAINING_SPEED, COMMAND_SPEED)
-"""The sections that ``density.py``, ``against.py`` and scripts named as the others write; they stay."""
+KEPT = ("density", "against", "scale", TRAINING_SPEED, COMMAND_SPEED)
+"""The sections that ``density.py``, ``against.py``, ``scale.py`` and scripts named as the others write; they stay."""
 UNBROKEN = {"break_long_words": False, "break_on_hyphens": False}
 
 

@@ -1,0 +1,95 @@
+"""Memory grows with what a program has, not with pairs of it: synapses and sources, not cores times sources."""
+
+import tracemalloc
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import sparse
+
+import hw_model as hw
+from hw_model.mapping.graph import held
+from hw_model.mapping.placement import place_cores
+from hw_model.program import read
+
+CHIP = hw.chip("loihi-sim")
+SIZE = 20_000
+MANY_CORES = replace(CHIP, limits=replace(CHIP.limits, compartments_per_core=50), chips=4)
+"""On which 20,000 compartments take 400 cores."""
+
+
+def relays(chip, delay=0):
+    """A compartment for each of 20,000 lines, each with one synapse."""
+    builder = hw.ProgramBuilder(chip)
+    lines = builder.add_input("x", SIZE)
+    out = builder.add_compartments("n", SIZE, decay_u=4096, decay_v=4096, threshold=1)
+    builder.connect(lines, out, sparse.eye_array(SIZE, dtype=np.int64) * 20, delay=delay)
+    return builder
+
+
+def peak_mib(do):
+    """Give what a function returns, and the MiB that Python and numpy held at most meanwhile."""
+    tracemalloc.start()
+    try:
+        found = do()
+        return found, tracemalloc.get_traced_memory()[1] / 2**20
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("delay", [3, sparse.eye_array(SIZE, dtype=np.int64) * 3], ids=["one for all", "one for each"])
+def test_delays_are_those_of_synapses_not_of_pairs(delay):
+    graph, mib = peak_mib(relays(MANY_CORES, delay).graph)
+    assert graph.synapses[0].delay.tolist() == [3] * SIZE
+    _, mib = peak_mib(lambda: relays(MANY_CORES, delay))
+    assert mib < 20, "pairs take 3,000"
+
+
+def test_delays_of_another_shape_are_refused():
+    with pytest.raises(hw.InputError) as caught:
+        relays(CHIP, sparse.eye_array(3, dtype=np.int64))
+    assert str(caught.value) == (
+        "synapses 'x' -> 'n': delay has the wrong shape ((3, 3) against (20000, 20000)). "
+        "Give n_target rows and n_source columns."
+    )
+
+
+def test_a_core_takes_no_memory_for_the_sources_of_others():
+    graph = relays(MANY_CORES).graph()
+    placed, mib = peak_mib(lambda: place_cores(graph, MANY_CORES))
+    assert placed.cores == 400
+    assert all(np.array_equal(axons, np.arange(50 * i, 50 * i + 50)) for i, axons in enumerate(placed.axons))
+    assert mib < 15, "a byte and a number for each core and source take 140"
+
+
+def test_counts_take_no_memory_for_cores_times_sources():
+    program = relays(MANY_CORES).build()
+    spikes = (np.random.default_rng(0).random((5, SIZE)) < 0.1).astype(np.uint8)
+    found, mib = peak_mib(lambda: hw.simulate(program, spikes))
+    assert np.array_equal(found.spikes["n"][1:], spikes[:-1])
+    assert found.counts.synaptic_ops == found.counts.input_packets == spikes.sum()
+    assert mib < 20, "a number for each core and source takes 61"
+
+
+def test_what_is_held_for_a_synapse():
+    rows = np.arange(1000)
+    for values, bytes_of_one in (
+        (rows, 4),
+        (rows + 2**31, 8),
+        (-rows - 2**31, 8),
+        (rows - 2**31, 4),
+        (rows * 0 + 7, 0),
+    ):
+        kept = held(values)
+        assert (kept.tolist(), kept.strides, kept.flags.writeable) == (values.tolist(), (bytes_of_one,), False)
+    assert held([]).tolist() == []
+
+
+def test_a_file_may_unpack_to_more_the_larger_it_is(tmp_path, monkeypatch):
+    relays(MANY_CORES).build().save(tmp_path)
+    monkeypatch.setattr(read, "MAX_ARRAY_BYTES", 1000)
+    assert len(hw.load_program(tmp_path).cores) == 400
+    monkeypatch.setattr(read, "MAX_PACKING", 1)
+    with pytest.raises(hw.InputError) as caught:
+        hw.load_program(tmp_path)
+    assert str(caught.value) == "program.npz: its arrays are absurdly large. Compile again."
