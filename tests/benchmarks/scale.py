@@ -42,22 +42,24 @@ PAGE_TEXT = """## From a graph to a recording, against size
 
 Made by `python tests/benchmarks/scale.py SIZE... --write`, all figures in [scale.csv](scale.csv): the networks of *cost against
 size*, 250 synapses a compartment, on as many chips as they take. A network is built, placed, arranged, routed and assembled, saved,
-loaded, laid out for the engine, and plays a recording of 100 steps whose spikes are checked. Measured on {processor}, while other
-work kept its cores busy ({load}): seconds are therefore processor seconds, of all threads; the seconds that went by were more.
+loaded, laid out for the engine, and plays a recording of 100 steps whose spikes are checked. Measured on
+{processor}, while other work kept its cores busy ({load}): seconds are
+therefore processor seconds, of all threads; the seconds that went by were more.
 
 {table}
 
 What grows faster than the synapses, and why:
 
 - *Sorting*: a projection is sorted by target and, for the engine, by source, in n log n.
-- *Arranging* keeps traffic and distance of every pair of cores, 16 bytes each: a million compartments take 4,600 cores and 340 MB.
+- *Arranging* keeps traffic and distance of every pair of cores, 16 bytes each: 340 MB for 4,600 cores, a million compartments.
   Up to 1,024 slots its search takes time with their cube; a larger board is improved in parts of 256 slots, from the best of
   three orders, in time that grows with the square of the cores, for a part is compared with all others.
 - *Counts of every step and core* (`probe=("activity",)`, which latency needs) keep synapses by source and piece, with the square
   of the size. Predictions, spikes and totals do not.
 
 A synapse takes 12 bytes in a graph, in a program and in the engine's lists, and 32 in a file before it is packed. Memory is highest
-where two of these are there at once.
+where several of these are there at once, at {each:.0f} bytes a synapse between the first row and the last. With {million:.0f} GiB by that
+figure, a million compartments are within 16 GiB{ran}.
 """
 STEPS = 100
 ACTIVITY = 0.02
@@ -130,9 +132,15 @@ def section(rows: Sequence[dict[str, Any]]) -> str:
         most = max(float(row[f"{part}_peak_mib"]) for part in PARTS) / 1024
         cells = [*sizes, *parts, row["total_s"], row["total_wall_s"], f"{most:.1f}", row["file_mib"]]
         lines.append("| " + " | ".join(map(str, cells)) + " |")
+    mib = [max(float(row[f"{part}_peak_mib"]) for part in PARTS) for row in rows]
+    synapses = [int(row["synapses"]) for row in rows]
+    each = (mib[-1] - mib[0]) * 2**20 / max(1, synapses[-1] - synapses[0])
+    million = mib[-1] / 1024 + (250_000_000 - synapses[-1]) * each / 2**30
+    ran = "" if synapses[-1] >= 250_000_000 else "; they have not been run"
     loads = [float(row["load_before"]) for row in rows]
     load = f"a load of {min(loads):.0f} to {max(loads):.0f}"
-    return PAGE_TEXT.format(processor=rows[-1]["processor"], load=load, table="\n".join(lines))
+    figures = {"each": each, "million": million, "ran": ran}
+    return PAGE_TEXT.format(processor=rows[-1]["processor"], load=load, table="\n".join(lines), **figures)
 
 
 def main() -> None:
