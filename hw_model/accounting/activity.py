@@ -65,32 +65,20 @@ def stacked(items: Sequence[StepActivity]) -> StepActivity:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class FanOut:
-    """What one spike of each source causes; sources are input lines, then columns.
-
-    ``due_late`` (longest delay + 1, sources): synapses with at least that delay. ``totals`` (sources, counts): what one
-    spike adds to each of :data:`PER_SPIKE`.
-    """
-
-    due_late: IntArray
-    totals: IntArray
-
-
 PER_SPIKE = ("synaptic_ops", "spikes", *PER_PACKET, "input_packets")
 """Counts of a recording that are a sum over its spikes and input events."""
 
 
 def count_totals(program: ChipProgram, phase: str, played: PhaseInput, trace: PhaseTrace) -> IntArray:
     """Return the counts of every recording, (batch, fields of Counts): spikes of each source times what one causes."""
-    fan = fan_out(program, phase)
+    due_late, totals = fan_out(program, phase)
     events = trace.events.sum(axis=2)
     columns = {
-        **dict(zip(PER_SPIKE, (trace.sent @ fan.totals).T, strict=True)),
+        **dict(zip(PER_SPIKE, (trace.sent @ totals).T, strict=True)),
         "input_events": played.input_events,
         "transpose_events": played.transpose_events,
         "events_dropped": played.events_dropped,
-        "synaptic_ops_after_end": _due_after_end(played, trace.spikes, fan.due_late),
+        "synaptic_ops_after_end": _due_after_end(played, trace.spikes, due_late),
         "neuron_updates": played.steps * trace.spikes.shape[2],
         "neuron_updates_active": trace.active.sum(axis=(1, 2), dtype=np.int64),
         **{name: events[:, k] for k, name in enumerate(EVENTS)},
@@ -161,8 +149,12 @@ def _due_after_end(played: PhaseInput, spikes: ByteArray, due_late: IntArray) ->
 
 
 @lru_cache(maxsize=8)
-def fan_out(program: ChipProgram, phase: str) -> FanOut:
-    """Follow every axon of a phase. Programs are hashed by identity."""
+def fan_out(program: ChipProgram, phase: str) -> tuple[IntArray, IntArray]:
+    """Return what one spike of each source causes; sources are input lines, then columns.
+
+    First (longest delay + 1, sources): synapses with at least that delay. Then (sources, counts): what it adds to each
+    of :data:`PER_SPIKE`.
+    """
     cores = program.cores_of(phase)
     lines = sum(item.size for item in program.inputs_of(phase))
     count = lines + sum(core.compartments for core in cores)
@@ -185,7 +177,7 @@ def fan_out(program: ChipProgram, phase: str) -> FanOut:
         np.add.at(packets, sender, np.array(ways, dtype=np.int64).reshape(-1, len(PER_PACKET)))
     to_inputs = np.pad(input_packets, (0, count - lines))
     totals = np.column_stack((synapses, np.arange(count) >= lines, packets, to_inputs)).astype(np.int64)
-    return FanOut(due_late, totals)
+    return due_late, totals
 
 
 @lru_cache(maxsize=8)

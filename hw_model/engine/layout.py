@@ -170,7 +170,6 @@ def fast_layout(program: ChipProgram, phase: str) -> FastLayout:
     synapses = _synapses(program, phase, nodes)
     blocks = _blocks(nodes, synapses)
     links = _links(nodes, synapses, blocks, cut)
-    delays = [int(core.axons.delay.max(initial=0)) for core in program.cores_of(phase)]
     return FastLayout(
         inputs=nodes.inputs,
         pieces=len(pieces_of(program, phase).group),
@@ -178,7 +177,7 @@ def fast_layout(program: ChipProgram, phase: str) -> FastLayout:
         chunks=_chunks(program, phase, nodes, blocks, cut, links),
         links=links,
         slot=cut.slot,
-        longest_delay=max(delays, default=0),
+        longest_delay=max((int(core.axons.delay.max(initial=0)) for core in program.cores_of(phase)), default=0),
     )
 
 
@@ -207,15 +206,8 @@ class _Numbering:
         return self.of_source(self.lines + column)[0]
 
 
-class _Synapses(NamedTuple):
-    """Some synapses from one node to another: number of the source there, column, weight in units of 64, and delay."""
-
-    source: Int32Array
-    column: Int32Array
-    weight: Int32Array
-    delay: Int32Array
-
-
+_Synapses = tuple[Int32Array, ...]
+"""Some synapses from one node to another: number of the source there, column, weight in units of 64, and delay."""
 Ends = tuple[int, int]
 """Nodes that synapses lead from and to."""
 
@@ -232,7 +224,7 @@ def _synapses(program: ChipProgram, phase: str, nodes: _Numbering) -> dict[Ends,
         for pair in np.unique(ends).tolist():
             here = np.flatnonzero(ends == pair)
             table = (source[axon[here]], columns[axons.target[here]], weight[here], axons.delay[here])
-            part = _Synapses(*(values.astype(np.int32) for values in table))
+            part = tuple(values.astype(np.int32) for values in table)
             found.setdefault(divmod(pair, len(nodes.names)), []).append(part)
     return found
 
@@ -291,12 +283,7 @@ def _cut(pieces: Pieces, nodes: _Numbering) -> _Cut:
 
 
 def _chunks(
-    program: ChipProgram,
-    phase: str,
-    nodes: _Numbering,
-    blocks: list[list[int]],
-    cut: _Cut,
-    links: Links,
+    program: ChipProgram, phase: str, nodes: _Numbering, blocks: list[list[int]], cut: _Cut, links: Links
 ) -> Chunks:
     slot, count = cut.slot, len(cut.node)
     limits = program.chip.registers
@@ -306,9 +293,7 @@ def _chunks(
         here, weights = slot[program.columns_of_core(core)], np.abs(core.effective_weights >> WEIGHT_SHIFT)
         arrived[here] = np.bincount(core.axons.target, weights, minlength=len(here))
         reached[here[core.axons.target] // LANES] = True
-    fits = (
-        widths == USUAL_WIDTHS and _largest_sum(program, phase, int(arrived.max(initial=0))) <= np.iinfo(np.int32).max
-    )
+    fits = widths == USUAL_WIDTHS and _largest_sum(program, phase, arrived) <= np.iinfo(np.int32).max
     never = np.iinfo(np.int32 if fits else np.int64).max  # the threshold of what cannot spike
     shape = (count, FIELDS, LANES)
     registers: Lanes = np.zeros(shape, dtype=np.int32) if fits else np.zeros(shape, dtype=np.int64)
@@ -363,11 +348,11 @@ def _cannot_wrap(arrived: npt.NDArray[Any], decay_u: Lanes, widths: Widths) -> n
     return np.asarray(((arrived < widths.half_charge) & (grows_to < decay_u * float(widths.half_current))).all(axis=1))
 
 
-def _largest_sum(program: ChipProgram, phase: str, arrived: int) -> int:
+def _largest_sum(program: ChipProgram, phase: str, arrived: npt.NDArray[Any]) -> int:
     """Return a bound on every number that an update of this phase works with, whatever the input."""
     registers = program.chip.registers
     charge, current = 1 << registers.charge_bits, 1 << registers.current_bits
-    found = [arrived, charge + current]
+    found = [int(arrived.max(initial=0)), charge + current]
     for core in program.cores_of(phase):
         # A child adds its v, within the core's limits, to what the parent keeps of its own and to its drive.
         most_children = int(np.bincount(core.parent[core.parent >= 0]).max(initial=0))

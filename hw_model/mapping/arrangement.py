@@ -7,9 +7,6 @@ The traffic between two cores is the expected spikes of all compartments of the 
 cores so that traffic times distance is least is the quadratic assignment problem. Starts are network order, the
 spectral order of the traffic graph laid along the tiles in a snake, and on one chip a few shuffles. Each is improved by
 exchanging the pair of slots, one of them perhaps empty, that saves most, until none saves any; the best end is taken.
-
-That takes time with the cube of the slots. A large board is improved part by part, from the best of three orders, while
-all else stays where it is.
 """
 
 from __future__ import annotations
@@ -26,8 +23,8 @@ from hw_model.mapping.placement import PlacedGraph
 
 FloatArray = npt.NDArray[np.float64]
 
-MAX_SLOTS, PART = 1024, 256
-"""Boards that need more slots than this are improved in parts of so many, which follow each other along the snake."""
+MAX_SLOTS = 1024
+"""Boards that need more slots than this keep network order: the search takes time with their cube."""
 SHUFFLES, MAX_SHUFFLED = 4, 128
 """So many shuffled starts are tried too, from a fixed seed, on boards of at most so many slots."""
 
@@ -40,12 +37,10 @@ def arrange_cores(placed: PlacedGraph, expected_spikes: FloatArray | None = None
     """
     chip = placed.chip
     slots = -(-placed.cores // chip.limits.cores_per_chip) * chip.limits.cores_per_chip
-    if placed.cores < 3:
+    if placed.cores < 3 or slots > MAX_SLOTS:
         return placed
     distance = slot_distances(chip, slots)
     traffic = core_traffic(placed, expected_spikes)
-    if slots > MAX_SLOTS:
-        return replace(placed, slots=tuple(_arrange_in_parts(traffic, distance, _snake(chip, slots)).tolist()))
     shuffled = np.random.default_rng(0)
     starts = [np.array(placed.slots), _spectral_start(traffic, chip, slots)]
     starts += [shuffled.permutation(slots)[: placed.cores] for _ in range(SHUFFLES if slots <= MAX_SHUFFLED else 0)]
@@ -82,37 +77,11 @@ def _spectral_start(traffic: FloatArray, chip: Chip, slots: int) -> IntArray:
     """Lay cores along a snake through the tiles, part by connected part, in the order of the part's Fiedler vector."""
     parts = sources_first(len(traffic), np.argwhere(traffic))
     order = np.concatenate([_spectral_order(traffic, np.array(part)) for part in parts])
-    start = np.empty(len(order), dtype=np.int64)
-    start[order] = _snake(chip, slots)[: len(order)]
-    return start
-
-
-def _snake(chip: Chip, slots: int) -> IntArray:
-    """Return the slots along a snake through the tiles."""
     tiles = [chip.tile_of(slot) for slot in range(slots)]
-    return np.array(sorted(range(slots), key=lambda s: (tiles[s][0], tiles[s][1] * (-1) ** tiles[s][0], s)))
-
-
-def _arrange_in_parts(traffic: FloatArray, distance: FloatArray, snake: IntArray) -> IntArray:
-    """Return the slots of cores on a large board, improved part by part."""
-    from scipy import sparse  # rarely needed, and slow to import
-    from scipy.sparse.csgraph import reverse_cuthill_mckee
-
-    cores, along = len(traffic), np.argsort(snake)
-    near = np.empty(cores, dtype=np.int64)
-    near[reverse_cuthill_mckee(sparse.csr_matrix(traffic), symmetric_mode=True)] = snake[:cores]
-    at = min((np.arange(cores), snake[:cores].copy(), near), key=lambda slots: total_hops(traffic, distance, slots))
-    # Twice, so that what lies at the edge of a part once lies in the middle of one.
-    for begin in (0, PART // 2):
-        for first in range(begin, len(snake), PART):
-            here = snake[first : first + PART]
-            mine = np.flatnonzero(np.isin(at, here))
-            if len(mine):
-                outside = traffic[mine]
-                outside[:, mine] = 0.0
-                ends = (traffic[np.ix_(mine, mine)], distance[np.ix_(here, here)], along[at[mine]] - first)
-                at[mine] = here[_exchange(*ends, outside @ distance[np.ix_(at, here)])]
-    return at
+    snake = sorted(range(slots), key=lambda s: (tiles[s][0], tiles[s][1] * (-1) ** tiles[s][0], s))
+    start = np.empty(len(order), dtype=np.int64)
+    start[order] = snake[: len(order)]
+    return start
 
 
 def _spectral_order(traffic: FloatArray, part: IntArray) -> IntArray:
@@ -126,20 +95,14 @@ def _spectral_order(traffic: FloatArray, part: IntArray) -> IntArray:
     return part[np.argsort(ranked, kind="stable")]
 
 
-def _exchange(
-    traffic: FloatArray, distance: FloatArray, start: IntArray, outside: FloatArray | float = 0.0
-) -> IntArray:
-    """Exchange the best pair of slots until none saves hops; empty slots take part as cores without traffic.
-
-    ``outside`` (cores, slots): hops of a core's traffic with what stays where it is, were the core in that slot.
-    """
+def _exchange(traffic: FloatArray, distance: FloatArray, start: IntArray) -> IntArray:
+    """Exchange the best pair of slots until none saves hops; empty slots take part as cores without traffic."""
     cores, slots = len(start), len(distance)
     empty = np.setdiff1d(np.arange(slots), start)
     at = np.concatenate((start, empty))
     flow = np.zeros((slots, slots))
     flow[:cores, :cores] = traffic
     cost = flow @ distance[at]  # cost[i, s]: hops of core i's traffic were it in slot s, all others staying
-    cost[:cores] += outside
     while True:
         moved = cost[:, at]
         own = np.diag(moved)

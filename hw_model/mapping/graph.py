@@ -38,9 +38,8 @@ def held(array: npt.ArrayLike) -> npt.NDArray[Any]:
     values = np.asarray(array)
     if len(values) and (values == values[0]).all():
         return np.broadcast_to(np.int64(values[0]), values.shape)
-    limits = np.iinfo(np.int32)
-    narrow = values.min(initial=0) >= limits.min and values.max(initial=0) <= limits.max
-    copy = np.array(values, dtype=np.int32 if narrow else np.int64)
+    narrow = values.astype(np.int32)
+    copy = narrow if np.array_equal(narrow, values) else values.astype(np.int64)
     copy.setflags(write=False)
     return copy
 
@@ -280,12 +279,7 @@ def _parameter_rules(chip: Chip) -> tuple[tuple[str, int, int, str], ...]:
     return (
         ("decay_u", 0, DECAY_ONE, "Give an effective decay, what is subtracted from 4096."),
         ("decay_v", 0, DECAY_ONE, "Give an effective decay, what is subtracted from 4096."),
-        (
-            "threshold",
-            0,
-            r.threshold_mantissa_max,
-            "The threshold is 64 times this mantissa: scale the weights down.",
-        ),
+        ("threshold", 0, r.threshold_mantissa_max, "The threshold is 64 times this mantissa: scale the weights down."),
         ("bias_mantissa", -bias, bias - 1, "Raise the bias exponent or scale the bias down."),
         ("bias_exponent", 0, r.bias_exponent_max, "Use a smaller exponent and a larger mantissa."),
         ("refractory", 1, r.refractory_max, "Shorten the refractory period; 1 blocks no step."),

@@ -160,12 +160,10 @@ class ProgramBuilder:
             mantissa = matrix[rows, columns]
             self._pruned += matrix.size - len(rows)
         # One delay for all is not spread over all pairs, of which there are many more than synapses.
-        if sparse.issparse(delay):
-            if delay.shape != shape:
-                raise _wrong_shape(where, "delay", delay.shape, shape)
+        if sparse.issparse(delay) and delay.shape == shape:
             delay = _whole(where, "delay", sparse.csr_array(delay)[rows, columns], rows.shape)
         elif np.ndim(delay):
-            delay = _whole(where, "delay", delay, shape)[rows, columns]
+            delay = _whole(where, "delay", delay.toarray() if sparse.issparse(delay) else delay, shape)[rows, columns]
         delays = np.broadcast_to(_whole(where, "delay", delay, rows.shape), rows.shape)
         order = np.lexsort((rows, columns))
         self._synapses.append(

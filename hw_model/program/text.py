@@ -31,9 +31,9 @@ def array_text(array: npt.NDArray[Any]) -> str:
         return f"{values.flat[0]}"
     if values.size <= WRITTEN_OUT:
         return " ".join(map(str, values.ravel().tolist()))
-    if values.dtype.kind == "i":
-        values = values.astype(np.int64)
-    digest = hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest()[:12]
+    digest = hashlib.sha256(
+        np.ascontiguousarray(values, np.int64 if values.dtype.kind == "i" else None).tobytes()
+    ).hexdigest()[:12]
     return f"{values.min()}..{values.max()} #{digest}"
 
 

@@ -51,9 +51,7 @@ therefore processor seconds, of all threads; the seconds that went by were more.
 What grows faster than the synapses, and why:
 
 - *Sorting*: a projection is sorted by target and, for the engine, by source, in n log n.
-- *Arranging* keeps traffic and distance of every pair of cores, 16 bytes each: 340 MB for 4,600 cores, a million compartments.
-  Up to 1,024 slots its search takes time with their cube; a larger board is improved in parts of 256 slots, from the best of
-  three orders, in time that grows with the square of the cores, for a part is compared with all others.
+- *Arranging* takes time with the cube of the slots. Boards of more than 1,024 slots keep network order instead.
 - *Counts of every step and core* (`probe=("activity",)`, which latency needs) keep synapses by source and piece, with the square
   of the size. Predictions, spikes and totals do not.
 

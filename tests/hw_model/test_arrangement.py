@@ -1,7 +1,7 @@
 """Where cores sit: fewer hops, never more, and the same integers."""
 
 from dataclasses import replace
-from itertools import combinations, permutations
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 import hw_model as hw
 from hw_model.description.chip import Mesh
-from hw_model.mapping import arrangement
 from hw_model.mapping.arrangement import arrange_cores, core_traffic, slot_distances, total_hops
 from hw_model.mapping.graph import CompartmentGraph, Compartments, Input, Phase, Synapses, read_only
 from hw_model.mapping.placement import place_cores
@@ -113,47 +112,6 @@ def test_a_line_of_cores_lies_in_neighbouring_tiles():
     )
     placed = place_cores(replace(group, synapses=(group.synapses[0], chain)), small_chip(16, 4))
     assert (hops(placed), hops(arrange_cores(placed))) == (3 * 3 + 3 * 4 + 3, 15)
-
-
-@pytest.mark.parametrize("part", [4, 6, 100])
-@pytest.mark.parametrize("seed", range(6))
-def test_a_large_board_is_improved_in_parts(seed, part, monkeypatch):
-    """As good as network order at least; where a part is the whole board, as good as any exchange makes it."""
-    monkeypatch.setattr(arrangement, "MAX_SLOTS", 10)
-    monkeypatch.setattr(arrangement, "PART", part)
-    placed = place_cores(random_graph(seed, 20, 50), small_chip(24, 6))
-    found = arrange_cores(placed)
-    assert sorted(found.slots) == sorted(set(found.slots))
-    assert 0 <= min(found.slots) <= max(found.slots) < 24
-    assert hops(found) < hops(placed)
-    if part == 100:
-        traffic, distance = core_traffic(placed), slot_distances(placed.chip, 24)
-        at = np.append(found.slots, np.setdiff1d(np.arange(24), found.slots))
-        for i, j in combinations(range(24), 2):
-            other = at.copy()
-            other[[i, j]] = at[[j, i]]
-            assert total_hops(traffic, distance, other[:20]) >= hops(found)
-
-
-def test_hops_of_a_large_board_that_arranging_saves():
-    """A line of cores whose numbers are shuffled, on eleven chips."""
-    size = 1300
-    order = np.random.default_rng(0).permutation(size)
-    group = random_graph(0, size, 0)
-    chain = replace(
-        group.synapses[1],
-        source_index=read_only(order[:-1]),
-        target_index=read_only(order[1:]),
-        mantissa=read_only(np.full(size - 1, 2)),
-        delay=read_only(np.zeros(size - 1)),
-    )
-    chip = replace(CHIP, limits=replace(CHIP.limits, compartments_per_core=1), chips=11)
-    placed = place_cores(replace(group, synapses=(chain,)), chip)
-    traffic, distance = core_traffic(placed), slot_distances(chip, 11 * 128)
-    found = total_hops(traffic, distance, arrange_cores(placed).slots)
-    # Four cores of a tile have three links without a hop: 1,300 cores need 324.
-    assert 324 <= found < 400
-    assert total_hops(traffic, distance, placed.slots) > 20_000
 
 
 @pytest.mark.parametrize("seed", range(3))
