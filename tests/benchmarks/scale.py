@@ -43,8 +43,8 @@ PAGE_TEXT = """## From a graph to a recording, against size
 Made by `python tests/benchmarks/scale.py SIZE... --write`, all figures in [scale.csv](scale.csv): the networks of *cost against
 size*, 250 synapses a compartment, on as many chips as they take. A network is built, placed, arranged, routed and assembled, saved,
 loaded, laid out for the engine, and plays a recording of 100 steps whose spikes are checked. Measured on
-{processor}, while other work kept its cores busy ({load}): seconds are
-therefore processor seconds, of all threads; the seconds that went by were more.
+{processor}, under {load} by other work: seconds are processor
+seconds, of all threads.
 
 {table}
 
@@ -55,8 +55,8 @@ What grows faster than the synapses, and why:
 - *Counts of every step and core* (`probe=("activity",)`, which latency needs) keep synapses by source and piece, with the square
   of the size. Predictions, spikes and totals do not.
 
-A synapse takes 12 bytes in a graph, in a program and in the engine's lists, and 32 in a file before it is packed. Memory is highest
-where several of these are there at once, at {each:.0f} bytes a synapse between the first row and the last. With {million:.0f} GiB by that
+A synapse takes 12 bytes in a graph and in a program, 4 to 12 in the engine's lists, and 32 in a file before it is packed. Memory is
+highest where several of these are there at once, at {each:.0f} bytes a synapse between the first row and the last. With {million:.0f} GiB by that
 figure, a million compartments are within 16 GiB{ran}.
 """
 STEPS = 100
