@@ -340,7 +340,7 @@ def test_a_build_of_strange_texts_is_compared(tmp_path, capfd):
     write(tmp_path / "report.json", '{"schema": "locsnn-report/1", "model": {"name": "\\ud800\\u001b[2J"}}')
     other = program(tmp_path / "b")
     write(other / "report.json", '{"schema": "locsnn-report/1", "model": {"name": "b"}}')
-    assert main(["diff", str(tmp_path), str(other)]) == 0
+    assert main(["diff", "--all", str(tmp_path), str(other)]) == 0
     assert "\ud800" not in capfd.readouterr().out
 
 
