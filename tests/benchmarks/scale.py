@@ -43,7 +43,7 @@ PAGE_TEXT = """## From a graph to a recording, against size
 Made by `python tests/benchmarks/scale.py SIZE... --write`, all figures in [scale.csv](scale.csv): the networks of *cost against
 size*, 250 synapses a compartment, on as many chips as they take. A network is built, placed, arranged, routed and assembled, saved,
 loaded, laid out for the engine, and plays a recording of 100 steps whose spikes are checked. Measured on
-{processor}, under {load} by other work: seconds are processor
+{processor}, under a load of {load} by other work: seconds are processor
 seconds, of all threads.
 
 {table}
@@ -56,8 +56,7 @@ What grows faster than the synapses, and why:
   of the size. Predictions, spikes and totals do not.
 
 A synapse takes 12 bytes in a graph and in a program, 4 to 12 in the engine's lists, and 32 in a file before it is packed. Memory is
-highest where several of these are there at once, at {each:.0f} bytes a synapse between the first row and the last. With {million:.0f} GiB by that
-figure, a million compartments are within 16 GiB{ran}.
+highest where several of these are there at once, at {each:.0f} bytes a synapse between the first row and the last.{million}
 """
 STEPS = 100
 ACTIVITY = 0.02
@@ -134,10 +133,9 @@ def section(rows: Sequence[dict[str, Any]]) -> str:
     synapses = [int(row["synapses"]) for row in rows]
     each = (mib[-1] - mib[0]) * 2**20 / max(1, synapses[-1] - synapses[0])
     million = mib[-1] / 1024 + (250_000_000 - synapses[-1]) * each / 2**30
-    ran = "" if synapses[-1] >= 250_000_000 else "; they have not been run"
-    loads = [float(row["load_before"]) for row in rows]
-    load = f"a load of {min(loads):.0f} to {max(loads):.0f}"
-    figures = {"each": each, "million": million, "ran": ran}
+    unmeasured = f" By that\nfigure a million compartments take {million:.0f} GiB; they have not been run."
+    load = " to ".join(dict.fromkeys(f"{pick(float(row['load_before']) for row in rows):.0f}" for pick in (min, max)))
+    figures = {"each": each, "million": unmeasured if synapses[-1] < 250_000_000 else ""}
     return PAGE_TEXT.format(processor=rows[-1]["processor"], load=load, table="\n".join(lines), **figures)
 
 
