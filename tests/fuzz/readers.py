@@ -29,6 +29,7 @@ import locsnn_compile as lc  # noqa: E402
 from locsnn_compile.cli import diff  # noqa: E402
 from locsnn_compile.data import Recordings, read_recordings, synthetic_touches, write_recordings  # noqa: E402
 from locsnn_compile.data.sensor import LOCATION_ORDERS  # noqa: E402
+from locsnn_compile.errors import InputError  # noqa: E402
 from locsnn_compile.models.checkpoint import save_checkpoint  # noqa: E402
 from locsnn_compile.models.description import InputLayout, NetworkDescription  # noqa: E402
 from locsnn_compile.models.networks import build_network  # noqa: E402
@@ -229,7 +230,10 @@ def reports(folder):
 
 def compare_builds(folder, _):
     with contextlib.redirect_stdout(io.StringIO()):
-        diff.run(Namespace(before=folder / "before", after=folder, json=False, html=None))
+        builds = {"before": folder / "before", "after": folder, "json": False, "html": None}
+        with contextlib.suppress(InputError):  # the summary asks for figures that a report here has not
+            diff.run(Namespace(**builds, all=False))
+        diff.run(Namespace(**builds, all=True))
 
 
 def read_events(folder, name):
