@@ -192,3 +192,13 @@ def test_only_those_who_send_too_much_give_way():
     cores = [[(piece.group, piece.size) for piece in core.slices] for core in b.build().cores]
     wide_alone, narrow_alone = [("wide", 20)], [("narrow", 6)]
     assert cores == [*[wide_alone] * 3, [("wide", 10), ("narrow", 6)], *[narrow_alone] * 3]
+
+
+def test_input_axons_of_two_populations_add_up():
+    """Five lines each: of the second population, three neurons find room next to the first."""
+    builder = hw.ProgramBuilder(replace(CHIP, limits=replace(CHIP.limits, input_axons_per_core=8)))
+    for name in ("first", "second"):
+        x = builder.add_input(f"{name}_lines", 5)
+        builder.connect(x, builder.add_compartments(name, 5, threshold=1), 2 * np.eye(5))
+    cores = [[(piece.group, piece.size) for piece in core.slices] for core in builder.build().cores]
+    assert cores == [[("first", 5), ("second", 3)], [("second", 2)]]
