@@ -57,7 +57,15 @@ WEIGHT_EXPONENTS = range(-8, 8)
 
 @dataclass(frozen=True)
 class WeightGrid:
-    """Mantissas ``low, low + step, ..., high``."""
+    """Mantissas ``low, low + step, ..., high`` that a synapse format can hold.
+
+    A format of ``b`` bits keeps the ``b`` high bits of an 8-bit magnitude; in mixed mode one of them is the sign:
+
+        sign mode     step         lowest               highest
+        mixed         2^(9 - b)    -256                 256 - step
+        excitatory    2^(8 - b)    0                    256 - step
+        inhibitory    2^(8 - b)    -(256 - step)        0
+    """
 
     weight_bits: int
     sign_mode: SignMode

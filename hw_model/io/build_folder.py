@@ -11,7 +11,7 @@ from hw_model.io.folders import check_entries, replace_entries
 from hw_model.io.given import check_path
 
 LONGEST = 200
-"""Bytes of a folder's name; file systems allow 255, and a stage beside it has a longer one."""
+"""Bytes of a folder's name; file systems allow 255, and a stage next to it has a longer one."""
 
 
 OURS = (

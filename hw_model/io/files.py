@@ -18,9 +18,9 @@ from hw_model.io.partial import locked, partial_path, remove, remove_leftovers, 
 
 
 def replace_file(path: Path, content: bytes, where: str) -> None:
-    """Write a file under a temporary name beside it, then put it in place; ``where`` names it if that fails.
+    """Write a file under a temporary name next to it, then put it in place; ``where`` names it if that fails.
 
-    A link stays, and what it leads to is written. What is no plain file is an ``InputError``, like :func:`check_file`.
+    A link stays, and what it leads to is written. What is not a plain file is refused by :func:`check_file`.
     """
     path = Path(os.path.realpath(path))
     check_file(path, where)

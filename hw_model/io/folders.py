@@ -1,6 +1,6 @@
 """Folders replaced as a whole: a process that is killed at any moment leaves either the old output or the new.
 
-The new folder is written beside the old one, with the old one's other entries linked into it, and both change places
+The new folder is written next to the old one, with the old one's other entries linked into it, and both change places
 in one step of the system (``renameat2``). Where there is no such step, the old folder is renamed away first, and
 :func:`recover_folder` brings it back. A folder that must stay where it is - somebody works in it, or it is a mount
 point - gets its entries one by one, from a journal inside it that ``recover_folder`` goes through to its end.
@@ -82,7 +82,7 @@ def finish_writing(folder: Path) -> None:
 
 
 def _write_and(target: Path, files: Mapping[str, bytes], place: Callable[[Path, Path], None]) -> None:
-    """Write the files into a stage beside ``target``, and place it there."""
+    """Write the files into a stage next to ``target``, and place it there."""
     stage = partial_path(target)
     stage.mkdir()
     try:
@@ -131,7 +131,7 @@ def _put_in_place(stage: Path, folder: Path, files: Mapping[str, bytes]) -> None
 
 
 def _link_others(source: Path, target: Path, entries: set[str]) -> None:
-    """Give ``target`` what ``source`` has beside ``entries``, the same files under a second name."""
+    """Give ``target`` what ``source`` has except ``entries``, the same files under a second name."""
     with os.scandir(source) as found:
         for entry in found:
             other = target / entry.name

@@ -1,6 +1,6 @@
 """Names under which output is written until it is whole, and the end of those that a killed process left behind.
 
-A partial file or folder lies beside its target, ``.<name>.partial-<token>``, and is locked by the process that writes
+A partial file or folder lies next to its target, ``.<name>.partial-<token>``, and is locked by the process that writes
 it. The lock ends with the process, so what can be locked is nobody's any more.
 """
 
@@ -21,7 +21,7 @@ MAX_NAME_BYTES = 100
 
 
 def partial_path(target: Path) -> Path:
-    """Return a new partial name for a target, beside it."""
+    """Return a new partial name for a target, next to it."""
     return target.with_name(f"{_prefix(target)}{secrets.token_hex(6)}")
 
 

@@ -109,7 +109,7 @@ def _read(path: Path) -> bytes:
     try:
         found = path.stat()
         if not stat.S_ISREG(found.st_mode):
-            raise InputError(path.name, "it is no plain file", fix="Give the folder that the compiler wrote.")
+            raise InputError(path.name, "it is not a plain file", fix="Give the folder that the compiler wrote.")
         if found.st_size > MAX_FILE_BYTES:
             raise InputError(path.name, "the file is absurdly large", fix="Compile again.")
         return path.read_bytes()

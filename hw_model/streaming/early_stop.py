@@ -178,7 +178,7 @@ def _rows(streams: Mapping[str, ByteArray]) -> int:
 
 
 def _as_it_comes(program: ChipProgram) -> list[str]:
-    """Return the phases that are no transposed ones."""
+    """Return the phases that play recordings as they come, not transposed."""
     turned = {item.phase for item in program.inputs if item.positions is not None}
     return [phase.name for phase in program.phases if phase.name not in turned]
 

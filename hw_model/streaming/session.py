@@ -163,7 +163,7 @@ class _Branch:
         if 0 < len(positions) < len(inputs):
             raise InputError(
                 f"phase {phase.name!r}",
-                "has inputs as they come beside transposed ones, so it cannot run as they arrive",
+                "mixes transposed inputs with inputs that are played as they come, so it cannot run as they arrive",
                 fix="Use simulate.",
             )
         layout = fast_layout(program, phase.name)

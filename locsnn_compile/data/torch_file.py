@@ -31,7 +31,7 @@ def read_bytes(path: Path, where: str) -> bytes:
         found = path.stat()
         if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):
             # A pipe may never come to an end.
-            raise InputError(where, "it is no plain file", fix="Write it to a file first.")
+            raise InputError(where, "it is not a plain file", fix="Write it to a file first.")
         fix = "Give a smaller file."
         check_most(found.st_size, MAX_FILE_BYTES, where, "it is too large", unit="bytes", fix=fix)
         return path.read_bytes()

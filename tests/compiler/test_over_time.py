@@ -107,7 +107,7 @@ def test_a_program_that_cannot_stream_is_left_out(levels, played):
     route = replace(program.route_of(item.name), input="beside")
     mixed = replace(program, inputs=(*program.inputs, beside), input_routes=(*program.input_routes, route))
     assert over_time(replace(levels, program=mixed), played, None) == LeftOut(
-        "phase 'location' has inputs as they come beside transposed ones, so it cannot run as they arrive"
+        "phase 'location' mixes transposed inputs with inputs that are played as they come, so it cannot run as they arrive"
     )
 
 

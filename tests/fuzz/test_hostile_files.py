@@ -273,9 +273,9 @@ def packed_npy(array):
 
 
 PIPES = [
-    ("events", "a.npy", lambda path: read_recordings(path), "file 'a.npy': it is no plain file. Write it to a file first."),
-    ("a model", "a.nir", lambda path: lc.load(path), "model 'a.nir': it is no plain file. Write it to a file first."),
-    ("a program", "program.yaml", lambda path: hw.load_program(path.parent), "program.yaml: it is no plain file. Give the folder that the compiler wrote."),
+    ("events", "a.npy", lambda path: read_recordings(path), "file 'a.npy': it is not a plain file. Write it to a file first."),
+    ("a model", "a.nir", lambda path: lc.load(path), "model 'a.nir': it is not a plain file. Write it to a file first."),
+    ("a program", "program.yaml", lambda path: hw.load_program(path.parent), "program.yaml: it is not a plain file. Give the folder that the compiler wrote."),
 ]  # fmt: skip
 
 

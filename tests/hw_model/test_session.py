@@ -234,7 +234,7 @@ def _mixed() -> hw.ChipProgram:
     ("use", "line"),
     [
         (lambda p, _: hw.Session(replace(p, readout=None)), "program 'program': has no readout, so it predicts nothing. Add a readout."),
-        (lambda p, _: hw.Session(_mixed()), "phase 'location': has inputs as they come beside transposed ones, so it cannot run as they arrive. Use simulate."),
+        (lambda p, _: hw.Session(_mixed()), "phase 'location': mixes transposed inputs with inputs that are played as they come, so it cannot run as they arrive. Use simulate."),
         (lambda p, _: hw.Session(live_program(), 10.0), "psi: the program does not say how long a recording is. Fix the steps of its phase."),
         (lambda p, _: hw.Session(p, -1.0), "psi: it is not a valid rate (got -1.0). Give 0 or more, such as 10."),
         (lambda p, _: hw.Session(p, float("nan")), "psi: it is not a valid rate (got nan). Give 0 or more, such as 10."),

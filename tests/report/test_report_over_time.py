@@ -72,10 +72,12 @@ def test_one_branch_needs_no_weights(document: dict[str, Any]) -> None:
 
 
 def test_what_was_not_followed_says_why(document: dict[str, Any]) -> None:
-    document["over_time"] = {"left_out": "phase 'location' has inputs as they come beside transposed ones"}
+    document["over_time"] = {
+        "left_out": "phase 'location' mixes transposed inputs with inputs that are played as they come"
+    }
     section = _section(document)
     assert section.lead == (
-        "Predictions were not followed step by step: phase 'location' has inputs as they come beside transposed ones."
+        "Predictions were not followed step by step: phase 'location' mixes transposed inputs with inputs that are played as they come."
     )
     assert [block.title for block in section.blocks if isinstance(block, Plot)] == [
         "Energy of a step, mean over the recordings, profile davies2018",
