@@ -118,7 +118,8 @@ def rebuilt(whole: Tensor, offset: int, size: Any, strides: Any, *more: Any) -> 
     if dtype not in _KINDS:
         return Tensor(dtype, size)
     steps = tuple(step if n > 1 else 0 for n, step in zip(size, strides, strict=True))
-    start = whole.start + offset * width
+    # A slice that holds nothing may begin anywhere, even behind the end.
+    start = whole.start + offset * width if 0 not in size else 0
     last = sum((n - 1) * step for n, step in zip(size, steps, strict=True)) if 0 not in size else -1
     if start + (last + 1) * width > whole.storage.size or start % width or math.prod(size) > MAX_VALUES:
         raise ValueError("a tensor that is not within its storage")

@@ -175,6 +175,13 @@ def test_shared_storages_stay_shared():
     assert np.shares_memory(found[0].array(), found[2].array())
 
 
+@pytest.mark.parametrize("archive", [True, False], ids=["archive", "old"])
+def test_a_slice_that_holds_nothing_may_begin_behind_the_end(archive):
+    nothing = torch.zeros(1).as_strided((1,), (2,))[1:]
+    assert (nothing.storage_offset(), nothing.untyped_storage().nbytes()) == (2, 4)
+    as_torch_does(saved(nothing, archive=archive))
+
+
 def test_a_negated_part_of_complex_numbers():
     part = torch.tensor([1 + 2j, -0.0 + 3j, complex("nan")]).conj().imag
     assert part.is_neg()
