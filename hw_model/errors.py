@@ -7,8 +7,6 @@
 Nothing else is raised on purpose; any other exception is a defect of this project.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from difflib import get_close_matches
 from functools import partial

@@ -16,8 +16,6 @@ train is a bound: Q * sum over k of a^(kp) for u, and Q * max over m of the sum 
 what decay_u keeps in a step and h is the answer of both decays in a row.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 

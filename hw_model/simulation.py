@@ -1,7 +1,5 @@
 """Play recordings to a program, phase by phase, and collect spikes, registers and counts under population names."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What a program of the user's calls: compile a network, and verify what came of it."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

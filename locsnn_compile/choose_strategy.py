@@ -5,8 +5,6 @@ budget, by splitting more of its weights; if none does, so is the strategy that 
 spikes are bounded, the cheapest that does is tried with fewer bits.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -97,7 +95,7 @@ def choose_strategy(
     return Choice(taken, levels, candidates, limits, len(recordings), recordings.source)
 
 
-def _split_more(trial: _Trial, firsts: Sequence[Setting], budget: ErrorBudget, shares: Sequence[float]) -> None:
+def _split_more(trial: "_Trial", firsts: Sequence[Setting], budget: ErrorBudget, shares: Sequence[float]) -> None:
     """Split more weights of each setting, until it keeps the budget."""
     for setting in firsts:
         for share in shares:
@@ -106,7 +104,7 @@ def _split_more(trial: _Trial, firsts: Sequence[Setting], budget: ErrorBudget, s
                 break
 
 
-def _take_bits_away(trial: _Trial, budget: ErrorBudget) -> None:
+def _take_bits_away(trial: "_Trial", budget: ErrorBudget) -> None:
     """Try the cheapest setting that keeps the budget with fewer bits, until it does not."""
     cheapest = _cheapest(tuple(trial.candidates.values()), budget)
     # A few recordings say much of spikes, and little of predictions: these alone do not take bits away.

@@ -1,7 +1,5 @@
 """The whole compiler as one column of passes."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace

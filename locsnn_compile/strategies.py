@@ -3,8 +3,6 @@
 Nothing here imports anything heavy, so that help and completion can say the names.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 NATIVE = "native"

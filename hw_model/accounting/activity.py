@@ -1,7 +1,5 @@
 """Count what a batch did in a phase, from its spikes and from what one spike of each source causes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache

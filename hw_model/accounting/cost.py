@@ -9,8 +9,6 @@ A packet leaves after its core's updates and sending. It takes the time of its h
 passes one packet in the time of a hop, it waits on the busiest link of its way for all others of that step.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

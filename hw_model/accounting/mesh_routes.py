@@ -1,7 +1,5 @@
 """The ways of spikes between the cores of a phase: X first, then Y, link by link."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache

@@ -1,7 +1,5 @@
 """What recordings did and how long it took, added up: by phase, step, piece of a core, link and critical path."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass

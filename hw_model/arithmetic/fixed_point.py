@@ -4,8 +4,6 @@ All values are int64 arrays holding integers that fit the chip's registers; no f
 Letters: ``x`` a register value, ``d`` an effective decay in 0..4096, ``m`` a weight mantissa, ``e`` an exponent.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal, get_args
 

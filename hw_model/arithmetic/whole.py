@@ -1,7 +1,5 @@
 """Integers that come from outside: whole numbers that float64 and int64 both hold, or an error."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

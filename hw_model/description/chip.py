@@ -1,7 +1,5 @@
 """A chip description: register widths, limits, mesh, and named energy and time profiles, read from YAML."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from importlib.resources import files

@@ -1,7 +1,5 @@
 """What a simulation counts: integers only, so that energy and latency have nothing to do but multiply."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
 
@@ -79,7 +77,7 @@ class Counts:
         value: int = getattr(self, name)
         return value
 
-    def __add__(self, other: Counts) -> Counts:
+    def __add__(self, other: "Counts") -> "Counts":
         return Counts(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
 
 

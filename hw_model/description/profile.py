@@ -1,7 +1,5 @@
 """Energy and time profiles: published sets of costs, each constant with its source, its range and its voltage."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -71,7 +69,7 @@ class Profile(Shown):
         """Return the source of one constant."""
         return self.sources.get(count, self.source)
 
-    def with_times(self, end: End) -> Profile | None:
+    def with_times(self, end: End) -> "Profile | None":
         """Return the profile with every time at one end of its range; None where that end is not known."""
         ends = {name: found[end == "most"] for name, found in self.time_ns_range.items()}
         if None in ends.values():

@@ -1,7 +1,5 @@
 """Reads dataclasses from YAML, refusing in one line what they do not name: chips and energy profiles."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import MISSING, Field, dataclass, fields
 from pathlib import Path

@@ -5,8 +5,6 @@ every sum. Charges are in units of 64, the least that a weight can be; ``widths`
 :class:`hw_model.engine.layout.Widths`.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT

@@ -4,8 +4,6 @@ That is the folder that NUMBA_CACHE_DIR names, else the ``__pycache__`` next to 
 in the cache folder of the user: the first that can be written. Where none can, every process compiles what it uses.
 """
 
-from __future__ import annotations
-
 import logging
 import os
 import time

@@ -1,8 +1,6 @@
 """Lists of events, compiled: the same as those of :mod:`hw_model.engine.playing`, eight bytes of a recording at a
 time."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from hw_model.engine.compiled import compiled, in_parts, trailing_zeros

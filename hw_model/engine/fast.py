@@ -1,7 +1,5 @@
 """The fast engine: compiled, event-driven, 32 bits wide, block by block over tiles of steps. The same integers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any

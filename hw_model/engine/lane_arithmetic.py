@@ -5,8 +5,6 @@ one text serves both; who chooses the type must know that no value outgrows it. 
 decay, 0..4096; ``half`` is 2^bits of a register of ``bits`` bits plus sign.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 from numba.core import types

@@ -8,8 +8,6 @@ holds the synapses from one node - an input, or a group - to one group, as a den
 quicker, else as lists.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """How recordings become spikes on a phase's input lines: as they come, or through the transpose buffer."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """What of a simulation to keep: spikes and registers, of all or chosen populations, in all or chosen steps."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
@@ -93,7 +91,9 @@ class PhaseProbes:
         few = sum(array.size for array in found.values()) < spikes.size // 4
         return {name: array.copy() for name, array in found.items()} if few else found
 
-    def of_register(self, kind: Register, kept: npt.NDArray[Any], keeping: PhaseProbes) -> dict[str, npt.NDArray[Any]]:
+    def of_register(
+        self, kind: Register, kept: npt.NDArray[Any], keeping: "PhaseProbes"
+    ) -> dict[str, npt.NDArray[Any]]:
         """Return what these probes want of what the window of others kept, ``keeping``: (batch, rows, n) by name.
 
         The others keep at least as much.

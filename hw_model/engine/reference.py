@@ -4,8 +4,6 @@ One step is: update every compartment of every core (accumulate, decay, join, fi
 step to the accumulator slots of the steps in which their charge is due.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import IntArray, clip, decay, wrap

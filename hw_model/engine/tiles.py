@@ -5,8 +5,6 @@ Charges are kept in units of 64, the least that a weight can be. A chunk that is
 is skipped: nothing could change in it.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -4,8 +4,6 @@ Columns are the compartments of the phase, group by group, as
 :meth:`hw_model.program.chip_program.ChipProgram.columns_of` says.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 

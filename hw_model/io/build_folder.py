@@ -1,7 +1,5 @@
 """Write a build: all of its files, or none."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Files written whole or not at all, and archives of arrays whose bytes depend on the arrays alone."""
 
-from __future__ import annotations
-
 import io
 import os
 import zipfile

@@ -6,8 +6,6 @@ in one step of the system (``renameat2``). Where there is no such step, the old 
 point - gets its entries one by one, from a journal inside it that ``recover_folder`` goes through to its end.
 """
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import errno

@@ -1,7 +1,5 @@
 """What a caller gives to a public function: of the kind that its annotation says, and a path that can be looked up."""
 
-from __future__ import annotations
-
 import errno
 import functools
 import inspect

@@ -4,8 +4,6 @@ A partial file or folder lies next to its target, ``.<name>.partial-<token>``, a
 it. The lock ends with the process, so what can be locked is nobody's any more.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import re

@@ -1,7 +1,5 @@
 """What a value is, in one line: arrays by their shape, long sequences by their number, texts cut."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """XML files out of texts that may hold anything."""
 
-from __future__ import annotations
-
 import re
 from xml.etree import ElementTree
 

@@ -5,8 +5,6 @@ list that holds itself, deep nesting ends the interpreter, and a loader in Pytho
 where a mapping has a key twice, every loader silently keeps the second value.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any

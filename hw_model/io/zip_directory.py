@@ -1,7 +1,5 @@
 """Zip archives of strangers: zipfile builds an object for every entry that a directory claims, and unpacks unasked."""
 
-from __future__ import annotations
-
 import os
 import struct
 import zipfile

@@ -9,8 +9,6 @@ spectral order of the traffic graph laid along the tiles in a snake, and on one 
 exchanging the pair of slots, one of them perhaps empty, that saves most, until none saves any; the best end is taken.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """In which order parts are worked on that feed each other: sources first, and a circle all at once."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -4,8 +4,6 @@ Use grows with each neuron, so one pass over a window of neurons gives the use a
 number that fits is read off. A window is twice what the last core took, so that little is computed in vain.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -35,7 +33,7 @@ class CoreLoad:
     So a core takes time for the sources that it has, not for all that there are.
     """
 
-    def __init__(self, chip: Chip, sources: int, like: CoreLoad | None = None) -> None:
+    def __init__(self, chip: Chip, sources: int, like: "CoreLoad | None" = None) -> None:
         self._chip = chip
         self._window: int = like._window if like else FIRST_WINDOW
         self._empty = like._emptied() if like else []

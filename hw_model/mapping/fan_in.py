@@ -1,7 +1,5 @@
 """The synapses of a graph ordered by target, so that the part on a core is a slice; placement and routing share it."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -31,14 +29,14 @@ class SynapseFormat:
         """Bits of one synapse; learning tags are not used."""
         return self.weight_bits + self.delay_bits + self.index_bits
 
-    def joins(self, other: SynapseFormat) -> bool:
+    def joins(self, other: "SynapseFormat") -> bool:
         """Whether one format can hold the synapses of both unchanged: fields can be widened, exponents and signs not.
 
         A wider weight field adds low bits to the grid, so the mantissas stay on it.
         """
         return (self.sign_mode, self.exponent) == (other.sign_mode, other.exponent)
 
-    def widened(self, other: SynapseFormat) -> SynapseFormat:
+    def widened(self, other: "SynapseFormat") -> "SynapseFormat":
         """Return the narrowest format that holds the synapses of both."""
         return SynapseFormat(
             max(self.weight_bits, other.weight_bits),

@@ -4,8 +4,6 @@ CompartmentGraph -> PlacedGraph -> RoutedGraph -> ChipProgram
 (this file)         placement      routing        program
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, Literal
@@ -360,7 +358,7 @@ def _check_synapses(graph: CompartmentGraph, synapses: Synapses, chip: Chip) -> 
     ):
         if len(values) and (values.min() < 0 or values.max() >= size):
             raise InputError(where, "an index is outside its group", fix="Correct the indices.")
-    lengths = {len(getattr(synapses, f.name)) for f in fields(synapses) if f.type == "IntArray"}
+    lengths = {len(getattr(synapses, f.name)) for f in fields(synapses) if f.type == IntArray}
     if len(lengths) != 1:
         raise InputError(where, "the synapse arrays differ in length", fix="Give one row a synapse.")
     grid = weight_grid(synapses.weight_bits, synapses.sign_mode)

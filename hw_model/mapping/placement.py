@@ -5,8 +5,6 @@ After:  every compartment is in exactly one slice on one core; joined compartmen
         serves one phase and no core exceeds a limit. Cores are numbered in network order, and sit on the board so.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import groupby
 

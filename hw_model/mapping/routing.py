@@ -5,8 +5,6 @@ After:  every source (input line or compartment) has one input axon on each core
         of its synapses there exactly once; every compartment has one output axon for each core that it reaches.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -5,8 +5,6 @@ After:  a ChipProgram: every core has its compartments in profiles, its axons an
         group any more but the slices, which give results their names back.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Programs written by hand: name inputs and compartments, connect them, build."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

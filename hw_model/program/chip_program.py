@@ -1,7 +1,5 @@
 """The last level: everything a chip is loaded with, core by core, and how a recording is played to it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property

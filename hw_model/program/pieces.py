@@ -1,7 +1,5 @@
 """Pieces: what a core holds of a group. The finest place that a count is kept for."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 

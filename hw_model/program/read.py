@@ -3,8 +3,6 @@
 Nothing in either file is executed when it is read; a damaged, swapped or newer file is refused by name.
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 import math

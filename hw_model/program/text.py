@@ -3,8 +3,6 @@
 Small arrays are written out; of large ones the range and a digest, so that any change of a value changes the text.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterator
 from typing import Any

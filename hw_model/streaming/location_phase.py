@@ -5,8 +5,6 @@ after it. Charges, states after every step and spikes are kept. A block runs aga
 changed; a spike that comes or goes changes charges of later steps by its weights, which starts the next block.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple

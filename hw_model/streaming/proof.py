@@ -11,8 +11,6 @@ Once a recording is over, all that a phase will be given is known. Where that is
 spike is to come, and every potential is 0.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np

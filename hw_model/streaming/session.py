@@ -5,8 +5,6 @@ t, and the location phases are what they would be if nothing followed. A locatio
 step: see :mod:`hw_model.streaming.location_phase`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -121,7 +119,7 @@ class Session:
                 return branch.run.spikes()[:, branch.columns[population]]
         raise InputError(f"population {population!r}", "is in no transposed phase", fix="Read its counts from push.")
 
-    def _weight(self, output: _Output, rows: int) -> float | FloatArray:
+    def _weight(self, output: "_Output", rows: int) -> float | FloatArray:
         """Return what a spike or potential counts for after each of the last rows: a number, or (rows, 1)."""
         if self.psi is None:
             return output.weight

@@ -1,7 +1,5 @@
 """A phase whose inputs are played as they come: rows are pushed, and its state goes on from push to push."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The files of every kind that ``--emit`` takes beside the levels."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import cache
 

@@ -1,7 +1,5 @@
 """``--emit graphml`` and ``--emit dot``: the placed program as a graph, for graph tools and for Graphviz."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Names for formats that allow few characters, and names of the user's in Markdown."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 

@@ -1,7 +1,5 @@
 """One recording played to a program with every spike and register kept: what all emitters read."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property

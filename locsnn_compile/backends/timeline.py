@@ -4,8 +4,6 @@ A phase is a process, a core a thread. A core updates and sends; when its last p
 arrived and adds up the synapses (:mod:`hw_model.accounting.cost`).
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from typing import Any

@@ -4,8 +4,6 @@ A microsecond of the file is one algorithmic step; phases follow each other. Sig
 it and keep their last value after it.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -59,7 +57,7 @@ def vcd_file(played: Played, probes: Sequence[str]) -> dict[str, bytes]:
     return {FILE: ("\n".join(lines) + "\n").encode()}
 
 
-def _signals(played: Played, compartments: Sequence[Compartment], groups: dict[str, str]) -> Iterator[_Signal]:
+def _signals(played: Played, compartments: "Sequence[Compartment]", groups: dict[str, str]) -> Iterator[_Signal]:
     """Yield the signals phase by phase, those of a scope one after the other."""
     registers, result, start = played.program.chip.registers, played.result, 0
     current, voltage = registers.current_bits + 1, registers.voltage_bits + 1

@@ -1,7 +1,5 @@
 """Energy of a conventional network's arithmetic: operations times published costs at 45 nm, memory traffic left out."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from locsnn_compile.baselines.operations import AnnCounts

@@ -1,7 +1,5 @@
 """The weights of the artificial comparison networks, by the name of their parameter; nothing here imports torch."""
 
-from __future__ import annotations
-
 import math
 
 from locsnn_compile.errors import InputError

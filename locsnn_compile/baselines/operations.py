@@ -5,8 +5,6 @@ networks that they are compared with multiply and add, each counted as one opera
 the counts below give its printed figures to the last digit.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """``locsnn completion``: what a shell has to know to complete our commands; and the answers, when it asks."""
 
-from __future__ import annotations
-
 import argparse
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence

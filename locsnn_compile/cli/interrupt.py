@@ -1,7 +1,5 @@
 """Ctrl-C at once: also while compiled code runs, whose end Python itself would wait for."""
 
-from __future__ import annotations
-
 import os
 import signal
 import socket

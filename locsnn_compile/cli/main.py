@@ -1,7 +1,5 @@
 """``locsnn``: the commands around the compiler."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Sequence
 

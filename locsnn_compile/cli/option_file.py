@@ -1,7 +1,5 @@
 """``--options FILE``: options of a command by their names in a YAML file; those of the command line win."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What a command reads and where it writes: no output takes the place of an input, or of another output."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """``locsnn targets``: the chips that programs can be made for."""
 
-from __future__ import annotations
-
 import argparse
 
 HELP = "list the chips that ship"

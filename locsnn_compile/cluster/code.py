@@ -1,7 +1,5 @@
 """Which code measured something: figures are comparable only where it is the same."""
 
-from __future__ import annotations
-
 import hashlib
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version

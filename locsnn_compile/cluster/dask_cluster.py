@@ -1,7 +1,5 @@
 """Work done by the workers of a Dask cluster; needs the extra ``dask``."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """A job in parts: what does them gives their results in their order, whoever does them where."""
 
-from __future__ import annotations
-
 import pickle
 import zlib
 from collections.abc import Callable, Iterable, Iterator

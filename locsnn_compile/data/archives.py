@@ -6,8 +6,6 @@ one recording, (taxels, polarities, steps). They are read straight from the arch
 whatever they are called.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path, PurePosixPath
 

@@ -1,7 +1,5 @@
 """Recordings in one array file: ``.npy``, ``.npz`` or ``.pt``; values 0 or 1, labels beside them."""
 
-from __future__ import annotations
-
 import io
 import re
 import zipfile

@@ -3,8 +3,6 @@
 Files hold (samples, channels, steps), Python arrays are (samples, steps, channels).
 """
 
-from __future__ import annotations
-
 from itertools import permutations
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Single events, and how they become bins: channel ``polarities * (columns * y + x) + polarity``, one bit a step."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

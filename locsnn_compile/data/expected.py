@@ -1,7 +1,5 @@
 """What a model or a program expects of recordings, and what becomes of options and files that say otherwise."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """A fingertip as a picture: where its taxels lie on the 9 x 7 frames of a convolutional network."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -1,7 +1,5 @@
 """Recordings of a file some at a time: memory does not grow with their number."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The files of a folder or zip archive, read where they lie: nothing is unpacked to disk, and sizes come first."""
 
-from __future__ import annotations
-
 import stat
 import zipfile
 from collections import Counter

@@ -1,7 +1,5 @@
 """Read ``.npy`` bytes with the declared shape and type checked before anything is allocated."""
 
-from __future__ import annotations
-
 import io
 import math
 from typing import Any

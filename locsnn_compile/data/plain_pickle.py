@@ -4,8 +4,6 @@ Nothing that a pickle says is followed further than that. A value that unfolds t
 holds itself is refused, so that whoever prints, compares or walks it comes to an end.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sized
 from typing import IO, Any
 

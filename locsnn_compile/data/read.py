@@ -1,7 +1,5 @@
 """Read recordings of any supported format."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

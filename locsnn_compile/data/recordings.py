@@ -1,7 +1,5 @@
 """Touch recordings as every part of the project takes them: binned spikes, labels, and the width of a bin."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -103,7 +101,7 @@ class Recordings(Shown):
         """Events that a bin had to exceed to be 1, None where the files hold bins."""
         return None if self.binned is None else self.binned.threshold
 
-    def with_steps(self, steps: int) -> Recordings:
+    def with_steps(self, steps: int) -> "Recordings":
         """Return recordings of so many steps: shorter ones are followed by silence, of longer ones the end is cut."""
         samples, now, channels = self.spikes.shape
         if steps == now:
@@ -117,7 +115,7 @@ class Recordings(Shown):
             binned = replace(before, outside=before.outside + lost)
         return replace(self, spikes=spikes, binned=binned)
 
-    def subset(self, indices: NDArray[np.int64] | list[int]) -> Recordings:
+    def subset(self, indices: NDArray[np.int64] | list[int]) -> "Recordings":
         """Return the recordings of ``indices``, in that order."""
         rows = np.asarray(indices, dtype=np.int64)
         labels = None if self.labels is None else self.labels[rows]

@@ -4,8 +4,6 @@ Its tables are those of ``neutouch.json``. Source: Kang et al. 2022 and its rele
 edges of the TactileSGNet release (Gu et al. 2020).
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path

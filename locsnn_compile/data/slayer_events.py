@@ -5,8 +5,6 @@ and time in microseconds, 23 bits, so nothing is later than 8.388607 s; but in a
 from it on, times are 8,192 microseconds later (Orchard et al. 2015, and their Read_Ndataset).
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

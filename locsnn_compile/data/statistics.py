@@ -1,7 +1,5 @@
 """What recordings hold, in figures: rates, silence, polarity, and which channels are busy or dead."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Files of single events, by their ending."""
 
-from __future__ import annotations
-
 from locsnn_compile.data.event_stream import MAX_EVENTS, EventStream
 from locsnn_compile.data.slayer_events import EVENT_BYTES, parse_slayer_events
 from locsnn_compile.data.tact import parse_tact

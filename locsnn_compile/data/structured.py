@@ -1,7 +1,5 @@
 """Structured arrays of events, as Tonic has them: fields ``t`` in microseconds, ``x``, ``y`` if there is one, ``p``."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

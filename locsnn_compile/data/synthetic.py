@@ -6,8 +6,6 @@ grows, falling events while it shrinks, with a probability proportional to the c
 anywhere, any time.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

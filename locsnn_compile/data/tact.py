@@ -6,8 +6,6 @@ the second, taxels in the order of their cells; polarity 1 is rising pressure (p
 falling (polarity 1).
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -3,8 +3,6 @@
 Source of the three ways: Gu et al., IROS 2020. Edges are undirected here, each held once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

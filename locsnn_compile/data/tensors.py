@@ -4,8 +4,6 @@ Every tensor is looked at before any is made: it must lie within its storage. Wh
 and shape: quantised, sparse, nested and meta tensors, and dtypes such as ``torch.float8_e5m2``.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable

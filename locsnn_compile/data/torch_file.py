@@ -5,8 +5,6 @@ it was five pickles (a magic number, a version, what machine it was, the value, 
 storages, each after its number of values.
 """
 
-from __future__ import annotations
-
 import io
 import stat
 import struct

@@ -1,7 +1,5 @@
 """Write torch's files, with torch, which is installed for training only: nothing here is needed to compile."""
 
-from __future__ import annotations
-
 import io
 import sys
 from typing import Any

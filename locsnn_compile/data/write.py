@@ -1,7 +1,5 @@
 """Write recordings in every format that is read, whole or not at all; equal recordings give equal bytes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@ Choices are made on recordings that are not the test part: of an archive or fold
 unless another is asked for; without events, synthetic touches, for what a model carries may be of its test part.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

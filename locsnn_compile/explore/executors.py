@@ -4,8 +4,6 @@ Each executor yields points as they are finished, in any order, and every settin
 takes nothing with it: what it had not handed over is measured again.
 """
 
-from __future__ import annotations
-
 import signal
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed

@@ -1,7 +1,5 @@
 """What an exploration found: points, their front, and the recommendation."""
 
-from __future__ import annotations
-
 import shlex
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -60,7 +58,7 @@ class Exploration:
         reported = any(point.setting == setting for point in self.reported)
         return self._command(setting, self.reported_on) if reported and self.reported_on else None
 
-    def report_on(self, events: Chosen, store: Store, executor: Executor, progress: Progress | None) -> Exploration:
+    def report_on(self, events: Chosen, store: Store, executor: Executor, progress: Progress | None) -> "Exploration":
         """Measure the settings of the front on other recordings too."""
         study = replace(self.study, recordings=events.recordings, engines=())
         return replace(self, reported=sweep(study, self.front, store, executor, progress), reported_on=events)

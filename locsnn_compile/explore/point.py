@@ -1,7 +1,5 @@
 """One point: a setting compiled and checked on the recordings, or refused; and how long the engines take."""
 
-from __future__ import annotations
-
 import tempfile
 import time
 from collections.abc import Mapping
@@ -46,7 +44,7 @@ class Figures(Losses):
     clips: int
 
     @classmethod
-    def of(cls, report: Mapping[str, Any]) -> Figures:
+    def of(cls, report: Mapping[str, Any]) -> "Figures":
         """Take the figures from a report."""
         match, accuracy, resources = report["match"], report["accuracy"], report["resources"]
         return cls(
@@ -74,7 +72,7 @@ class Refusal:
     fix: str
 
     @classmethod
-    def of(cls, error: LocsnnError) -> Refusal:
+    def of(cls, error: LocsnnError) -> "Refusal":
         """Take an error apart."""
         return cls(type(error).__name__, error.where, error.what, error.measured, error.fix)
 

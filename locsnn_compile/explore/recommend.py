@@ -1,7 +1,5 @@
 """The Pareto front, settings that no other beats, and the one recommended on it: the cheapest within a budget."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@
 wherever the points were measured. ``timings.csv`` and ``timings.svg`` hold the seconds that the engines took there.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict

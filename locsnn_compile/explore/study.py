@@ -1,7 +1,5 @@
 """What all points of an exploration share: a model, its file, a chip, recordings, and the engines that are timed."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from dataclasses import asdict, astuple, dataclass

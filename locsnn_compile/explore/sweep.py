@@ -7,8 +7,6 @@ Finished points are on disk, one small file each, named by the hash of all that 
 A file that is not whole, or not of this setting and code, counts as none: its point is measured again.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """File formats in: one frontend a format, each giving a checked Network."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from hw_model.io.given import checked

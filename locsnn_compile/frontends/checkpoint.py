@@ -1,7 +1,5 @@
 """From a checkpoint of ours (``locsnn train``) to a Network."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from itertools import pairwise

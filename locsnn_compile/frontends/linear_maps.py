@@ -1,7 +1,5 @@
 """Linear layers of other frameworks as sparse matrices (outputs, inputs), images flattened in C order."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import dataclass

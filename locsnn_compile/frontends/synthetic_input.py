@@ -1,7 +1,5 @@
 """What a network from elsewhere is checked on, where no events are given: files of other tools carry none."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from locsnn_compile.data.recordings import Recordings

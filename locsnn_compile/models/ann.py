@@ -4,8 +4,6 @@ Both take x (batch, steps, channels), floats 0 or 1, and return class scores (ba
 ``output``. They are trained here and counted, not compiled.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import torch
 from torch import Tensor, nn

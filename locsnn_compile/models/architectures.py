@@ -1,7 +1,5 @@
 """The structures of networks that ``locsnn train`` knows, as rows of one table."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

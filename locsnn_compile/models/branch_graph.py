@@ -3,8 +3,6 @@
 Nothing here imports torch, so that the compiler can spread the weights without it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -25,8 +25,6 @@ of single events had to exceed. Written here, read by
 :mod:`locsnn_compile.models.checkpoint_reader`, which never runs code of the file.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path

@@ -4,8 +4,6 @@ A pickle that would call code is refused. Sizes are checked before they are used
 that names the entry.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping
 from pathlib import Path

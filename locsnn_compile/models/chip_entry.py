@@ -4,8 +4,6 @@ And the ``chip`` entry of a checkpoint that holds these integers: read with ever
 registers and formats hold; written in the same order. Nothing here imports torch, so that the compiler reads them too.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, fields

@@ -5,8 +5,6 @@ chip's steps. Backward: rounding passes the gradient straight through (Bengio et
 linear filters of the chip's decays, behind SLAYER's surrogate (Shrestha and Orchard 2018) at the integer potential.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -39,7 +37,7 @@ class _Steps(torch.autograd.Function):
     """Spikes of sums of mantissas: the chip's steps forward, linear filters behind a surrogate backward."""
 
     @staticmethod
-    def forward(ctx: Any, drive: Tensor, layer: ChipLayer) -> Tensor:
+    def forward(ctx: Any, drive: Tensor, layer: "ChipLayer") -> Tensor:
         spikes, potential, live = layer.steps(to_host(drive))
         ctx.layer, ctx.potential, ctx.live, ctx.spikes = layer, potential, live, spikes
         return to_device(spikes, drive).to(drive.dtype)

@@ -7,8 +7,6 @@ any reset, ``spikes`` (uint8) and ``live`` (uint8, 0 in a refractory step), all 
 (3,): charge wraps, current wraps and voltage clips of all compartments of the population.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT

@@ -4,8 +4,6 @@ The steps of a spiking layer follow from one another, so they run as compiled sc
 the matrix products run on; what they take and give is copied there and back.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, Generic, TypeVar
 

@@ -3,8 +3,6 @@
 Nothing here imports torch, so that the compiler can read descriptions without it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -16,8 +16,6 @@ the weights that all nodes share are joined first, once a batch: events are then
 those that came.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -173,7 +171,7 @@ class GraphLayer(nn.Module):
         self.register_buffer("places", torch.from_numpy(places), persistent=False)
         self.register_buffer("hop", torch.from_numpy(self._hop).to(torch.float32), persistent=False)
 
-    def _apply(self, fn: object, recurse: bool = True) -> GraphLayer:
+    def _apply(self, fn: object, recurse: bool = True) -> "GraphLayer":
         super()._apply(fn, recurse)  # type: ignore[no-untyped-call]
         # From the double precision original: a float32 matrix made double would stay rounded to float32.
         self.hop = torch.from_numpy(self._hop).to(self.hop)

@@ -5,8 +5,6 @@ Arrays are (batch, steps, n) unless said otherwise. The recursion and its gradie
 float type.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from hw_model.engine.compiled import compiled, compiled_with_arrays, inlined

@@ -5,8 +5,6 @@ floats 0 or 1, and return their spikes by population name: ``time_*`` (batch, st
 (batch, locations, n) with locations in walk order.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -6,8 +6,6 @@ the input, of the state, and of two biases; products of gates and their sums are
 has 2 * 3 * (I * H + H * H) + 13 * H operations a step.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from math import prod

@@ -1,7 +1,5 @@
 """Checks of the plain values of descriptions and files, each a line that names the value."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import lru_cache

@@ -8,8 +8,6 @@ Backward: SLAYER's surrogate (Shrestha and Orchard 2018) with u after the refrac
 backwards in time. As in SLAYER, no gradient goes through the refractory terms.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

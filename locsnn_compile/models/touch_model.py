@@ -1,7 +1,5 @@
 """What every network that learns from touch recordings has in common."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Any

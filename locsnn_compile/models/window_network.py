@@ -9,8 +9,6 @@ learned from: hidden spikes share a large mean, which would slow the descent alo
 kept has ``bias = b - w usual``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

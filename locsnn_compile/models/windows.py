@@ -5,8 +5,6 @@ Channels are taken in the order of the walk. Hidden neuron ``(i * windows + w) *
 the synapses without it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

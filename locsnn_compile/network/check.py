@@ -1,7 +1,5 @@
 """The rules of the first level; the first that is broken is an ``InputError`` that names the place."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -7,8 +7,6 @@ width; u wraps, v is clipped. A spike of step t arrives at step ``t + 1 + delay`
 int64 array (n,).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
@@ -53,7 +51,7 @@ class ChipNeuron(Neuron):
         return {}
 
     @property
-    def own(self) -> dict[str, Refractory]:
+    def own(self) -> "dict[str, Refractory]":
         """Self-synapses by the kind of dendrite that they reach."""
         return {}
 
@@ -136,7 +134,7 @@ class ChipSrm(Shown, ChipNeuron):
         exponent: npt.ArrayLike,
         delay: npt.ArrayLike = 0,
         refractory_decay: npt.ArrayLike | None = None,
-    ) -> ChipSrm:
+    ) -> "ChipSrm":
         """Make ``size`` neurons: taps (taps,), or one, their mantissas (taps,) or (taps, size); else as of others."""
         delays, each = np.atleast_1d(delay), np.atleast_1d(mantissa)
         mantissas = np.broadcast_to(each[:, None] if each.ndim == 1 else each, (len(delays), size))

@@ -4,8 +4,6 @@ Network -> QuantizedNetwork -> CompartmentGraph -> PlacedGraph -> RoutedGraph ->
 (this file)  quantize       lower_neurons      place_cores    route_axons    assemble
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,13 +6,11 @@ with ``reference.evaluate.steps_of``, its integers with ``passes.quantize.intege
 ``network.text.neuron_text``.
 """
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeVar
+from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeVar, get_type_hints
 
 import numpy as np
 import numpy.typing as npt
@@ -29,7 +27,7 @@ Rule = Literal[">", ">="]
 SMALLEST = 0.01
 """slayerPytorch ends a kernel at the first lag beyond tau at which its magnitude is below this."""
 MAX_TAPS = 100_000
-_ARRAYS: dict[str, Any] = {"FloatArray": np.float64, "IntArray": np.int64}
+_ARRAYS: dict[Any, Any] = {FloatArray: np.float64, IntArray: np.int64}
 """Annotation of a parameter that is an array -> its type."""
 
 
@@ -80,7 +78,8 @@ class Neuron(ABC):
 
         A name that is not a parameter's is an ``InputError``, like one that is missing.
         """
-        kinds = {item.name: _ARRAYS.get(str(item.type)) for item in fields(cls)}  # type: ignore[arg-type]
+        hints = get_type_hints(cls)
+        kinds = {item.name: _ARRAYS.get(hints[item.name]) for item in fields(cls)}  # type: ignore[arg-type]
         values = {**cls.usual, **given}
         where, missing = f"{cls.__name__}.of", [name for name in kinds if kinds[name] and name not in values]
         for name in values:
@@ -90,11 +89,11 @@ class Neuron(ABC):
             raise InputError(where, f"parameter {missing[0]!r} is missing", fix="Give it by its name.")
         return cls(**{k: v if (kind := kinds[k]) is None else spread(v, size, kind) for k, v in values.items()})
 
-    def whole(self) -> Neuron:
+    def whole(self) -> "Neuron":
         """Return it with the tails of its kernels, where it has kernels."""
         return self
 
-    def cut(self) -> Neuron:
+    def cut(self) -> "Neuron":
         """Return it with its kernels cut where slayerPytorch cuts them, where it has kernels."""
         return self
 
@@ -145,11 +144,11 @@ class SrmAlpha(Neuron):
         """``theta``."""
         return self.theta
 
-    def whole(self) -> SrmAlpha:
+    def whole(self) -> "SrmAlpha":
         """Return it with the tails of its kernels."""
         return replace(self, eps_taps=math.inf, nu_taps=math.inf)
 
-    def cut(self) -> SrmAlpha:
+    def cut(self) -> "SrmAlpha":
         """Return it with its kernels cut where slayerPytorch cuts them."""
         eps = alpha_taps(self.tau_sr, 1.0)
         nu = alpha_taps(self.tau_ref, -self.scale_ref * self.theta)

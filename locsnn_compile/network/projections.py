@@ -4,8 +4,6 @@ The *values* of a matrix are its array where it is dense, and the stored entries
 sparse. What is not stored is no connection.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, TypeAlias
 

@@ -1,7 +1,5 @@
 """The second level: the same populations and projections, every number an integer that the chip holds."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -1,7 +1,5 @@
 """The two levels of the network side as stable text, for people to read and for golden tests to compare."""
 
-from __future__ import annotations
-
 import math
 from functools import singledispatch
 

@@ -4,8 +4,6 @@ A compartment that keeps a of its current and b of its voltage answers a charge 
 ``h(m) = sum over i = 0..m of a^i b^(m-i)``, m steps after the charge arrived: ``(m + 1) a^m`` where a = b.
 """
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 

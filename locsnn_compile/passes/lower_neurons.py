@@ -10,8 +10,6 @@ After:  a CompartmentGraph, one phase an axis. A population's spikes are those o
     reset        one compartment, with the chip's own reset; so is every leaky integrate-and-fire neuron (``native``)
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

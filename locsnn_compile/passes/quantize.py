@@ -8,8 +8,6 @@ Weights that round to 0 are counted, and a population can lose most of them. One
 chip; where a single input could have made it spike, that is another network, and refused.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial, singledispatch

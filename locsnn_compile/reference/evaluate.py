@@ -4,8 +4,6 @@ Populations that feed each other in a circle are stepped together; all others on
 network does on calibration recordings is what weights are rounded for, and scales are chosen by.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import singledispatch

@@ -1,7 +1,5 @@
 """Float neurons step by step in float64: what the network's author means."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 

@@ -3,8 +3,6 @@
 It shares no arithmetic with ``hw_model``, so that agreement of the two means something. Letters as in ``on_grid``.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from functools import singledispatch
 

@@ -7,8 +7,6 @@ The words and numbers are chosen once, in ``verdict.py`` and the section files; 
 build sections, facts and tables from rows, and leave out what there is not.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, Literal

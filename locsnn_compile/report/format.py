@@ -4,8 +4,6 @@ Three significant digits, no more: the energies and times are models, and furthe
 know. A share is never rounded up to all or down to nothing.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 

@@ -1,7 +1,5 @@
 """Names of the document's keys in words."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -17,8 +17,6 @@ its weight was rounded by, at most half a step of the grid, and the bias likewis
 whatever the input: ``e < 1 / (1 - A)`` and ``f < (1 / (1 - A) + 1) / (1 - B)``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, get_args
@@ -116,7 +114,7 @@ class _Compartments:
         self.f[:, held] = 0.0
         self._joined[:], self._joined_f[:] = 0.0, 0.0
 
-    def join(self, child: _Compartments) -> None:
+    def join(self, child: "_Compartments") -> None:
         """Take the voltage of a joined child, and its error, into the step that is to come."""
         self._joined += child._v
         self._joined_f += child.f

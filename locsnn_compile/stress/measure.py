@@ -3,8 +3,6 @@
 Every way to compute a program must give the same integers; which of them does not is named.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 

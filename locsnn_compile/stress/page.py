@@ -1,7 +1,5 @@
 """What stress came to, between marks on a page that people wrote; all rows are a CSV file next to it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 

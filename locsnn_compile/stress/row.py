@@ -1,7 +1,5 @@
 """A row of the table: what was measured of a case, its verdict and causes; as plain numbers for scripts, too."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field

@@ -4,8 +4,6 @@ In a long run the float network goes block by block; of the program a byte is he
 the potentials of one population. A session, which holds no more than a block, must count the same spikes.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import replace

@@ -5,8 +5,6 @@ return spikes (batch, steps, channels), float32, 0 or 1, and draw anew for every
 are dropped, recordings moved in time. What is off draws nothing, so that it does not change what the others draw.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

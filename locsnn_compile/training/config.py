@@ -1,7 +1,5 @@
 """Everything that decides a training run, in one frozen value that a YAML file can hold."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Between a configuration and a network: the one that it asks for, and what one to start from decides."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict, fields, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """From a trained network to a checkpoint: the test part measured once, and what the file says of its training."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path

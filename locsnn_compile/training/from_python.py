@@ -1,7 +1,5 @@
 """``lc.train``: recordings in, a checkpoint out, as ``locsnn train`` writes it. torch is imported once it is called."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Mapping
 from pathlib import Path

@@ -4,8 +4,6 @@ Losses are those of Kang et al. 2022 over output spike counts. Every count is (b
 the batch: the spike-count loss of SLAYER with its sum over time, over locations, or over both weighted.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 

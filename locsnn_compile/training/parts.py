@@ -1,7 +1,5 @@
 """The recordings of a training run: a train part, and a test part that is measured once."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from locsnn_compile.data.expected import OPEN, Expected

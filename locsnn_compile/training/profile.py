@@ -1,7 +1,5 @@
 """The picture of a training run: losses and validation accuracy over its epochs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 from locsnn_compile.report.content import Curve

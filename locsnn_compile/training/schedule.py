@@ -1,7 +1,5 @@
 """How fast a run learns, and what it keeps: which of its epochs, and a running average of the weights."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """The state of an unfinished training run, so that a killed run goes on to the same bits."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import pickle

@@ -3,8 +3,6 @@
 They are those that the compiler's ``quantize`` chooses for the network at the start, with room for its weights to grow.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import fields, replace
 

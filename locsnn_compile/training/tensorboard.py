@@ -1,7 +1,5 @@
 """Epochs of a training run as scalars that TensorBoard shows, where it is installed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from locsnn_compile.errors import InputError

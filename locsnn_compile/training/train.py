@@ -4,8 +4,6 @@ The test part never enters here. Equal configuration, data, torch and machine gi
 resume.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Callable, Iterator, Mapping

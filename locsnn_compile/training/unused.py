@@ -1,7 +1,5 @@
 """Options of a training run that nothing would come of, and what they need."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 

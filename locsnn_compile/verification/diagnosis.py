@@ -1,7 +1,5 @@
 """Where the error of a program comes from: its budget, the cause of the first divergence, and the margins."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a program may lose, and what a setting loses: the same bounds for ``auto`` and for ``locsnn explore``."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 SPIKE_TOLERANCE = 0.01

@@ -1,7 +1,5 @@
 """A few steps of one recording, to be looked at: input, spikes of both sides, and the potential that differs first."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -54,7 +52,7 @@ class SpikeRows:
         """Spikes of at least one side."""
         return self.reference | self.chip
 
-    def during(self, steps: range) -> SpikeRows:
+    def during(self, steps: range) -> "SpikeRows":
         """Return the rows in some steps."""
         here = slice(steps.start, steps.stop)
         return replace(self, reference=self.reference[here], chip=self.chip[here])

@@ -1,7 +1,5 @@
 """Gates: bounds that a build must keep, checked against its report, and written for a CI server as JUnit XML."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """What a report rests on besides the file of the model: the length of a step, and all that had to be assumed."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

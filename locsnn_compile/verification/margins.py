@@ -4,8 +4,6 @@ The error is that of one neuron by itself: both sides are given the float networ
 difference is carried along. Where it is larger than the distance to the threshold, a spike may change.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -66,12 +64,12 @@ class RegisterUse:
     clips: int
 
     @classmethod
-    def unused(cls, group: Compartments, registers: Registers) -> RegisterUse:
+    def unused(cls, group: Compartments, registers: Registers) -> "RegisterUse":
         """Return what the registers of a group hold, before anything is played."""
         limit_v = int(min(np.abs(group.vmin).min(), group.vmax.min()))
         return cls(0, 1 << registers.current_bits, 0, limit_v, 0, 0)
 
-    def after(self, u: IntArray, potential: IntArray, events: Mapping[str, int]) -> RegisterUse:
+    def after(self, u: IntArray, potential: IntArray, events: Mapping[str, int]) -> "RegisterUse":
         """Return the use with that of u, of v as the threshold saw it, (batch, steps, n), and counts of both events."""
         return replace(
             self,

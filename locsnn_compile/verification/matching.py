@@ -1,7 +1,5 @@
 """Float reference against chip, spike by spike, over a set of recordings."""
 
-from __future__ import annotations
-
 import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, dataclass, field
@@ -53,11 +51,11 @@ class PopulationMatch:
         return 2 * self.common_spikes / both if both else None
 
     @classmethod
-    def of(cls, reference: ByteArray, chip: ByteArray) -> PopulationMatch:
+    def of(cls, reference: ByteArray, chip: ByteArray) -> "PopulationMatch":
         """Count the spikes (batch, steps, n) of both sides."""
         return cls(int(reference.sum()), int(chip.sum()), int((reference & chip).sum()))
 
-    def __add__(self, other: PopulationMatch) -> PopulationMatch:
+    def __add__(self, other: "PopulationMatch") -> "PopulationMatch":
         return PopulationMatch(*map(operator.add, astuple(self), astuple(other)))
 
 

@@ -1,7 +1,5 @@
 """How predictions settle while recordings play, step by step or all at once, and what stopping early saves."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

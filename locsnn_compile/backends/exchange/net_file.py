@@ -1,7 +1,5 @@
 """A network as a lava-dl ``.net`` file: what came from one as it was, and chains of layers whose integers fit."""
 
-from __future__ import annotations
-
 import io
 from typing import Any
 

@@ -11,8 +11,6 @@ dot; of neurons that a spike takes from, self-synapses ``refractory.delay``, ``r
 ``columns``, ``mantissa``, ``delay``, ``exponent`` and ``weight_bits``.
 """
 
-from __future__ import annotations
-
 import io
 from collections.abc import Mapping
 from typing import Any

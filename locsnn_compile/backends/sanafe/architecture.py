@@ -4,8 +4,6 @@ Input spikes come from outside the chip, but SANA-FE's can only come from cores.
 the host's, whose somas play the input lines of that tile for no energy and no time: their packets travel no hop.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby

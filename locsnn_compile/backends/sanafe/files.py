@@ -1,7 +1,5 @@
 """``--emit sanafe``: the chip and each phase of a program as files that SANA-FE 2.2 runs, and what it has to find."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import yaml

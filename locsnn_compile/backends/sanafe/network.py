@@ -4,8 +4,6 @@ A group of compartments is a group of neurons, under a name of its characters; `
 that reach tile n, in ascending order. Weights and thresholds are mantissas, so a potential is v / 64.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import pairwise
 

@@ -5,8 +5,6 @@ where ``v > threshold``. It truncates v to a 64th as the chip does, but never u.
 fraction of a current is ever cut off, and where a program uses nothing that its neurons lack.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Memory words as bits: named fields, packed low to high, and written as hexadecimal text that ``$readmemh`` reads."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -34,7 +32,7 @@ class Layout:
         return sum(field.width for field in self.fields)
 
     @classmethod
-    def of(cls, *signed: str, **widths: int) -> Layout:
+    def of(cls, *signed: str, **widths: int) -> "Layout":
         """Return the word of fields by name, the widths of each; the names of ``signed`` ones come first."""
         return cls(tuple(Field(name, width, name in signed) for name, width in widths.items()))
 

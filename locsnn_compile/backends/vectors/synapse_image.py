@@ -8,8 +8,6 @@ The chip description says what a run costs; this is a layout of exactly that cos
 A dense list has no indices: its synapses end on compartments ``base``, ``base + 1``, ...
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -3,8 +3,6 @@
 Everything is text that ``$readmemh`` reads, one word a line; ``manifest.yaml`` defines every file and every bit.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

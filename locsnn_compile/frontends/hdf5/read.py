@@ -1,7 +1,5 @@
 """Read HDF5 files without trusting them: sizes are looked at before data, links out of the file are never followed."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -26,7 +24,7 @@ _WHOLE = "Give a whole file, or write it again."
 class Group:
     """A group of an HDF5 file; every fault of what it holds is an ``InputError`` that names the place."""
 
-    def __init__(self, group: Any, where: str, budget: _Budget) -> None:
+    def __init__(self, group: Any, where: str, budget: "_Budget") -> None:
         self._group, self.where, self._budget = group, where, budget
 
     def names(self) -> list[str]:
@@ -36,7 +34,7 @@ class Group:
     def __contains__(self, name: str) -> bool:
         return name in self.names()
 
-    def group(self, name: str, where: str | None = None) -> Group:
+    def group(self, name: str, where: str | None = None) -> "Group":
         """Return a group inside; ``where`` names it in errors."""
         found = self._held(name)
         if not hasattr(found, "keys"):

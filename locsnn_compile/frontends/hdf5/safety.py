@@ -1,7 +1,5 @@
 """Whether the HDF5 library survives a file: asked of a process that is started once and may die in our place."""
 
-from __future__ import annotations
-
 import atexit
 import hashlib
 import os

@@ -1,7 +1,5 @@
 """A lava-dl file (``.net``) as plain frozen data: its layers in order, each with all that it holds."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

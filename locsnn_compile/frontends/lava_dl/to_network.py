@@ -6,8 +6,6 @@ A neuron spikes where v > 64 vThMant, and each layer takes one step. Delays are 
 reads the image (channels, height, width) that the layer before gives, in this order.
 """
 
-from __future__ import annotations
-
 import hashlib
 import math
 from dataclasses import dataclass, field

@@ -4,8 +4,6 @@ A node of a graph inside is named ``outer.inner``; the ends of that graph become
 is a layer: weights, and the constant next to them.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -33,7 +31,7 @@ class FlatGraph:
     nodes: Mapping[str, NirNode]
     sources: Mapping[str, Sequence[str]]
     shapes: Mapping[str, Shape]
-    layers: Mapping[str, Layer]
+    layers: "Mapping[str, Layer]"
 
     def size(self, name: str) -> int:
         """Return how many values a node gives."""
@@ -119,7 +117,7 @@ def _only(graph: NirGraph, kind: str, where: str, name: str) -> str:
 
 def _shapes(
     nodes: Mapping[str, NirNode], sources: Mapping[str, Sequence[str]], where: str
-) -> tuple[dict[str, Shape], dict[str, Layer]]:
+) -> "tuple[dict[str, Shape], dict[str, Layer]]":
     """Return the shape of what every node gives, and the layers of those with weights."""
     shapes: dict[str, Shape] = {}
     layers: dict[str, Layer] = {}

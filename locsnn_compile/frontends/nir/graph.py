@@ -5,8 +5,6 @@ HDF5 layout (NIR 1.0): ``/version`` and ``/node``; a graph is a group of ``type`
 takes every size on trust.
 """
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -79,7 +77,7 @@ class NirNode:
 class NirGraph:
     """Nodes by name, in the file's order, and edges between them; a node may be a graph."""
 
-    nodes: Mapping[str, NirNode | NirGraph]
+    nodes: "Mapping[str, NirNode | NirGraph]"
     edges: tuple[Edge, ...]
     metadata: Mapping[str, Array | str] = field(default_factory=dict)
 

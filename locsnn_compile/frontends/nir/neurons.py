@@ -25,8 +25,6 @@ a synapse of each neuron to itself takes the threshold; one with a current is a 
 the potential at the reset's value for the step after a spike.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal

@@ -4,8 +4,6 @@ A spike takes one step from a population to the next, as on the chip, where fram
 step t behind k populations comes at step t + k.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections import deque
 from collections.abc import Callable

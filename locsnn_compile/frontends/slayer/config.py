@@ -1,7 +1,5 @@
 """The YAML beside a slayerPytorch checkpoint: neuron, step, and the location order where a network walks one."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping

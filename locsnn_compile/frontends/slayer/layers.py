@@ -5,8 +5,6 @@ is below 0.01: of the published neuron, 77 taps of the input kernel and 11 of th
 dendrites hold the whole tail, and a chip's delays (62 steps) could not cut it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any

@@ -9,8 +9,6 @@ SRMALPHA layers become float neurons with the full kernels; LOIHI layers integer
 half to even, as slayerPytorch quantises them in every forward pass; each of these takes one step, as there.
 """
 
-from __future__ import annotations
-
 import hashlib
 import math
 from collections.abc import Iterator, Mapping

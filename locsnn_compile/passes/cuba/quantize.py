@@ -5,8 +5,6 @@ without memory stands next to a dendrite that is never reset, and own spikes rea
 self-synapses: the drop, and a step later what the current's decay left of it, which takes it out of the current again.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

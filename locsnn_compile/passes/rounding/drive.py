@@ -1,7 +1,5 @@
 """What the inputs of a population add to its potentials on calibration recordings, and what they should."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -6,8 +6,6 @@ exponent ``k + b - 8``. A *split* weight has two synapses, the second in the fin
 leaves.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -39,7 +37,7 @@ class Grades:
     held: tuple[int, ...]
 
     @classmethod
-    def holding(cls, largest: float, weight_bits: int, *, count: int = GRADES, split: bool = False) -> Grades:
+    def holding(cls, largest: float, weight_bits: int, *, count: int = GRADES, split: bool = False) -> "Grades":
         """Return the grades for magnitudes up to ``largest`` quanta: so many of first synapses, and their seconds."""
         top = coarsest(weight_bits)
         highest = next((k for k in range(top) if np.rint(largest / 2**k) < 1 << weight_bits), top)

@@ -1,7 +1,5 @@
 """A population to put into integers: how much trouble its rounding takes, and how large its numbers become."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -8,8 +8,6 @@ fixed order (Frantar and others, GPTQ, 2022; Babai's nearest plane). At every we
 best few of all roundings so far go on (the M-algorithm of sphere decoding).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,7 +29,7 @@ class Metric:
     factor: FloatArray
 
     @classmethod
-    def of(cls, gram: FloatArray) -> Metric:
+    def of(cls, gram: FloatArray) -> "Metric":
         """Return the metric of a positive definite matrix."""
         order = np.argsort(-np.diag(gram), kind="stable")
         inverse = np.linalg.inv(gram[np.ix_(order, order)])

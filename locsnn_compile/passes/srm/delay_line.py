@@ -10,8 +10,6 @@ computed from the voltage and current that the rounded ones left, so that roundi
 dendrite's long memory.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass

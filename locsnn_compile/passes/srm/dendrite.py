@@ -1,7 +1,5 @@
 """Strategy ``dendrite``: own spikes drive a refractory dendrite, the kernel nu by one self-synapse."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

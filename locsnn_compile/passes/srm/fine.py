@@ -5,8 +5,6 @@ together, neuron by neuron. A larger scale makes finer weights and clips more po
 scales, the one with which its potential errs least on the calibration recordings, near the threshold above all.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -3,8 +3,6 @@
 One input spike, and one own spike, are played to the integer neurons, and what comes out is compared with the kernels.
 """
 
-from __future__ import annotations
-
 import math
 from functools import singledispatch
 

@@ -4,8 +4,6 @@ The threshold is exact, rule included: ``u >= theta`` holds where ``v > 64 * thr
 makes up for its rounded decay.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import replace

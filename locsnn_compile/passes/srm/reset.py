@@ -1,7 +1,5 @@
 """Strategy ``reset``: one compartment, whose own reset and refractory count stand in for the refractory kernel."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 

@@ -1,7 +1,5 @@
 """report.json as plain values: what the other renderings show, and where each figure comes from."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from typing import Any
 

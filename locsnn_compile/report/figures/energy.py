@@ -3,8 +3,6 @@
 Every breakdown adds up to the total. What is counted without a step and a core is in ``elsewhere_pj`` alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict
 

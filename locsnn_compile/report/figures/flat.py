@@ -1,7 +1,5 @@
 """From objects to values of a document, from nested values to one list of figures, from rows of them to a table."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """What report.json says of latency: its spread, and where it goes by branch, part, core, way, link and step."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

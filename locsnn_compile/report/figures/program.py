@@ -1,7 +1,5 @@
 """What a program consists of, as figures that two builds are compared by."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How a cost spreads over recordings, classes, steps and cores, as plain values of report.json."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 
 import numpy as np

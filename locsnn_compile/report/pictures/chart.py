@@ -1,7 +1,5 @@
 """Charts as SVG files: panels side by side, light, dark and printed, readable without colour; and charts of curves."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable, Sequence

@@ -7,8 +7,6 @@ A spike of both sides is a stroke as high as its row. One of the reference alone
 its row, one of the chip alone in the lower half. So the sides are told apart by place and width, not by colour.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from html import escape
 

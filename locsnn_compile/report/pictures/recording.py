@@ -1,7 +1,5 @@
 """Rasters of one recording: time to the right, channels downwards; as text, and as SVG."""
 
-from __future__ import annotations
-
 from xml.etree.ElementTree import SubElement
 
 import numpy as np

@@ -4,8 +4,6 @@ Shapes tell kinds apart, a filled mark is on the front, a ring is around the rec
 marks that no other beats in the two figures of a panel.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The summary on the terminal: the three verdicts, and a bar for every population."""
 
-from __future__ import annotations
-
 import re
 import textwrap
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Sections on where the error comes from: the budget of the stages, and the margins that errors meet."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from itertools import accumulate

@@ -1,7 +1,5 @@
 """Sections on what the program does: agreement with the float network, operations, other networks."""
 
-from __future__ import annotations
-
 import math
 
 from locsnn_compile.report.content import Bar, Block, Document, Paragraph, Section, Table, section, share_of

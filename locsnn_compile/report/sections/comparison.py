@@ -1,7 +1,5 @@
 """Two builds side by side, as content without form: three questions, key figures, and all that changed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property

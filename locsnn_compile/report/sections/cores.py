@@ -1,7 +1,5 @@
 """The section that shows the cores in use where they sit on the mesh, how full each is and what it takes."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

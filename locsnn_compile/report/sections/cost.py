@@ -1,7 +1,5 @@
 """Sections on what a recording costs in the model: energy and latency."""
 
-from __future__ import annotations
-
 from locsnn_compile.report.content import Bar, Document, Paragraph, Section, Table, facts, of, section, share_of, table
 from locsnn_compile.report.format import NONE, count, energy, known, ratio, share, time
 from locsnn_compile.report.sections.cost_tables import ENERGY, TIME, by_branch, constants, shares, stack

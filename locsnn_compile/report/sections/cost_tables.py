@@ -1,7 +1,5 @@
 """What energy and time have in common: spread, breakdowns, the course over steps, and constants with their source."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """The section that shows predictions while a recording plays, and where it could stop."""
 
-from __future__ import annotations
-
 from locsnn_compile.report.content import Bar, Curve, Document, Paragraph, Plot, Section, Table, facts, section, table
 from locsnn_compile.report.format import count, energy, share, short, time
 from locsnn_compile.report.sections.accuracy import sample

@@ -1,7 +1,5 @@
 """The three questions that a report answers first, and what has to be known before its figures are believed."""
 
-from __future__ import annotations
-
 from locsnn_compile.report.content import Document, Fact, Notice, Status, Verdict
 from locsnn_compile.report.format import NONE, SILENT, count, energy, known, memory, plural, points, ratio, share, time
 from locsnn_compile.report.words import limit_words, listed, stage_words, words

@@ -1,7 +1,5 @@
 """What the viewer shows: spikes and potentials of both sides, and what the cores did in every step."""
 
-from __future__ import annotations
-
 import base64
 import json
 from typing import Any

@@ -1,7 +1,5 @@
 """The page itself: data, style, plotting library and script in one file that loads nothing."""
 
-from __future__ import annotations
-
 import json
 import re
 from importlib.resources import files

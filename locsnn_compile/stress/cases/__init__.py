@@ -1,7 +1,5 @@
 """The cases, a group of the page for each function, whose docstring is what the page says of the group."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 

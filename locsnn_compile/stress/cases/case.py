@@ -1,7 +1,5 @@
 """What is put under stress: one population behind some inputs, and what is played to it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

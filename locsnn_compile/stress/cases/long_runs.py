@@ -1,7 +1,5 @@
 """Runs of a million steps: whether errors add up."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """What a neuron is: its time constants, decays, threshold, refractory count and bias, each from end to end."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product

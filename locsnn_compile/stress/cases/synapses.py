@@ -1,7 +1,5 @@
 """What reaches a neuron: weights and what rounding makes of them, delays, and inputs from silence to every line."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """What each stage alone, all but each, and all together change against the float network, spike by spike."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import methodcaller

@@ -1,7 +1,5 @@
 """Why the first spike that differs does: what each stage adds to the potential that decided it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ has another neuron altogether - the float neuron is laid out as ``dendrite`` wou
 program has any that stand for it.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import singledispatch

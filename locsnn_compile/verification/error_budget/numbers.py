@@ -4,8 +4,6 @@ Exact numbers are in units of the registers too, but real: a float weight times 
 what a decay keeps as ``exp(-1 / tau)``, a threshold of theta times the scale.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The stages in which a float network becomes a chip program, and a twin with any of them as on the chip."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, get_args

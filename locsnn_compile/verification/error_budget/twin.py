@@ -4,8 +4,6 @@ With every switch on, and the chip's integers as parameters, all values are inte
 exactly: the twin then equals the simulator bit for bit. With every switch off it is the real-valued recursion.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -164,7 +162,7 @@ def run_twins(
     ]
 
 
-def _blocks(twins: Sequence[Twin], batch: int, steps: int) -> list[_Block]:
+def _blocks(twins: Sequence[Twin], batch: int, steps: int) -> "list[_Block]":
     """Return the groups in blocks of one arithmetic each, those that are joined to others first."""
     kinds: dict[tuple[bool, bool, bool], dict[_Key, TwinGroup]] = {}
     for i, twin in enumerate(twins):
@@ -180,7 +178,7 @@ _OwnCharges = tuple["_Block", IntArray, FloatArray]
 spikes, or -1, and weights (delays, columns)."""
 
 
-def _own_charges(block: _Block, target: _Block, synapses: Sequence[tuple[int, TwinSynapses]]) -> _OwnCharges:
+def _own_charges(block: "_Block", target: "_Block", synapses: Sequence[tuple[int, TwinSynapses]]) -> _OwnCharges:
     delays = 1 + max(s.delay for _, s in synapses if s.weights.ndim == 1)
     return target, np.full(block.v.shape[1], -1), np.zeros((delays, block.v.shape[1]))
 
