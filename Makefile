@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test test-slow peers bench results mutants check check-rest docs examples format clean
+.PHONY: demo test test-slow soak peers bench results mutants check check-rest docs examples format clean
 
 demo: .venv/installed  ## install, then compile the example that ships, check it and write its reports
 	$(BIN)/locsnn-compile examples/models/objects-hybrid.pt --events examples/recordings/touches.npz
@@ -12,6 +12,9 @@ test: .venv/installed-dev  ## install, then run the tests, a process a core
 
 test-slow: .venv/installed-dev  ## the tests that take minutes
 	$(BIN)/pytest -n auto --dist worksteal -m slow
+
+soak: .venv/installed-dev  ## the tests on new examples: in every other run, hypothesis makes the same ones
+	$(BIN)/pytest -n auto --dist worksteal --hypothesis-profile soak
 
 peers: .venv/installed-dev  ## compare the engine with public simulators, each in an environment of its own
 	$(BIN)/python tests/peers/make_environments.py

@@ -119,7 +119,7 @@ def check_both_ends(network, bits, played, strategy="dendrite"):
             np.testing.assert_allclose(exact.potential[name] / scale, wanted.potential[name], rtol=1e-9, atol=1e-9)
 
 
-@settings(max_examples=16, deadline=None, derandomize=True)
+@settings(max_examples=16, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     bits=st.sampled_from([1, 3, 8]),
@@ -132,7 +132,7 @@ def test_srm_twins_meet_reference_and_chip(seed, bits, tau_sr, scale, strategy):
     check_both_ends(network, bits, recordings(network, samples=2, seed=seed), strategy)
 
 
-@settings(max_examples=12, deadline=None, derandomize=True)
+@settings(max_examples=12, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     bits=st.sampled_from([1, 3, 8]),

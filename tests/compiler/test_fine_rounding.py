@@ -36,7 +36,7 @@ def calibrated(network, samples=6, seed=5, rate=0.3):
 # --- formats by size ---
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=100, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     bits=st.sampled_from(WEIGHT_BITS),
@@ -84,7 +84,7 @@ def error(gram, ideal, quanta):
     return np.einsum("ij,jk,ik->i", quanta - ideal, gram, quanta - ideal)
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_few_weights_are_rounded_nearly_as_well_as_any_rounding_could(seed):
     """Against all 3^4 roundings near the ideal weights."""
@@ -99,7 +99,7 @@ def test_few_weights_are_rounded_nearly_as_well_as_any_rounding_could(seed):
     assert (found % step == 0).all()
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), beam=st.sampled_from([1, 4]))
 def test_rounding_together_keeps_limits_and_zeros(seed, beam):
     r = np.random.default_rng(seed)
@@ -204,7 +204,7 @@ def test_of_many_recordings_some_are_taken():
 # --- the whole ---
 
 
-@settings(max_examples=8, deadline=None, derandomize=True)
+@settings(max_examples=8, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     strategy=st.sampled_from(["dendrite", "delay-line", "reset", "paired-dendrite"]),

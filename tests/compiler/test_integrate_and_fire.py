@@ -66,7 +66,7 @@ def random_network(seed, *, steps=25, size=3, channels=4, rule=">"):
     return single(neuron, weights, steps=steps, recurrent=np.round(r.normal(0, 0.4, (size, size)), 2), delay=delay)
 
 
-@settings(max_examples=30, deadline=None, derandomize=True)
+@settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), rule=st.sampled_from([">", ">="]))
 def test_the_reference_is_the_equations(seed, rule):
     network = random_network(seed, rule=rule)
@@ -87,7 +87,7 @@ def test_a_potential_exactly_at_threshold(rule, spikes):
     assert (match.spikes.reference_spikes, match.spikes.chip_spikes) == (spikes, spikes)
 
 
-@settings(max_examples=20, deadline=None, derandomize=True)
+@settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), rule=st.sampled_from([">", ">="]), bits=st.sampled_from([2, 8]))
 def test_the_program_is_the_rounded_network_bit_for_bit(seed, rule, bits):
     network = random_network(seed, rule=rule, steps=40)
@@ -148,7 +148,7 @@ def test_delays_of_sparse_weights_go_with_their_entries():
         assert np.argwhere(spikes).tolist() == [[1, 1], [6, 0]]
 
 
-@settings(max_examples=40, derandomize=True)
+@settings(max_examples=40)
 @given(
     a=st.floats(0, 0.99), b=st.floats(0, 0.99), c=st.floats(0, 0.99), d=st.floats(0, 0.99)
 )  # fmt: skip

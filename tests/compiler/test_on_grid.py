@@ -20,7 +20,7 @@ from locsnn_compile.verification.matching import compare
 CHIP = hw.chip("loihi-sim")
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), together=st.sampled_from([1, 1, 2, 5, 12]), silence=st.integers(0, 3))
 def test_the_reference_has_the_integers_of_both_engines(seed, together, silence):
     network = on_grid(seed, together=together, silence=silence)
@@ -70,7 +70,7 @@ def test_verify_finds_no_difference():
     assert match.prediction_agreement == 1.0
 
 
-@settings(max_examples=50, derandomize=True)
+@settings(max_examples=50)
 @given(x=st.integers(-(2**24), 2**24), d=st.integers(0, 4096))
 def test_what_is_kept_is_truncated_toward_zero(x, d):
     assert int(kept(np.array(x), d)) == int(abs(x) * (4096 - d) // 4096) * (1 if x >= 0 else -1)

@@ -22,7 +22,7 @@ from locsnn_compile.pipeline import lower
 CHIP = hw.chip("loihi-sim")
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=60, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     bits=st.sampled_from(WEIGHT_BITS),
@@ -43,7 +43,7 @@ def test_every_weight_is_within_half_a_grid_step(seed, bits, scale, theta):
 
 
 @given(theta=st.floats(0.1, 100), v=st.integers(-(2**23), 2**23))
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=40, deadline=None)
 def test_the_threshold_rule_is_exact(theta, v):
     """``u >= theta`` in float units is ``v > 64 * threshold`` in integers, for every v: the scale is made for it."""
     population = quantize(hybrid(neuron=replace(NEURON, theta=theta)), CHIP).populations[0]

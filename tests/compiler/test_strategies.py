@@ -37,7 +37,7 @@ def nu(neuron, steps):
     ]
 
 
-@settings(max_examples=10, deadline=None, derandomize=True)
+@settings(max_examples=10, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     strategy=st.sampled_from(sorted(STRATEGIES)),
@@ -71,7 +71,7 @@ def test_compartments_of_a_neuron(strategy, groups):
     assert levels.quantized.population("n").strategy == strategy
 
 
-@settings(max_examples=15, deadline=None, derandomize=True)
+@settings(max_examples=15, deadline=None)
 @given(tau_sr=st.floats(1, 40), tau_ref=st.floats(0.5, 6), scale_ref=st.floats(0.5, 4), weight=st.floats(0.5, 8))
 def test_delayed_self_synapses_answer_as_the_refractory_kernel(tau_sr, tau_ref, scale_ref, weight):
     """The whole response, long after the last tap, is the kernel to within rounding."""

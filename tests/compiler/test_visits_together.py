@@ -23,7 +23,7 @@ from locsnn_compile.verification.over_time import OverTime, over_time
 CHIP = hw.chip("loihi-sim")
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=60, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     channels=st.integers(1, 9),
@@ -86,7 +86,7 @@ def test_levels_say_how_channels_are_visited():
     assert "first lines" not in compartments_text(lower(hybrid(), CHIP, 8).compartments)
 
 
-@settings(max_examples=8, deadline=None, derandomize=True)
+@settings(max_examples=8, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), together=st.integers(1, 5), silence=st.integers(0, 3))
 def test_an_exact_network_stays_exact_until_its_pictures(seed, together, silence):
     network = on_grid(seed, channels=5, steps=9, together=together, silence=silence)

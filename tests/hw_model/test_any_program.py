@@ -26,7 +26,6 @@ PROBE = ("spikes", "u", "v", "potential", "activity")
 EVENTS = ("charge_wraps", "current_wraps", "voltage_clips")
 SETTINGS = settings(
     deadline=None,
-    derandomize=True,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.large_base_example],
 )
 

@@ -29,7 +29,7 @@ def played(seed):
     return program, hw.simulate(program, np.stack((recording, recording[::-1])), probe=("activity",))
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=40, deadline=None)
 @given(seed=SEEDS)
 def test_counts_by_step_piece_and_way_add_up(seed):
     program, result = played(seed)
@@ -48,7 +48,7 @@ def test_counts_by_step_piece_and_way_add_up(seed):
         assert int(used.link_packets[north_south].sum()) == counts.hops_y
 
 
-@settings(max_examples=20, deadline=None, derandomize=True)
+@settings(max_examples=20, deadline=None)
 @given(seed=SEEDS)
 @pytest.mark.parametrize("profile", [DAVIES, SANAFE], ids=["davies2018", "sanafe"])
 def test_energy_by_phase_core_and_step_is_the_energy(profile, seed):
@@ -74,7 +74,7 @@ def test_energy_by_phase_core_and_step_is_the_energy(profile, seed):
     assert float(whole) == pytest.approx(sum(hw.energy_pj(result.counts, profile).values()), rel=1e-12)
 
 
-@settings(max_examples=20, deadline=None, derandomize=True)
+@settings(max_examples=20, deadline=None)
 @given(seed=SEEDS)
 @pytest.mark.parametrize("profile", [DAVIES, SANAFE], ids=["davies2018", "sanafe"])
 def test_times_by_part_step_path_and_phase_add_up(profile, seed):
@@ -144,7 +144,7 @@ def links(chip, source, target):
     return list(zip(stops, [*stops[1:], (to_x, to_y)], strict=True)) if stops else []
 
 
-@settings(max_examples=15, deadline=None, derandomize=True)
+@settings(max_examples=15, deadline=None)
 @given(seed=SEEDS)
 @pytest.mark.parametrize("profile", [DAVIES, SANAFE], ids=["davies2018", "sanafe"])
 def test_latency_equals_a_walk_of_every_packet(profile, seed):

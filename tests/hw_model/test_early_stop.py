@@ -49,7 +49,7 @@ def by_potentials(program: hw.ChipProgram, first: int | None) -> hw.ChipProgram:
     return replace(program, readout=replace(program.readout, potentials_from=first))
 
 
-@settings(max_examples=30, deadline=None, derandomize=True)
+@settings(max_examples=30, deadline=None)
 @given(seed=SEEDS, together=st.integers(1, 2))
 def test_no_future_changes_a_proven_winner(seed, together):
     program, recording = random_hybrid(seed, together)
@@ -101,7 +101,7 @@ def random_layer(seed: int) -> tuple[hw.ChipProgram, np.ndarray]:
     return program, (r.random((steps, channels)) < 0.5).astype(np.uint8)
 
 
-@settings(max_examples=90, deadline=None, derandomize=True)
+@settings(max_examples=90, deadline=None)
 @given(seed=SEEDS, first=st.sampled_from([None, None, 0, 2, 9]))
 def test_every_single_future_keeps_a_proven_winner(seed, first):
     """All of them: small enough to be played."""
@@ -186,7 +186,7 @@ def first_proven(program: hw.ChipProgram, recording: np.ndarray) -> int:
     return steps
 
 
-@settings(max_examples=90, deadline=None, derandomize=True)
+@settings(max_examples=90, deadline=None)
 @given(seed=SEEDS, first=st.sampled_from([None, None, 0, 2, 9]))
 def test_the_stop_is_the_first_step_that_the_bound_proves(seed, first):
     program, recording = random_layer(seed)
@@ -312,7 +312,7 @@ def counted(counts: hw.Counts) -> dict[str, int]:
     return {name: counts[name] for name in BY_CORE}
 
 
-@settings(max_examples=15, deadline=None, derandomize=True)
+@settings(max_examples=15, deadline=None)
 @given(seed=SEEDS)
 def test_counts_of_a_proven_stop_are_those_of_so_many_steps(seed):
     program, recording = random_hybrid(seed)
@@ -368,7 +368,7 @@ def batch_for(seed: int, batch: int = 4) -> tuple[hw.ChipProgram, np.ndarray]:
     return program, (r.random((batch, *recording.shape)) < r.choice([0.1, 0.5, 1.0], (batch, 1, 1))).astype(np.uint8)
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=25, deadline=None)
 @given(seed=SEEDS, agreement=st.sampled_from([0.0, 0.5, 0.8, 1.0]), psi=st.sampled_from([None, 10.0]))
 def test_the_smallest_margin(seed, agreement, psi):
     program, recordings = batch_for(seed)
@@ -376,7 +376,7 @@ def test_the_smallest_margin(seed, agreement, psi):
     assert hw.calibrate_margin(program, recordings, agreement, psi) == wanted
 
 
-@settings(max_examples=15, deadline=None, derandomize=True)
+@settings(max_examples=15, deadline=None)
 @given(seed=SEEDS, margin=st.sampled_from([0.5, 1.0, 2.0, 5.0, float("inf")]), psi=st.sampled_from([None, 10.0]))
 def test_stops_at_a_margin(seed, margin, psi):
     """The first step with the lead; the counts of a time phase that ends there, and of what follows it."""
@@ -408,7 +408,7 @@ def at_rest_for(program: hw.ChipProgram, recording: np.ndarray) -> list[int]:
     return [next((k for k in range(t) if not still[t - 1 - k]), t) for t in range(1, len(recording) + 1)]
 
 
-@settings(max_examples=30, deadline=None, derandomize=True)
+@settings(max_examples=30, deadline=None)
 @given(seed=SEEDS, silence=st.integers(1, 6), first=st.sampled_from([None, 0, 4]))
 def test_stops_in_silence(seed, silence, first):
     """The first step after so many silent rows whose registers are 0, and to which nothing more is under way."""

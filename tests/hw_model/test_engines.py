@@ -72,7 +72,7 @@ def random_program(seed: int, chip: hw.Chip = CHIP):
 
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("chip", [CHIP, SMALL], ids=["one core", "many cores"])
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_engine_equals_the_oracle(engine, chip, seed):
     program, groups, links, spikes = random_program(seed, chip)
@@ -88,7 +88,7 @@ def test_engine_equals_the_oracle(engine, chip, seed):
         assert found.counts[event] == total, event
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_engines_agree_on_every_probe_and_count(seed):
     program, _, _, spikes = random_program(seed, SMALL)
@@ -241,7 +241,7 @@ def test_widths_by_hand(registers, bound):
         assert (found.counts.wraps, found.counts.clips) == (wraps, clips)
 
 
-@settings(max_examples=20, deadline=None, derandomize=True)
+@settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_skipping_changes_nothing(seed):
     program, _, _, spikes = random_program(seed, SMALL)
@@ -256,7 +256,7 @@ def test_skipping_changes_nothing(seed):
     assert on.events == off.events
 
 
-@settings(max_examples=20, deadline=None, derandomize=True)
+@settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_results_do_not_depend_on_placement(seed):
     one, _, _, spikes = random_program(seed, CHIP)

@@ -18,7 +18,7 @@ RECORDINGS = hnp.array_shapes(min_dims=3, max_dims=3, min_side=1, max_side=9).fl
 )
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=60, deadline=None)
 @given(recordings=RECORDINGS, lines=st.integers(1, 12), seed=st.integers(0, 99))
 def test_compiled_lists_equal_those_of_numpy(recordings, lines, seed):
     wanted = playing.list_events(recordings)
@@ -54,7 +54,7 @@ def _visits(seed: int, channels: int, lines: int) -> tuple[Input, int]:
 
 
 @pytest.mark.parametrize("module", [event_scan, playing], ids=["compiled", "numpy"])
-@settings(max_examples=30, deadline=None, derandomize=True)
+@settings(max_examples=30, deadline=None)
 @given(recordings=RECORDINGS)
 def test_lists_hold_the_recording_and_transpose_it(module, recordings):
     events = module.list_events(recordings)

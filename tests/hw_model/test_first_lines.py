@@ -20,7 +20,7 @@ from hw_model.mapping.graph import CompartmentGraph, Input, Phase, check_graph, 
 from hw_model.program.write import program_files
 
 
-@settings(max_examples=30, deadline=None, derandomize=True)
+@settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), together=st.integers(1, 4), silence=st.integers(0, 3), extra=st.integers(0, 3))
 def test_both_engines_give_the_same(seed, together, silence, extra):
     program, recording = random_hybrid(seed, together, silence)
@@ -59,7 +59,7 @@ def test_events_of_visits_after_the_last_step_are_dropped():
     assert counts.events_dropped == recording.sum() - 4 * len(recording)
 
 
-@settings(max_examples=10, deadline=None, derandomize=True)
+@settings(max_examples=10, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), together=st.integers(2, 4))
 def test_a_loaded_program_plays_what_the_saved_one_does(seed, together, tmp_path_factory):
     folder = tmp_path_factory.mktemp("program")

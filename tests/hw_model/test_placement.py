@@ -25,7 +25,7 @@ chips = st.builds(
 )
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=60, deadline=None)
 @given(chip=chips, seed=st.integers(0, 2**32 - 1))
 def test_every_synapse_once_within_every_limit(chip, seed):
     program, _, links, _ = random_program(seed, chip)
@@ -108,7 +108,7 @@ def test_voltage_limits_are_of_a_core(end, values):
     assert [(getattr(core, end), core.compartments) for core in cores] == [(values[0], 2), (values[2], 2)]
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=60, deadline=None)
 @given(chip=chips, seed=st.integers(0, 2**32 - 1))
 def test_no_core_has_room_for_the_next_neuron(chip, seed):
     """A neuron and what is joined to it start a new core only where the core before would break a limit."""
@@ -158,7 +158,7 @@ def test_synapse_memory_formula(synapses, bits, words):
     assert CHIP.synapse_memory.words(synapses, bits) == words
 
 
-@settings(max_examples=30, deadline=None, derandomize=True)
+@settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), share=st.floats(0.1, 1.0), limit=st.integers(300, 4000))
 def test_placement_counts_the_words_that_routing_stores(seed, share, limit):
     """Populations larger than a window of the placer, so that lists grow over several: a core is full, never fuller."""

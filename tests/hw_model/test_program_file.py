@@ -16,7 +16,7 @@ import hw_model as hw
 from hw_model.program.write import program_files
 
 
-@settings(max_examples=15, deadline=None, derandomize=True)
+@settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_a_loaded_program_is_the_saved_one(seed, tmp_path_factory):
     folder = tmp_path_factory.mktemp("program")

@@ -64,7 +64,7 @@ def check_every_step(program: hw.ChipProgram, recording: np.ndarray, found) -> N
     assert np.array_equal(found.lead, ordered[:, -1] - (ordered[:, -2] if wanted.shape[1] > 1 else 0))
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=40, deadline=None)
 @given(seed=SEEDS, together=TOGETHER, silence=st.integers(0, 2))
 def test_every_step_equals_a_run_of_the_recording_so_far(seed, together, silence):
     program, recording = random_hybrid(seed, together, silence)
@@ -75,7 +75,7 @@ def test_every_step_equals_a_run_of_the_recording_so_far(seed, together, silence
         assert np.array_equal(session.spikes(name), whole.spikes[name]), name
 
 
-@settings(max_examples=30, deadline=None, derandomize=True)
+@settings(max_examples=30, deadline=None)
 @given(seed=SEEDS, first=st.integers(0, 9), rows=st.sampled_from([1, 3, 80]))
 def test_the_largest_potentials_so_far(seed, first, rows):
     """Row by row, in tiles and at once, and once more after a reset."""
@@ -90,7 +90,7 @@ def test_the_largest_potentials_so_far(seed, first, rows):
         session.reset()
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=25, deadline=None)
 @given(seed=SEEDS, together=TOGETHER, data=st.data())
 def test_any_split_of_the_rows_gives_the_same(seed, together, data):
     program, recording = random_hybrid(seed, together)
@@ -104,7 +104,7 @@ def test_any_split_of_the_rows_gives_the_same(seed, together, data):
     assert (in_parts.steps, in_parts.replayed) == (at_once.steps, at_once.replayed)
 
 
-@settings(max_examples=10, deadline=None, derandomize=True)
+@settings(max_examples=10, deadline=None)
 @given(seed=SEEDS)
 def test_rows_one_by_one_and_again_after_a_reset(seed):
     program, recording = random_hybrid(seed)
@@ -116,7 +116,7 @@ def test_rows_one_by_one_and_again_after_a_reset(seed):
     assert np.array_equal(session.push(recording).scores, np.concatenate(first))
 
 
-@settings(max_examples=15, deadline=None, derandomize=True)
+@settings(max_examples=15, deadline=None)
 @given(seed=SEEDS, psi=st.sampled_from([0.0, 2.0, 10.0, 15.0, 5000.0]))
 def test_time_weighted_scores(seed, psi):
     program, recording = random_hybrid(seed)
@@ -130,7 +130,7 @@ def test_time_weighted_scores(seed, psi):
 
 
 @pytest.mark.parametrize("psi", [None, 10.0], ids=["plain", "time-weighted"])
-@settings(max_examples=10, deadline=None, derandomize=True)
+@settings(max_examples=10, deadline=None)
 @given(seed=SEEDS, together=TOGETHER)
 def test_rows_past_the_end_change_nothing(psi, seed, together):
     program, recording = random_hybrid(seed, together)

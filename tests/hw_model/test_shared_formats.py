@@ -25,7 +25,7 @@ formats = st.builds(
 )
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=100, deadline=None)
 @given(synapses=st.dictionaries(formats, st.integers(1, 500), min_size=1, max_size=24), limit=st.integers(1, 20))
 def test_every_format_is_held_and_no_more_share_than_must(synapses, limit):
     stored = share_formats(synapses, limit)

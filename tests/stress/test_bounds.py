@@ -21,7 +21,7 @@ def cut(x, decay):
     return int(x * (4096 - decay) / 4096)
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=60, deadline=None)
 @given(
     decay_u=st.integers(0, 4096),
     decay_v=st.integers(1, 4096),
