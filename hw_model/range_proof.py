@@ -20,16 +20,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE, IntArray
+from hw_model.arithmetic.arrays import BoolArray, FloatArray, IntArray
+from hw_model.arithmetic.fixed_point import DECAY_ONE
 from hw_model.description.chip import Registers
 from hw_model.io.given import checked
 from hw_model.io.shown import Shown
 from hw_model.program.chip_program import ChipProgram, Core
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 PERIODS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 512, 1024, 2048, 4096)
 """Steps between spikes of a source that are tried, shortest first."""

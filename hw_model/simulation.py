@@ -4,17 +4,16 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 
 from hw_model.accounting.activity import StepActivity, count_steps, count_totals
-from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.arrays import AnyArray, ByteArray, FloatArray, IntArray
 from hw_model.description.counts import Counts, total
 from hw_model.engine.playing import Player, Spikes, play, read_streams
 from hw_model.engine.probes import KINDS, Kind, PhaseProbes, Probe, hull, read_probes
-from hw_model.engine.trace import EVENTS, ByteArray, PhaseInput, PhaseTrace, Register, Window
+from hw_model.engine.trace import EVENTS, PhaseInput, PhaseTrace, Register, Window
 from hw_model.errors import InputError, did_you_mean
 from hw_model.io.given import checked
 from hw_model.io.shown import Shown
@@ -23,7 +22,6 @@ from hw_model.program.chip_program import ChipProgram
 
 Engine = Literal["fast", "reference"]
 ENGINES: tuple[Engine, ...] = get_args(Engine)
-FloatArray = npt.NDArray[np.float64]
 
 MAX_TOGETHER = 1 << 26
 """Spikes, 0 or 1, that are held at a time before they are counted: recordings go in parts of at most so many."""
@@ -66,7 +64,7 @@ class SimulationResult(Shown):
         return {phase: Counts(*table.sum(axis=0).tolist()) for phase, table in self.count_tables.items()}
 
     @property
-    def prediction(self) -> npt.NDArray[np.int64]:
+    def prediction(self) -> IntArray:
         """Class with the highest score, the first of equals; (batch,) or a scalar array."""
         if self.scores is None:
             raise InputError("prediction", "the program has no readout", fix="Read the spikes.")
@@ -111,7 +109,7 @@ def simulate(
         )
     together = max(1, MAX_TOGETHER // max(1, _columns(program) * max(steps or rows, *_fixed_steps(program))))
 
-    kept: dict[Kind, dict[str, list[npt.NDArray[Any]]]] = {kind: {} for kind in KINDS}
+    kept: dict[Kind, dict[str, list[AnyArray]]] = {kind: {} for kind in KINDS}
     counts: dict[str, list[IntArray]] = {phase.name: [] for phase in program.phases}
     activity: dict[str, list[StepActivity]] = {phase.name: [] for phase in program.phases if "activity" in probes}
     events: dict[str, IntArray] = {}
@@ -143,7 +141,7 @@ def simulate(
             _add_scores(program, phase.name, trace, score)
         scores.append(score)
 
-    def result(kind: Kind) -> dict[str, npt.NDArray[Any]]:
+    def result(kind: Kind) -> dict[str, AnyArray]:
         joined = {name: a[0] if len(a) == 1 else np.concatenate(a) for name, a in kept[kind].items()}
         return joined if batched else {name: array[0] for name, array in joined.items()}
 

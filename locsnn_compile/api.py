@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 import hw_model as hw
+from hw_model.arithmetic.arrays import ArrayLike
 from hw_model.io.build_folder import write_build
 from hw_model.io.given import checked
 from hw_model.program.write import program_files
@@ -46,7 +46,7 @@ from locsnn_compile.verification.grounds import grounds_of
 from locsnn_compile.verification.matching import Match, Progress, compare
 from locsnn_compile.verification.over_time import PSI, over_time
 
-Events = str | Path | Recordings | npt.ArrayLike
+Events = str | Path | Recordings | ArrayLike
 
 SYNTHETIC_SAMPLES = 16
 SYNTHETIC_SEED = 0
@@ -116,7 +116,7 @@ def compile(
     strategy: str = AUTO,
     weight_bits: int | None = None,
     events: Events | None = None,
-    labels: npt.ArrayLike | None = None,
+    labels: ArrayLike | None = None,
     progress: Progress | None = None,
     diagnosis: bool = True,
     calibration: Events | None = None,
@@ -177,7 +177,7 @@ def compile(
 def verify(
     compiled: CompiledModel,
     events: Events,
-    labels: npt.ArrayLike | None = None,
+    labels: ArrayLike | None = None,
     progress: Progress | None = None,
     scheduler: str | None = None,
 ) -> Match:
@@ -193,7 +193,7 @@ def verify(
 def diagnose(
     compiled: CompiledModel,
     events: Events,
-    labels: npt.ArrayLike | None = None,
+    labels: ArrayLike | None = None,
     samples: int | None = None,
     progress: Progress | None = None,
 ) -> Diagnosis:
@@ -204,7 +204,7 @@ def diagnose(
     return find_diagnosis(compiled.levels, played, first, samples=samples, progress=progress)
 
 
-def recordings_for(network: Network, events: Events | None, labels: npt.ArrayLike | None = None) -> Recordings:
+def recordings_for(network: Network, events: Events | None, labels: ArrayLike | None = None) -> Recordings:
     """Return the recordings to check on; with no events the model's own, else synthetic ones."""
     if labels is not None and (events is None or isinstance(events, str | Path | Recordings)):
         raise InputError("labels", "they belong to an array, and other events bring their own", fix="Leave labels out.")

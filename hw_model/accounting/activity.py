@@ -5,12 +5,11 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
 from hw_model.accounting.mesh_routes import PER_PACKET, Routes, routes_of
-from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.arrays import BoolArray, ByteArray, FloatArray, Int32Array, IntArray
 from hw_model.description.counts import BY_CORE, COUNTED
-from hw_model.engine.trace import EVENTS, ByteArray, Int32Array, PhaseInput, PhaseTrace
+from hw_model.engine.trace import EVENTS, PhaseInput, PhaseTrace
 from hw_model.io.shown import Shown
 from hw_model.program.chip_program import ChipProgram
 from hw_model.program.pieces import Pieces, pieces_of
@@ -120,13 +119,13 @@ def count_steps(program: ChipProgram, phase: str, played: PhaseInput, trace: Pha
     return found
 
 
-def _through_buffer(program: ChipProgram, phase: str) -> npt.NDArray[np.bool_]:
+def _through_buffer(program: ChipProgram, phase: str) -> BoolArray:
     """Tell which lines of a phase the transpose buffer plays, (lines,)."""
     inputs = program.inputs_of(phase)
     return np.repeat([item.positions is not None for item in inputs], [item.size for item in inputs])
 
 
-def _whole(sums: npt.NDArray[np.float64]) -> IntArray:
+def _whole(sums: FloatArray) -> IntArray:
     """Sums of integers below 2^53 are exact in float64, and its matrix product is the fast one."""
     return sums.astype(np.int64)
 

@@ -13,17 +13,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from hw_model.accounting.activity import StepActivity
 from hw_model.accounting.mesh_routes import Routes, routes_of
+from hw_model.arithmetic.arrays import BoolArray, FloatArray, IntArray
 from hw_model.description.counts import Counts
 from hw_model.description.profile import Profile
 from hw_model.io.given import checked
 from hw_model.io.shown import Shown
 from hw_model.program.chip_program import ChipProgram
 
-FloatArray = npt.NDArray[np.float64]
 UPDATES = ("neuron_updates", "neuron_updates_active", "neuron_updates_inactive")
 SENDING = ("spikes", "axon_packets", "packets_within_tile")
 DELIVERIES = ("packets_received",)
@@ -65,7 +64,7 @@ class StepTimes:
     work_ns: Mapping[str, FloatArray]
     buffer_ns: FloatArray
     mesh_ns: FloatArray
-    used: npt.NDArray[np.bool_]
+    used: BoolArray
     barrier_ns: float
 
     def of(self, counts: tuple[str, ...]) -> FloatArray:
@@ -110,8 +109,8 @@ class CriticalPath:
     none; both are indices of the phase's cores. ``parts_ns[part]`` add up to the time of the step.
     """
 
-    last: npt.NDArray[np.int64]
-    sender: npt.NDArray[np.int64]
+    last: IntArray
+    sender: IntArray
     parts_ns: Mapping[str, FloatArray]
 
     @property
@@ -188,7 +187,7 @@ def critical_path(times: StepTimes) -> CriticalPath:
     return CriticalPath(last, sender, parts)
 
 
-def _mesh_ns(routes: Routes, packets: npt.NDArray[np.int64], profile: Profile) -> FloatArray:
+def _mesh_ns(routes: Routes, packets: IntArray, profile: Profile) -> FloatArray:
     """Return the time on each way in each step, (..., steps, ways): its hops, and the wait on its busiest link."""
     cost_x, cost_y = profile.time_ns.get("hops_x", 0.0), profile.time_ns.get("hops_y", 0.0)
     taken = packets > 0
@@ -204,7 +203,7 @@ def _mesh_ns(routes: Routes, packets: npt.NDArray[np.int64], profile: Profile) -
     return mesh_ns
 
 
-def _at(values: FloatArray, core: npt.NDArray[np.int64]) -> FloatArray:
+def _at(values: FloatArray, core: IntArray) -> FloatArray:
     """Return the value of one core in each step, (..., steps)."""
     found: FloatArray = np.take_along_axis(values, core[..., None], axis=-1)[..., 0]
     return found

@@ -6,10 +6,8 @@ from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
-from hw_model.arithmetic.fixed_point import IntArray
-from hw_model.engine.trace import ByteArray
+from hw_model.arithmetic.arrays import ByteArray, FloatArray, IntArray
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.program.pieces import pieces_of
 
@@ -37,7 +35,7 @@ class Routes:
     over: IntArray
     links: tuple[tuple[Tile, Tile], ...]
     along_y: IntArray
-    sent_from: tuple[tuple[IntArray, npt.NDArray[np.float64]], ...]
+    sent_from: tuple[tuple[IntArray, FloatArray], ...]
 
     def packets(self, spikes: ByteArray) -> IntArray:
         """Count the packets of each step on each way, (steps, ways), from spikes (steps, columns)."""

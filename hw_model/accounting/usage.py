@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from hw_model.accounting import cost
 from hw_model.accounting.activity import StepActivity, stacked
-from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.arrays import FloatArray, IntArray
 from hw_model.description.profile import Profile
 from hw_model.program.chip_program import ChipProgram
 
@@ -32,9 +32,9 @@ class PhaseUsage:
     counts: Mapping[str, IntArray]
     link_packets: IntArray
     link_most: IntArray
-    step_ns: cost.FloatArray
+    step_ns: FloatArray
     parts_ns: Mapping[str, float]
-    busy_ns: Mapping[str, cost.FloatArray]
+    busy_ns: Mapping[str, FloatArray]
     paths_ns: Mapping[tuple[int, int], float]
 
     def __add__(self, other: Self) -> Self:

@@ -8,11 +8,9 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 
+from hw_model.arithmetic.arrays import BoolArray, FloatArray, IntArray
 from hw_model.errors import InputError, did_you_mean
-
-IntArray = npt.NDArray[np.int64]
 
 DECAY_BITS = 12
 """An effective decay is a fraction of 2^12 = 4096: 0 keeps everything, 4096 keeps nothing."""
@@ -71,16 +69,16 @@ class WeightGrid:
     low: int
     high: int
 
-    def round(self, values: npt.NDArray[np.float64]) -> IntArray:
+    def round(self, values: FloatArray) -> IntArray:
         """Round half to even onto the grid, then clip: the one place where weights are rounded."""
         steps = np.rint(np.asarray(values, dtype=np.float64) / self.step)
         mantissas: IntArray = np.clip(steps * self.step, self.low, self.high).astype(np.int64)
         return mantissas
 
-    def off_grid(self, mantissas: IntArray) -> npt.NDArray[np.bool_]:
+    def off_grid(self, mantissas: IntArray) -> BoolArray:
         """Mark the mantissas that this format cannot hold."""
         outside = (mantissas < self.low) | (mantissas > self.high)
-        marked: npt.NDArray[np.bool_] = outside | (mantissas % self.step != 0)
+        marked: BoolArray = outside | (mantissas % self.step != 0)
         return marked
 
 

@@ -1,17 +1,15 @@
 """Integers that come from outside: whole numbers that float64 and int64 both hold, or an error."""
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 
+from hw_model.arithmetic.arrays import AnyArray, ArrayLike
 from hw_model.errors import InputError
 
 LARGEST = 1 << 53
 """Magnitudes up to this are the same number in float64 and in int64."""
 
 
-def whole_numbers(given: npt.ArrayLike) -> npt.NDArray[Any]:
+def whole_numbers(given: ArrayLike) -> AnyArray:
     """Return numbers as an int64 array of their shape; a fraction, nan or a number too large is an ``InputError``.
 
     Numpy would cut 0.5 to 0, and take 2^64 - 2 for -2.

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import WEIGHT_BITS, IntArray
+from hw_model.arithmetic.arrays import IntArray
+from hw_model.arithmetic.fixed_point import WEIGHT_BITS
 from hw_model.description.profile import Profile
 from hw_model.description.read import parse, read_description
 from hw_model.errors import InputError, did_you_mean

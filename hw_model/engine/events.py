@@ -3,8 +3,9 @@ time."""
 
 import numpy as np
 
+from hw_model.arithmetic.arrays import ByteArray, Int32Array
 from hw_model.engine.compiled import compiled, in_parts, trailing_zeros
-from hw_model.engine.trace import ByteArray, EventLists, Int32Array
+from hw_model.engine.trace import EventLists
 from hw_model.mapping.graph import Input
 
 

@@ -11,18 +11,18 @@ quicker, else as lists.
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT, IntArray
+from hw_model.arithmetic.arrays import AnyArray, BoolArray, ByteArray, Int32Array, IntArray
+from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT
 from hw_model.mapping.circles import sources_first
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.program.pieces import Pieces, pieces_of
 
-Int32Array = npt.NDArray[np.int32]
-Lanes = npt.NDArray[np.int32] | npt.NDArray[np.int64]
+Lanes = Int32Array | IntArray
 
 LANES = 16
 """Compartments of a chunk: 32-bit numbers of one or two vector registers."""
@@ -44,7 +44,7 @@ PACKED_BITS = 32
 """Bits in which the slot, delay and weight of every synapse of a link have to fit, or its lists are wide ones."""
 
 
-def aligned(shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
+def aligned(shape: tuple[int, ...], dtype: npt.DTypeLike) -> AnyArray:
     """Return zeros that begin where a cache line does: a vector that lies across two lines is loaded at half speed."""
     size = int(np.prod(shape)) * np.dtype(dtype).itemsize
     room = np.zeros(size + CACHE_LINE, dtype=np.uint8)
@@ -80,14 +80,14 @@ class Chunks(NamedTuple):
     parent: IntArray
     first_column: IntArray
     width: IntArray
-    sums: npt.NDArray[np.uint8]
-    plain: npt.NDArray[np.uint8]
+    sums: ByteArray
+    plain: ByteArray
     registers: Lanes
     member: IntArray
-    begins: npt.NDArray[np.bool_]
+    begins: BoolArray
     bundle: IntArray
     of_block: IntArray
-    feeds_itself: npt.NDArray[np.uint8]
+    feeds_itself: ByteArray
     spiking_node: IntArray
     of_node: IntArray
     widths: Widths
@@ -336,7 +336,7 @@ def _chunks(
     )  # fmt: skip
 
 
-def _cannot_wrap(arrived: npt.NDArray[Any], decay_u: Lanes, widths: Widths) -> npt.NDArray[np.bool_]:
+def _cannot_wrap(arrived: AnyArray, decay_u: Lanes, widths: Widths) -> BoolArray:
     """Tell which chunks neither q nor u can wrap in, whatever arrives of the charges ``arrived`` (chunks, LANES).
 
     If all of a compartment's synapses, taken without their signs, bring a charge of a in every step, u stays within
@@ -346,7 +346,7 @@ def _cannot_wrap(arrived: npt.NDArray[Any], decay_u: Lanes, widths: Widths) -> n
     return np.asarray(((arrived < widths.half_charge) & (grows_to < decay_u * float(widths.half_current))).all(axis=1))
 
 
-def _largest_sum(program: ChipProgram, phase: str, arrived: npt.NDArray[Any]) -> int:
+def _largest_sum(program: ChipProgram, phase: str, arrived: AnyArray) -> int:
     """Return a bound on every number that an update of this phase works with, whatever the input."""
     registers = program.chip.registers
     charge, current = 1 << registers.charge_bits, 1 << registers.current_bits

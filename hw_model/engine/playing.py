@@ -4,14 +4,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from hw_model.engine.trace import ByteArray, EventLists, PhaseInput
+from hw_model.arithmetic.arrays import ArrayLike, ByteArray
+from hw_model.engine.trace import EventLists, PhaseInput
 from hw_model.errors import InputError
 from hw_model.mapping.graph import Input, Phase
 from hw_model.program.chip_program import ChipProgram
 
-Spikes = npt.ArrayLike | Mapping[str, npt.ArrayLike]
+Spikes = ArrayLike | Mapping[str, ArrayLike]
 
 
 def read_streams(program: ChipProgram, spikes: Spikes) -> tuple[dict[str, ByteArray], bool]:
@@ -29,7 +29,7 @@ def read_streams(program: ChipProgram, spikes: Spikes) -> tuple[dict[str, ByteAr
     return {name: array if batched else array[None] for name, array in arrays.items()}, batched
 
 
-def _stream(name: str, given: npt.ArrayLike, channels: int) -> ByteArray:
+def _stream(name: str, given: ArrayLike, channels: int) -> ByteArray:
     array = np.asarray(given)
     where = f"spikes of {name!r}"
     if array.ndim not in (2, 3) or array.shape[-1] != channels:

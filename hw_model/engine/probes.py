@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 
+from hw_model.arithmetic.arrays import AnyArray
 from hw_model.engine.trace import REGISTERS, Register, Window
 from hw_model.errors import InputError, did_you_mean
 from hw_model.program.chip_program import ChipProgram
@@ -81,7 +81,7 @@ class PhaseProbes:
                 found[kind] = Window(columns, self._rows[kind].start, self._rows[kind].stop)
         return found
 
-    def of_spikes(self, spikes: npt.NDArray[Any]) -> dict[str, npt.NDArray[Any]]:
+    def of_spikes(self, spikes: AnyArray) -> dict[str, AnyArray]:
         """Return the spikes asked for, (batch, rows, n) by population, of all (batch, steps, columns)."""
         if "spikes" not in self._rows:
             return {}
@@ -91,9 +91,7 @@ class PhaseProbes:
         few = sum(array.size for array in found.values()) < spikes.size // 4
         return {name: array.copy() for name, array in found.items()} if few else found
 
-    def of_register(
-        self, kind: Register, kept: npt.NDArray[Any], keeping: "PhaseProbes"
-    ) -> dict[str, npt.NDArray[Any]]:
+    def of_register(self, kind: Register, kept: AnyArray, keeping: "PhaseProbes") -> dict[str, AnyArray]:
         """Return what these probes want of what the window of others kept, ``keeping``: (batch, rows, n) by name.
 
         The others keep at least as much.

@@ -5,19 +5,17 @@ Charges are kept in units of 64, the least that a weight can be. A chunk that is
 is skipped: nothing could change in it.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from hw_model.arithmetic.arrays import AnyArray
 from hw_model.engine.chunks import add_up, pass_on, update, update_plain
 from hw_model.engine.compiled import absorbed, compiled, inner, trailing_zeros
 from hw_model.engine.layout import BIAS, FIELDS, LANES, MATRIX, PACKED_LIST, POTENTIAL, FastLayout, U, V, aligned
 
 TILE = 64
 """Steps that one block runs before the next does: their charges stay in the cache."""
-
-AnyArray = npt.NDArray[Any]
 
 
 LONG = 128

@@ -8,12 +8,8 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 
-from hw_model.arithmetic.fixed_point import IntArray
-
-ByteArray = npt.NDArray[np.uint8]
-Int32Array = npt.NDArray[np.int32]
+from hw_model.arithmetic.arrays import ByteArray, Int32Array, IntArray
 
 Register = Literal["u", "v", "potential"]
 REGISTERS: tuple[Register, ...] = get_args(Register)

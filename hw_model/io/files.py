@@ -5,11 +5,10 @@ import os
 import zipfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from hw_model.arithmetic.arrays import AnyArray
 from hw_model.errors import InputError
 from hw_model.io.given import check_path
 from hw_model.io.partial import locked, partial_path, remove, remove_leftovers, sync
@@ -51,12 +50,12 @@ def check_file(path: Path, where: str) -> None:
         raise InputError(where, "its folder does not exist", fix="Make the folder first.")
 
 
-def pack_arrays(arrays: Mapping[str, npt.NDArray[Any]], *, compressed: bool) -> bytes:
+def pack_arrays(arrays: Mapping[str, AnyArray], *, compressed: bool) -> bytes:
     """Return an ``.npz`` without time stamps. Compressed bytes also depend on the build of zlib."""
     return pack_files(((f"{name}.npy", npy_bytes(array)) for name, array in arrays.items()), compressed=compressed)
 
 
-def npy_bytes(array: npt.NDArray[Any]) -> bytes:
+def npy_bytes(array: AnyArray) -> bytes:
     """Return the bytes of a ``.npy`` file."""
     content = io.BytesIO()
     np.lib.format.write_array(content, np.asarray(array, order="C"), version=(1, 0), allow_pickle=False)

@@ -12,14 +12,11 @@ exchanging the pair of slots, one of them perhaps empty, that saves most, until 
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
-from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.arrays import ArrayLike, FloatArray, IntArray
 from hw_model.description.chip import Chip
 from hw_model.mapping.circles import sources_first
 from hw_model.mapping.placement import PlacedGraph
-
-FloatArray = npt.NDArray[np.float64]
 
 MAX_SLOTS = 1024
 """Boards that need more slots than this keep network order: the search takes time with their cube."""
@@ -65,7 +62,7 @@ def slot_distances(chip: Chip, slots: int) -> FloatArray:
     return np.asarray(np.abs(tiles[:, None] - tiles[None]).sum(axis=2))
 
 
-def total_hops(traffic: FloatArray, distance: FloatArray, slots: npt.ArrayLike) -> float:
+def total_hops(traffic: FloatArray, distance: FloatArray, slots: ArrayLike) -> float:
     """Return the expected hops a step: traffic times distance, every pair of cores once."""
     at = np.asarray(slots)
     return float((traffic * distance[np.ix_(at, at)]).sum() / 2)

@@ -1,10 +1,11 @@
 """In which order parts are worked on that feed each other: sources first, and a circle all at once."""
 
 import numpy as np
-import numpy.typing as npt
+
+from hw_model.arithmetic.arrays import ArrayLike
 
 
-def sources_first(count: int, edges: npt.ArrayLike) -> list[list[int]]:
+def sources_first(count: int, edges: ArrayLike) -> list[list[int]]:
     """Return the nodes 0 to ``count - 1``, those in a circle of edges together, sources before their targets.
 
     ``edges`` (n, 2): source and target. Where they leave a choice, the one with the least node comes first.

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.arrays import IntArray
 from hw_model.description.chip import Chip
 from hw_model.mapping.fan_in import FanIn, SynapseFormat
 from hw_model.mapping.graph import Compartments

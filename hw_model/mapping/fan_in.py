@@ -4,12 +4,11 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from hw_model.arithmetic.fixed_point import IntArray, SignMode
+from hw_model.arithmetic.arrays import AnyArray, IntArray
+from hw_model.arithmetic.fixed_point import SignMode
 from hw_model.description.chip import Chip
 from hw_model.mapping.graph import CompartmentGraph, Synapses, held
 
@@ -60,9 +59,9 @@ class FanIn:
     target_group: str
     format: SynapseFormat
     start: IntArray
-    source: npt.NDArray[Any]
-    mantissa: npt.NDArray[Any]
-    delay: npt.NDArray[Any]
+    source: AnyArray
+    mantissa: AnyArray
+    delay: AnyArray
 
     @property
     def lists(self) -> SynapseFormat | str:

@@ -6,12 +6,12 @@ CompartmentGraph -> PlacedGraph -> RoutedGraph -> ChipProgram
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_EXPONENTS, IntArray, SignMode, weight_grid
+from hw_model.arithmetic.arrays import AnyArray, ArrayLike, FloatArray, IntArray
+from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_EXPONENTS, SignMode, weight_grid
 from hw_model.description.chip import Chip
 from hw_model.errors import InputError, TargetError
 
@@ -28,7 +28,7 @@ def read_only(array: object) -> IntArray:
     return copy
 
 
-def held(array: npt.ArrayLike) -> npt.NDArray[Any]:
+def held(array: ArrayLike) -> AnyArray:
     """Return integers (n,), one for each synapse, that nobody can write to, in little memory.
 
     Equal ones, as delays mostly are, take that of one; others take 32 bits, or 64 where these do not hold them.
@@ -151,23 +151,21 @@ class Readout:
     weights: tuple[float, ...]
     potentials_from: int | None = None
 
-    def scores(
-        self, spikes: Mapping[str, npt.NDArray[Any]], potential: Mapping[str, npt.NDArray[Any]]
-    ) -> npt.NDArray[np.float64]:
+    def scores(self, spikes: Mapping[str, AnyArray], potential: Mapping[str, AnyArray]) -> FloatArray:
         """Return the scores (batch, classes) of spikes and potentials (batch, steps, classes) by population."""
         first = self.potentials_from
         given = [
             spikes[name].sum(axis=1, dtype=np.float64) if first is None else largest(potential[name], first)
             for name in self.populations
         ]
-        total: npt.NDArray[np.float64] = np.zeros(np.shape(given[0]))
+        total: FloatArray = np.zeros(np.shape(given[0]))
         # In the order in which a simulation adds them, so that float sums are equal to the last bit.
         for weight, part in zip(self.weights, given, strict=True):
             total += weight * part
         return total
 
 
-def largest(potential: npt.NDArray[Any], first: int) -> npt.NDArray[np.float64]:
+def largest(potential: AnyArray, first: int) -> FloatArray:
     """Return the largest potentials (batch, n) of (batch, steps, n) from step ``first`` on; of no steps, 0."""
     rows = potential[:, first:]
     return np.asarray(rows.max(axis=1) if rows.shape[1] else np.zeros(rows.shape[::2]), dtype=np.float64)

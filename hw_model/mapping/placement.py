@@ -10,7 +10,8 @@ from itertools import groupby
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import WEIGHT_BITS, IntArray
+from hw_model.arithmetic.arrays import IntArray
+from hw_model.arithmetic.fixed_point import WEIGHT_BITS
 from hw_model.description.chip import Chip
 from hw_model.errors import TargetError
 from hw_model.mapping.core_load import CoreLoad, Limit, first_broken

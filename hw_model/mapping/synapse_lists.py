@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
-from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.arrays import BoolArray, IntArray
 
 if TYPE_CHECKING:
     from hw_model.description.chip import SynapseMemory
@@ -33,7 +32,7 @@ class SynapseLists:
     axon: IntArray
     width: IntArray
     words: IntArray
-    dense: npt.NDArray[np.bool_]
+    dense: BoolArray
 
 
 def synapse_lists(

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.arrays import IntArray
 from hw_model.mapping.graph import CompartmentGraph, Compartments
 from hw_model.mapping.placement import Slice
 from hw_model.mapping.routing import RoutedCore, RoutedGraph

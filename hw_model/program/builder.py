@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy import sparse
 
-from hw_model.arithmetic.fixed_point import IntArray, SignMode
+from hw_model.arithmetic.arrays import ArrayLike, IntArray
+from hw_model.arithmetic.fixed_point import SignMode
 from hw_model.description.chip import Chip
 from hw_model.errors import InputError, TargetError
 from hw_model.io.given import checked
@@ -28,7 +28,7 @@ from hw_model.mapping.routing import route_axons
 from hw_model.program.assemble import assemble
 from hw_model.program.chip_program import ChipProgram
 
-Ints = int | npt.ArrayLike
+Ints = int | ArrayLike
 _LARGEST = 1 << 53
 """Magnitudes up to this are the same number in float64 and in int64; beyond, numpy's integers go round."""
 

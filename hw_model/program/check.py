@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import SIGN_MODES, WEIGHT_EXPONENTS, IntArray
+from hw_model.arithmetic.arrays import IntArray
+from hw_model.arithmetic.fixed_point import SIGN_MODES, WEIGHT_EXPONENTS
 from hw_model.errors import InputError
 
 if TYPE_CHECKING:

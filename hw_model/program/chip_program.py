@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT, IntArray, effective_weight
+from hw_model.arithmetic.arrays import IntArray
+from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT, effective_weight
 from hw_model.description.chip import Chip
 from hw_model.io.given import checked
 from hw_model.io.shown import Shown

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
-from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.arrays import ByteArray, IntArray
 from hw_model.program.chip_program import ChipProgram
 
 
@@ -35,7 +34,7 @@ class Pieces:
         """Compartments of each piece."""
         return self.stop - self.first
 
-    def of_spikes(self, spikes: npt.NDArray[np.uint8]) -> IntArray:
+    def of_spikes(self, spikes: ByteArray) -> IntArray:
         """Count spikes (steps, columns) by piece, (steps, pieces)."""
         steps, pieces = len(spikes), len(self.group)
         # Bytes of 0 and 1 are booleans, and of these numpy finds the true ones fastest.

@@ -14,7 +14,7 @@ from typing import IO, Any
 import numpy as np
 import yaml
 
-from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.arrays import IntArray
 from hw_model.description.chip import parse_chip
 from hw_model.errors import InputError, LocsnnError
 from hw_model.io.folders import finish_writing

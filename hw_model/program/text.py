@@ -5,11 +5,10 @@ Small arrays are written out; of large ones the range and a digest, so that any 
 
 import hashlib
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from hw_model.arithmetic.arrays import AnyArray
 from hw_model.mapping.fan_in import SynapseFormat
 from hw_model.mapping.graph import CompartmentGraph, Compartments, Input, Synapses
 from hw_model.mapping.placement import PlacedGraph
@@ -20,7 +19,7 @@ WRITTEN_OUT = 16
 """Arrays of at most so many values are written out."""
 
 
-def array_text(array: npt.NDArray[Any]) -> str:
+def array_text(array: AnyArray) -> str:
     """Return one value for a constant array, the values of a small one, else range and digest."""
     values = np.asarray(array)
     if values.size == 0:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import yaml
 
-from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.arrays import IntArray
 from hw_model.errors import InputError
 from hw_model.io.files import npy_bytes, pack_files
 from hw_model.io.folders import replace_entries

@@ -6,24 +6,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from hw_model.accounting.cost import step_times
-from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from hw_model.description.counts import BY_CORE, Counts
 from hw_model.engine.compiled import in_parts
 from hw_model.engine.playing import Spikes, read_streams
 from hw_model.engine.probes import Kind, Probe
-from hw_model.engine.trace import ByteArray
 from hw_model.errors import InputError
 from hw_model.io.given import checked
 from hw_model.io.shown import Shown
 from hw_model.program.chip_program import ChipProgram
 from hw_model.simulation import SimulationResult, simulate
-from hw_model.streaming.proof import BoolArray, Proof, members_of
+from hw_model.streaming.proof import Proof, members_of
 from hw_model.streaming.session import Session, leads
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -14,16 +14,14 @@ spike is to come, and every potential is 0.
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from hw_model.accounting.activity import StepActivity
-from hw_model.arithmetic.fixed_point import IntArray, clip, decay
+from hw_model.arithmetic.arrays import BoolArray, IntArray
+from hw_model.arithmetic.fixed_point import clip, decay
 from hw_model.mapping.graph import Phase, Readout
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.range_proof import prove_range
 from hw_model.simulation import SimulationResult
-
-BoolArray = npt.NDArray[np.bool_]
 
 
 class Proof:
@@ -224,7 +222,7 @@ def _each(program: ChipProgram, phase: str, name: str, values: Callable[[Core], 
     return program.by_column(phase, values)[program.columns_of(phase)[name]]
 
 
-def _proof(program: ChipProgram) -> dict[int, npt.NDArray[np.bool_]]:
+def _proof(program: ChipProgram) -> dict[int, BoolArray]:
     return {found.core: found.cannot_wrap for found in prove_range(program)}
 
 

@@ -10,12 +10,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.arrays import ByteArray, FloatArray, IntArray
 from hw_model.engine.layout import fast_layout
 from hw_model.engine.playing import Spikes, read_streams
-from hw_model.engine.trace import ByteArray
 from hw_model.errors import InputError
 from hw_model.io.given import checked
 from hw_model.io.shown import Shown
@@ -23,8 +21,6 @@ from hw_model.mapping.graph import Phase, Readout
 from hw_model.program.chip_program import ChipProgram
 from hw_model.streaming.location_phase import Replay
 from hw_model.streaming.time_phase import Live, Read
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

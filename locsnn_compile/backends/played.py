@@ -5,18 +5,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 import hw_model as hw
-from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.arrays import ByteArray, IntArray
 from hw_model.engine.playing import Player, Spikes, list_events, play, read_streams
-from hw_model.engine.trace import ByteArray, Register
+from hw_model.engine.trace import Register
 from hw_model.mapping.graph import Phase
 from hw_model.program.chip_program import Core
 from hw_model.simulation import SimulationResult
 from locsnn_compile.errors import InputError
-
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import hw_model as hw
-from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.arrays import IntArray
 from locsnn_compile.backends.names import unique_names
 from locsnn_compile.backends.played import Played
 from locsnn_compile.errors import InputError, did_you_mean

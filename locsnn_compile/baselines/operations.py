@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import IntArray
-from hw_model.engine.trace import ByteArray
+from hw_model.arithmetic.arrays import ByteArray, IntArray
 from locsnn_compile.baselines.ann_shapes import CONVOLUTIONS, convolved
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.network.network import Network

@@ -10,8 +10,8 @@ import re
 from pathlib import Path, PurePosixPath
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hw_model.arithmetic.arrays import ByteArray
 from locsnn_compile.data.arrays import label_in_name
 from locsnn_compile.data.axes import to_step_major
 from locsnn_compile.data.event_stream import Binning, EventStream, bin_streams
@@ -92,12 +92,10 @@ def _order(name: str) -> tuple[list[int], str]:
     return [int(number) for number in _NUMBER.findall(PurePosixPath(name).stem)], name
 
 
-def _read(
-    members: Members, names: list[str], binning: Binning
-) -> tuple[NDArray[np.uint8], float | None, Binned | None]:
+def _read(members: Members, names: list[str], binning: Binning) -> tuple[ByteArray, float | None, Binned | None]:
     """Return the spikes, the width of a bin where it is known, and what binning left out."""
     streams: list[EventStream] = []
-    arrays: list[NDArray[np.uint8]] = []
+    arrays: list[ByteArray] = []
     for name in names:
         place, suffix = members.place(name), PurePosixPath(name).suffix
         if suffix in EVENT_SUFFIXES:
@@ -133,7 +131,7 @@ def _events(members: Members, name: str, place: str) -> EventStream:
     return parse_events(members.read(name), PurePosixPath(name).suffix, place, startend, members.place(beside))
 
 
-def _check_fits(arrays: list[NDArray[np.uint8]], samples: int, where: str, place: str) -> None:
+def _check_fits(arrays: list[ByteArray], samples: int, where: str, place: str) -> None:
     """Refuse the last recording where its channels are others, and ``samples`` of the longest that take too much."""
     steps, channels = max(map(len, arrays)), arrays[0].shape[1]
     last, first = (" x ".join(map(str, one.shape)) for one in (arrays[-1], arrays[0]))

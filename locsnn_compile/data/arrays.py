@@ -6,11 +6,10 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hw_model.arithmetic.arrays import AnyArray
 from hw_model.io.zip_directory import check_directory, read_entry
 from locsnn_compile.data.axes import Order, parse_axes, to_step_major
 from locsnn_compile.data.event_stream import Binning, bin_streams
@@ -39,7 +38,7 @@ def read_arrays(path: Path, binning: Binning, asked_seconds: float | None) -> Re
     ``asked_seconds`` wide, and where the file says another order of axes than ``binning``.
     """
     where = f"file {path.name!r}"
-    entries: Mapping[str, NDArray[Any]]
+    entries: Mapping[str, AnyArray]
     data = read_bytes(path, where)
     if path.suffix == ".npy":
         entries = {"spikes": load_npy(data, where)}
@@ -70,7 +69,7 @@ def read_arrays(path: Path, binning: Binning, asked_seconds: float | None) -> Re
     )
 
 
-def _order(entries: Mapping[str, NDArray[Any]], asked: Order | None, where: str) -> Order | None:
+def _order(entries: Mapping[str, AnyArray], asked: Order | None, where: str) -> Order | None:
     """Return the order of axes that is asked for or that the file says; ``InputError`` where they differ."""
     said = _texts(entries, "axes", where)
     own = None if said is None else parse_axes(" ".join(said), f"{where}, 'axes'")
@@ -79,7 +78,7 @@ def _order(entries: Mapping[str, NDArray[Any]], asked: Order | None, where: str)
     return asked or own
 
 
-def _texts(entries: Mapping[str, NDArray[Any]], name: str, where: str) -> tuple[str, ...] | None:
+def _texts(entries: Mapping[str, AnyArray], name: str, where: str) -> tuple[str, ...] | None:
     """Return the texts of an entry; None where there is none of this name."""
     if name not in entries:
         return None
@@ -89,7 +88,7 @@ def _texts(entries: Mapping[str, NDArray[Any]], name: str, where: str) -> tuple[
     return tuple(text.decode("utf-8", "replace") if isinstance(text, bytes) else text for text in held)
 
 
-def _number(stored: NDArray[Any], where: str) -> float:
+def _number(stored: AnyArray, where: str) -> float:
     if stored.size != 1 or stored.dtype.kind not in "iuf":
         raise InputError(where, "its entry 'step_seconds' is not one number", fix="Give the width of a bin.")
     return float(stored.reshape(()))
@@ -101,7 +100,7 @@ def label_in_name(name: str) -> int | None:
     return int(match[1]) if match else None
 
 
-def _npz_entries(data: bytes, where: str) -> dict[str, NDArray[Any]]:
+def _npz_entries(data: bytes, where: str) -> dict[str, AnyArray]:
     fix = "Write it again with numpy.savez."
     try:
         check_directory(io.BytesIO(data))
@@ -128,14 +127,14 @@ def _npz_entries(data: bytes, where: str) -> dict[str, NDArray[Any]]:
         raise InputError(where, "it is damaged, truncated or not a .npz file", fix=fix) from None
 
 
-def _torch_entries(data: bytes, where: str) -> dict[str, NDArray[Any]]:
+def _torch_entries(data: bytes, where: str) -> dict[str, AnyArray]:
     value = load_plain(data, where, fix="Write it again with torch.save.")
     found = value if isinstance(value, dict) else {"spikes": value}
     if "format" in found and "weights" in found:
         raise InputError(
             where, "it is a trained network, not recordings", fix="Give it as the model, and recordings as events."
         )
-    entries: dict[str, NDArray[Any]] = {}
+    entries: dict[str, AnyArray] = {}
     for name, entry in found.items():
         if name in _BESIDE and isinstance(entry, int | float | list | str):
             entries[str(name)] = _plain_array(entry, where, str(name))
@@ -144,7 +143,7 @@ def _torch_entries(data: bytes, where: str) -> dict[str, NDArray[Any]]:
     return entries
 
 
-def _tensor_array(entry: object, where: str, name: str) -> NDArray[Any]:
+def _tensor_array(entry: object, where: str, name: str) -> AnyArray:
     measured, fix = type(entry).__name__, "Give the recordings as one tensor."
     if isinstance(entry, Tensor):
         array = entry.array()
@@ -156,15 +155,15 @@ def _tensor_array(entry: object, where: str, name: str) -> NDArray[Any]:
     raise InputError(where, f"its entry {name!r} is no array", measured=measured, fix=fix)
 
 
-def _plain_array(entry: object, where: str, name: str) -> NDArray[Any]:
+def _plain_array(entry: object, where: str, name: str) -> AnyArray:
     try:
-        array: NDArray[Any] = np.asarray(entry, dtype=np.str_ if name in _TEXTS else np.float64)
+        array: AnyArray = np.asarray(entry, dtype=np.str_ if name in _TEXTS else np.float64)
         return array
     except (TypeError, ValueError):
         raise InputError(where, f"its entry {name!r} holds no numbers", fix="Give plain numbers.") from None
 
 
-def _find_spikes(entries: Mapping[str, NDArray[Any]], where: str) -> NDArray[Any]:
+def _find_spikes(entries: Mapping[str, AnyArray], where: str) -> AnyArray:
     if "spikes" in entries:
         return entries["spikes"]
     others = [name for name in entries if name not in _BESIDE]
@@ -178,7 +177,7 @@ def _find_spikes(entries: Mapping[str, NDArray[Any]], where: str) -> NDArray[Any
     return entries[others[0]]
 
 
-def labels_beside(path: Path, samples: int) -> NDArray[Any] | None:
+def labels_beside(path: Path, samples: int) -> AnyArray | None:
     """Return the labels of a ``.npy`` file of so many recordings, where a file next to it or its name says them."""
     beside = path.with_name(f"{path.stem}_labels.npy")
     if path.suffix == ".npy" and beside.exists():

@@ -4,11 +4,10 @@ Files hold (samples, channels, steps), Python arrays are (samples, steps, channe
 """
 
 from itertools import permutations
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hw_model.arithmetic.arrays import AnyArray
 from locsnn_compile.data.recordings import MAX_ELEMENTS
 from locsnn_compile.data.sensor import POLARITIES, TAXELS
 from locsnn_compile.errors import InputError, check_most
@@ -38,9 +37,7 @@ def parse_axes(text: str, where: str) -> Order:
     return order
 
 
-def to_step_major(
-    array: NDArray[Any], where: str, channels: int | None = None, order: Order | None = None
-) -> NDArray[Any]:
+def to_step_major(array: AnyArray, where: str, channels: int | None = None, order: Order | None = None) -> AnyArray:
     """Return (samples, steps, channels) of an array whose axes are in this ``order``, or in one that files have.
 
     (samples, taxels, polarities, steps), (samples, channels, steps), and of one recording (channels, steps)
@@ -69,7 +66,7 @@ def is_one(shape: tuple[int, ...], channels: int | None = None) -> bool:
     return len(shape) == 2 or (len(shape) == 3 and _fits(_READ[3][1], shape, channels))
 
 
-def check_axes(array: NDArray[Any], where: str, channels: int | None = None) -> None:
+def check_axes(array: AnyArray, where: str, channels: int | None = None) -> None:
     """Refuse an array whose axes have the sizes of another order than those that are read.
 
     Sizes tell where ``channels`` of the sensor, by default those of whole fingertips, are on one axis, or on one of 39

@@ -3,11 +3,10 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hw_model.arithmetic.arrays import AnyArray, ByteArray, FloatArray, IntArray
 from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS, Binned
 from locsnn_compile.errors import InputError, check_most
 
@@ -49,10 +48,10 @@ class EventStream:
     its last event. ``channels`` and ``polarities`` are the format's own, None where it has none.
     """
 
-    times: NDArray[Any]
-    x: NDArray[np.int64]
-    y: NDArray[np.int64]
-    polarity: NDArray[np.int64]
+    times: AnyArray
+    x: IntArray
+    y: IntArray
+    polarity: IntArray
     ticks_per_second: int = MICROSECONDS
     start: float = 0.0
     span_seconds: float | None = None
@@ -62,7 +61,7 @@ class EventStream:
 
 def bin_streams(
     streams: Sequence[EventStream], places: Sequence[str], where: str, binning: Binning
-) -> tuple[NDArray[np.uint8], float, Binned]:
+) -> tuple[ByteArray, float, Binned]:
     """Return spikes (samples, steps, channels), the width of a bin in seconds, and what binning left out.
 
     ``places`` names the recordings. All get as many channels and steps as the one that needs most. Raises
@@ -108,20 +107,18 @@ def _check_sums(where: str, width: float, streams: Sequence[EventStream]) -> Non
     check_most(events, MAX_EVENTS, where, "it has too many events", fix="Give fewer recordings.")
 
 
-def _bins(one: EventStream, width_seconds: float) -> NDArray[np.float64]:
+def _bins(one: EventStream, width_seconds: float) -> FloatArray:
     ticks = width_seconds * one.ticks_per_second
     if one.ticks_per_second > 1 and abs(ticks - round(ticks)) < 1e-6:
         # 0.0003 s is not quite 300 microseconds in floats, and an event at 300 belongs to the second bin.
         ticks = round(ticks)
     # Absurd times overflow to infinity, which lies outside like any other time that is too late.
     with np.errstate(over="ignore"):
-        found: NDArray[np.float64] = np.floor((one.times - one.start) / ticks)
+        found: FloatArray = np.floor((one.times - one.start) / ticks)
     return found
 
 
-def _length(
-    one: EventStream, bins: NDArray[np.float64], width_seconds: float, place: str, most: int | None = None
-) -> int:
+def _length(one: EventStream, bins: FloatArray, width_seconds: float, place: str, most: int | None = None) -> int:
     """Return the steps of a recording, 0 of one that has no events to tell them."""
     if one.span_seconds is not None:
         # The nearest whole number of bins, whatever floats make of the quotient.
@@ -143,7 +140,7 @@ def _length(
     return math.floor(last) + 1
 
 
-def _channels(one: EventStream, columns: int, polarities: int, place: str) -> NDArray[np.int64]:
+def _channels(one: EventStream, columns: int, polarities: int, place: str) -> IntArray:
     if len(one.x) and int(one.x.max()) >= columns:
         raise InputError(
             place,
@@ -174,9 +171,7 @@ def _check_sizes(where: str, samples: int, steps: int, channels: int, needed: in
         )
 
 
-def recording_events(
-    spikes: NDArray[np.uint8], polarities: int, step_seconds: float
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+def recording_events(spikes: ByteArray, polarities: int, step_seconds: float) -> tuple[IntArray, IntArray, IntArray]:
     """Return (microseconds, cell, polarity) of the events of one recording (steps, channels), in order of time.
 
     Each event lies in the middle of its bin, so that reading back needs no more than the width of a bin.

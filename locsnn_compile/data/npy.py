@@ -2,16 +2,15 @@
 
 import io
 import math
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hw_model.arithmetic.arrays import AnyArray
 from locsnn_compile.data.recordings import MAX_ELEMENTS
 from locsnn_compile.errors import InputError
 
 
-def load_npy(data: bytes, where: str, kinds: str = "biuf") -> NDArray[Any]:
+def load_npy(data: bytes, where: str, kinds: str = "biuf") -> AnyArray:
     """Return the array in the bytes of a ``.npy`` file, of these kinds or structured, never unpickling anything.
 
     Raises ``InputError`` for bytes that are no such file, values that are no numbers, a declared shape that
@@ -40,5 +39,5 @@ def load_npy(data: bytes, where: str, kinds: str = "biuf") -> NDArray[Any]:
     held, needed = len(data) - stream.tell(), math.prod(shape) * dtype.itemsize
     if held < needed:
         raise InputError(where, "it is truncated", measured=f"{held} of {needed} bytes", fix=fix)
-    array: NDArray[Any] = np.load(io.BytesIO(data), allow_pickle=False)
+    array: AnyArray = np.load(io.BytesIO(data), allow_pickle=False)
     return array

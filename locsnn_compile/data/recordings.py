@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from hw_model.arithmetic.arrays import ByteArray, IntArray
 from hw_model.io.shown import Shown
 from locsnn_compile.errors import InputError, check_most
 
@@ -70,8 +71,8 @@ class Recordings(Shown):
     any, from class 0 on. Both arrays are read-only. Raises ``InputError`` for anything else.
     """
 
-    spikes: NDArray[np.uint8]
-    labels: NDArray[np.int64] | None
+    spikes: ByteArray
+    labels: IntArray | None
     step_seconds: float | None
     source: str
     origin: Origin = "given"
@@ -115,14 +116,14 @@ class Recordings(Shown):
             binned = replace(before, outside=before.outside + lost)
         return replace(self, spikes=spikes, binned=binned)
 
-    def subset(self, indices: NDArray[np.int64] | list[int]) -> "Recordings":
+    def subset(self, indices: IntArray | list[int]) -> "Recordings":
         """Return the recordings of ``indices``, in that order."""
         rows = np.asarray(indices, dtype=np.int64)
         labels = None if self.labels is None else self.labels[rows]
         return replace(self, spikes=self.spikes[rows], labels=labels)
 
 
-def clean_spikes(where: str, spikes: NDArray[np.generic], first: int = 0) -> NDArray[np.uint8]:
+def clean_spikes(where: str, spikes: NDArray[np.generic], first: int = 0) -> ByteArray:
     """Return spikes (samples, steps, channels) as read-only uint8; ``InputError`` for what is none.
 
     ``first``: the number of the first sample.
@@ -157,7 +158,7 @@ def clean_class_names(where: str, names: Sequence[object], least: int) -> tuple[
     return tuple(held)
 
 
-def _clean_labels(where: str, labels: NDArray[np.generic], samples: int) -> NDArray[np.int64]:
+def _clean_labels(where: str, labels: NDArray[np.generic], samples: int) -> IntArray:
     fix = "Give one class number from 0 a recording."
     if labels.shape != (samples,):
         raise InputError(

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hw_model.arithmetic.arrays import IntArray
 from locsnn_compile.errors import InputError, did_you_mean
 
 #: Taxels of one fingertip, numbered from 1 in every file and order.
@@ -58,7 +58,7 @@ def parse_location_order(text: str) -> tuple[str, tuple[int, ...]]:
 
 def channel_walk(
     order: Sequence[int], fingertips: int, *, taxels: int = TAXELS, polarities: int = POLARITIES
-) -> NDArray[np.int64]:
+) -> IntArray:
     """Return the walk (fingertips * taxels * polarities,): position -> channel, read-only.
 
     Taxel p of the order contributes channels polarities * (p - 1), ... in that order; fingertips follow one

@@ -6,8 +6,8 @@ from it on, times are 8,192 microseconds later (Orchard et al. 2015, and their R
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hw_model.arithmetic.arrays import IntArray
 from locsnn_compile.data.event_stream import EventStream
 from locsnn_compile.errors import InputError
 
@@ -44,9 +44,7 @@ def parse_slayer_events(data: bytes, suffix: str, where: str) -> EventStream:
     return EventStream(times, x, y, polarity)
 
 
-def pack_slayer_events(
-    times: NDArray[np.int64], x: NDArray[np.int64], y: NDArray[np.int64] | None, polarity: NDArray[np.int64], where: str
-) -> bytes:
+def pack_slayer_events(times: IntArray, x: IntArray, y: IntArray | None, polarity: IntArray, where: str) -> bytes:
     """Return the bytes of a ``.bs1`` file, or of ``.bs2`` where ``y`` is given; times in microseconds.
 
     Raises ``InputError`` for what the fields cannot hold.

@@ -3,8 +3,8 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hw_model.arithmetic.arrays import BoolArray, IntArray
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import POLARITIES, TAXELS
 
@@ -25,7 +25,7 @@ def event_statistics(recordings: Recordings) -> dict[str, Any]:
     samples, steps, channels = spikes.shape
     by_channel = spikes.sum(axis=(0, 1), dtype=np.int64)
     by_recording = spikes.sum(axis=(1, 2), dtype=np.int64)
-    active: NDArray[np.bool_] = np.any(spikes, axis=2)
+    active: BoolArray = np.any(spikes, axis=2)
     heard = active[by_recording > 0]
     total, width = int(by_recording.sum()), recordings.step_seconds
     of_sensor = channels % (TAXELS * POLARITIES) == 0
@@ -71,7 +71,7 @@ def channel_place(channel: int) -> str:
     return f"{finger}taxel {taxel + 1} {'falling' if polarity else 'rising'}"
 
 
-def _spread(values: NDArray[np.int64]) -> dict[str, float]:
+def _spread(values: IntArray) -> dict[str, float]:
     """Return mean, least and most over recordings."""
     if not len(values):
         return {"mean": 0.0, "least": 0, "most": 0}

@@ -1,10 +1,9 @@
 """Structured arrays of events, as Tonic has them: fields ``t`` in microseconds, ``x``, ``y`` if there is one, ``p``."""
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
+from hw_model.arithmetic.arrays import AnyArray, IntArray
 from locsnn_compile.data.event_stream import EventStream
 from locsnn_compile.errors import InputError
 
@@ -15,7 +14,7 @@ MAX_PLACE = 1 << 20
 DTYPE = np.dtype([("t", "<i8"), ("x", "<i8"), ("p", "<i8")])
 
 
-def parse_structured(array: NDArray[Any], where: str) -> EventStream:
+def parse_structured(array: AnyArray, where: str) -> EventStream:
     """Return the events of a structured array, (events,); polarity -1 counts as 0.
 
     Raises ``InputError`` for other fields, and for numbers that are no times, places or polarities.
@@ -30,7 +29,7 @@ def parse_structured(array: NDArray[Any], where: str) -> EventStream:
     return EventStream(times, x, y, (_whole(array, "p", -1, 1, where) > 0).astype(np.int64))
 
 
-def _whole(array: NDArray[Any], name: str, low: int, high: int, where: str) -> NDArray[np.int64]:
+def _whole(array: AnyArray, name: str, low: int, high: int, where: str) -> IntArray:
     values = array[name]
     if values.ndim != 1 or values.dtype.kind not in "biuf":
         raise InputError(where, f"its field {name!r} is not one number", measured=f"{values.dtype}", fix=_FIX)
@@ -47,7 +46,7 @@ def _whole(array: NDArray[Any], name: str, low: int, high: int, where: str) -> N
     return values.astype(np.int64)
 
 
-def structured_events(times: NDArray[np.int64], x: NDArray[np.int64], polarity: NDArray[np.int64]) -> NDArray[np.void]:
+def structured_events(times: IntArray, x: IntArray, polarity: IntArray) -> NDArray[np.void]:
     """Return the structured array of events."""
     events = np.empty(len(times), dtype=DTYPE)
     events["t"], events["x"], events["p"] = times, x, polarity

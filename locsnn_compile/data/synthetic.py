@@ -9,8 +9,8 @@ anywhere, any time.
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hw_model.arithmetic.arrays import BoolArray, FloatArray
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import POLARITIES, TAXEL_COORDINATES_MM, TAXELS
 from locsnn_compile.errors import check_range
@@ -49,7 +49,7 @@ def synthetic_touches(
     return Recordings(spikes, labels, step_seconds, "synthetic touches", "made up")
 
 
-def _touch(label: int, classes: int, steps: int, fingertips: int, rng: np.random.Generator) -> NDArray[np.bool_]:
+def _touch(label: int, classes: int, steps: int, fingertips: int, rng: np.random.Generator) -> BoolArray:
     """Return the events (steps, channels) of one recording."""
     angle = 2 * math.pi * label / classes + rng.normal(0, 0.1)
     strokes = 1.0 + label % 3
@@ -77,7 +77,7 @@ def _touch(label: int, classes: int, steps: int, fingertips: int, rng: np.random
     return rng.random(share.shape) < share + noise - share * noise
 
 
-def _scaled(activity: NDArray[np.float64], mean: float) -> NDArray[np.float64]:
+def _scaled(activity: FloatArray, mean: float) -> FloatArray:
     """Return ``activity`` as probabilities of at most 0.9 with this ``mean``, or as near to it as there is
     activity.
     """

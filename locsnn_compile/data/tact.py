@@ -9,8 +9,8 @@ falling (polarity 1).
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hw_model.arithmetic.arrays import ByteArray, FloatArray, IntArray
 from locsnn_compile.data.event_stream import EventStream
 from locsnn_compile.errors import InputError
 
@@ -51,7 +51,7 @@ def parse_tact(data: bytes, where: str, startend: bytes | None, startend_where: 
     )
 
 
-def tact_text(spikes: NDArray[np.uint8], step_seconds: float) -> bytes:
+def tact_text(spikes: ByteArray, step_seconds: float) -> bytes:
     """Return the ``.tact`` lines of one recording, (steps, 156): an event a bin, from 0 s on."""
     steps, channels = np.nonzero(spikes)
     cell_of = list(_TAXEL_OF_CELL)
@@ -64,7 +64,7 @@ def tact_text(spikes: NDArray[np.uint8], step_seconds: float) -> bytes:
     return "".join(lines).encode()
 
 
-def _parse(data: bytes, where: str) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _parse(data: bytes, where: str) -> tuple[IntArray, FloatArray]:
     """Return (channel, seconds) of every event."""
     channels: list[int] = []
     seconds: list[float] = []

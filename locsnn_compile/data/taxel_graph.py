@@ -6,9 +6,9 @@ Source of the three ways: Gu et al., IROS 2020. Edges are undirected here, each 
 from collections.abc import Iterable
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.distance import cdist
 
+from hw_model.arithmetic.arrays import FloatArray
 from locsnn_compile.data.sensor import MANUAL_EDGES, TAXEL_COORDINATES_MM, TAXELS
 from locsnn_compile.errors import InputError, did_you_mean
 
@@ -37,13 +37,13 @@ def taxel_graph(kind: str, *, neighbours: int, nearer_mm: float) -> Edges:
     raise InputError("taxel graph", f"{kind!r} is not known", fix=did_you_mean(kind, GRAPHS))
 
 
-def _distances_mm() -> npt.NDArray[np.float64]:
+def _distances_mm() -> FloatArray:
     """Return all distances (taxels, taxels), rounded so that equal ones compare as equal."""
-    distance: npt.NDArray[np.float64] = cdist(TAXEL_COORDINATES_MM, TAXEL_COORDINATES_MM).round(9)
+    distance: FloatArray = cdist(TAXEL_COORDINATES_MM, TAXEL_COORDINATES_MM).round(9)
     return distance
 
 
-def _spanning_tree(distance: npt.NDArray[np.float64]) -> list[tuple[int, int]]:
+def _spanning_tree(distance: FloatArray) -> list[tuple[int, int]]:
     """Return the edges, 0-based, by which a tree grows from the centre to the nearest taxel outside it."""
     inside, edges = [CENTRE - 1], []
     outside = [taxel for taxel in range(TAXELS) if taxel != CENTRE - 1]

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hw_model.arithmetic.arrays import AnyArray
 from locsnn_compile.data.plain_pickle import RefusedError, filled
 
 MAX_DIMENSIONS, MAX_VALUES = 32, 1 << 59
@@ -50,9 +50,9 @@ class Storage:
     count: int
     data: bytes | memoryview | None = field(default=None, repr=False)
     order: Literal["<", ">"] = "<"
-    _made: dict[object, NDArray[Any]] = field(default_factory=dict, repr=False)
+    _made: dict[object, AnyArray] = field(default_factory=dict, repr=False)
 
-    def values(self, dtype: str, bits: tuple[str, ...]) -> NDArray[Any]:
+    def values(self, dtype: str, bits: tuple[str, ...]) -> AnyArray:
         """Return all values as one dtype, read once; ``bits``: conj where they are conjugated, neg where negated."""
         if (dtype, bits) not in self._made:
             kind = _KINDS[dtype]
@@ -90,7 +90,7 @@ class Tensor:
         """Tell whether it has values, each in a place of its own."""
         return self.layout == "torch.strided" and self.device == "cpu"
 
-    def array(self) -> NDArray[Any] | None:
+    def array(self) -> AnyArray | None:
         """Return the values, read-only, as the view that it is; None where numpy cannot hold them.
 
         bfloat16 is widened to float32, which is exact.

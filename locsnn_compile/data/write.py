@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hw_model.arithmetic.arrays import AnyArray, BoolArray, ByteArray, IntArray
 from hw_model.io.build_folder import check_folder, write_build
 from hw_model.io.files import npy_bytes, pack_arrays, pack_files, replace_file
 from locsnn_compile.data.arrays import label_in_name
@@ -103,9 +103,9 @@ def _check_label(path: Path, recordings: Recordings, where: str) -> None:
         )
 
 
-def _entries(recordings: Recordings, kind: str, where: str) -> dict[str, NDArray[Any]]:
+def _entries(recordings: Recordings, kind: str, where: str) -> dict[str, AnyArray]:
     """Return the arrays of a file that holds several, by name."""
-    entries: dict[str, NDArray[Any]] = {}
+    entries: dict[str, AnyArray] = {}
     seconds = recordings.step_seconds
     if kind == "events":
         entries["events"], seconds = _structured(recordings, 0, where), _width(recordings)
@@ -120,7 +120,7 @@ def _entries(recordings: Recordings, kind: str, where: str) -> dict[str, NDArray
     return entries
 
 
-def _channel_major(spikes: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _channel_major(spikes: ByteArray) -> ByteArray:
     return np.ascontiguousarray(spikes.swapaxes(-1, -2))
 
 
@@ -137,9 +137,7 @@ def _structured(recordings: Recordings, index: int, where: str) -> NDArray[np.vo
     return structured_events(*_timed(recordings, index, where))
 
 
-def _timed(
-    recordings: Recordings, index: int, where: str
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+def _timed(recordings: Recordings, index: int, where: str) -> tuple[IntArray, IntArray, IntArray]:
     width = _width(recordings)
     if width < MIN_EVENT_STEP_SECONDS:
         raise InputError(
@@ -202,7 +200,7 @@ def _not_held(recordings: Recordings, kind: str, *, width_held: bool = False, st
     """Return what a file of this kind leaves open: what would be read otherwise without it."""
     _, steps, channels = recordings.spikes.shape
     width, polarities = _width(recordings), _polarities(recordings)
-    active: NDArray[np.bool_] = np.any(recordings.spikes, axis=0)
+    active: BoolArray = np.any(recordings.spikes, axis=0)
     read_steps, used = (int(np.flatnonzero(active.any(axis=axis)).max(initial=-1)) + 1 for axis in (1, 0))
     read_channels = -(-used // polarities) * polarities
     if kind == "tact":

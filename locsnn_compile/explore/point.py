@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 import hw_model as hw
-from hw_model.engine.trace import ByteArray
+from hw_model.arithmetic.arrays import ByteArray
 from hw_model.simulation import Engine
 from locsnn_compile.api import CompiledModel, compile
 from locsnn_compile.cluster.code import code_version

@@ -3,12 +3,11 @@
 import math
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from hw_model.arithmetic.arrays import AnyArray
 from hw_model.mapping.graph import Axis, Readout
 from locsnn_compile.errors import TargetError
 from locsnn_compile.models.branch_graph import branch_graph, spread_weights
@@ -140,7 +139,7 @@ def _layer(
     ]
 
 
-def _weights(checkpoint: Checkpoint, axis: Axis, target: str) -> NDArray[Any] | sparse.csr_array:
+def _weights(checkpoint: Checkpoint, axis: Axis, target: str) -> AnyArray | sparse.csr_array:
     """Return the weights, or mantissas, of single neurons; a graph convolution becomes sparse."""
     weights, description = checkpoint.weights[target], checkpoint.description
     if description.graph is not None and target == description.populations(axis)[0]:

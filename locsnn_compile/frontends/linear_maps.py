@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy import sparse
 
+from hw_model.arithmetic.arrays import AnyArray
 from locsnn_compile.errors import InputError, check_most
 
 Shape = tuple[int, ...]
@@ -54,9 +54,7 @@ class Window:
         return ((0, 0),) * len(kernel) if isinstance(self.padding, str) else tuple((p, p) for p in self.padding)
 
 
-def convolution(
-    weight: npt.NDArray[Any], input_shape: Shape, window: Window, *, groups: int, where: str
-) -> tuple[Any, Shape]:
+def convolution(weight: AnyArray, input_shape: Shape, window: Window, *, groups: int, where: str) -> tuple[Any, Shape]:
     """Return the matrix and the output shape (out, *spatial) of a convolution as torch defines it (no kernel flip).
 
     ``weight`` (out, in / groups, *kernel), ``input_shape`` (in, *spatial). The values keep the weights' type.
@@ -88,7 +86,7 @@ def convolution(
 
 
 def pooling(
-    kernel: npt.NDArray[Any], input_shape: Shape, window: Window, *, fill: Ints = (0, 0), where: str
+    kernel: AnyArray, input_shape: Shape, window: Window, *, fill: Ints = (0, 0), where: str
 ) -> tuple[Any, Shape]:
     """Return the matrix and the output shape of a kernel (height, width), axes of one before them or not, by channel.
 
@@ -112,7 +110,7 @@ def product(left: Any, right: Any, where: str) -> Any:
     return sparse.csr_array(left @ right)
 
 
-def _check_convolution(weight: npt.NDArray[Any], input_shape: Shape, window: Window, groups: int, where: str) -> None:
+def _check_convolution(weight: AnyArray, input_shape: Shape, window: Window, groups: int, where: str) -> None:
     axes = weight.ndim - 2
     if len(input_shape) != axes + 1 or 0 in weight.shape:
         raise InputError(

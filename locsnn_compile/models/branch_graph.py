@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
+from hw_model.arithmetic.arrays import IntArray
 from locsnn_compile.models.description import NetworkDescription
 
 
@@ -17,7 +18,7 @@ class BranchGraph:
     """The graph of one branch: ``hop`` as :func:`hop_matrix` gives it; ``lines[node, c]`` is the line of an input."""
 
     hop: sparse.csr_array
-    lines: npt.NDArray[np.int64]
+    lines: IntArray
 
 
 def branch_graph(description: NetworkDescription, branch: str) -> BranchGraph:

@@ -33,6 +33,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hw_model.arithmetic.arrays import AnyArray
 from hw_model.io.files import replace_file
 from hw_model.io.shown import Shown
 from locsnn_compile.data.recordings import Recordings
@@ -62,7 +63,7 @@ class Checkpoint(Shown):
     """
 
     description: NetworkDescription
-    weights: dict[str, NDArray[Any]]
+    weights: dict[str, AnyArray]
     recordings: Recordings | None
     training: dict[str, Plain]
     sha256: str
@@ -85,7 +86,7 @@ class Checkpoint(Shown):
 def save_checkpoint(
     path: Path | str,
     description: NetworkDescription,
-    weights: Mapping[str, NDArray[Any]],
+    weights: Mapping[str, AnyArray],
     *,
     recordings: Recordings | None = None,
     training: Mapping[str, Plain] | None = None,
@@ -130,7 +131,7 @@ def save_checkpoint(
     replace_file(path, torch_bytes(values, where), where)
 
 
-def check_weights(where: str, weights: NDArray[Any], numbers: ChipPopulation | None) -> None:
+def check_weights(where: str, weights: AnyArray, numbers: ChipPopulation | None) -> None:
     """Raise ``InputError`` naming the first weight that is not finite, or the first mantissa that is not on the grid.
 
     Weights are mantissas where there are ``numbers``, on the grid of their weight format.

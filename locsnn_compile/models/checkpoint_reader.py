@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hw_model.arithmetic.arrays import AnyArray
 from locsnn_compile.data.recordings import Origin, Recordings
 from locsnn_compile.data.tensors import Tensor
 from locsnn_compile.data.torch_file import load_plain, read_bytes
@@ -160,12 +160,12 @@ def _location_order(where: str, entry: dict[Any, Any] | None) -> tuple[str | Non
 
 def _weights(
     where: str, entry: dict[Any, Any], description: NetworkDescription, chip: ChipNumbers | None
-) -> dict[str, NDArray[Any]]:
+) -> dict[str, AnyArray]:
     """Return float32 weights, or int64 mantissas on the grid of ``chip``."""
     shapes = description.weight_shapes
     kind = "float32" if chip is None else "int16"
     _check_keys(where, "weights.", entry, dict.fromkeys(shapes, (Tensor,)))
-    weights: dict[str, NDArray[Any]] = {}
+    weights: dict[str, AnyArray] = {}
     for name, shape in shapes.items():
         place, tensor = f"{where}, population {name!r}", entry[name]
         if tensor.shape != shape:

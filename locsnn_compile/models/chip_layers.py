@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
+from hw_model.arithmetic.arrays import AnyArray, ByteArray, Int32Array, IntArray
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT, effective_weight
 from locsnn_compile.models.chip_entry import USUAL_REGISTERS, ChipPopulation, RegisterWidths
 from locsnn_compile.models.chip_scan import charge_gradient, register_ends, scan
@@ -84,7 +84,7 @@ class ChipLayer(DenseLayer[NeuronParameters]):
         self.numbers, self.registers, self._ends = numbers, registers, register_ends(registers)
         self.events = np.zeros(3, dtype=np.int64)
 
-    def mantissas(self) -> NDArray[np.int64]:
+    def mantissas(self) -> IntArray:
         """Return the mantissas [out, in] of the latent weights."""
         rounded: Tensor = _Round.apply(self.weight.detach(), self.numbers)  # type: ignore[no-untyped-call]
         return to_host(rounded).astype(np.int64)
@@ -104,7 +104,7 @@ class ChipLayer(DenseLayer[NeuronParameters]):
         spikes: Tensor = _Steps.apply(torch.matmul(x, mantissa.T), self)  # type: ignore[no-untyped-call]
         return spikes
 
-    def steps(self, drive: NDArray[Any]) -> tuple[NDArray[np.uint8], NDArray[np.int32], NDArray[np.uint8]]:
+    def steps(self, drive: AnyArray) -> tuple[ByteArray, Int32Array, ByteArray]:
         """Return spikes, potentials and live marks, (batch, steps, n), of sums of mantissas of that shape."""
         n = self.numbers
         whole = drive.astype(np.int32, order="C")

@@ -5,13 +5,13 @@ the matrix products run on; what they take and give is copied there and back.
 """
 
 import math
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from hw_model.arithmetic.arrays import AnyArray
 from locsnn_compile.models.description import LifParameters, NeuronParameters
 
 #: Weights start uniform in +-INITIAL_SCALE / sqrt(inputs). SLAYER's dense layers start at 10; on validation
@@ -50,12 +50,12 @@ def uniform_weight(
     return nn.Parameter(torch.empty(*shape, dtype=torch.float32).uniform_(-bound, bound, generator=generator))
 
 
-def to_host(values: Tensor) -> NDArray[Any]:
+def to_host(values: Tensor) -> AnyArray:
     """Return the values as a C-contiguous array, not copied where they lie in the processor's memory like that."""
-    array: NDArray[Any] = values.detach().cpu().numpy()
+    array: AnyArray = values.detach().cpu().numpy()
     return np.ascontiguousarray(array)
 
 
-def to_device(array: NDArray[Any], like: Tensor) -> Tensor:
+def to_device(array: AnyArray, like: Tensor) -> Tensor:
     """Return the array as a tensor on the device of another, not copied where that is the processor."""
     return torch.from_numpy(array).to(like.device)

@@ -6,11 +6,8 @@ Nothing here imports torch, so that the compiler can read descriptions without i
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
+from hw_model.arithmetic.arrays import AnyArray, IntArray
 from locsnn_compile.baselines.ann_shapes import ann_shapes
 from locsnn_compile.data.recordings import MAX_STEPS, clean_class_names
 from locsnn_compile.data.sensor import channel_walk, check_location_taxels
@@ -212,7 +209,7 @@ class NetworkDescription:
         return ARCHITECTURES[self.architecture]
 
     @property
-    def walk(self) -> npt.NDArray[np.int64]:
+    def walk(self) -> IntArray:
         """Position -> channel of the location branch, (channels,); ``InputError`` where there is none."""
         layout = self.input
         return channel_walk(
@@ -306,7 +303,7 @@ class NetworkDescription:
                 shapes[names[1]] = (self.classes, self.hidden)
         return shapes
 
-    def check_shape(self, name: str, weights: Mapping[str, npt.NDArray[Any]], fix: str) -> None:
+    def check_shape(self, name: str, weights: Mapping[str, AnyArray], fix: str) -> None:
         """Raise ``InputError`` where ``weights`` has none of a name, or of another shape; ``fix`` says what to do."""
         shape = self.weight_shapes[name]
         got = tuple(weights[name].shape) if name in weights else "none"

@@ -20,9 +20,9 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from hw_model.arithmetic.arrays import AnyArray, FloatArray, IntArray
 from locsnn_compile.models.branch_graph import BranchGraph
 from locsnn_compile.models.dense_layer import DenseLayer, to_device, to_host, uniform_weight
 from locsnn_compile.models.description import LifParameters
@@ -32,7 +32,7 @@ _WORTH_LISTING = 1 << 14
 """Weights of a layer from which on adding those of active inputs takes less time than a matrix product."""
 
 
-def scan_spikes(drive: NDArray[Any], neuron: LifParameters) -> tuple[NDArray[Any], NDArray[Any]]:
+def scan_spikes(drive: AnyArray, neuron: LifParameters) -> tuple[AnyArray, AnyArray]:
     """Return (spikes, u), both (batch, steps, n), of the weights that each step's inputs add up to, ``drive``.
 
     In the drive's own float type; u is taken before the reset.
@@ -192,7 +192,7 @@ class GraphLayer(nn.Module):
         return spike_of_spikes(x, self.spread(), self.neuron)
 
 
-def _heard(graph: BranchGraph) -> tuple[tuple[NDArray[np.int64], NDArray[np.int64]], NDArray[np.float64]]:
+def _heard(graph: BranchGraph) -> tuple[tuple[IntArray, IntArray], FloatArray]:
     """Return the pairs of nodes of which the first hears the second, and how loud after each hop, (pairs, hops + 1)."""
     nodes = len(graph.lines)
     powers = [graph.hop[start : start + nodes] for start in range(0, graph.hop.shape[0], nodes)]

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from hw_model.arithmetic.arrays import IntArray
 from locsnn_compile.models.ann import ArtificialNetwork, Cnn3d, GruMlp
 from locsnn_compile.models.branch_graph import branch_graph
 from locsnn_compile.models.chip_entry import ChipNumbers
@@ -111,7 +111,7 @@ class TouchNetwork(TouchModel):
             units = {name: numbers.unit for name, numbers in self.chip.populations.items()}
             self.load_weights({name: mantissa * units[name] for name, mantissa in self.mantissas().items()})
 
-    def mantissas(self) -> dict[str, NDArray[np.int64]]:
+    def mantissas(self) -> dict[str, IntArray]:
         """Return the mantissas [out, in] by population name, of a network on the chip's integers."""
         layers = {name: self.layer(name) for name in self.description.weight_shapes}
         return {name: layer.mantissas() for name, layer in layers.items() if isinstance(layer, ChipLayer)}

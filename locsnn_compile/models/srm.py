@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
+from hw_model.arithmetic.arrays import AnyArray
 from hw_model.engine.compiled import compiled, compiled_with_arrays
 from locsnn_compile.models.dense_layer import DenseLayer, to_device, to_host
 from locsnn_compile.models.description import NeuronParameters
@@ -23,9 +23,7 @@ from locsnn_compile.network.neurons import alpha_recursion
 
 
 @compiled_with_arrays
-def _respond(
-    values: NDArray[Any], constants: tuple[Any, ...], spikes: NDArray[Any]
-) -> None:  # pragma: no cover - compiled
+def _respond(values: AnyArray, constants: tuple[Any, ...], spikes: AnyArray) -> None:  # pragma: no cover - compiled
     # In ``values`` potentials take the place of drives: another array would leave less of the cache to the rest.
     # Zero and one travel as constants of the drive's type: literals would make the loop compute in float64.
     theta, decay, gain, pull_decay, pull_gain, zero, one = constants
@@ -51,7 +49,7 @@ def _respond(
 
 @compiled_with_arrays
 def _respond_back(
-    values: NDArray[Any], by_spikes: NDArray[Any], constants: tuple[Any, ...]
+    values: AnyArray, by_spikes: AnyArray, constants: tuple[Any, ...]
 ) -> None:  # pragma: no cover - compiled
     # In ``values`` gradients by the drive take the place of the surrogate's.
     decay, gain, zero = constants
@@ -70,15 +68,13 @@ def _respond_back(
 
 
 @compiled
-def _scale_distances(
-    u: NDArray[Any], constants: tuple[Any, ...], found: NDArray[Any]
-) -> None:  # pragma: no cover - compiled
+def _scale_distances(u: AnyArray, constants: tuple[Any, ...], found: AnyArray) -> None:  # pragma: no cover - compiled
     theta, factor = constants
     for k in range(len(u)):
         found[k] = abs(u[k] - theta) * factor
 
 
-def respond(drive: NDArray[Any], neuron: NeuronParameters) -> tuple[NDArray[Any], NDArray[Any]]:
+def respond(drive: AnyArray, neuron: NeuronParameters) -> tuple[AnyArray, AnyArray]:
     """Return (spikes, u), both (batch, steps, n), of the weights that each step's spikes add up to, ``drive``.
 
     In the drive's own float type. u(t) = psp(t) + gain * r(t), where r sums k * decay^(k - 1) over own past spikes; a
@@ -92,7 +88,7 @@ def respond(drive: NDArray[Any], neuron: NeuronParameters) -> tuple[NDArray[Any]
     return spikes, drive
 
 
-def _gradient_of_drive(u: NDArray[Any], by_spikes: Tensor, neuron: NeuronParameters) -> NDArray[Any]:
+def _gradient_of_drive(u: AnyArray, by_spikes: Tensor, neuron: NeuronParameters) -> AnyArray:
     """Return the gradient by the drive, of that by the spikes."""
     kind = u.dtype.type
     width = neuron.tau_rho * neuron.theta

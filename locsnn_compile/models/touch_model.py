@@ -2,13 +2,13 @@
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from hw_model.arithmetic.arrays import AnyArray, ByteArray, IntArray
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.chip_entry import ChipNumbers
 from locsnn_compile.models.description import NetworkDescription
@@ -30,7 +30,7 @@ class TouchModel(nn.Module):
         """Return class scores (batch, classes) of every branch, of what ``forward`` returned: here just that."""
         return dict(activity)
 
-    def begin(self, spikes: NDArray[np.uint8]) -> None:
+    def begin(self, spikes: ByteArray) -> None:
         """Take what must be known of the recordings (samples, steps, channels) before they are learned from."""
 
     def hidden_spikes(self, activity: Mapping[str, Tensor]) -> list[Tensor]:
@@ -75,7 +75,7 @@ class TouchModel(nn.Module):
     def snap(self) -> None:
         """Put latent weights where they round to; those of a float network stay as they are."""
 
-    def mantissas(self) -> dict[str, NDArray[np.int64]]:
+    def mantissas(self) -> dict[str, IntArray]:
         """Return the mantissas [out, in] by population name, of a network on the chip's integers."""
         return {}
 
@@ -86,7 +86,7 @@ class TouchModel(nn.Module):
             for name in self.description.weight_shapes
         }
 
-    def load_weights(self, weights: Mapping[str, NDArray[Any]]) -> None:
+    def load_weights(self, weights: Mapping[str, AnyArray]) -> None:
         """Take weights by name; ``InputError`` where a name or shape does not fit."""
         for name in self.description.weight_shapes:
             self.description.check_shape(name, weights, "Give the weights of a network of this description.")

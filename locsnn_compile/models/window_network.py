@@ -10,13 +10,13 @@ kept has ``bias = b - w usual``.
 """
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from hw_model.arithmetic.arrays import AnyArray, ByteArray
 from locsnn_compile.models.description import NetworkDescription
 from locsnn_compile.models.touch_model import TouchModel
 from locsnn_compile.models.windows import BIAS, WEIGHT
@@ -46,7 +46,7 @@ class WindowNetwork(TouchModel):
         """Return a parameter as it is learned."""
         return self.output if name == WEIGHT else self.bias
 
-    def begin(self, spikes: NDArray[np.uint8]) -> None:
+    def begin(self, spikes: ByteArray) -> None:
         """Take the mean of every hidden spike over recordings (samples, steps, channels); scores stay as they are."""
         total = torch.zeros(self.usual.shape, dtype=torch.float64, device=self.usual.device)
         for start in range(0, len(spikes), 32):
@@ -83,7 +83,7 @@ class WindowNetwork(TouchModel):
             BIAS: bias.to(torch.float32).cpu().numpy(),
         }
 
-    def load_weights(self, weights: Mapping[str, NDArray[Any]]) -> None:
+    def load_weights(self, weights: Mapping[str, AnyArray]) -> None:
         """Take weights by name; ``InputError`` where a name or shape does not fit."""
         super().load_weights(weights)
         with torch.no_grad():

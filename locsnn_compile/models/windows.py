@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy import sparse
 
+from hw_model.arithmetic.arrays import IntArray
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.plain_checks import is_whole, require, rises
 
@@ -53,7 +53,7 @@ class WindowParameters:
                 fix="Give, for example, 1 2.",
             )
 
-    def starts(self, steps: int) -> npt.NDArray[np.int64]:
+    def starts(self, steps: int) -> IntArray:
         """Return the first step of every window of a recording of ``steps``; ``InputError`` where none fits."""
         if steps < self.steps:
             raise InputError(
@@ -80,7 +80,7 @@ class WindowParameters:
         return sparse.csr_array(sparse.kron(sparse.eye_array(channels), of_one, format="csr"))
 
 
-def output_parts(hidden_of_taxel: Sequence[int] | npt.NDArray[np.int64]) -> list[slice]:
+def output_parts(hidden_of_taxel: Sequence[int] | IntArray) -> list[slice]:
     """Return the hidden neurons of each output population: as many taxels as :data:`HEARD_BY_OUTPUT` allows, or one.
 
     ``hidden_of_taxel``: hidden neurons of every taxel of the walk. ``InputError`` where one alone has too many.

@@ -1,18 +1,17 @@
 """The rules of the first level; the first that is broken is an ``InputError`` that names the place."""
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from hw_model.arithmetic.arrays import AnyArray
 from hw_model.mapping.graph import Axis
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import POSITIVE, Neuron
 from locsnn_compile.network.projections import ChipProjection, Projection, values_of
 
-_Array = npt.NDArray[Any]
+_Array = AnyArray
 _Ends = dict[str, tuple[Axis, int]]
 
 _LEAST, _MOST = 1e-100, 1e100

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.arrays import ArrayLike, BoolArray, IntArray
 from hw_model.io.shown import Shown
 from locsnn_compile.network.neurons import Neuron, Parameter, spread
 from locsnn_compile.network.projections import matrix
@@ -73,7 +72,7 @@ class ChipCuba(Shown, ChipNeuron):
     usual: ClassVar[Mapping[str, float]] = {"bias_mantissa": 0, "bias_exponent": 0, "refractory": 1}
 
     @property
-    def biased(self) -> npt.NDArray[np.bool_]:
+    def biased(self) -> BoolArray:
         """Which neurons have a bias."""
         return np.asarray(self.bias_mantissa != 0)
 
@@ -128,12 +127,12 @@ class ChipSrm(Shown, ChipNeuron):
         cls,
         size: int,
         *,
-        decay: npt.ArrayLike,
-        threshold: npt.ArrayLike,
-        mantissa: npt.ArrayLike,
-        exponent: npt.ArrayLike,
-        delay: npt.ArrayLike = 0,
-        refractory_decay: npt.ArrayLike | None = None,
+        decay: ArrayLike,
+        threshold: ArrayLike,
+        mantissa: ArrayLike,
+        exponent: ArrayLike,
+        delay: ArrayLike = 0,
+        refractory_decay: ArrayLike | None = None,
     ) -> "ChipSrm":
         """Make ``size`` neurons: taps (taps,), or one, their mantissas (taps,) or (taps, size); else as of others."""
         delays, each = np.atleast_1d(delay), np.atleast_1d(mantissa)
@@ -167,6 +166,6 @@ class ChipSrm(Shown, ChipNeuron):
         return super().parameters(size) + self.refractory.parameters(size)
 
 
-def integers(value: npt.ArrayLike, size: int) -> IntArray:
+def integers(value: ArrayLike, size: int) -> IntArray:
     """Return a read-only int64 array (size,) of one integer or of as many."""
     return spread(value, size, np.int64)

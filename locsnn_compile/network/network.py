@@ -7,15 +7,15 @@ Network -> QuantizedNetwork -> CompartmentGraph -> PlacedGraph -> RoutedGraph ->
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from hw_model.arithmetic.arrays import ByteArray, FloatArray, IntArray
 from hw_model.io.shown import Shown
 from hw_model.mapping.graph import Axis
 from hw_model.mapping.graph import Readout as Readout
 from locsnn_compile.data.expected import Expected
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
-from locsnn_compile.network.neurons import FloatArray, Neuron
+from locsnn_compile.network.neurons import Neuron
 from locsnn_compile.network.projections import ChipProjection, Projection
 
 
@@ -31,7 +31,7 @@ class InputView(Shown):
     name: str
     axis: Axis
     lines: int
-    walk: npt.NDArray[np.int64] | None = None
+    walk: IntArray | None = None
     together: int = 1
     silence: int = 0
 
@@ -42,18 +42,18 @@ class InputView(Shown):
         return -(-len(self.walk) // self.together) + self.silence
 
     @property
-    def positions(self) -> npt.NDArray[np.int64] | None:
+    def positions(self) -> IntArray | None:
         """The inverse of the walk: the step at which each channel is visited, (channels,)."""
         return None if self.walk is None else np.argsort(self.walk).astype(np.int64) // self.together
 
     @property
-    def first_lines(self) -> npt.NDArray[np.int64] | None:
+    def first_lines(self) -> IntArray | None:
         """The line of time step 0 of each channel, (channels,); None where one is visited at a time."""
         if self.walk is None or self.together == 1:
             return None
         return np.argsort(self.walk).astype(np.int64) % self.together * (self.lines // self.together)
 
-    def play(self, recordings: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+    def play(self, recordings: ByteArray) -> ByteArray:
         """Return the lines' spikes, (batch, steps of the axis, lines), of recordings (batch, time steps, channels)."""
         if self.walk is None:
             return recordings
@@ -159,7 +159,7 @@ class Network(Shown):
         """Classes of the readout."""
         return next(p.size for p in self.populations if p.name == self.readout.populations[0])
 
-    def fit(self, recordings: npt.NDArray[np.uint8], source: str) -> npt.NDArray[np.uint8]:
+    def fit(self, recordings: ByteArray, source: str) -> ByteArray:
         """Check channels and steps; a shorter recording is followed by silence, a longer one is refused.
 
         A network of any length takes recordings as they are.

@@ -15,12 +15,11 @@ from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeVar, get_type_h
 import numpy as np
 import numpy.typing as npt
 
-from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.arrays import AnyArray, ArrayLike, BoolArray, FloatArray, IntArray
 from hw_model.arithmetic.whole import whole_numbers
 from hw_model.errors import InputError, did_you_mean
 from hw_model.io.shown import Shown
 
-FloatArray = npt.NDArray[np.float64]
 Number = TypeVar("Number", np.float64, np.int64)
 Rule = Literal[">", ">="]
 
@@ -34,7 +33,7 @@ _ARRAYS: dict[Any, Any] = {FloatArray: np.float64, IntArray: np.int64}
 class Must(NamedTuple):
     """What every number of a parameter must be, and the words that say it."""
 
-    holds: Callable[[npt.NDArray[Any]], Any]
+    holds: Callable[[AnyArray], Any]
     words: str
 
 
@@ -50,7 +49,7 @@ class Parameter(NamedTuple):
     """A parameter of ``size`` neurons: its numbers, the shape of one number each, and what they must be."""
 
     name: str
-    values: npt.NDArray[Any]
+    values: AnyArray
     shape: tuple[int, ...]
     must: Must | None = None
 
@@ -99,11 +98,11 @@ class Neuron(ABC):
 
     @property
     @abstractmethod
-    def spikes_at(self) -> npt.ArrayLike:
+    def spikes_at(self) -> ArrayLike:
         """The threshold in the units of its potential, at rest: one for all, or (n,)."""
 
     @property
-    def biased(self) -> npt.NDArray[np.bool_]:
+    def biased(self) -> BoolArray:
         """Which neurons have a bias: one answer for all, or (n,)."""
         return np.array(False)
 
@@ -191,7 +190,7 @@ class Cuba(Shown, Leaky):
     usual: ClassVar[Mapping[str, float]] = {"decay_u": 1.0, "bias": 0.0, "refractory": 1}
 
     @property
-    def biased(self) -> npt.NDArray[np.bool_]:
+    def biased(self) -> BoolArray:
         """Which neurons have a bias."""
         return np.asarray(self.bias != 0)
 
@@ -226,7 +225,7 @@ def alpha_taps(tau: float, factor: float, steps: int = MAX_TAPS) -> FloatArray:
     return values[: small[0]] if small.size else values
 
 
-def spread(value: npt.ArrayLike, size: int, dtype: type[Number]) -> npt.NDArray[Number]:
+def spread(value: ArrayLike, size: int, dtype: type[Number]) -> npt.NDArray[Number]:
     """Return a read-only array (size,) of a number or of as many numbers; integers must be whole."""
     given = whole_numbers(value) if issubclass(dtype, np.integer) else np.asarray(value, dtype=dtype)
     if given.shape not in ((), (1,), (size,)):

@@ -11,12 +11,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
-from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.arrays import AnyArray, ArrayLike, ByteArray, FloatArray, IntArray
 from hw_model.arithmetic.whole import whole_numbers
 from hw_model.errors import InputError
 from hw_model.io.shown import Shown
 
-Values = npt.NDArray[Any]
+Values = AnyArray
 Matrix: TypeAlias = Any
 """A numpy array (n_target, n_source), or a ``scipy.sparse.csr_array`` of that shape in canonical order."""
 
@@ -122,7 +122,7 @@ def held_matrix(given: Any, where: str) -> Matrix:
         raise InputError(where, "the weights are not an array of numbers", fix=fix) from None
 
 
-def _of_type(given: npt.ArrayLike, dtype: npt.DTypeLike) -> Values:
+def _of_type(given: ArrayLike, dtype: npt.DTypeLike) -> Values:
     """Return a copy in a type."""
     return whole_numbers(given) if np.issubdtype(dtype, np.integer) else np.array(given, dtype=dtype)
 
@@ -139,13 +139,13 @@ def with_values(m: Matrix, values: Values) -> Matrix:
     return sparse.csr_array((values, m.indices, m.indptr), shape=m.shape) if sparse.issparse(m) else values
 
 
-def of_target(m: Matrix, each: npt.ArrayLike) -> Values:
+def of_target(m: Matrix, each: ArrayLike) -> Values:
     """Spread one number a target (n_target,) so that it can be multiplied with the values."""
     column = np.asarray(each)
     return np.repeat(column, np.diff(m.indptr)) if sparse.issparse(m) else column[:, None]
 
 
-def of_source(m: Matrix, each: npt.NDArray[Any]) -> Values:
+def of_source(m: Matrix, each: AnyArray) -> Values:
     """Spread one number a source (n_source,) likewise; a sparse matrix must be in canonical order."""
     return each[m.indices] if sparse.issparse(m) else each
 
@@ -176,7 +176,7 @@ def fan_out(m: Matrix) -> IntArray:
     return np.bincount(connections(m)[1], minlength=m.shape[1]).astype(np.int64)
 
 
-def row_maxima(m: Matrix) -> npt.NDArray[np.float64]:
+def row_maxima(m: Matrix) -> FloatArray:
     """Return the largest magnitude of every target's weights, (n_target,); 0 where it has none."""
     found = np.zeros(m.shape[0])
     target, _, index = connections(m)
@@ -184,7 +184,7 @@ def row_maxima(m: Matrix) -> npt.NDArray[np.float64]:
     return found
 
 
-def row_sums(m: Matrix) -> npt.NDArray[np.float64]:
+def row_sums(m: Matrix) -> FloatArray:
     """Return what every target's positive weights, or its negative ones, add up to at most, (n_target,), no sign."""
     target, _, index = connections(m)
     weights = values_of(m).ravel()[index].astype(np.float64)
@@ -194,7 +194,7 @@ def row_sums(m: Matrix) -> npt.NDArray[np.float64]:
     return np.maximum(positive, negative)
 
 
-def charge(spikes: npt.NDArray[np.uint8], m: Matrix) -> Values:
+def charge(spikes: ByteArray, m: Matrix) -> Values:
     """Return the weights that the spikes (..., n_source) of 0 and 1 add up to, (..., n_target), in the weights' type.
 
     Integers stay integers: they are added spike by spike, without a float in between.

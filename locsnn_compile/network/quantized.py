@@ -4,10 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+from hw_model.arithmetic.arrays import FloatArray
 from hw_model.mapping.graph import Readout
 from locsnn_compile.network.chip_neurons import ChipNeuron
 from locsnn_compile.network.network import Network, Population
-from locsnn_compile.network.neurons import FloatArray
 from locsnn_compile.network.projections import ChipProjection
 
 

@@ -5,12 +5,12 @@ from functools import singledispatch
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.arrays import FloatArray, IntArray
 from hw_model.mapping.graph import Axis
 from hw_model.program.text import array_text
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm, Refractory
 from locsnn_compile.network.network import Network
-from locsnn_compile.network.neurons import Cuba, FloatArray, Leaky, Neuron, SoftCuba, SrmAlpha
+from locsnn_compile.network.neurons import Cuba, Leaky, Neuron, SoftCuba, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Projection, values_of
 from locsnn_compile.network.quantized import KernelFit, QuantizedNetwork
 

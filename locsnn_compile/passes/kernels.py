@@ -8,11 +8,11 @@ import math
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE, IntArray
+from hw_model.arithmetic.arrays import FloatArray, IntArray
+from hw_model.arithmetic.fixed_point import DECAY_ONE
 from locsnn_compile.errors import TargetError
-from locsnn_compile.network.neurons import FloatArray, Leaky, alpha_recursion
+from locsnn_compile.network.neurons import Leaky, alpha_recursion
 
 FADED = 1e-100
 """A kernel whose first value is smaller has faded before any step; its squares would not be numbers."""
@@ -111,7 +111,7 @@ def own_charges(response: FloatArray, keep: FloatArray | float) -> FloatArray:
     return response - 2 * keep * before[1:-1] + keep**2 * before[:-2]
 
 
-def kernel(tau: float, k: npt.NDArray[np.float64]) -> FloatArray:
+def kernel(tau: float, k: FloatArray) -> FloatArray:
     """Return ``(k / tau) * exp(1 - k / tau)``."""
     return k / tau * np.exp(1.0 - k / tau)
 

@@ -13,9 +13,9 @@ After:  a CompartmentGraph, one phase an axis. A population's spikes are those o
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_BITS, IntArray, SignMode, weight_grid
+from hw_model.arithmetic.arrays import ArrayLike, BoolArray, IntArray
+from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_BITS, SignMode, weight_grid
 from hw_model.description.chip import Chip
 from hw_model.mapping.graph import CompartmentGraph, Compartments, Input, Phase, Synapses, check_graph, read_only
 from locsnn_compile.network.chip_neurons import Refractory, integers
@@ -88,7 +88,7 @@ def _group(
     joined_to: str | None = None,
 ) -> Compartments:
     last = chip.registers.voltage_max
-    settings: dict[str, npt.ArrayLike] = dict(zip(("decay_u", "decay_v"), decays, strict=True))
+    settings: dict[str, ArrayLike] = dict(zip(("decay_u", "decay_v"), decays, strict=True))
     settings |= {"threshold": q.neuron.threshold, "vmin": -last, "vmax": last}
     settings |= {"bias_mantissa": 0, "bias_exponent": 0, "refractory": 1, **own}
     size = q.population.size
@@ -117,7 +117,7 @@ def _own_synapses(
     name: str,
     target: str,
     taps: Refractory,
-    here: npt.NDArray[np.bool_],
+    here: BoolArray,
     sign_mode: SignMode,
     chip: Chip,
 ) -> Synapses:
@@ -145,7 +145,7 @@ def _by_sign(p: ChipProjection, target_group: str) -> list[Synapses]:
     target, source, index = connections(p.mantissa)
     mantissa = values_of(p.mantissa).ravel()[index]
     delay = np.broadcast_to(p.delay, values_of(p.mantissa).shape).ravel()[index]
-    kinds: dict[SignMode, npt.NDArray[np.bool_]] = (
+    kinds: dict[SignMode, BoolArray] = (
         {"mixed": mantissa != 0} if p.signs == "mixed" else {"excitatory": mantissa > 0, "inhibitory": mantissa < 0}
     )
     return [

@@ -14,12 +14,13 @@ from functools import partial, singledispatch
 
 import numpy as np
 
+from hw_model.arithmetic.arrays import FloatArray
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_EXPONENTS, WeightGrid, weight_grid
 from hw_model.description.chip import Chip
 from locsnn_compile.errors import InputError, TargetError
 from locsnn_compile.network.chip_neurons import ChipNeuron
 from locsnn_compile.network.network import Network, Population
-from locsnn_compile.network.neurons import Cuba, FloatArray, Leaky, Neuron, SoftCuba, SrmAlpha
+from locsnn_compile.network.neurons import Cuba, Leaky, Neuron, SoftCuba, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Projection, of_target, values_of, with_values
 from locsnn_compile.network.quantized import QuantizedNetwork, QuantizedPopulation
 from locsnn_compile.passes.cuba.quantize import quantize_cuba, quantize_soft

@@ -10,29 +10,28 @@ from functools import singledispatch
 from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 import hw_model as hw
+from hw_model.arithmetic.arrays import AnyArray, BoolArray, ByteArray, FloatArray, IntArray
 from hw_model.description.chip import Registers
-from hw_model.engine.trace import ByteArray
 from hw_model.mapping.circles import sources_first
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
 from locsnn_compile.network.network import Network, Population
-from locsnn_compile.network.neurons import Cuba, FloatArray, Neuron, SoftCuba, SrmAlpha
+from locsnn_compile.network.neurons import Cuba, Neuron, SoftCuba, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Matrix, Projection, by_delay, charge
 from locsnn_compile.reference.float_neurons import CubaSteps, SoftCubaSteps, SrmSteps
 from locsnn_compile.reference.integer_neurons import ChipCubaSteps, ChipSrmSteps, effective_weights
 
-Potentials = npt.NDArray[Any]
+Potentials = AnyArray
 """float64 of float neurons; of on-grid ones int64, in units of the registers."""
 
 
 class NeuronSteps(Protocol):
     """The state of a population's neurons, (batch, n)."""
 
-    def step(self, arriving: Any) -> tuple[npt.NDArray[np.bool_], Potentials]:
+    def step(self, arriving: Any) -> tuple[BoolArray, Potentials]:
         """Take the weights that arrive; return spikes and the potential that decided them."""
 
 
@@ -63,12 +62,12 @@ class ReferenceResult:
     """Class scores (batch, classes)."""
 
     @property
-    def prediction(self) -> npt.NDArray[np.int64]:
+    def prediction(self) -> IntArray:
         """Class with the highest score, the first of equals, (batch,)."""
         return np.asarray(self.scores.argmax(axis=1), dtype=np.int64)
 
 
-def decided(scores: FloatArray) -> npt.NDArray[np.int64]:
+def decided(scores: FloatArray) -> IntArray:
     """Return the class with the highest score, the first of equals; -1 where all scores (..., classes) tie."""
     tied = (scores == scores[..., :1]).all(axis=-1)
     return np.where(tied, -1, scores.argmax(axis=-1))
@@ -160,7 +159,7 @@ class Calibration:
     samples: int
     source: str
     spikes: Mapping[str, ByteArray]
-    potential: Mapping[str, npt.NDArray[np.float64]]
+    potential: Mapping[str, FloatArray]
 
 
 def calibrate(network: Network, recordings: Recordings, registers: Registers) -> Calibration:

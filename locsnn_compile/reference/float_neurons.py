@@ -4,11 +4,9 @@ import math
 from collections import deque
 
 import numpy as np
-import numpy.typing as npt
 
-from locsnn_compile.network.neurons import Cuba, FloatArray, SoftCuba, SrmAlpha, alpha_recursion
-
-BoolArray = npt.NDArray[np.bool_]
+from hw_model.arithmetic.arrays import BoolArray, FloatArray
+from locsnn_compile.network.neurons import Cuba, SoftCuba, SrmAlpha, alpha_recursion
 
 
 class SrmSteps:

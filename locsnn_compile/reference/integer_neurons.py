@@ -7,14 +7,11 @@ from collections import deque
 from functools import singledispatch
 
 import numpy as np
-import numpy.typing as npt
 
+from hw_model.arithmetic.arrays import BoolArray, IntArray
 from hw_model.description.chip import Registers
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm
 from locsnn_compile.network.projections import ChipProjection, Matrix, values_of, with_values
-
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 
 def kept(x: IntArray, decay: IntArray | int) -> IntArray:

@@ -23,8 +23,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from hw_model.engine.trace import ByteArray
-from locsnn_compile.network.neurons import FloatArray
+from hw_model.arithmetic.arrays import ByteArray, FloatArray
 from locsnn_compile.network.projections import Matrix, values_of, with_values
 from locsnn_compile.verification.error_budget.numbers import GroupNumbers, Numbers
 

@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 
 import hw_model as hw
+from hw_model.arithmetic.arrays import ByteArray, FloatArray
 from hw_model.arithmetic.fixed_point import DECAY_ONE
-from hw_model.engine.trace import ByteArray
 from hw_model.simulation import SimulationResult
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.network.check import check_network
-from locsnn_compile.network.neurons import FloatArray
 from locsnn_compile.network.projections import values_of
 from locsnn_compile.network.quantized import QuantizedPopulation
 from locsnn_compile.pipeline import Levels, lower

@@ -11,10 +11,9 @@ from functools import partial
 from itertools import groupby
 
 import numpy as np
-import numpy.typing as npt
 
 import hw_model as hw
-from hw_model.engine.trace import ByteArray
+from hw_model.arithmetic.arrays import BoolArray, ByteArray
 from locsnn_compile.errors import LocsnnError
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.projections import Projection, charge
@@ -31,7 +30,6 @@ from locsnn_compile.verification.matching import PopulationMatch
 TENTHS = 10
 LESS = 0.05
 """Spike agreement that the last tenth of a run may be short of the beginning without a word."""
-BoolArray = npt.NDArray[np.bool_]
 LONG_STEPS, QUICK_STEPS = 1_000_000, 10 * BLOCK
 """Steps of a long run, and of one of a quick run."""
 

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from hw_model.arithmetic.arrays import BoolArray, ByteArray, IntArray
 from locsnn_compile.data.sensor import POLARITIES
 from locsnn_compile.training.config import TrainingConfig
 
@@ -19,16 +20,14 @@ def epoch_generator(seed: int, *purpose: int) -> np.random.Generator:
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, *purpose])))
 
 
-def stratified_split(
-    labels: NDArray[np.int64], fraction: float, seed: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def stratified_split(labels: IntArray, fraction: float, seed: int) -> tuple[IntArray, IntArray]:
     """Return (training, validation) indices, sorted; each class gives ``fraction`` of its recordings,
     rounded.
 
     A class gives at least one recording where it has two or more and ``fraction`` is above 0.
     """
     rng = epoch_generator(seed, 0)
-    validation: list[NDArray[np.int64]] = [np.zeros(0, dtype=np.int64)]
+    validation: list[IntArray] = [np.zeros(0, dtype=np.int64)]
     for label in np.unique(labels):
         members = np.flatnonzero(labels == label)
         wanted = round(fraction * len(members))
@@ -40,11 +39,11 @@ def stratified_split(
 
 
 def batches(
-    spikes: NDArray[np.uint8],
-    labels: NDArray[np.int64],
+    spikes: ByteArray,
+    labels: IntArray,
     config: TrainingConfig,
     rng: np.random.Generator,
-) -> Iterator[tuple[NDArray[np.float32], NDArray[np.int64]]]:
+) -> Iterator[tuple[NDArray[np.float32], IntArray]]:
     """Yield (spikes (batch, steps, channels), labels (batch,)) of one epoch, every recording once."""
     order = rng.permutation(len(labels))
     for start in range(0, len(order), config.batch_size):
@@ -79,7 +78,7 @@ def drop_taxels(spikes: Spikes, largest: float, rng: np.random.Generator) -> Spi
     return spikes if largest == 0 else spikes * _kept(shape, largest, rng).repeat(POLARITIES, axis=2)
 
 
-def _kept(shape: tuple[int, ...], largest: float, rng: np.random.Generator) -> NDArray[np.bool_]:
+def _kept(shape: tuple[int, ...], largest: float, rng: np.random.Generator) -> BoolArray:
     """Draw what stays of (batch, steps, channels), each recording with a probability to lose of 0..``largest``."""
     probability = rng.random((shape[0], 1, 1), dtype=np.float32) * np.float32(largest)
     return rng.random(shape, dtype=np.float32) >= probability

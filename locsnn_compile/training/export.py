@@ -3,11 +3,10 @@
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hw_model.arithmetic.arrays import AnyArray, IntArray
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import Checkpoint, Plain, save_checkpoint
@@ -16,7 +15,7 @@ from locsnn_compile.training.measure import confusion
 from locsnn_compile.training.train import TrainingResult
 
 
-def measure(result: TrainingResult, recordings: Recordings) -> NDArray[np.int64]:
+def measure(result: TrainingResult, recordings: Recordings) -> IntArray:
     """Return how often each label of ``recordings`` was predicted as each class, (classes, classes).
 
     In float64, which the network is left in: what the compiler compares against. Raises ``InputError`` for recordings
@@ -35,7 +34,7 @@ def training_entry(
     result: TrainingResult,
     config: TrainingConfig,
     recordings: Recordings,
-    found: NDArray[np.int64] | None,
+    found: IntArray | None,
 ) -> dict[str, Plain]:
     """Return the checkpoint's ``training`` entry: data, figures, then the whole configuration."""
     figures: dict[str, Plain] = {
@@ -50,7 +49,7 @@ def training_entry(
     return figures | asdict(config)
 
 
-def accuracy_of(found: NDArray[np.int64]) -> float:
+def accuracy_of(found: IntArray) -> float:
     """Return the share of recordings that :func:`measure` found predicted right."""
     return int(np.trace(found)) / int(found.sum())
 
@@ -59,7 +58,7 @@ def _start_entry(start: Checkpoint | None) -> dict[str, Plain]:
     return {} if start is None else {"start": start.description.name, "start_sha256": start.sha256}
 
 
-def carried_rows(labels: NDArray[np.int64] | None, available: int, wanted: int) -> NDArray[np.int64]:
+def carried_rows(labels: IntArray | None, available: int, wanted: int) -> IntArray:
     """Return min(wanted, available) row numbers, of every class as many, or one more or less than of another.
 
     Classes that have too few give all; what is left over is spread evenly over the others, as rows are within a class.
@@ -76,7 +75,7 @@ def carried_rows(labels: NDArray[np.int64] | None, available: int, wanted: int) 
     return np.sort(np.concatenate([own[spread_rows(len(own), take[label])] for label, own in rows.items()]))
 
 
-def spread_rows(available: int, wanted: int) -> NDArray[np.int64]:
+def spread_rows(available: int, wanted: int) -> IntArray:
     """Return min(wanted, available) row numbers, evenly spread."""
     count = min(wanted, available)
     return np.arange(count, dtype=np.int64) * available // max(count, 1)
@@ -91,7 +90,7 @@ def export_checkpoint(
     *,
     carried: int = 8,
     start: Checkpoint | None = None,
-) -> NDArray[np.int64] | None:
+) -> IntArray | None:
     """Measure ``test`` once, write the checkpoint to ``path``, and return what :func:`measure` found, None without a
     test part.
 
@@ -99,7 +98,7 @@ def export_checkpoint(
     where there is none), spread over the classes, go into the file, for checks.
     """
     network = result.network
-    weights: Mapping[str, NDArray[Any]] = network.weights() if network.chip is None else network.mantissas()
+    weights: Mapping[str, AnyArray] = network.weights() if network.chip is None else network.mantissas()
     found = None if test is None else measure(result, test)
     kept: Recordings | None = None
     if carried > 0:

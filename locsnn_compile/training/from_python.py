@@ -7,8 +7,8 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from hw_model.arithmetic.arrays import ArrayLike
 from hw_model.io.given import checked
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.torch_writer import need_torch
@@ -22,10 +22,10 @@ _log = logging.getLogger("locsnn")
 
 @checked
 def train(
-    recordings: str | Path | Recordings | npt.ArrayLike,
+    recordings: str | Path | Recordings | ArrayLike,
     config: TrainingConfig | Mapping[str, Any] | str | Path | None = None,
     *,
-    labels: npt.ArrayLike | None = None,
+    labels: ArrayLike | None = None,
     test: Recordings | None = None,
     name: str = "model",
     carried: int = 8,

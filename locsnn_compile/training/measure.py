@@ -9,9 +9,9 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
+from hw_model.arithmetic.arrays import ByteArray, FloatArray, IntArray
 from locsnn_compile.data.recordings import Recordings, so_many
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.touch_model import TouchModel
@@ -33,7 +33,7 @@ def batch_loss(
     return _loss(network, config, network(x), labels, weights)
 
 
-def class_weights(config: TrainingConfig, labels: NDArray[np.int64], classes: int) -> Tensor | None:
+def class_weights(config: TrainingConfig, labels: IntArray, classes: int) -> Tensor | None:
     """Return how much a recording of each class counts, so that the classes count alike; None where recordings do."""
     if config.class_weights == "equal":
         return None
@@ -69,7 +69,7 @@ def _of_counts(config: TrainingConfig, counts: Tensor, labels: Tensor) -> Tensor
     return count_cross_entropy(counts, labels, count_scale=config.count_scale, label_smoothing=config.label_smoothing)
 
 
-def _played(network: TouchModel, spikes: NDArray[np.uint8]) -> Iterator[tuple[slice, Mapping[str, Tensor]]]:
+def _played(network: TouchModel, spikes: ByteArray) -> Iterator[tuple[slice, Mapping[str, Tensor]]]:
     """Yield rows of spikes (samples, steps, channels), and what ``forward`` returns of them, in its own float type."""
     like = next(network.parameters())
     for start in range(0, len(spikes), 32):
@@ -78,13 +78,13 @@ def _played(network: TouchModel, spikes: NDArray[np.uint8]) -> Iterator[tuple[sl
 
 
 @torch.no_grad()
-def class_scores(network: TouchModel, spikes: NDArray[np.uint8]) -> NDArray[np.float64]:
+def class_scores(network: TouchModel, spikes: ByteArray) -> FloatArray:
     """Return the scores (samples, classes) of all branches together; the first of the largest is predicted."""
     found = [network.total(activity).cpu().numpy() for _, activity in _played(network, spikes)]
     return np.concatenate(found).astype(np.float64)
 
 
-def confusion(network: TouchModel, recordings: Recordings) -> NDArray[np.int64]:
+def confusion(network: TouchModel, recordings: Recordings) -> IntArray:
     """Return how often a label (row) was predicted as a class (column), (classes, classes)."""
     assert recordings.labels is not None  # the caller's own check
     classes = network.description.classes
@@ -93,9 +93,7 @@ def confusion(network: TouchModel, recordings: Recordings) -> NDArray[np.int64]:
 
 
 @torch.no_grad()
-def evaluate(
-    network: TouchModel, config: TrainingConfig, spikes: NDArray[np.uint8], labels: NDArray[np.int64]
-) -> tuple[float, float]:
+def evaluate(network: TouchModel, config: TrainingConfig, spikes: ByteArray, labels: IntArray) -> tuple[float, float]:
     """Return (mean loss, accuracy) on spikes (samples, steps, channels), in the network's own float type."""
     loss, right = 0.0, 0
     for rows, activity in _played(network, spikes):
@@ -176,7 +174,7 @@ def result_remarks(network: TouchModel, recordings: Recordings) -> list[str]:
     return chance_remarks(accuracy, labels, "it was trained on")
 
 
-def chance_remarks(accuracy: float, labels: NDArray[np.int64], which: str) -> list[str]:
+def chance_remarks(accuracy: float, labels: IntArray, which: str) -> list[str]:
     """Return a sentence where an accuracy on the recordings ``which`` may be that of guesses of the commonest class."""
     chance = float(np.bincount(labels).max() / len(labels))
     if chance == 1 or accuracy > chance + _LIKELY * math.sqrt(chance * (1 - chance) / len(labels)):

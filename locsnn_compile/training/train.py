@@ -16,6 +16,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from hw_model.arithmetic.arrays import IntArray
 from hw_model.io.files import replace_file
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
@@ -162,7 +163,7 @@ class _Run:
         return network
 
 
-def _run_phase(run: _Run, state: TrainingState, rows: NDArray[np.int64], held: NDArray[np.int64], epochs: int) -> None:
+def _run_phase(run: _Run, state: TrainingState, rows: IntArray, held: IntArray, epochs: int) -> None:
     """Take ``state`` from where it is to ``epochs`` on the recordings ``rows``, validating on ``held``."""
     config, recordings = run.config, run.recordings
     assert recordings.labels is not None

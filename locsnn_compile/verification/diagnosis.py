@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hw_model.engine.trace import ByteArray
+from hw_model.arithmetic.arrays import ByteArray
 from hw_model.io.shown import Shown
 from locsnn_compile.network.network import Network
 from locsnn_compile.pipeline import Levels

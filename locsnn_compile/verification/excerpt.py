@@ -4,15 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 import hw_model as hw
-from hw_model.arithmetic.fixed_point import IntArray
-from hw_model.engine.trace import ByteArray
+from hw_model.arithmetic.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from hw_model.io.shown import Shown
 from hw_model.mapping.graph import Axis
 from locsnn_compile.network.network import InputView, Network, Population
-from locsnn_compile.network.neurons import FloatArray
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import ReferenceResult, evaluate
 from locsnn_compile.verification.matching import Divergence
@@ -69,8 +66,8 @@ class NeuronPotential:
     reference: FloatArray
     chip: FloatArray
     threshold: float
-    reference_spikes: npt.NDArray[np.bool_]
-    chip_spikes: npt.NDArray[np.bool_]
+    reference_spikes: BoolArray
+    chip_spikes: BoolArray
 
 
 @dataclass(frozen=True, eq=False, repr=False)

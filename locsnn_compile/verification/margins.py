@@ -7,18 +7,15 @@ difference is carried along. Where it is larger than the distance to the thresho
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 import hw_model as hw
-from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT, IntArray
+from hw_model.arithmetic.arrays import AnyArray, BoolArray, ByteArray, FloatArray, IntArray
+from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT
 from hw_model.description.chip import Registers
-from hw_model.engine.trace import ByteArray
 from hw_model.mapping.graph import Compartments
 from locsnn_compile.network.network import Population
-from locsnn_compile.network.neurons import FloatArray
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.verification.error_budget.stages import STAGES, lines_of, phases_of, twin_with
@@ -48,8 +45,8 @@ class PopulationMargins:
     error: Mapping[float, float]
     within_error: float
     decided_otherwise: float
-    distance_histogram: npt.NDArray[np.int64]
-    error_histogram: npt.NDArray[np.int64]
+    distance_histogram: IntArray
+    error_histogram: IntArray
 
 
 @dataclass(frozen=True)
@@ -107,7 +104,7 @@ class Margins:
 def margins(levels: Levels, recordings: ByteArray) -> Margins:
     """Measure margins over recordings (samples, steps, channels), of the network's own steps and channels."""
     network, registers = levels.network, levels.program.chip.registers
-    watched: dict[str, list[tuple[npt.NDArray[Any], ...]]] = {p.name: [] for p in network.populations}
+    watched: dict[str, list[tuple[AnyArray, ...]]] = {p.name: [] for p in network.populations}
     use = {group.name: RegisterUse.unused(group, registers) for group in levels.compartments.groups}
     for start in range(0, len(recordings), CHUNK):
         chunk = recordings[start : start + CHUNK]
@@ -138,9 +135,7 @@ def _thresholds(population: Population) -> FloatArray:
     return np.where(thresholds == 0, float(1 << WEIGHT_SHIFT), thresholds)
 
 
-def _measured(
-    thresholds: FloatArray, wanted: npt.NDArray[Any], chip: FloatArray, otherwise: npt.NDArray[np.bool_]
-) -> PopulationMargins:
+def _measured(thresholds: FloatArray, wanted: AnyArray, chip: FloatArray, otherwise: BoolArray) -> PopulationMargins:
     """Compare both potentials (samples, steps, n) with the thresholds (n,); ``otherwise``: where decisions differ."""
     distance = (np.abs(wanted - thresholds) / thresholds).ravel()
     error = (np.abs(chip - wanted) / thresholds).ravel()
@@ -160,6 +155,6 @@ def _quantiles(values: FloatArray, shares: tuple[float, ...]) -> dict[float, flo
     return {share: float(value) for share, value in zip(shares, found, strict=True)}
 
 
-def _histogram(values: FloatArray) -> npt.NDArray[np.int64]:
+def _histogram(values: FloatArray) -> IntArray:
     counts, _ = np.histogram(np.clip(values, EDGES[0], EDGES[-1]), EDGES)
     return counts.astype(np.int64)

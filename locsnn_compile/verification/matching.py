@@ -6,14 +6,13 @@ from dataclasses import astuple, dataclass, field
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
 import hw_model as hw
 from hw_model.accounting.cost import Latency
 from hw_model.accounting.usage import PhaseUsage, added_usage, measure, total_ns
+from hw_model.arithmetic.arrays import ByteArray, IntArray
 from hw_model.description.counts import Counts, total
 from hw_model.description.profile import Profile, Range
-from hw_model.engine.trace import ByteArray
 from hw_model.io.shown import Shown
 from locsnn_compile.baselines.operations import network_additions
 from locsnn_compile.cluster.spread import Spread, here
@@ -85,9 +84,9 @@ class Match(Shown):
 
     samples: int
     events_source: str
-    reference_prediction: npt.NDArray[np.int64]
-    chip_prediction: npt.NDArray[np.int64]
-    labels: npt.NDArray[np.int64] | None
+    reference_prediction: IntArray
+    chip_prediction: IntArray
+    labels: IntArray | None
     by_population: dict[str, PopulationMatch]
     helpers: dict[str, PopulationMatch]
     first_divergence: Divergence | None
@@ -132,7 +131,7 @@ def compare(
     program: hw.ChipProgram,
     recordings: ByteArray,
     *,
-    labels: npt.NDArray[np.int64] | None = None,
+    labels: IntArray | None = None,
     source: str = "array",
     progress: Progress | None = None,
     spread: Spread = here,
@@ -143,7 +142,7 @@ def compare(
     _check_labels(network, labels, len(recordings), source)
     matches = {p.name: PopulationMatch() for p in network.populations}
     helpers = {p.name for p in network.populations if p.helper}
-    predictions: list[tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]] = []
+    predictions: list[tuple[IntArray, IntArray]] = []
     counts: list[Counts] = []
     by_phase: dict[str, Counts] = {phase.name: Counts() for phase in program.phases}
     wraps_and_clips: dict[str, dict[str, int]] = {}
@@ -199,7 +198,7 @@ class _Part:
 
     matches: dict[str, PopulationMatch]
     first: Place | None
-    predictions: tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]
+    predictions: tuple[IntArray, IntArray]
     counts: tuple[Counts, ...]
     by_phase: dict[str, Counts]
     wraps_and_clips: Mapping[str, Mapping[str, int]]
@@ -247,7 +246,7 @@ def _mean_range(program: hw.ChipProgram, sums: Sequence[float], recordings: int)
     return least, most
 
 
-def _check_labels(network: Network, labels: npt.NDArray[np.int64] | None, samples: int, source: str) -> None:
+def _check_labels(network: Network, labels: IntArray | None, samples: int, source: str) -> None:
     if labels is None:
         return
     if labels.shape != (samples,):

@@ -5,13 +5,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 import hw_model as hw
-from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.arrays import ArrayLike, ByteArray, FloatArray, IntArray
 from hw_model.description.counts import total
 from hw_model.engine.compiled import in_parts
-from hw_model.engine.trace import ByteArray
 from hw_model.streaming.early_stop import Stops
 from hw_model.streaming.session import check_psi, location_share
 from locsnn_compile.cluster.spread import Spread, here
@@ -21,8 +19,6 @@ from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import decided
 from locsnn_compile.verification.diagnosis import spread_sample
 from locsnn_compile.verification.matching import Progress
-
-FloatArray = npt.NDArray[np.float64]
 
 PSI = 10.0
 """Of the time-weighted prediction, unless another is given. Published: 15 for Objects, 10 Containers, 2 Slip."""
@@ -255,7 +251,7 @@ def step_latency(streamed: Sequence[Streamed]) -> StepLatency:
     return StepLatency(float(seconds.mean()), float(np.quantile(seconds, 0.99)), float(seconds.max()))
 
 
-def right_over_time(streamed: Sequence[Streamed], wanted: npt.ArrayLike, steps: int) -> FloatArray:
+def right_over_time(streamed: Sequence[Streamed], wanted: ArrayLike, steps: int) -> FloatArray:
     """Return the share of recordings whose prediction is the wanted class (recordings,) after each step, (steps,)."""
     predictions = np.stack([one.filled(steps) for one in streamed])
     shares: FloatArray = (predictions == np.asarray(wanted)[:, None]).mean(axis=0)

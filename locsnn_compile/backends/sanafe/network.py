@@ -9,8 +9,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT, IntArray
-from hw_model.engine.trace import ByteArray
+from hw_model.arithmetic.arrays import ByteArray, IntArray
+from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT
 from hw_model.mapping.graph import Input
 from hw_model.program.chip_program import Core
 from locsnn_compile.backends.names import unique_names

@@ -4,11 +4,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.arrays import ByteArray, IntArray
 
-BitArray = npt.NDArray[np.uint8]
+BitArray = ByteArray
 
 
 @dataclass(frozen=True)

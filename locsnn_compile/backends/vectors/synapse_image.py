@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import SIGN_MODES, IntArray, weight_grid
+from hw_model.arithmetic.arrays import IntArray
+from hw_model.arithmetic.fixed_point import SIGN_MODES, weight_grid
 from hw_model.description.chip import Chip
 from hw_model.mapping.fan_in import SynapseFormat
 from hw_model.mapping.synapse_lists import SynapseLists, synapse_lists

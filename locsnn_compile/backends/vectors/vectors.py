@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import yaml
 
-from hw_model.arithmetic.fixed_point import DECAY_BITS, DECAY_ONE, SIGN_MODES, WEIGHT_SHIFT, IntArray
+from hw_model.arithmetic.arrays import IntArray
+from hw_model.arithmetic.fixed_point import DECAY_BITS, DECAY_ONE, SIGN_MODES, WEIGHT_SHIFT
 from hw_model.description.chip import Chip
 from hw_model.program.chip_program import Core
 from locsnn_compile.backends.names import code_span

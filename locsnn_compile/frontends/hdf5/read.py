@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from hw_model.arithmetic.arrays import AnyArray
 from locsnn_compile.data.torch_file import read_bytes
 from locsnn_compile.errors import InputError, LocsnnError
 from locsnn_compile.frontends.hdf5.safety import library_survives
@@ -41,7 +41,7 @@ class Group:
             raise InputError(self.where, f"{name!r} is a value, not a group", fix=_WHOLE)
         return Group(found, where or self.where, self._budget)
 
-    def array(self, name: str, *, infinite: bool = False) -> npt.NDArray[Any]:
+    def array(self, name: str, *, infinite: bool = False) -> AnyArray:
         """Return a dataset of numbers, read-only, int64 or float64; ``infinite`` ones only if allowed."""
         found = self._dataset(name)
         if found.dtype.kind not in "biuf":
@@ -60,7 +60,7 @@ class Group:
         values.setflags(write=False)
         return values
 
-    def value(self, name: str) -> npt.NDArray[Any] | str:
+    def value(self, name: str) -> AnyArray | str:
         """Return a dataset of text or of numbers."""
         return self.text(name) if self.is_text(name) else self.array(name)
 

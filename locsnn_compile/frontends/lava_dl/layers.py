@@ -3,17 +3,16 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from hw_model.arithmetic.arrays import AnyArray, IntArray
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.hdf5.read import Group, open_hdf5
 
 MAX_LAYERS = 1000
 
-Array = npt.NDArray[Any]
+Array = AnyArray
 Values = Mapping[str, Array | str]
 """Datasets by their path inside the layer (``weight``, ``neuron/iDecay``), arrays of int64 or float64, or text."""
 
@@ -26,7 +25,7 @@ class NetLayer:
     kind: str
     values: Values
 
-    def whole(self, name: str, where: str) -> npt.NDArray[np.int64]:
+    def whole(self, name: str, where: str) -> IntArray:
         """Return numbers that must be whole."""
         values = self.values[name] if name in self.values else None
         if values is None or isinstance(values, str):

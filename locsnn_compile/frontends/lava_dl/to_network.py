@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE, IntArray
+from hw_model.arithmetic.arrays import IntArray
+from hw_model.arithmetic.fixed_point import DECAY_ONE
 from hw_model.mapping.graph import Readout
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.lava_dl.layers import NetFile, NetLayer, export_again, read_net

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
+from hw_model.arithmetic.arrays import FloatArray
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.frontends.linear_maps import Shape, Window, check_entries, check_shape, convolution, pooling
 from locsnn_compile.frontends.nir.graph import Edge, NirGraph, NirNode
-from locsnn_compile.network.neurons import FloatArray
 
 NEURONS = ("IF", "LIF", "CubaLIF", "Threshold", "LI", "CubaLI")
 """What becomes a population; the last two never spike."""

@@ -9,18 +9,17 @@ import contextlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from hw_model.arithmetic.arrays import AnyArray, FloatArray
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.frontends.hdf5.read import Group, open_hdf5
 
 MAX_NODES = 10_000
 MAX_DEPTH = 16
 
-Array = npt.NDArray[Any]
+Array = AnyArray
 Edge = tuple[str, str]
 
 PARAMETERS: Mapping[str, tuple[str, ...]] = {
@@ -64,7 +63,7 @@ class NirNode:
         assert not isinstance(value, str)
         return value
 
-    def each(self, name: str, size: int, of: str, where: str) -> npt.NDArray[np.float64]:
+    def each(self, name: str, size: int, of: str, where: str) -> FloatArray:
         """Return a parameter of one number a neuron, or what it is ``of``, (size,); a single one stands for all."""
         values = self.array(name).astype(np.float64).reshape(-1)
         if values.size not in (1, size):

@@ -31,11 +31,12 @@ from typing import Literal
 
 import numpy as np
 
+from hw_model.arithmetic.arrays import FloatArray
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.nir.flat import READOUTS, FlatGraph
 from locsnn_compile.frontends.nir.graph import NirNode
 from locsnn_compile.frontends.nir.signals import Signal
-from locsnn_compile.network.neurons import Cuba, FloatArray, SoftCuba
+from locsnn_compile.network.neurons import Cuba, SoftCuba
 from locsnn_compile.network.projections import matrix
 
 Discretisation = Literal["euler", "exact", "hold"]

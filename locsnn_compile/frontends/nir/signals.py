@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.arrays import FloatArray, IntArray
 from locsnn_compile.frontends.linear_maps import product
-from locsnn_compile.network.neurons import FloatArray
 from locsnn_compile.network.projections import Matrix, Projection, matrix
 
 DENSE = 0.5

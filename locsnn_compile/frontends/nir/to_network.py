@@ -13,6 +13,7 @@ from typing import Any, get_args
 import numpy as np
 from scipy import sparse
 
+from hw_model.arithmetic.arrays import FloatArray
 from hw_model.mapping.graph import Readout
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.frontends.nir.flat import NEURONS, READOUTS, FlatGraph, flatten_graph, linear_order, targets_of
@@ -21,7 +22,7 @@ from locsnn_compile.frontends.nir.neurons import DT_SECONDS, Discretisation, Res
 from locsnn_compile.frontends.nir.signals import Signal, Term
 from locsnn_compile.frontends.synthetic_input import synthetic_recordings
 from locsnn_compile.network.network import InputView, Network, Population
-from locsnn_compile.network.neurons import Cuba, FloatArray
+from locsnn_compile.network.neurons import Cuba
 from locsnn_compile.network.projections import Projection, matrix
 
 BIAS = "nir/bias"

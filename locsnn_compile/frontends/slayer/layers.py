@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from hw_model.arithmetic.arrays import FloatArray
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.linear_maps import Shape, Window, convolution, pooling
 from locsnn_compile.frontends.slayer.config import LayerEntry, LoihiNeuron, SlayerConfig
-from locsnn_compile.network.neurons import FloatArray, SrmAlpha, alpha_taps
+from locsnn_compile.network.neurons import SrmAlpha, alpha_taps
 from locsnn_compile.network.projections import Matrix
 
 _CLOSE = 1e-3

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from hw_model.arithmetic.arrays import FloatArray
 from hw_model.mapping.graph import Axis, Readout
 from locsnn_compile.data.sensor import channel_walk, parse_location_order
 from locsnn_compile.data.tensors import FLOATS, Tensor
@@ -30,7 +31,7 @@ from locsnn_compile.frontends.synthetic_input import synthetic_recordings, touch
 from locsnn_compile.models.checkpoint import FORMAT
 from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.network.network import InputView, Network, Population
-from locsnn_compile.network.neurons import FloatArray, SrmAlpha
+from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.network.projections import (
     ChipProjection,
     Matrix,

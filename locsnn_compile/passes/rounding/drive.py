@@ -9,8 +9,8 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from scipy import sparse
 
-from hw_model.engine.trace import ByteArray
-from locsnn_compile.network.neurons import FloatArray, SrmAlpha, alpha_recursion
+from hw_model.arithmetic.arrays import ByteArray, FloatArray
+from locsnn_compile.network.neurons import SrmAlpha, alpha_recursion
 from locsnn_compile.network.projections import Projection
 from locsnn_compile.passes.kernels import keeps
 from locsnn_compile.passes.rounding.together import Metric

@@ -10,11 +10,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from hw_model.arithmetic.fixed_point import WEIGHT_EXPONENTS, IntArray
+from hw_model.arithmetic.arrays import BoolArray, FloatArray, IntArray
+from hw_model.arithmetic.fixed_point import WEIGHT_EXPONENTS
 from locsnn_compile.network.chip_neurons import ChipNeuron
-from locsnn_compile.network.neurons import FloatArray
 from locsnn_compile.network.projections import ChipProjection, Projection, of_target, values_of, with_values
 from locsnn_compile.passes.rounding.task import Scaled, Task
 
@@ -25,8 +24,6 @@ or 8 beside the 6 of taps."""
 
 FORMATS_OF_TAPS = 6
 """Synapse formats that the taps of neurons take at most."""
-
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hw_model.arithmetic.arrays import FloatArray
 from hw_model.arithmetic.fixed_point import WEIGHT_EXPONENTS, WeightGrid, weight_grid
 from hw_model.description.chip import Chip
 from locsnn_compile.errors import TargetError
 from locsnn_compile.network.chip_neurons import ChipNeuron
 from locsnn_compile.network.network import Population
-from locsnn_compile.network.neurons import FloatArray
 from locsnn_compile.network.projections import ChipProjection, Projection, row_maxima
 from locsnn_compile.reference.evaluate import Calibration
 

@@ -11,11 +11,8 @@ best few of all roundings so far go on (the M-algorithm of sphere decoding).
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from hw_model.arithmetic.fixed_point import IntArray
-
-FloatArray = npt.NDArray[np.float64]
+from hw_model.arithmetic.arrays import FloatArray, IntArray
 
 CANDIDATES = 256
 """Candidates of all neurons that are worked on at a time, so that they stay in the cache."""

@@ -16,11 +16,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE, IntArray, WeightGrid
+from hw_model.arithmetic.arrays import FloatArray, IntArray
+from hw_model.arithmetic.fixed_point import DECAY_ONE, WeightGrid
 from hw_model.description.chip import Chip
 from locsnn_compile.errors import TargetError
 from locsnn_compile.network.chip_neurons import ChipSrm
-from locsnn_compile.network.neurons import FloatArray, SrmAlpha
+from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.passes.kernels import kernel, own_charges
 from locsnn_compile.passes.rounding.task import exponent_holding, own_grid
 

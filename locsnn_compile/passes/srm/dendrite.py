@@ -3,9 +3,9 @@
 from collections.abc import Iterable
 
 import numpy as np
-import numpy.typing as npt
 
-from hw_model.arithmetic.fixed_point import IntArray, WeightGrid
+from hw_model.arithmetic.arrays import FloatArray, IntArray
+from hw_model.arithmetic.fixed_point import WeightGrid
 from hw_model.description.chip import Chip
 from locsnn_compile.network.chip_neurons import ChipSrm
 from locsnn_compile.network.neurons import SrmAlpha
@@ -43,9 +43,7 @@ def lay_out(neuron: SrmAlpha, size: int, decay: int, thresholds: Iterable[int], 
     )
 
 
-def whole_mantissas(
-    neuron: SrmAlpha, thresholds: npt.NDArray[np.float64], grid: WeightGrid
-) -> tuple[IntArray, IntArray, int]:
+def whole_mantissas(neuron: SrmAlpha, thresholds: FloatArray, grid: WeightGrid) -> tuple[IntArray, IntArray, int]:
     """Return threshold mantissas (k,) near those wanted, their refractory mantissas (k,), and the exponent of all.
 
     A scale is free, so it is chosen for the refractory weight: its mantissa is the largest of the grid at which the

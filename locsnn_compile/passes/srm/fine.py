@@ -9,13 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.arrays import BoolArray, FloatArray, IntArray
 from locsnn_compile.network.chip_neurons import ChipSrm, Refractory, integers
-from locsnn_compile.network.neurons import FloatArray, SrmAlpha
+from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.network.projections import ChipProjection
 from locsnn_compile.network.projections import charge as charge_of
 from locsnn_compile.passes.rounding.drive import Drive, drive_of
-from locsnn_compile.passes.rounding.grades import BoolArray, Grades, coarsest, grades_for, in_grades, nearest, shares
+from locsnn_compile.passes.rounding.grades import Grades, coarsest, grades_for, in_grades, nearest, shares
 from locsnn_compile.passes.rounding.task import Rounded, Scaled, Task, heaviest_weight, own_grid
 from locsnn_compile.passes.rounding.together import round_together
 from locsnn_compile.passes.srm import dendrite as srm_dendrite

@@ -8,9 +8,9 @@ from functools import singledispatch
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.arrays import FloatArray, IntArray
 from hw_model.description.chip import Registers
-from locsnn_compile.network.neurons import Cuba, FloatArray, Leaky, Neuron, SoftCuba, SrmAlpha
+from locsnn_compile.network.neurons import Cuba, Leaky, Neuron, SoftCuba, SrmAlpha
 from locsnn_compile.network.quantized import KernelFit
 from locsnn_compile.passes.kernels import kernel
 from locsnn_compile.passes.rounding.task import Scaled

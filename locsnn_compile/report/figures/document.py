@@ -3,9 +3,8 @@
 from dataclasses import asdict
 from typing import Any
 
-import numpy.typing as npt
-
 import hw_model as hw
+from hw_model.arithmetic.arrays import AnyArray
 from hw_model.description.counts import Counts, total
 from hw_model.program.chip_program import ChipProgram, Core
 from locsnn_compile.baselines.ann_energy import ANN_ENERGY_SOURCE, ANN_NOT_INCLUDED, ann_energy_pj
@@ -228,7 +227,7 @@ def _biases_lost(levels: Levels) -> int:
     return sum(q.biases_lost for q in levels.quantized.populations)
 
 
-def _spread(values: npt.NDArray[Any]) -> Any:
+def _spread(values: AnyArray) -> Any:
     """Return the one value that all neurons have, else the least and the largest."""
     low, high = values.min().item(), values.max().item()
     return low if low == high else [low, high]

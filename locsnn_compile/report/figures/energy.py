@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import asdict
 
 import numpy as np
-import numpy.typing as npt
 
 import hw_model as hw
 from hw_model.accounting.usage import PhaseUsage
+from hw_model.arithmetic.arrays import FloatArray, IntArray
 from hw_model.description.counts import BY_CORE, Counts, total
 from hw_model.description.profile import Profile
 from hw_model.program.chip_program import ChipProgram
@@ -18,7 +18,7 @@ from hw_model.program.pieces import pieces_of
 from locsnn_compile.network.network import Network
 from locsnn_compile.report.content import Document
 from locsnn_compile.report.figures.flat import picked
-from locsnn_compile.report.figures.spread import FloatArray, by_core, course, spread
+from locsnn_compile.report.figures.spread import by_core, course, spread
 from locsnn_compile.verification.matching import Match
 
 _PLACED = frozenset((*BY_CORE, "neuron_updates_inactive", "hops"))
@@ -95,7 +95,7 @@ def _pieces_pj(program: ChipProgram, match: Match, profile: Profile) -> dict[str
     }
 
 
-def _count(used: PhaseUsage, name: str) -> npt.NDArray[np.int64]:
+def _count(used: PhaseUsage, name: str) -> IntArray:
     if name == "neuron_updates_inactive":
         return used.counts["neuron_updates"] - used.counts["neuron_updates_active"]
     if name == "hops":

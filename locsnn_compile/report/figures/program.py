@@ -1,11 +1,9 @@
 """What a program consists of, as figures that two builds are compared by."""
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 
 import hw_model as hw
+from hw_model.arithmetic.arrays import AnyArray
 from locsnn_compile.report.content import Document
 
 
@@ -14,7 +12,7 @@ def program_figures(program: hw.ChipProgram) -> Document:
 
     Of many settings: the least and the largest. Weights are effective ones, ``64 * floor(mantissa * 2^exponent)``.
     """
-    parts: dict[str, dict[str, list[npt.NDArray[Any]]]] = {}
+    parts: dict[str, dict[str, list[AnyArray]]] = {}
     for core in program.cores:
         axons = core.axons
         weights = core.effective_weights
@@ -42,7 +40,7 @@ def program_figures(program: hw.ChipProgram) -> Document:
     }
 
 
-def _group(found: dict[str, npt.NDArray[Any]]) -> Document:
+def _group(found: dict[str, AnyArray]) -> Document:
     weights = found["weight"].astype(np.int64)
     return {
         "compartments": len(found["decay_u"]),

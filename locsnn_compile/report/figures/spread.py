@@ -3,13 +3,12 @@
 from collections.abc import Iterable, Mapping
 
 import numpy as np
-import numpy.typing as npt
 
+from hw_model.arithmetic.arrays import FloatArray
 from hw_model.program.chip_program import ChipProgram, Core
 from locsnn_compile.report.content import Document
 from locsnn_compile.verification.matching import Match
 
-FloatArray = npt.NDArray[np.float64]
 BINS = 64
 """Most bins of steps that a course over time is given in."""
 

@@ -3,8 +3,8 @@
 from xml.etree.ElementTree import SubElement
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hw_model.arithmetic.arrays import ByteArray, FloatArray
 from hw_model.io.xml_text import xml_file
 from locsnn_compile.report.pictures.chart import sheet, words
 
@@ -18,7 +18,7 @@ _LEFT, _TOP, _RIGHT, _BOTTOM = 56, 40, 20, 40
 _PLOT_WIDTH, _PLOT_HEIGHT = 720, 320
 
 
-def text_raster(spikes: NDArray[np.uint8]) -> list[str]:
+def text_raster(spikes: ByteArray) -> list[str]:
     """Return the lines of a raster of one recording (steps, channels).
 
     A character covers several steps and channels: empty without an event, else darker with the share of its bins that
@@ -30,7 +30,7 @@ def text_raster(spikes: NDArray[np.uint8]) -> list[str]:
     return ["".join(SHADES[level] for level in row) for row in shade]
 
 
-def raster_svg(spikes: NDArray[np.uint8], title: str, step_seconds: float | None) -> bytes:
+def raster_svg(spikes: ByteArray, title: str, step_seconds: float | None) -> bytes:
     """Return a raster of one recording (steps, channels) as an SVG; a mark is one bin, or several where it is large."""
     steps, channels = spikes.shape
     marks = _coarse(spikes, PICTURE_COLUMNS, PICTURE_ROWS) > 0
@@ -54,12 +54,12 @@ def raster_svg(spikes: NDArray[np.uint8], title: str, step_seconds: float | None
     return xml_file(svg)
 
 
-def _coarse(spikes: NDArray[np.uint8], columns: int, rows: int) -> NDArray[np.float64]:
+def _coarse(spikes: ByteArray, columns: int, rows: int) -> FloatArray:
     """Return the share of bins with an event, (rows, columns) at most, of (steps, channels)."""
     steps, channels = spikes.shape
     across, down = -(-steps // columns), -(-channels // rows)
     size = (-(-steps // across), -(-channels // down))
     padded = np.zeros((size[0] * across, size[1] * down))
     padded[:steps, :channels] = spikes
-    shares: NDArray[np.float64] = padded.reshape(size[0], across, size[1], down).mean(axis=(1, 3)).T
+    shares: FloatArray = padded.reshape(size[0], across, size[1], down).mean(axis=(1, 3)).T
     return shares

@@ -5,10 +5,9 @@ import json
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 import hw_model as hw
-from hw_model.engine.trace import ByteArray
+from hw_model.arithmetic.arrays import AnyArray, ByteArray, IntArray
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import decided, evaluate
 from locsnn_compile.verification.matching import Divergence
@@ -22,7 +21,7 @@ QUANTITIES = ("synaptic_ops", "spikes", "packets_received")
 
 
 def viewer_values(
-    levels: Levels, recordings: ByteArray, labels: npt.NDArray[np.int64] | None, first: Divergence | None
+    levels: Levels, recordings: ByteArray, labels: IntArray | None, first: Divergence | None
 ) -> dict[str, Any]:
     """Play some of ``recordings`` (samples, steps, channels) to both sides, and return what the page is given.
 
@@ -75,11 +74,11 @@ def viewer_values(
     return shown | {"first": first and vars(first), "quantities": QUANTITIES}
 
 
-def _text(values: npt.NDArray[Any], kind: str) -> str:
+def _text(values: AnyArray, kind: str) -> str:
     return base64.b64encode(values.astype(f"<{kind}").tobytes()).decode()
 
 
-def _kept(levels: Levels, differing: dict[str, npt.NDArray[Any]], room: int) -> dict[str, list[int]]:
+def _kept(levels: Levels, differing: dict[str, AnyArray], room: int) -> dict[str, list[int]]:
     """Return the neurons whose potentials take no more than ``room``: of each population those that differ most."""
     populations, most = levels.network.own_populations, max(map(len, differing.values()))
     # Two sides of 2 bytes a step, in base64.

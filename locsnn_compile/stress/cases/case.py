@@ -6,14 +6,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from hw_model.arithmetic.fixed_point import IntArray
-from hw_model.engine.trace import ByteArray
+from hw_model.arithmetic.arrays import ArrayLike, ByteArray, FloatArray, IntArray
 from hw_model.mapping.graph import Readout
 from locsnn_compile.network.chip_neurons import ChipNeuron
 from locsnn_compile.network.network import InputView, Network, Population
-from locsnn_compile.network.neurons import Cuba, FloatArray, Neuron, SrmAlpha
+from locsnn_compile.network.neurons import Cuba, Neuron, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Projection, Signs, matrix
 from locsnn_compile.passes.rounding.task import FINE, Rounding
 from locsnn_compile.strategies import NATIVE, USUAL
@@ -49,7 +47,7 @@ class Case:
 def srm_cases(
     name: str,
     neuron: SrmAlpha | None = None,
-    given: npt.ArrayLike | None = None,
+    given: ArrayLike | None = None,
     played: ByteArray | None = None,
     *,
     quick: bool = False,
@@ -68,7 +66,7 @@ def srm_cases(
 def lif_case(
     name: str,
     neuron: Cuba | None = None,
-    given: npt.ArrayLike | None = None,
+    given: ArrayLike | None = None,
     played: ByteArray | None = None,
     **more: Any,
 ) -> Case:
@@ -80,7 +78,7 @@ def case_of(
     name: str,
     strategy: str,
     neuron: Neuron,
-    given: npt.ArrayLike,
+    given: ArrayLike,
     played: ByteArray | None = None,
     *,
     delay: int | IntArray = 0,
@@ -97,7 +95,7 @@ def case_of(
 
 def network_of(
     neuron: Neuron,
-    given: npt.ArrayLike,
+    given: ArrayLike,
     *,
     steps: int = STEPS,
     delay: int | IntArray = 0,
@@ -134,7 +132,7 @@ def srm(**changes: float) -> SrmAlpha:
     return replace(SrmAlpha(theta=THETA, tau_sr=10.0, tau_ref=1.0, scale_ref=2.0), **changes)
 
 
-def lif(tau: float = 10.0, size: int = NEURONS, **changes: npt.ArrayLike) -> Cuba:
+def lif(tau: float = 10.0, size: int = NEURONS, **changes: ArrayLike) -> Cuba:
     """Return leaky integrate-and-fire neurons without a current, of a time constant in steps, with changes."""
     return Cuba.of(size, **{"decay_v": -np.expm1(-1.0 / tau), "threshold": THETA, **changes})
 

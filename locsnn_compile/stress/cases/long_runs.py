@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hw_model.engine.trace import ByteArray
-from locsnn_compile.network.neurons import Cuba, FloatArray, SrmAlpha
+from hw_model.arithmetic.arrays import ByteArray, FloatArray
+from locsnn_compile.network.neurons import Cuba, SrmAlpha
 from locsnn_compile.strategies import NATIVE, USUAL
 from locsnn_compile.stress.cases.case import NEURONS, SEED, THETA, Case, case_of, lif, random_input, srm, weights
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 from operator import methodcaller
 
 import hw_model as hw
-from hw_model.engine.trace import ByteArray
+from hw_model.arithmetic.arrays import ByteArray, FloatArray
 from hw_model.mapping.graph import Readout
 from locsnn_compile.network.network import Network
-from locsnn_compile.network.neurons import FloatArray, Neuron
+from locsnn_compile.network.neurons import Neuron
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import ReferenceResult, decided, evaluate
 from locsnn_compile.verification.error_budget.stages import (

@@ -11,8 +11,9 @@ from functools import singledispatch
 
 import numpy as np
 
+from hw_model.arithmetic.arrays import FloatArray
 from hw_model.mapping.graph import CompartmentGraph
-from locsnn_compile.network.neurons import Cuba, FloatArray, Neuron, SoftCuba, SrmAlpha, alpha_recursion
+from locsnn_compile.network.neurons import Cuba, Neuron, SoftCuba, SrmAlpha, alpha_recursion
 from locsnn_compile.network.projections import Matrix
 from locsnn_compile.network.quantized import QuantizedPopulation
 from locsnn_compile.passes.kernels import kernel, own_charges

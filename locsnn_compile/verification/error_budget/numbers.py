@@ -7,13 +7,12 @@ what a decay keeps as ``exp(-1 / tau)``, a threshold of theta times the scale.
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy import sparse
 
+from hw_model.arithmetic.arrays import FloatArray, IntArray
 from hw_model.arithmetic.fixed_point import DECAY_ONE, effective_weight
 from hw_model.mapping.graph import CompartmentGraph, Compartments
 from locsnn_compile.network.network import Network
-from locsnn_compile.network.neurons import FloatArray
 from locsnn_compile.network.projections import Matrix, Projection, by_delay, of_target, values_of, with_values
 from locsnn_compile.passes.kernels import best_gain
 from locsnn_compile.verification.error_budget.twin import TwinGroup, TwinSynapses
@@ -138,5 +137,5 @@ def chip_group(group: Compartments) -> TwinGroup:
     )
 
 
-def _kept(decay: npt.NDArray[np.int64]) -> FloatArray:
+def _kept(decay: IntArray) -> FloatArray:
     return (DECAY_ONE - decay) / DECAY_ONE

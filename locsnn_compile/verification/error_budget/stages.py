@@ -4,11 +4,10 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
+from hw_model.arithmetic.arrays import ByteArray, FloatArray
 from hw_model.description.chip import Registers
-from hw_model.engine.trace import ByteArray
 from hw_model.mapping.graph import Axis
 from locsnn_compile.network.network import Network
-from locsnn_compile.network.neurons import FloatArray
 from locsnn_compile.network.projections import values_of
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.verification.error_budget.forms import forms_of

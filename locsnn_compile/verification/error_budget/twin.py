@@ -9,13 +9,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy import sparse
 
-from hw_model.arithmetic.fixed_point import IntArray
+from hw_model.arithmetic.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from hw_model.description.chip import Registers
-from hw_model.engine.trace import ByteArray
-from locsnn_compile.network.neurons import FloatArray
 from locsnn_compile.network.projections import Matrix
 
 
@@ -38,7 +35,7 @@ class TwinGroup:
     keep_v: FloatArray
     threshold: FloatArray
     bias: FloatArray
-    refractory: npt.NDArray[np.int64]
+    refractory: IntArray
     vmin: FloatArray
     vmax: FloatArray
     truncates: bool
@@ -233,9 +230,9 @@ class _Block:
         if self._blocks:
             self.v[self._blocked > 0] = 0.0
 
-    def fire(self, step: int) -> npt.NDArray[np.bool_]:
+    def fire(self, step: int) -> BoolArray:
         """Keep and return which compartments reach their threshold."""
-        fired: npt.NDArray[np.bool_] = self.v >= self._threshold
+        fired: BoolArray = self.v >= self._threshold
         if self._blocks:
             fired &= self._blocked == 0
         self._spikes[:, step] = fired
@@ -245,7 +242,7 @@ class _Block:
         """Return which compartments of a group reached it, (batch, steps, n)."""
         return np.ascontiguousarray(self._spikes[:, :, self.columns[key]])
 
-    def reset(self, spikes: npt.NDArray[np.bool_]) -> None:
+    def reset(self, spikes: BoolArray) -> None:
         """Reset what spiked, and count its refractory steps."""
         self.v = np.where(spikes, 0.0, self.v)
         if self._blocks:
