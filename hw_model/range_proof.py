@@ -16,7 +16,6 @@ train is a bound: Q * sum over k of a^(kp) for u, and Q * max over m of the sum 
 what decay_u keeps in a step and h is the answer of both decays in a row.
 """
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -25,8 +24,8 @@ from hw_model.arithmetic.arrays import BoolArray, FloatArray, IntArray
 from hw_model.arithmetic.fixed_point import DECAY_ONE
 from hw_model.description.chip import Registers
 from hw_model.io.given import checked
-from hw_model.io.shown import Shown
 from hw_model.program.chip_program import ChipProgram, Core
+from hw_model.values import Frozen, Shown
 
 PERIODS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 512, 1024, 2048, 4096)
 """Steps between spikes of a source that are tried, shortest first."""
@@ -34,8 +33,7 @@ TAIL = 1e-9
 """Share of a filter's answer that may be left out; it is added back as a guard."""
 
 
-@dataclass(frozen=True, eq=False)
-class Bounds:
+class Bounds(Frozen, eq=False):
     """Lowest and highest value that a register could reach before it wraps or is clipped; arrays (compartments,)."""
 
     low: FloatArray
@@ -47,7 +45,6 @@ class Bounds:
         return inside
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class CoreRange(Shown):
     """What is proven of the compartments of one core; arrays (compartments,).
 

@@ -2,7 +2,6 @@
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 from typing import Literal, get_args
 
@@ -16,9 +15,9 @@ from hw_model.engine.probes import KINDS, Kind, PhaseProbes, Probe, hull, read_p
 from hw_model.engine.trace import EVENTS, PhaseInput, PhaseTrace, Register, Window
 from hw_model.errors import InputError, did_you_mean
 from hw_model.io.given import checked
-from hw_model.io.shown import Shown
 from hw_model.mapping.graph import largest
 from hw_model.program.chip_program import ChipProgram
+from hw_model.values import Shown
 
 Engine = Literal["fast", "reference"]
 ENGINES: tuple[Engine, ...] = get_args(Engine)
@@ -27,7 +26,6 @@ MAX_TOGETHER = 1 << 26
 """Spikes, 0 or 1, that are held at a time before they are counted: recordings go in parts of at most so many."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class SimulationResult(Shown):
     """What a simulation found; arrays are (batch, steps, n), or (steps, n) where one recording was given.
 

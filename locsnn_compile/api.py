@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from hw_model.io.build_folder import write_build
 from hw_model.io.given import checked
 from hw_model.program.write import program_files
 from hw_model.streaming.session import check_psi
+from hw_model.values import Frozen
 from locsnn_compile.backends import EXCHANGE_KINDS, LEVEL_KINDS
 from locsnn_compile.backends.exchange import exchange_file
 from locsnn_compile.choose_strategy import Choice, choose_strategy, lower_as
@@ -52,8 +53,7 @@ SYNTHETIC_SAMPLES = 16
 SYNTHETIC_SEED = 0
 
 
-@dataclass(frozen=True, eq=False)
-class CompiledModel:
+class CompiledModel(Frozen, eq=False):
     """A program, the network it came from, and the report of their comparison."""
 
     levels: Levels

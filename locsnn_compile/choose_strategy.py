@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import hw_model as hw
 from hw_model.description.counts import total
-from hw_model.io.shown import Shown
+from hw_model.values import Shown
 from locsnn_compile.cluster.spread import Spread, here
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import TargetError
@@ -27,7 +27,6 @@ SHARES = (0.0, 0.25, 1.0)
 """Shares of weights that are split in turn, until a budget is kept."""
 
 
-@dataclass(frozen=True)
 class Candidate(Losses):
     """What a setting loses on the calibration recordings."""
 
@@ -39,7 +38,6 @@ class Candidate(Losses):
         return self.setting.strategy
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Choice(Shown):
     """The candidate that was taken, its program, all that were compared, on how many recordings of which source."""
 

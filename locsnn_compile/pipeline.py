@@ -2,16 +2,16 @@
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import hw_model as hw
-from hw_model.io.shown import Shown
 from hw_model.mapping.arrangement import arrange_cores
 from hw_model.mapping.graph import CompartmentGraph
 from hw_model.mapping.placement import PlacedGraph, place_cores
 from hw_model.mapping.routing import RoutedGraph, route_axons
 from hw_model.program.assemble import assemble
 from hw_model.program.text import compartments_text, placed_text, program_text, routed_text
+from hw_model.values import Shown
 from locsnn_compile.network.check import check_network
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.quantized import QuantizedNetwork
@@ -24,7 +24,6 @@ from locsnn_compile.reference.evaluate import Calibration
 _log = logging.getLogger("locsnn")
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Levels(Shown):
     """A network at every level, from float to program."""
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple
 from typing import TYPE_CHECKING, Any
 
+from hw_model.values import Frozen
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.strategies import AUTO, STRATEGIES
 
@@ -31,8 +32,7 @@ def has_both_axes(network: Network) -> bool:
     return len({population.axis for population in network.populations}) == 2
 
 
-@dataclass(frozen=True)
-class Axis:
+class Axis(Frozen):
     """One option of the compiler: ``name`` is its keyword in ``compile``, and its option with dashes for underscores.
 
     ``values`` are tried where the option ``matters`` to a network; elsewhere there is only the ``neutral`` one. Others
@@ -84,8 +84,7 @@ AXES = (
 )
 
 
-@dataclass(frozen=True)
-class Setting:
+class Setting(Frozen):
     """How a network is compiled: keyword arguments of ``compile``, one of each axis, in the order of :data:`AXES`."""
 
     strategy: str

@@ -3,7 +3,7 @@
 Nothing here imports anything heavy, so that help and completion can say the names.
 """
 
-from dataclasses import dataclass
+from hw_model.values import Frozen
 
 NATIVE = "native"
 """What neurons are that the chip has as they are: they need no strategy."""
@@ -11,8 +11,7 @@ AUTO = "auto"
 """The cheapest strategy that loses no more than it may."""
 
 
-@dataclass(frozen=True)
-class Strategy:
+class Strategy(Frozen):
     """``layout``: a neuron in compartments, in words; it has so many ``dendrites`` of each kind.
 
     ``trainable``: networks can be trained on its integers. A ``last_resort`` costs more than any other, with split

@@ -1,7 +1,6 @@
 """Count what a batch did in a phase, from its spikes and from what one spike of each source causes."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -10,12 +9,11 @@ from hw_model.accounting.mesh_routes import PER_PACKET, Routes, routes_of
 from hw_model.arithmetic.arrays import BoolArray, ByteArray, FloatArray, Int32Array, IntArray
 from hw_model.description.counts import BY_CORE, COUNTED
 from hw_model.engine.trace import EVENTS, PhaseInput, PhaseTrace
-from hw_model.io.shown import Shown
 from hw_model.program.chip_program import ChipProgram
 from hw_model.program.pieces import Pieces, pieces_of
+from hw_model.values import Shown
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class StepActivity(Shown):
     """One recording in one phase, step by step; several may be stacked, with a dimension in front.
 

@@ -10,7 +10,6 @@ passes one packet in the time of a hop, it waits on the busiest link of its way 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,8 +19,8 @@ from hw_model.arithmetic.arrays import BoolArray, FloatArray, IntArray
 from hw_model.description.counts import Counts
 from hw_model.description.profile import Profile
 from hw_model.io.given import checked
-from hw_model.io.shown import Shown
 from hw_model.program.chip_program import ChipProgram
+from hw_model.values import Frozen, Shown
 
 UPDATES = ("neuron_updates", "neuron_updates_active", "neuron_updates_inactive")
 SENDING = ("spikes", "axon_packets", "packets_within_tile")
@@ -37,7 +36,6 @@ def energy_pj(counts: Counts, profile: Profile) -> dict[str, float]:
     return {name: counts[name] * cost for name, cost in profile.energy_pj.items()}
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Latency(Shown):
     """Time of one recording: its phases follow each other. Host input is not in it."""
 
@@ -51,8 +49,7 @@ class Latency(Shown):
     """The longest step that a row of the recording takes; 0 where no phase plays rows as they come."""
 
 
-@dataclass(frozen=True, eq=False)
-class StepTimes:
+class StepTimes(Frozen, eq=False):
     """Where the time of one phase goes, in nanoseconds, arrays (..., steps, cores) or (..., steps, ways).
 
     ``work_ns[count]``: what a core works on each operation. ``buffer_ns``: reading the transpose buffer, before the
@@ -101,8 +98,7 @@ class StepTimes:
         return arrived
 
 
-@dataclass(frozen=True, eq=False)
-class CriticalPath:
+class CriticalPath(Frozen, eq=False):
     """What decides how long each step takes, arrays (..., steps).
 
     ``last``: the core that is done last; ``sender``: the core whose packet it waited for, itself where it waited for

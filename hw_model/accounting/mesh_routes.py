@@ -1,7 +1,6 @@
 """The ways of spikes between the cores of a phase: X first, then Y, link by link."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
 
@@ -10,14 +9,14 @@ import numpy as np
 from hw_model.arithmetic.arrays import ByteArray, FloatArray, IntArray
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.program.pieces import pieces_of
+from hw_model.values import Frozen
 
 Tile = tuple[int, int]
 PER_PACKET = ("axon_packets", "packets_within_tile", "hops_x", "hops_y")
 """Counts of a packet, which its way decides."""
 
 
-@dataclass(frozen=True, eq=False)
-class Routes:
+class Routes(Frozen, eq=False):
     """The ways that packets of a phase can take, sorted by the piece that sends them.
 
     Way r goes from ``piece[r]`` of the phase (:mod:`hw_model.program.pieces`), on core ``source[r]``, to core

@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -13,13 +12,13 @@ from hw_model.accounting.activity import StepActivity, stacked
 from hw_model.arithmetic.arrays import FloatArray, IntArray
 from hw_model.description.profile import Profile
 from hw_model.program.chip_program import ChipProgram
+from hw_model.values import Frozen
 
 MAX_TOGETHER = 1 << 21
 """Steps times ways that are held at a time."""
 
 
-@dataclass(frozen=True, eq=False)
-class PhaseUsage:
+class PhaseUsage(Frozen, eq=False):
     """Sums over recordings in one phase.
 
     ``counts[name]`` (steps, pieces) for each of :data:`hw_model.description.counts.BY_CORE`; ``link_packets`` (links,),

@@ -4,13 +4,13 @@ All values are int64 arrays holding integers that fit the chip's registers; no f
 Letters: ``x`` a register value, ``d`` an effective decay in 0..4096, ``m`` a weight mantissa, ``e`` an exponent.
 """
 
-from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
 
 from hw_model.arithmetic.arrays import BoolArray, FloatArray, IntArray
 from hw_model.errors import InputError, did_you_mean
+from hw_model.values import Frozen
 
 DECAY_BITS = 12
 """An effective decay is a fraction of 2^12 = 4096: 0 keeps everything, 4096 keeps nothing."""
@@ -51,8 +51,7 @@ WEIGHT_BITS = (1, 2, 3, 4, 5, 6, 8)
 WEIGHT_EXPONENTS = range(-8, 8)
 
 
-@dataclass(frozen=True)
-class WeightGrid:
+class WeightGrid(Frozen):
     """Mantissas ``low, low + step, ..., high`` that a synapse format can hold.
 
     A format of ``b`` bits keeps the ``b`` high bits of an 8-bit magnitude; in mixed mode one of them is the sign:

@@ -1,7 +1,7 @@
 """A chip description: register widths, limits, mesh, and named energy and time profiles, read from YAML."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from hw_model.description.profile import Profile
 from hw_model.description.read import parse, read_description
 from hw_model.errors import InputError, did_you_mean
 from hw_model.io.given import checked
-from hw_model.io.shown import Shown
+from hw_model.values import Frozen, Shown
 
 _YAML = (".yaml", ".yml")
 MAX_CORES = 1 << 20
@@ -29,8 +29,7 @@ def within(least: int, most: int, **default: Any) -> Any:
     return field(metadata={"within": (least, most)}, **default)
 
 
-@dataclass(frozen=True)
-class Registers:
+class Registers(Frozen):
     """Register widths in bits (sign not counted) and the largest settings."""
 
     charge_bits: int = within(9, 40)
@@ -64,8 +63,7 @@ class Registers:
         return self.delay_max + 2
 
 
-@dataclass(frozen=True)
-class Mesh:
+class Mesh(Frozen):
     """Tiles of a chip in columns and rows; packets travel x first, then y."""
 
     columns: int
@@ -78,8 +76,7 @@ class Mesh:
         return self.columns * self.rows
 
 
-@dataclass(frozen=True)
-class Limits:
+class Limits(Frozen):
     """What one core, or one chip, holds at most."""
 
     cores_per_chip: int = within(1, 65_536)
@@ -92,8 +89,7 @@ class Limits:
     threshold_profiles_per_core: int = within(1, 65_536)
 
 
-@dataclass(frozen=True)
-class SynapseMemory:
+class SynapseMemory(Frozen):
     """Cost of an axon's synapse list, in memory words."""
 
     word_bits: int = within(1, 4_096)
@@ -109,8 +105,7 @@ class SynapseMemory:
         return words
 
 
-@dataclass(frozen=True)
-class TransposeBuffer:
+class TransposeBuffer(Frozen):
     """The buffer that turns a recording for location phases: an assumption of this model, outside the cores.
 
     Events are written while the recording comes; each takes ``cycles_per_event`` to be read.
@@ -119,8 +114,7 @@ class TransposeBuffer:
     cycles_per_event: float
 
 
-@dataclass(frozen=True, repr=False)
-class Chip(Shown):
+class Chip(Shown, eq=True):
     """A chip and its board, as `hw_model/chips/*.yaml` describes it."""
 
     name: str

@@ -1,11 +1,12 @@
 """What a simulation counts: integers only, so that energy and latency have nothing to do but multiply."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import fields
+
+from hw_model.values import Frozen
 
 
-@dataclass(frozen=True)
-class Counts:
+class Counts(Frozen):
     """Integer totals of one recording, or of several added up.
 
     Read a count as ``counts.spikes`` or ``counts["spikes"]``; ``dict(counts)`` has them all.

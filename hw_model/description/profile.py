@@ -1,18 +1,17 @@
 """Energy and time profiles: published sets of costs, each constant with its source, its range and its voltage."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Literal
 
-from hw_model.io.shown import Shown
+from hw_model.values import Frozen, Shown
 
 Range = tuple[float | None, float | None]
 """Least and most that a constant can be; None: not known."""
 End = Literal["least", "most"]
 
 
-@dataclass(frozen=True)
-class Barrier:
+class Barrier(Frozen):
     """Time of the mesh-wide barrier, for one tile and for all tiles of a chip."""
 
     one_tile: float
@@ -24,8 +23,7 @@ class Barrier:
         return self.one_tile + share * (self.all_tiles - self.one_tile)
 
 
-@dataclass(frozen=True)
-class StaticPower:
+class StaticPower(Frozen):
     """Power that a whole chip draws whatever it does, in milliwatts."""
 
     chip_mw: float
@@ -36,8 +34,7 @@ class StaticPower:
         return self.chip_mw * chips * ns
 
 
-@dataclass(frozen=True)
-class NotIncluded:
+class NotIncluded(Frozen):
     """Something that a profile does not price; ``bound_pj`` bounds it by counts, where a bound is known."""
 
     what: str
@@ -45,8 +42,7 @@ class NotIncluded:
     bound_source: str = ""
 
 
-@dataclass(frozen=True, repr=False)
-class Profile(Shown):
+class Profile(Shown, eq=True):
     """One published set of costs: picojoules and nanoseconds for each count it prices.
 
     ``energy_pj_range`` and ``time_ns_range`` hold the constants that the source gives as a least, a most or both;

@@ -1,7 +1,7 @@
 """Reads dataclasses from YAML, refusing in one line what they do not name: chips and energy profiles."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import MISSING, Field, dataclass, fields
+from dataclasses import MISSING, Field, fields
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
@@ -11,6 +11,7 @@ from hw_model.description.counts import BY_CORE, COUNT_NAMES
 from hw_model.description.profile import NotIncluded, Profile, Range
 from hw_model.errors import InputError, did_you_mean
 from hw_model.io.yaml_text import load_yaml
+from hw_model.values import Frozen
 
 T = TypeVar("T")
 MAX_FILE_BYTES = 1 << 20
@@ -61,8 +62,7 @@ def _reason(error: OSError | UnicodeDecodeError) -> str:
     return "it is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else (error.strerror or "unknown")
 
 
-@dataclass(frozen=True)
-class _Reader:
+class _Reader(Frozen):
     where: str
 
     def build(self, cls: type[T], value: object, key: str, **given: object) -> T:

@@ -9,7 +9,6 @@ quicker, else as lists.
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -21,6 +20,7 @@ from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT
 from hw_model.mapping.circles import sources_first
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.program.pieces import Pieces, pieces_of
+from hw_model.values import Frozen
 
 Lanes = Int32Array | IntArray
 
@@ -139,8 +139,7 @@ class Nodes(NamedTuple):
     chunk: IntArray
 
 
-@dataclass(frozen=True, eq=False)
-class FastLayout:
+class FastLayout(Frozen, eq=False):
     """A phase, of which the first ``inputs`` nodes are inputs; the named tuples are what the compiled loops take.
 
     ``slot`` (columns,) tells the slot of every column.
@@ -251,8 +250,7 @@ def _blocks(nodes: _Numbering, pairs: Iterable[Ends]) -> list[list[int]]:
     return [sorted((first + i for i in block), key=lambda node: (-depth(node), node)) for block in order]
 
 
-@dataclass(frozen=True, eq=False)
-class _Cut:
+class _Cut(Frozen, eq=False):
     """Pieces cut into chunks: node, piece, first column and width of each chunk, the slot of every column.
 
     ``of_node``: the first chunk of each node, with the end.

@@ -1,7 +1,6 @@
 """How recordings become spikes on a phase's input lines: as they come, or through the transpose buffer."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,6 +9,7 @@ from hw_model.engine.trace import EventLists, PhaseInput
 from hw_model.errors import InputError
 from hw_model.mapping.graph import Input, Phase
 from hw_model.program.chip_program import ChipProgram
+from hw_model.values import Frozen
 
 Spikes = ArrayLike | Mapping[str, ArrayLike]
 
@@ -82,8 +82,7 @@ def transpose(events: EventLists, item: Input, steps: int) -> EventLists:
     return EventLists(first, np.concatenate(parts))
 
 
-@dataclass(frozen=True)
-class Player:
+class Player(Frozen):
     """How events are listed and transposed; the two engines bring their own, which give the same lists."""
 
     list_events: Callable[[ByteArray], EventLists] = list_events

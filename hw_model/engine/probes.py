@@ -1,7 +1,6 @@
 """What of a simulation to keep: spikes and registers, of all or chosen populations, in all or chosen steps."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
@@ -10,14 +9,14 @@ from hw_model.arithmetic.arrays import AnyArray
 from hw_model.engine.trace import REGISTERS, Register, Window
 from hw_model.errors import InputError, did_you_mean
 from hw_model.program.chip_program import ChipProgram
+from hw_model.values import Frozen
 
 Kind = Literal["spikes", "u", "v", "potential", "activity"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 """``activity`` keeps the counts of every step and core, which latency is computed from."""
 
 
-@dataclass(frozen=True)
-class Probe:
+class Probe(Frozen):
     """Keep ``kind`` of ``populations`` (None: all) in rows ``steps`` (None: all; a range of step 1)."""
 
     kind: Kind

@@ -4,12 +4,13 @@ Columns are the compartments of the phase, group by group, as
 :meth:`hw_model.program.chip_program.ChipProgram.columns_of` says.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Literal, get_args
 
 import numpy as np
 
 from hw_model.arithmetic.arrays import ByteArray, Int32Array, IntArray
+from hw_model.values import Frozen
 
 Register = Literal["u", "v", "potential"]
 REGISTERS: tuple[Register, ...] = get_args(Register)
@@ -18,8 +19,7 @@ REGISTERS: tuple[Register, ...] = get_args(Register)
 EVENTS = ("charge_wraps", "current_wraps", "voltage_clips")
 
 
-@dataclass(frozen=True, eq=False)
-class Window:
+class Window(Frozen, eq=False):
     """What to keep of a register: ``columns``, in rows ``start..stop``."""
 
     columns: IntArray
@@ -34,8 +34,7 @@ class Window:
 NOTHING = Window(np.empty(0, dtype=np.int64), 0, 0)
 
 
-@dataclass(frozen=True, eq=False)
-class EventLists:
+class EventLists(Frozen, eq=False):
     """Spikes of a batch as lists: those of recording b in row r are channels ``channel[first[b, r]:first[b, r + 1]]``.
 
     ``first`` (batch, rows + 1), ``channel`` (events,), ascending within a row.
@@ -61,8 +60,7 @@ class EventLists:
         return recording, parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
-@dataclass(frozen=True, eq=False)
-class PhaseInput:
+class PhaseInput(Frozen, eq=False):
     """Spikes of a phase's input lines, as the buffer leaves them, one :class:`EventLists` of ``steps`` rows an input.
 
     ``sizes``: lines of each input. ``input_events``, ``transpose_events`` and ``events_dropped`` (batch,) count what
@@ -88,8 +86,7 @@ class PhaseInput:
         return dense
 
 
-@dataclass(frozen=True, eq=False)
-class PhaseTrace:
+class PhaseTrace(Frozen, eq=False):
     """What a batch did in a phase of n columns.
 
     ``spikes`` (batch, steps, n); ``sent`` (batch, lines + n): spikes of every source over all steps, input lines first;

@@ -5,7 +5,6 @@ number that fits is read off. A window is twice what the last core took, so that
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,12 +12,12 @@ from hw_model.arithmetic.arrays import IntArray
 from hw_model.description.chip import Chip
 from hw_model.mapping.fan_in import FanIn, SynapseFormat
 from hw_model.mapping.graph import Compartments
+from hw_model.values import Frozen
 
 FIRST_WINDOW = 64
 
 
-@dataclass(frozen=True)
-class Limit:
+class Limit(Frozen):
     """A limit of a core that is exceeded, and a way out."""
 
     what: str

@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -11,10 +10,10 @@ from hw_model.arithmetic.arrays import AnyArray, IntArray
 from hw_model.arithmetic.fixed_point import SignMode
 from hw_model.description.chip import Chip
 from hw_model.mapping.graph import CompartmentGraph, Synapses, held
+from hw_model.values import Frozen
 
 
-@dataclass(frozen=True, order=True)
-class SynapseFormat:
+class SynapseFormat(Frozen, order=True):
     """How a run of synapses is stored; dense lists need no index bits."""
 
     weight_bits: int
@@ -46,8 +45,7 @@ class SynapseFormat:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class FanIn:
+class FanIn(Frozen, eq=False):
     """A projection by target, under a name of its own.
 
     ``source`` counts through all inputs and groups of the graph, see :func:`first_source`.

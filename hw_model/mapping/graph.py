@@ -5,7 +5,7 @@ CompartmentGraph -> PlacedGraph -> RoutedGraph -> ChipProgram
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import field, fields
 from typing import Literal
 
 import numpy as np
@@ -14,6 +14,7 @@ from hw_model.arithmetic.arrays import AnyArray, ArrayLike, FloatArray, IntArray
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_EXPONENTS, SignMode, weight_grid
 from hw_model.description.chip import Chip
 from hw_model.errors import InputError, TargetError
+from hw_model.values import Frozen
 
 Axis = Literal["time", "location"]
 
@@ -42,8 +43,7 @@ def held(array: ArrayLike) -> AnyArray:
     return copy
 
 
-@dataclass(frozen=True)
-class Phase:
+class Phase(Frozen):
     """One run over one step axis; ``steps`` is None where the recording decides."""
 
     name: str
@@ -51,8 +51,7 @@ class Phase:
     steps: int | None
 
 
-@dataclass(frozen=True, eq=False)
-class Input:
+class Input(Frozen, eq=False):
     """``size`` input lines of a phase, fed from the recording ``stream`` (steps, channels).
 
     With ``positions`` None, line c spikes at step t where channel c does. Else through the transpose buffer: an event
@@ -88,8 +87,7 @@ class Input:
         return bool((one_step & (np.diff(first_lines[order]) < self.rows)).any())
 
 
-@dataclass(frozen=True, eq=False)
-class Compartments:
+class Compartments(Frozen, eq=False):
     """A group of ``size`` compartments; every parameter is an array (size,) of integers.
 
     ``u = rz(u, decay_u) + q``; ``v = rz(v, decay_v) + u + bias``, plus the v of joined children; spike where
@@ -116,8 +114,7 @@ class Compartments:
         return self.joined_to is None
 
 
-@dataclass(frozen=True, eq=False)
-class Synapses:
+class Synapses(Frozen, eq=False):
     """Synapses from ``source`` (input or compartments) to ``target``, one row each, ordered by source, then target.
 
     Their arrays may have 32 bits a number, see :func:`held`.
@@ -139,8 +136,7 @@ class Synapses:
         return int(self.delay.max(initial=0)).bit_length()
 
 
-@dataclass(frozen=True)
-class Readout:
+class Readout(Frozen):
     """Class scores: what populations of one size give, weighted and added. Ties go to the first class.
 
     A population gives its spike counts; with ``potentials_from``, its largest potentials from that step on: v as the
@@ -171,8 +167,7 @@ def largest(potential: AnyArray, first: int) -> FloatArray:
     return np.asarray(rows.max(axis=1) if rows.shape[1] else np.zeros(rows.shape[::2]), dtype=np.float64)
 
 
-@dataclass(frozen=True, eq=False)
-class CompartmentGraph:
+class CompartmentGraph(Frozen, eq=False):
     """A whole network as compartments and synapses of integers."""
 
     name: str

@@ -5,7 +5,7 @@ After:  every compartment is in exactly one slice on one core; joined compartmen
         serves one phase and no core exceeds a limit. Cores are numbered in network order, and sit on the board so.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import groupby
 
 import numpy as np
@@ -17,10 +17,10 @@ from hw_model.errors import TargetError
 from hw_model.mapping.core_load import CoreLoad, Limit, first_broken
 from hw_model.mapping.fan_in import FanIn, fan_in, first_source
 from hw_model.mapping.graph import CompartmentGraph, Compartments
+from hw_model.values import Frozen
 
 
-@dataclass(frozen=True)
-class Slice:
+class Slice(Frozen):
     """Compartments ``start..stop`` of a group, on a core from compartment ``offset`` on."""
 
     group: str
@@ -35,8 +35,7 @@ class Slice:
         return self.stop - self.start
 
 
-@dataclass(frozen=True, eq=False)
-class PlacedGraph:
+class PlacedGraph(Frozen, eq=False):
     """A graph with the core of every compartment; core i sits at ``slots[i]`` of the board.
 
     Slot ``k`` is core ``k % cores_per_chip`` of chip ``k // cores_per_chip``. ``axons[i]`` are the sources that reach
@@ -65,8 +64,7 @@ class PlacedGraph:
         return core
 
 
-@dataclass(frozen=True)
-class Cluster:
+class Cluster(Frozen):
     """Groups joined to each other, children first: neuron i is compartment i of each."""
 
     groups: tuple[Compartments, ...]

@@ -5,7 +5,7 @@ After:  every source (input line or compartment) has one input axon on each core
         of its synapses there exactly once; every compartment has one output axon for each core that it reaches.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,10 +16,10 @@ from hw_model.mapping.fan_in import FanIn, SynapseFormat, fan_in, first_source
 from hw_model.mapping.graph import held
 from hw_model.mapping.placement import PlacedGraph, Slice
 from hw_model.mapping.synapse_lists import synapse_lists
+from hw_model.values import Frozen
 
 
-@dataclass(frozen=True, eq=False)
-class AxonTables:
+class AxonTables(Frozen, eq=False):
     """Axons and synapse lists of one core; compartments are numbered as on the core.
 
     Input axon j's list is rows ``list_start[j]..list_start[j + 1]`` of the synapse arrays, which may have 32 bits a
@@ -54,8 +54,7 @@ class AxonTables:
         return len(self.out_axon)
 
 
-@dataclass(frozen=True, eq=False)
-class RoutedCore:
+class RoutedCore(Frozen, eq=False):
     """One core: its slot on the board, the slices that live on it, and their axons."""
 
     number: int
@@ -65,8 +64,7 @@ class RoutedCore:
     axons: AxonTables
 
 
-@dataclass(frozen=True, eq=False)
-class InputRoute:
+class InputRoute(Frozen, eq=False):
     """Where the spikes of an input's lines go: row by row a line, a core and an input axon there."""
 
     input: str
@@ -75,8 +73,7 @@ class InputRoute:
     axon: IntArray
 
 
-@dataclass(frozen=True, eq=False)
-class RoutedGraph:
+class RoutedGraph(Frozen, eq=False):
     """A placed graph with every axon and synapse list."""
 
     placed: PlacedGraph

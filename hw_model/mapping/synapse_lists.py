@@ -7,20 +7,19 @@ on. A dense list has no index: it ends where its targets do not simply go on, an
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hw_model.arithmetic.arrays import BoolArray, IntArray
+from hw_model.values import Frozen
 
 if TYPE_CHECKING:
     from hw_model.description.chip import SynapseMemory
     from hw_model.mapping.fan_in import SynapseFormat
 
 
-@dataclass(frozen=True, eq=False)
-class SynapseLists:
+class SynapseLists(Frozen, eq=False):
     """Rows ``order[start[i] : start[i] + length[i]]`` of a core's synapses are list i, of axon ``axon[i]``.
 
     ``width`` of a synapse in bits, ``words`` of memory, and whether the list is ``dense``; all (lists,) but ``order``.

@@ -1,6 +1,5 @@
 """Programs written by hand: name inputs and compartments, connect them, build."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -27,14 +26,14 @@ from hw_model.mapping.placement import place_cores
 from hw_model.mapping.routing import route_axons
 from hw_model.program.assemble import assemble
 from hw_model.program.chip_program import ChipProgram
+from hw_model.values import Frozen
 
 Ints = int | ArrayLike
 _LARGEST = 1 << 53
 """Magnitudes up to this are the same number in float64 and in int64; beyond, numpy's integers go round."""
 
 
-@dataclass(frozen=True)
-class Node:
+class Node(Frozen):
     """An input or a group of compartments of a builder, to connect from or to."""
 
     name: str

@@ -1,7 +1,6 @@
 """The last level: everything a chip is loaded with, core by core, and how a recording is played to it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -11,14 +10,13 @@ from hw_model.arithmetic.arrays import IntArray
 from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT, effective_weight
 from hw_model.description.chip import Chip
 from hw_model.io.given import checked
-from hw_model.io.shown import Shown
 from hw_model.mapping.graph import Input, Phase, Readout
 from hw_model.mapping.placement import Slice
 from hw_model.mapping.routing import AxonTables, InputRoute
+from hw_model.values import Frozen, Shown
 
 
-@dataclass(frozen=True, order=True)
-class CompartmentProfile:
+class CompartmentProfile(Frozen, order=True):
     """Settings that compartments of a core share; ``joined`` ones add their v to their parent and do not spike."""
 
     decay_u: int
@@ -27,8 +25,7 @@ class CompartmentProfile:
     joined: int
 
 
-@dataclass(frozen=True, eq=False)
-class Core:
+class Core(Frozen, eq=False):
     """One core: ``profile[i]``, ``threshold[i]``, bias and ``parent[i]`` (-1: none) configure compartment i.
 
     ``number`` counts the program's cores, ``slot`` those of the board (chip ``slot // cores_per_chip``).
@@ -81,7 +78,6 @@ class Core:
         return self.bias_mantissa << self.bias_exponent
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class ChipProgram(Shown):
     """A program for a chip; phases run one after the other, each over its own step axis."""
 

@@ -1,16 +1,15 @@
 """Pieces: what a core holds of a group. The finest place that a count is kept for."""
 
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
 
 from hw_model.arithmetic.arrays import ByteArray, IntArray
 from hw_model.program.chip_program import ChipProgram
+from hw_model.values import Frozen
 
 
-@dataclass(frozen=True, eq=False)
-class Pieces:
+class Pieces(Frozen, eq=False):
     """The pieces of a phase, core by core, on each core in the order of its compartments.
 
     Piece p is columns ``first[p]..stop[p]`` of ``group[p]``, on the phase's core ``core[p]`` (an index, not its

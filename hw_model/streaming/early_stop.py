@@ -3,7 +3,6 @@ silence.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,14 +14,13 @@ from hw_model.engine.playing import Spikes, read_streams
 from hw_model.engine.probes import Kind, Probe
 from hw_model.errors import InputError
 from hw_model.io.given import checked
-from hw_model.io.shown import Shown
 from hw_model.program.chip_program import ChipProgram
 from hw_model.simulation import SimulationResult, simulate
 from hw_model.streaming.proof import Proof, members_of
 from hw_model.streaming.session import Session, leads
+from hw_model.values import Shown
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Stops(Shown):
     """Where each recording of a batch stops, and what was done until then.
 

@@ -6,7 +6,6 @@ step: see :mod:`hw_model.streaming.location_phase`.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -16,14 +15,13 @@ from hw_model.engine.layout import fast_layout
 from hw_model.engine.playing import Spikes, read_streams
 from hw_model.errors import InputError
 from hw_model.io.given import checked
-from hw_model.io.shown import Shown
 from hw_model.mapping.graph import Phase, Readout
 from hw_model.program.chip_program import ChipProgram
 from hw_model.streaming.location_phase import Replay
 from hw_model.streaming.time_phase import Live, Read
+from hw_model.values import Shown
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class StepScores(Shown):
     """The state of the readout after each of some steps.
 

@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from xml.etree import ElementTree
 
 import numpy as np
@@ -10,13 +9,13 @@ import numpy as np
 import hw_model as hw
 from hw_model.io.xml_text import xml_file, xml_text
 from hw_model.program.chip_program import Core
+from hw_model.values import Frozen
 
 Values = Mapping[str, str | int | bool]
 Edge = tuple[str, str, Values]
 
 
-@dataclass(frozen=True, eq=False)
-class ProgramGraph:
+class ProgramGraph(Frozen, eq=False):
     """Nodes by their names, and edges (source, target, values), in the program's order.
 
     A node is an ``input`` or a slice of ``compartments``, ``start`` to ``stop`` of a group on a core. An edge counts

@@ -1,7 +1,6 @@
 """One recording played to a program with every spike and register kept: what all emitters read."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -13,11 +12,11 @@ from hw_model.engine.trace import Register
 from hw_model.mapping.graph import Phase
 from hw_model.program.chip_program import Core
 from hw_model.simulation import SimulationResult
+from hw_model.values import Frozen
 from locsnn_compile.errors import InputError
 
 
-@dataclass(frozen=True, eq=False)
-class Played:
+class Played(Frozen, eq=False):
     """A recording on a program.
 
     ``lines[phase]`` (steps, lines): spikes of the phase's input lines, inputs one after the other, as the transpose

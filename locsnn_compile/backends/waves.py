@@ -6,12 +6,12 @@ it and keep their last value after it.
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 import hw_model as hw
 from hw_model.arithmetic.arrays import IntArray
+from hw_model.values import Frozen
 from locsnn_compile.backends.names import unique_names
 from locsnn_compile.backends.played import Played
 from locsnn_compile.errors import InputError, did_you_mean
@@ -23,8 +23,7 @@ _STEP_BITS = 32
 _PROBE = re.compile(r"(?P<group>.+)\[(?P<first>[0-9]{1,9})(?::(?P<stop>[0-9]{1,9}))?\]")
 
 
-@dataclass(frozen=True, eq=False)
-class _Signal:
+class _Signal(Frozen, eq=False):
     """A signal in its scopes: ``values`` from time ``start`` on, in two's complement of ``width`` bits."""
 
     scopes: tuple[str, ...]
@@ -129,8 +128,7 @@ def _plain(text: str) -> str:
     return " ".join(text.replace("$", "_").split()).encode("ascii", "replace").decode()
 
 
-@dataclass(frozen=True, order=True)
-class Compartment:
+class Compartment(Frozen, order=True):
     """Compartment ``index`` of a group."""
 
     group: str

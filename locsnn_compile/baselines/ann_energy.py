@@ -1,7 +1,6 @@
 """Energy of a conventional network's arithmetic: operations times published costs at 45 nm, memory traffic left out."""
 
-from dataclasses import dataclass
-
+from hw_model.values import Frozen
 from locsnn_compile.baselines.operations import AnnCounts
 
 ANN_ENERGY_SOURCE = "Horowitz, Computing's energy problem, ISSCC 2014: arithmetic at 45 nm and 0.9 V"
@@ -12,8 +11,7 @@ ANN_NOT_INCLUDED = (
 )
 
 
-@dataclass(frozen=True)
-class Arithmetic:
+class Arithmetic(Frozen):
     """Picojoules of a multiplication and of an addition."""
 
     multiplication_pj: float

@@ -7,11 +7,11 @@ the counts below give its printed figures to the last digit.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
 from hw_model.arithmetic.arrays import ByteArray, IntArray
+from hw_model.values import Frozen
 from locsnn_compile.baselines.ann_shapes import CONVOLUTIONS, convolved
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.network.network import Network
@@ -21,8 +21,7 @@ CHANNELS_PER_FINGERTIP = 78
 ANN_NAMES = ("cnn-3d", "gru-mlp")
 
 
-@dataclass(frozen=True)
-class AnnCounts:
+class AnnCounts(Frozen):
     """Operations of one recording; ``macs`` of the multiplications are each followed by an addition to a sum."""
 
     macs: int

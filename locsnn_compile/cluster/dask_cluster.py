@@ -3,10 +3,10 @@
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
+from hw_model.values import Frozen
 from locsnn_compile.cluster.code import check_code, code_version
 from locsnn_compile.cluster.spread import Part, Result, Spread, here, packed, work_packed
 from locsnn_compile.errors import InputError
@@ -17,8 +17,7 @@ AHEAD = 2
 """Parts for each thread of the cluster that are under way: the next one is there when one is done."""
 
 
-@dataclass(frozen=True)
-class Cluster:
+class Cluster(Frozen):
     """A connected ``distributed.Client``; ``where`` is how errors name it."""
 
     client: Any

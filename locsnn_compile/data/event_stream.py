@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from hw_model.arithmetic.arrays import AnyArray, ByteArray, FloatArray, IntArray
+from hw_model.values import Frozen
 from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS, Binned
 from locsnn_compile.errors import InputError, check_most
 
@@ -18,8 +18,7 @@ MIN_STEP_SECONDS, MAX_STEP_SECONDS = 1e-6, 1e3
 MAX_EVENTS = 20_000_000
 
 
-@dataclass(frozen=True)
-class Binning:
+class Binning(Frozen):
     """What files of events leave open; None is as the format has it, else as the events need it.
 
     - ``step_seconds``: width of a bin, 0.02 s by default
@@ -40,8 +39,7 @@ class Binning:
     axes: tuple[str, ...] | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class EventStream:
+class EventStream(Frozen, eq=False):
     """The events of one recording, (events,) each: ``times`` in ticks, ``x``, ``y``, and ``polarity`` 0 or 1.
 
     ``start`` is the tick at which bin 0 begins; ``span_seconds`` how long the recording is, None where it ends with

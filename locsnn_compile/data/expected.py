@@ -1,15 +1,14 @@
 """What a model or a program expects of recordings, and what becomes of options and files that say otherwise."""
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
+from hw_model.values import Frozen
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 
 
-@dataclass(frozen=True)
-class Expected:
+class Expected(Frozen):
     """How a model takes recordings; None where it does not say. ``whose`` names it: ``model 'slip'``.
 
     - ``step_seconds``: width of a bin; ``threshold``: a bin is 1 where it has more events

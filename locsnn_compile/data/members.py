@@ -5,10 +5,10 @@ import zipfile
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from hw_model.io.zip_directory import check_directory, read_entry
+from hw_model.values import Frozen
 from locsnn_compile.data.torch_file import read_bytes
 from locsnn_compile.errors import InputError, check_most
 
@@ -16,8 +16,7 @@ from locsnn_compile.errors import InputError, check_most
 MAX_MEMBERS, MAX_MEMBER_BYTES, MAX_TOTAL_BYTES = 100_000, 100_000_000, 1_600_000_000
 
 
-@dataclass(frozen=True, eq=False)
-class Members:
+class Members(Frozen, eq=False):
     """``sizes`` of the files by name, unpacked and with forward slashes; ``read`` gives the bytes of one."""
 
     where: str

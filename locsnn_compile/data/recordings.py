@@ -1,14 +1,14 @@
 """Touch recordings as every part of the project takes them: binned spikes, labels, and the width of a bin."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hw_model.arithmetic.arrays import ByteArray, IntArray
-from hw_model.io.shown import Shown
+from hw_model.values import Frozen, Shown
 from locsnn_compile.errors import InputError, check_most
 
 #: Largest set of recordings accepted, in array elements: four times the largest published tactile set.
@@ -26,8 +26,7 @@ it was trained on, or a generator of ours.
 """
 
 
-@dataclass(frozen=True)
-class Binned:
+class Binned(Frozen):
     """What became of the ``events`` of files when they were put into bins.
 
     ``outside`` lay before the first step or after the last, ``below`` in bins that have no more than ``threshold`` of
@@ -60,7 +59,6 @@ def so_many(count: int, kind: str = "recording") -> str:
     return f"{count} {kind}{'' if count == 1 else 's'}"
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Recordings(Shown):
     """``spikes`` (samples, steps, channels) uint8, 0 or 1; ``labels`` (samples,) int64, class numbers from 0,
     or None.

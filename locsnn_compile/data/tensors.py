@@ -13,6 +13,7 @@ from typing import Any, Literal
 import numpy as np
 
 from hw_model.arithmetic.arrays import AnyArray
+from hw_model.values import Frozen
 from locsnn_compile.data.plain_pickle import RefusedError, filled
 
 MAX_DIMENSIONS, MAX_VALUES = 32, 1 << 59
@@ -30,8 +31,7 @@ _STORAGE = re.compile(r"torch\.(?:cuda\.|storage\.)?(\w+)Storage")
 _VALUE = re.compile(r"torch\.(Tensor|(q?u?int|b?float|bool|bits|complex|per_)\w*)")
 
 
-@dataclass(frozen=True)
-class Name:
+class Name(Frozen):
     """A dtype, a device or a layout as a value: ``torch.float32``, ``cuda:0``."""
 
     text: str
@@ -69,8 +69,7 @@ class Storage:
         return self._made[dtype, bits]
 
 
-@dataclass(frozen=True, eq=False)
-class Tensor:
+class Tensor(Frozen, eq=False):
     """A tensor as the file states it; one that was saved from a GPU is on the cpu all the same.
 
     ``start`` is its first byte in the storage; ``strides`` count values; for ``bits`` see :meth:`Storage.values`.

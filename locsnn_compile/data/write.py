@@ -1,6 +1,5 @@
 """Write recordings in every format that is read, whole or not at all; equal recordings give equal bytes."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +8,7 @@ from numpy.typing import NDArray
 from hw_model.arithmetic.arrays import AnyArray, BoolArray, ByteArray, IntArray
 from hw_model.io.build_folder import check_folder, write_build
 from hw_model.io.files import npy_bytes, pack_arrays, pack_files, replace_file
+from hw_model.values import Frozen
 from locsnn_compile.data.arrays import label_in_name
 from locsnn_compile.data.event_stream import STEP_SECONDS, recording_events
 from locsnn_compile.data.recordings import Recordings
@@ -26,8 +26,7 @@ SUFFIXES = (".npz", ".npy", ".pt", ".tact", ".bs1", ".bs2", ".zip")
 MIN_EVENT_STEP_SECONDS = 2e-6
 
 
-@dataclass(frozen=True)
-class NotHeld:
+class NotHeld(Frozen):
     """What the format does not say, by the option of ``read_recordings`` that gives it back."""
 
     options: dict[str, int | float]

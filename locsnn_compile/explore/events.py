@@ -4,11 +4,12 @@ Choices are made on recordings that are not the test part: of an archive or fold
 unless another is asked for; without events, synthetic touches, for what a model carries may be of its test part.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from hw_model.values import Frozen
 from locsnn_compile.api import recordings_for
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import Recordings
@@ -21,8 +22,7 @@ CHOOSING = "train"
 REPORTING = "test"
 
 
-@dataclass(frozen=True, eq=False)
-class Chosen:
+class Chosen(Frozen, eq=False):
     """Recordings, ``available`` before they were bounded, and the ``part`` they are of; None where there are none.
 
     ``file``: what ``--events`` or ``--calibration`` of ``locsnn-compile`` is given for the same ones; None where no

@@ -1,9 +1,10 @@
 """What an exploration found: points, their front, and the recommendation."""
 
 import shlex
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
+from hw_model.values import Frozen
 from locsnn_compile.explore.events import Chosen
 from locsnn_compile.explore.executors import Executor
 from locsnn_compile.explore.point import Point
@@ -14,8 +15,7 @@ from locsnn_compile.settings import Setting, has_srm_neurons
 from locsnn_compile.verification.error_bounds import ErrorBudget
 
 
-@dataclass(frozen=True, eq=False)
-class Exploration:
+class Exploration(Frozen, eq=False):
     """Points in the order of the grid, what they were measured on, and what the recommended one may lose.
 
     ``model``, ``target`` and ``calibration`` as they were given, the last None where it is the ``events``, in a file.

@@ -3,7 +3,7 @@
 import tempfile
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 import hw_model as hw
 from hw_model.arithmetic.arrays import ByteArray
 from hw_model.simulation import Engine
+from hw_model.values import Frozen
 from locsnn_compile.api import CompiledModel, compile
 from locsnn_compile.cluster.code import code_version
 from locsnn_compile.errors import InputError, LocsnnError, TargetError
@@ -25,7 +26,6 @@ counts. The reference engine takes too long for more.
 """
 
 
-@dataclass(frozen=True)
 class Figures(Losses):
     """What a report says of a setting; energy and chip time are means of a recording by the chip's default profile.
 
@@ -61,8 +61,7 @@ class Figures(Losses):
         )
 
 
-@dataclass(frozen=True)
-class Refusal:
+class Refusal(Frozen):
     """Why a setting gives no program: the parts of the error."""
 
     kind: str
@@ -82,16 +81,14 @@ class Refusal:
         return kind(self.where, self.what, measured=self.measured, fix=self.fix)
 
 
-@dataclass(frozen=True)
-class Timing:
+class Timing(Frozen):
     """Seconds of an engine for a recording, on the machine that measured the point, over so many recordings."""
 
     recordings: int
     seconds: float
 
 
-@dataclass(frozen=True)
-class Point:
+class Point(Frozen):
     """A setting's figures, or its refusal; ``timings`` by engine, and the code that measured all of it."""
 
     setting: Setting

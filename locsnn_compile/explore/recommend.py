@@ -1,8 +1,8 @@
 """The Pareto front, settings that no other beats, and the one recommended on it: the cheapest within a budget."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+from hw_model.values import Frozen
 from locsnn_compile.explore.point import Figures, Point
 from locsnn_compile.report.format import agreed, energy, plural, share, time
 from locsnn_compile.verification.error_bounds import ErrorBudget
@@ -35,8 +35,7 @@ def _objectives(figures: Figures) -> list[float]:
     return [float(getattr(figures, name) or 0.0) for name in OBJECTIVES]
 
 
-@dataclass(frozen=True)
-class Recommendation:
+class Recommendation(Frozen):
     """The point to take, None where no setting keeps the budget; ``why`` is a sentence without its end."""
 
     taken: Point | None

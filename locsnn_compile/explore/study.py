@@ -2,13 +2,14 @@
 
 import hashlib
 import json
-from dataclasses import asdict, astuple, dataclass
+from dataclasses import asdict, astuple
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import hw_model as hw
 from hw_model.simulation import Engine
+from hw_model.values import Frozen
 from locsnn_compile.cluster.code import code_version
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.frontends import load
@@ -16,8 +17,7 @@ from locsnn_compile.network.network import Network
 from locsnn_compile.settings import Setting
 
 
-@dataclass(frozen=True)
-class ModelFile:
+class ModelFile(Frozen):
     """A path and the options of :func:`locsnn_compile.load`, None where they were not given."""
 
     path: str
@@ -47,8 +47,7 @@ class ModelFile:
         return options.pop("path"), options
 
 
-@dataclass(frozen=True, eq=False)
-class Study:
+class Study(Frozen, eq=False):
     """``network`` is the model of the digest, :meth:`ModelFile.digest`; ``engines`` are timed on each point.
 
     Settings are checked on ``recordings``, and compiled for the ``calibration`` recordings.

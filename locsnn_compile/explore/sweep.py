@@ -11,11 +11,12 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 from hw_model.io.files import replace_file
+from hw_model.values import Frozen
 from locsnn_compile.cluster.code import check_code, code_version
 from locsnn_compile.errors import InputError, TargetError
 from locsnn_compile.explore.executors import Executor
@@ -33,8 +34,7 @@ Progress = Callable[[int, int], None]
 """Called with (settings done, settings in all)."""
 
 
-@dataclass(frozen=True)
-class Store:
+class Store(Frozen):
     """A folder of points; it is made with the first one."""
 
     folder: Path

@@ -2,13 +2,13 @@
 
 import itertools
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy import sparse
 
 from hw_model.arithmetic.arrays import AnyArray
+from hw_model.values import Frozen
 from locsnn_compile.errors import InputError, check_most
 
 Shape = tuple[int, ...]
@@ -31,8 +31,7 @@ def check_entries(entries: int, where: str) -> None:
     check_most(entries, MAX_ENTRIES, where, "too many connections", fix="Give a smaller layer.")
 
 
-@dataclass(frozen=True)
-class Window:
+class Window(Frozen):
     """How a kernel slides over an image: one number a spatial axis; ``padding`` also ``same`` or ``valid``."""
 
     stride: Ints

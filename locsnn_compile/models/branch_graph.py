@@ -3,18 +3,16 @@
 Nothing here imports torch, so that the compiler can spread the weights without it.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
 from hw_model.arithmetic.arrays import IntArray
+from hw_model.values import Frozen
 from locsnn_compile.models.description import NetworkDescription
 
 
-@dataclass(frozen=True, eq=False)
-class BranchGraph:
+class BranchGraph(Frozen, eq=False):
     """The graph of one branch: ``hop`` as :func:`hop_matrix` gives it; ``lines[node, c]`` is the line of an input."""
 
     hop: sparse.csr_array

@@ -26,7 +26,7 @@ of single events had to exceed. Written here, read by
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 
 from hw_model.arithmetic.arrays import AnyArray
 from hw_model.io.files import replace_file
-from hw_model.io.shown import Shown
+from hw_model.values import Shown
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.torch_writer import torch_bytes
 from locsnn_compile.errors import InputError
@@ -53,7 +53,6 @@ CHIP_VERSION = 2
 Plain = str | int | float | bool | None
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Checkpoint(Shown):
     """A trained network as read from a file.
 

@@ -6,19 +6,19 @@ registers and formats hold; written in the same order. Nothing here imports torc
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, fields
 from typing import Any
 
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_BITS, WEIGHT_EXPONENTS, WeightGrid, weight_grid
+from hw_model.values import Frozen
 from locsnn_compile.models.plain_checks import file_fault, is_whole
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm
 from locsnn_compile.strategies import TRAINABLE
 
 
-@dataclass(frozen=True)
-class RegisterWidths:
+class RegisterWidths(Frozen):
     """Widths of registers in bits, the sign not counted."""
 
     charge_bits: int = 21
@@ -32,8 +32,7 @@ TRAINED_BITS = range(9, 30)
 """Widths that networks are trained on: no sum on the way needs more than 32 bits."""
 
 
-@dataclass(frozen=True, eq=False)
-class ChipPopulation:
+class ChipPopulation(Frozen, eq=False):
     """A population on the chip, and the synapses onto it.
 
     - ``neuron``: all neurons of it have the same integers, and one decay of current and voltage.
@@ -53,8 +52,7 @@ class ChipPopulation:
         return weight_grid(self.weight_bits, "excitatory")
 
 
-@dataclass(frozen=True)
-class ChipNumbers:
+class ChipNumbers(Frozen):
     """A network's populations, the strategy they are laid out by, and the chip whose arithmetic they follow."""
 
     target: str

@@ -5,9 +5,9 @@ Nothing here imports torch, so that the compiler can read descriptions without i
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from hw_model.arithmetic.arrays import AnyArray, IntArray
+from hw_model.values import Frozen
 from locsnn_compile.baselines.ann_shapes import ann_shapes
 from locsnn_compile.data.recordings import MAX_STEPS, clean_class_names
 from locsnn_compile.data.sensor import channel_walk, check_location_taxels
@@ -25,8 +25,7 @@ MAX_THRESHOLD = 20_000_000
 MAX_DELAY = 65_534
 
 
-@dataclass(frozen=True)
-class InputLayout:
+class InputLayout(Frozen):
     """The shape of one recording.
 
     ``channels = fingertips * taxels * polarities``, numbered taxel-major: channel = polarities * taxel
@@ -57,8 +56,7 @@ class InputLayout:
         return self.fingertips * self.taxels * self.polarities
 
 
-@dataclass(frozen=True)
-class NeuronParameters:
+class NeuronParameters(Frozen):
     """The constants of one spike response neuron; time constants in steps of its own axis.
 
     eps(k) = (k / tau_sr) exp(1 - k / tau_sr);
@@ -81,8 +79,7 @@ class NeuronParameters:
         require(holds, "neuron 'scale_ref'", what, self.scale_ref, "The published value is 2.")
 
 
-@dataclass(frozen=True)
-class LifParameters:
+class LifParameters(Frozen):
     """The constants of one leaky integrate-and-fire neuron, TLIF or LLIF.
 
     u(t) = decay * u(t - 1) * (1 - o(t - 1)) + inputs; a spike where u > threshold. ``window`` shapes the surrogate
@@ -105,8 +102,7 @@ class LifParameters:
         return 1.0 - (1.0 - self.decay)
 
 
-@dataclass(frozen=True)
-class NetworkDescription:
+class NetworkDescription(Frozen):
     """A network without its weights.
 
     ``neuron`` and ``graph`` are those of its architecture; None stands for the published neuron, and for no graph.

@@ -3,8 +3,7 @@
 Nothing here imports torch, so that the compiler can read descriptions without it.
 """
 
-from dataclasses import dataclass
-
+from hw_model.values import Frozen
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.plain_checks import require_count, rises
 
@@ -12,8 +11,7 @@ MAX_HOPS = 16
 MAX_FEATURES = 1024
 
 
-@dataclass(frozen=True)
-class GraphParameters:
+class GraphParameters(Frozen):
     """The topology-adaptive graph convolutions of a network (Du et al. 2017), one for each of its branches.
 
     ``taxel_edges``: pairs of 1-based taxel numbers of a fingertip, the lower first, each pair once; ``name`` says how

@@ -6,12 +6,12 @@ the synapses without it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
 
 from hw_model.arithmetic.arrays import IntArray
+from hw_model.values import Frozen
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.plain_checks import is_whole, require, rises
 
@@ -29,8 +29,7 @@ MAX_WINDOW_NEURONS = 131_072
 """Hidden neurons of a network: 128 cores of 1,024."""
 
 
-@dataclass(frozen=True)
-class WindowParameters:
+class WindowParameters(Frozen):
     """Windows of ``steps`` time steps, one every ``stride``, and the numbers of events that are told apart, ``levels``.
 
     The published 20 ms bins and these values make a window 0.12 s long.

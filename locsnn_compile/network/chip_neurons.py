@@ -8,19 +8,17 @@ int64 array (n,).
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from hw_model.arithmetic.arrays import ArrayLike, BoolArray, IntArray
-from hw_model.io.shown import Shown
+from hw_model.values import Frozen, Shown
 from locsnn_compile.network.neurons import Neuron, Parameter, spread
 from locsnn_compile.network.projections import matrix
 
 
-@dataclass(frozen=True, eq=False)
-class ChipNeuron(Neuron):
+class ChipNeuron(Neuron, Frozen, eq=False):
     """What all neurons in the chip's integers have; see those that derive from it."""
 
     decay_u: IntArray
@@ -55,7 +53,6 @@ class ChipNeuron(Neuron):
         return {}
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class ChipCuba(Shown, ChipNeuron):
     """One compartment a neuron, with the chip's own reset.
 
@@ -82,8 +79,7 @@ class ChipCuba(Shown, ChipNeuron):
         return {key: getattr(self, key) for key in ("bias_mantissa", "bias_exponent", "refractory")}
 
 
-@dataclass(frozen=True, eq=False)
-class Refractory:
+class Refractory(Frozen, eq=False):
     """Own spikes come back through self-synapses, one row a tap: to the alpha dendrite, or to one of their own.
 
     Tap k has a ``delay[k]`` in steps and an ``exponent[k]``, both (taps,), and mantissas ``mantissa[k]``, (taps, n),
@@ -106,7 +102,6 @@ class Refractory:
         return found if self.decay is None else [Parameter("refractory decay", self.decay, (size,)), *found]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class ChipSrm(Shown, ChipNeuron):
     """A neuron without reset: a memoryless soma to which dendrites add their voltages.
 

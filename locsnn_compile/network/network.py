@@ -4,14 +4,12 @@ Network -> QuantizedNetwork -> CompartmentGraph -> PlacedGraph -> RoutedGraph ->
 (this file)  quantize       lower_neurons      place_cores    route_axons    assemble
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from hw_model.arithmetic.arrays import ByteArray, FloatArray, IntArray
-from hw_model.io.shown import Shown
 from hw_model.mapping.graph import Axis
 from hw_model.mapping.graph import Readout as Readout
+from hw_model.values import Shown
 from locsnn_compile.data.expected import Expected
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
@@ -19,7 +17,6 @@ from locsnn_compile.network.neurons import Neuron
 from locsnn_compile.network.projections import ChipProjection, Projection
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class InputView(Shown):
     """``lines`` input lines of one axis, taken from the recording (steps, channels).
 
@@ -66,7 +63,6 @@ class InputView(Shown):
         return played.reshape(len(visits), self.steps, self.lines)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Population(Shown):
     """``size`` neurons of one model that step along one axis."""
 
@@ -88,7 +84,6 @@ class Population(Shown):
         return np.broadcast_to(np.asarray(self.neuron.spikes_at, dtype=np.float64), (self.size,))
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Network(Shown):
     """A trained network: views of one recording, populations, projections and a readout.
 

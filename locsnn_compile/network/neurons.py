@@ -9,7 +9,7 @@ with ``reference.evaluate.steps_of``, its integers with ``passes.quantize.intege
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeVar, get_type_hints
 
 import numpy as np
@@ -18,7 +18,7 @@ import numpy.typing as npt
 from hw_model.arithmetic.arrays import AnyArray, ArrayLike, BoolArray, FloatArray, IntArray
 from hw_model.arithmetic.whole import whole_numbers
 from hw_model.errors import InputError, did_you_mean
-from hw_model.io.shown import Shown
+from hw_model.values import Frozen, Shown
 
 Number = TypeVar("Number", np.float64, np.int64)
 Rule = Literal[">", ">="]
@@ -115,8 +115,7 @@ class Neuron(ABC):
         ]
 
 
-@dataclass(frozen=True)
-class SrmAlpha(Neuron):
+class SrmAlpha(Neuron, Frozen):
     """A spike response neuron with alpha kernels; time constants in steps of its own axis.
 
         u(t) = sum over inputs j and their spikes s:  w_j * eps(t - s)   +   sum over own spikes f:  nu(t - f)
@@ -154,8 +153,7 @@ class SrmAlpha(Neuron):
         return replace(self, eps_taps=len(eps), nu_taps=len(nu))
 
 
-@dataclass(frozen=True, eq=False)
-class Leaky(Neuron):
+class Leaky(Neuron, Frozen, eq=False):
     """What all leaky integrate-and-fire neurons have; see those that derive from it."""
 
     decay_u: FloatArray
@@ -170,7 +168,6 @@ class Leaky(Neuron):
         return self.threshold
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Cuba(Shown, Leaky):
     """Leaky integrate-and-fire neurons with a current; every parameter an array (n,), decays as fractions lost.
 
@@ -195,7 +192,6 @@ class Cuba(Shown, Leaky):
         return np.asarray(self.bias != 0)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class SoftCuba(Shown, Leaky):
     """Like :class:`Cuba`, but a spike takes ``drop`` from the voltage, a step later, and leaves the rest.
 

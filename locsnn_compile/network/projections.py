@@ -4,7 +4,6 @@ The *values* of a matrix are its array where it is dense, and the stored entries
 sparse. What is not stored is no connection.
 """
 
-from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
@@ -14,7 +13,7 @@ from scipy import sparse
 from hw_model.arithmetic.arrays import AnyArray, ArrayLike, ByteArray, FloatArray, IntArray
 from hw_model.arithmetic.whole import whole_numbers
 from hw_model.errors import InputError
-from hw_model.io.shown import Shown
+from hw_model.values import Frozen, Shown
 
 Values = AnyArray
 Matrix: TypeAlias = Any
@@ -25,8 +24,7 @@ Signs = Literal["apart", "mixed"]
 """``apart``: positive and negative weights in formats of their own, all bits magnitude; ``mixed``: both in one."""
 
 
-@dataclass(frozen=True, eq=False)
-class Connection:
+class Connection(Frozen, eq=False):
     """What joins a ``source`` to a ``target``: a projection of either kind."""
 
     source: str
@@ -47,7 +45,6 @@ class Connection:
         return fan_out(self.held)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Projection(Shown, Connection):
     """Weights (n_target, n_source), float64, dense or CSR, from an input view or a population to a population.
 
@@ -70,7 +67,6 @@ class Projection(Shown, Connection):
         return self.weights
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class ChipProjection(Shown, Connection):
     """Mantissas (n_target, n_source), int64, dense or CSR; effective weights are ``64 * floor(mantissa * 2^exponent)``.
 

@@ -1,18 +1,18 @@
 """The second level: the same populations and projections, every number an integer that the chip holds."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 from hw_model.arithmetic.arrays import FloatArray
 from hw_model.mapping.graph import Readout
+from hw_model.values import Frozen
 from locsnn_compile.network.chip_neurons import ChipNeuron
 from locsnn_compile.network.network import Network, Population
 from locsnn_compile.network.projections import ChipProjection
 
 
-@dataclass(frozen=True)
-class KernelFit:
+class KernelFit(Frozen):
     """How far the chip's integer responses are from the kernels of the float neuron, as shares of these.
 
     ``input_max`` and ``input_rms``: of the response to an input spike whose peak is at the threshold, the largest
@@ -27,8 +27,7 @@ class KernelFit:
     refractory_rms: float | None
 
 
-@dataclass(frozen=True, eq=False)
-class QuantizedPopulation:
+class QuantizedPopulation(Frozen, eq=False):
     """A population of the network in the chip's integers.
 
     A potential of 1 in the float network is ``scale[i]`` in the registers of neuron i, (n,). ``fit`` is None where the
@@ -58,8 +57,7 @@ class QuantizedPopulation:
         return int((self.population.neuron.biased & ~self.neuron.biased).sum())
 
 
-@dataclass(frozen=True, eq=False)
-class QuantizedNetwork:
+class QuantizedNetwork(Frozen, eq=False):
     """A network in integers; structure and views are those of ``network``.
 
     A projection of the network may be several here, whose weights add up; ``weights_pruned`` of its weights are 0.

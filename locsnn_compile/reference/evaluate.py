@@ -5,7 +5,6 @@ network does on calibration recordings is what weights are rounded for, and scal
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import singledispatch
 from typing import Any, Protocol
 
@@ -15,6 +14,7 @@ import hw_model as hw
 from hw_model.arithmetic.arrays import AnyArray, BoolArray, ByteArray, FloatArray, IntArray
 from hw_model.description.chip import Registers
 from hw_model.mapping.circles import sources_first
+from hw_model.values import Frozen
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
@@ -52,8 +52,7 @@ steps_of.register(ChipCuba, lambda neuron, batch, _, registers: ChipCubaSteps(ne
 steps_of.register(ChipSrm, lambda neuron, batch, _, registers: ChipSrmSteps(neuron, registers, batch))
 
 
-@dataclass(frozen=True, eq=False)
-class ReferenceResult:
+class ReferenceResult(Frozen, eq=False):
     """``spikes[name]`` (batch, steps, n) for views and populations; ``potential[name]`` likewise, if asked for."""
 
     spikes: dict[str, ByteArray]
@@ -152,8 +151,7 @@ SAMPLES = 256
 CHUNK = 16
 
 
-@dataclass(frozen=True, eq=False)
-class Calibration:
+class Calibration(Frozen, eq=False):
     """``spikes[name]`` (samples, steps, n) of views and populations; ``potential[name]`` likewise, of populations."""
 
     samples: int

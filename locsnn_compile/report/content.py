@@ -8,24 +8,23 @@ build sections, facts and tables from rows, and leave out what there is not.
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from typing import Any, Literal
+
+from hw_model.values import Frozen
 
 Document = dict[str, Any]
 """report.json, as ``document.py`` builds it."""
 Status = Literal["yes", "nearly", "no", "unknown", "modelled"]
 
 
-@dataclass(frozen=True)
-class Fact:
+class Fact(Frozen):
     """A name and what it is: ``accuracy`` - ``91 % on the chip``."""
 
     label: str
     value: str
 
 
-@dataclass(frozen=True)
-class Verdict:
+class Verdict(Frozen):
     """A question, its answer in a word or two, the figure that matters most, and the facts behind it."""
 
     question: str
@@ -37,38 +36,33 @@ class Verdict:
     facts: tuple[Fact, ...]
 
 
-@dataclass(frozen=True)
-class Notice:
+class Notice(Frozen):
     """Something a reader has to know before believing the figures."""
 
     title: str
     text: str
 
 
-@dataclass(frozen=True)
-class Paragraph:
+class Paragraph(Frozen):
     """Running text."""
 
     text: str
 
 
-@dataclass(frozen=True)
-class Facts:
+class Facts(Frozen):
     """A list of names and values."""
 
     facts: tuple[Fact, ...]
 
 
-@dataclass(frozen=True)
-class Bullets:
+class Bullets(Frozen):
     """A titled list."""
 
     title: str
     items: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class Bar:
+class Bar(Frozen):
     """A cell that draws ``share`` (0..1) of a track; ``label`` says it in words. ``pattern`` matches a ``Stack``."""
 
     share: float
@@ -79,8 +73,7 @@ class Bar:
 Cell = str | Bar
 
 
-@dataclass(frozen=True)
-class Table:
+class Table(Frozen):
     """A table whose first column names the rows; a column without a name is drawn, every other one holds numbers.
 
     ``total`` marks the last row as the sum of the others. A table of more than ``MANY_ROWS`` rows, or one that asks for
@@ -94,16 +87,14 @@ class Table:
     folded: bool = False
 
 
-@dataclass(frozen=True)
-class Stack:
+class Stack(Frozen):
     """One bar cut into labelled shares that add up to 1."""
 
     label: str
     shares: tuple[Bar, ...]
 
 
-@dataclass(frozen=True)
-class Span:
+class Span(Frozen):
     """Least, median, mean and most of a quantity over the recordings; ``values`` are the same four as numbers."""
 
     title: str
@@ -111,16 +102,14 @@ class Span:
     values: tuple[float, ...]
 
 
-@dataclass(frozen=True)
-class Curve:
+class Curve(Frozen):
     """A line through points (x, y) in order; those of a ``Plot`` are 0..1 from its lower left corner."""
 
     label: str
     points: tuple[tuple[float, float], ...]
 
 
-@dataclass(frozen=True)
-class Plot:
+class Plot(Frozen):
     """Curves over common axes; ticks are (place 0..1, text). A table of the section has its figures too.
 
     ``marked`` is a place on the horizontal axis that a line is drawn at.
@@ -134,8 +123,7 @@ class Plot:
     marked: float | None = None
 
 
-@dataclass(frozen=True)
-class Strokes:
+class Strokes(Frozen):
     """Spikes of one kind at (column, row): of both sides, of one alone, or of an input."""
 
     kind: Literal["equal", "reference", "chip", "event"]
@@ -143,8 +131,7 @@ class Strokes:
     points: tuple[tuple[int, int], ...]
 
 
-@dataclass(frozen=True)
-class Raster:
+class Raster(Frozen):
     """Spikes over ``columns`` steps and ``rows`` neurons; ticks are (place 0..1, text). ``description`` is in words.
 
     ``flag`` is a (column, row) to point at. A table of the section has its figures too.
@@ -161,8 +148,7 @@ class Raster:
     flag_label: str = ""
 
 
-@dataclass(frozen=True)
-class MeshCore:
+class MeshCore(Frozen):
     """A core at (column, row) of all cores of the mesh, ``share`` (0..1) of it in use; ``text`` says so in it."""
 
     column: int
@@ -171,8 +157,7 @@ class MeshCore:
     text: str
 
 
-@dataclass(frozen=True)
-class Mesh:
+class Mesh(Frozen):
     """Tiles, columns by rows, each of cores, and how full these are. A table of the section has its figures too."""
 
     title: str
@@ -189,8 +174,7 @@ Block = Paragraph | Facts | Bullets | Table | Stack | Span | Plot | Raster | Mes
 MANY_ROWS = 12
 
 
-@dataclass(frozen=True)
-class Section:
+class Section(Frozen):
     """A heading, a sentence on what is shown below it, and the blocks. ``key`` is its anchor."""
 
     key: str
@@ -199,8 +183,7 @@ class Section:
     blocks: tuple[Block, ...]
 
 
-@dataclass(frozen=True)
-class Report:
+class Report(Frozen):
     """Everything that the page and the text file show, in their order."""
 
     title: str

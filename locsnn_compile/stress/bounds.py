@@ -18,12 +18,12 @@ whatever the input: ``e < 1 / (1 - A)`` and ``f < (1 / (1 - A) + 1) / (1 - B)``.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
 
 from hw_model.arithmetic.arrays import ByteArray, FloatArray
+from hw_model.values import Frozen
 from locsnn_compile.network.projections import Matrix, values_of, with_values
 from locsnn_compile.verification.error_budget.numbers import GroupNumbers, Numbers
 
@@ -31,8 +31,7 @@ Source = Literal["weights", "decays", "states"]
 SOURCES: tuple[Source, ...] = get_args(Source)
 
 
-@dataclass(frozen=True, eq=False)
-class Bound:
+class Bound(Frozen, eq=False):
     """The most that each source of error moves a potential, ``parts[source]`` (batch, steps, n), in register units."""
 
     parts: Mapping[Source, FloatArray]

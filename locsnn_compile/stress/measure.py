@@ -3,7 +3,7 @@
 Every way to compute a program must give the same integers; which of them does not is named.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ import hw_model as hw
 from hw_model.arithmetic.arrays import ByteArray, FloatArray
 from hw_model.arithmetic.fixed_point import DECAY_ONE
 from hw_model.simulation import SimulationResult
+from hw_model.values import Frozen
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.network.check import check_network
 from locsnn_compile.network.projections import values_of
@@ -36,8 +37,7 @@ PROBES: tuple[Any, ...] = ("spikes", "u", "v", "potential")
 WITHOUT_LIMITS = tuple(stage for stage in STAGES if stage != "wraps_clips")
 
 
-@dataclass(frozen=True, eq=False)
-class Float:
+class Float(Frozen, eq=False):
     """Spikes and potentials of the float network, (samples, steps, n), potentials in units of the registers.
 
     Of a long run (steps, n), in the network's own units.

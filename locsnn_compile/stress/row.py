@@ -2,10 +2,11 @@
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, field
 from typing import Any, Literal, get_args
 
 import hw_model as hw
+from hw_model.values import Frozen
 from locsnn_compile.report.figures.flat import picked
 from locsnn_compile.report.format import count, plural, short
 from locsnn_compile.stress.bounds import SOURCES, Source
@@ -31,16 +32,14 @@ _MODELS = {
 }
 
 
-@dataclass(frozen=True)
-class Lost:
+class Lost(Frozen):
     """Numbers other than 0 that became 0, of how many."""
 
     lost: int
     of: int
 
 
-@dataclass(frozen=True)
-class Measured:
+class Measured(Frozen):
     """How the chip compares with float64; potentials in thresholds, all samples, steps and neurons.
 
     ``spikes``: each side by itself. All others are of potentials that the same spikes drive, those of the float
@@ -74,8 +73,7 @@ _FOR_THE_JUDGE = ("spikes", "overflowed", "outside", "coarse_decays", "odd_engin
 """What the document says in the causes, or as figures of the spikes."""
 
 
-@dataclass(frozen=True)
-class Drift:
+class Drift(Frozen):
     """Of a long run, a figure for each tenth of it: spikes of both sides, and the largest error in thresholds.
 
     The errors are None where the neurons spike: potentials of sides whose spikes differ say nothing.
@@ -87,8 +85,7 @@ class Drift:
     bound: float
 
 
-@dataclass(frozen=True)
-class Row:
+class Row(Frozen):
     """A case with its verdict and the causes, each a sentence; of a refusal, the message."""
 
     case: Case

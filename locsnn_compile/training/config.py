@@ -1,13 +1,12 @@
 """Everything that decides a training run, in one frozen value that a YAML file can hold."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, cast, get_type_hints
 
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS
-from hw_model.io.shown import Shown
 from hw_model.io.yaml_text import read_mapping
+from hw_model.values import Frozen, Shown
 from locsnn_compile.data.taxel_graph import GRAPHS
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.models.architectures import ARCHITECTURES
@@ -30,8 +29,7 @@ USUAL: dict[str, dict[str, Any]] = {
 """Network -> options whose usual value is not that of :class:`TrainingConfig`."""
 
 
-@dataclass(frozen=True)
-class EpochRecord:
+class EpochRecord(Frozen):
     """One epoch: mean training loss, and the validation figures, None where there are none."""
 
     phase: str
@@ -53,8 +51,7 @@ class Range(NamedTuple):
     high: float
 
 
-@dataclass(frozen=True, repr=False)
-class TrainingConfig(Shown):
+class TrainingConfig(Shown, eq=True):
     """A training run, but for its data.
 
     - ``location_weight`` is lambda of the weighted loss. ``loss`` spike-count uses ``target_right`` and

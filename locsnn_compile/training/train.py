@@ -8,7 +8,7 @@ import csv
 import io
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ from torch import Tensor
 
 from hw_model.arithmetic.arrays import IntArray
 from hw_model.io.files import replace_file
+from hw_model.values import Frozen
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import Checkpoint
@@ -46,8 +47,7 @@ MOMENTUM = 0.9
 _PHASES = {"select": 1, "refit": 2}
 
 
-@dataclass(frozen=True, eq=False)
-class TrainingResult:
+class TrainingResult(Frozen, eq=False):
     """A trained network; ``validation_accuracy`` is that of the chosen epoch, None where nothing was held
     out; ``remarks`` say where nothing was learned, in sentences.
     """
@@ -137,8 +137,7 @@ def _check_device(name: str) -> None:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class _Run:
+class _Run(Frozen, eq=False):
     """What both phases of a run share."""
 
     config: TrainingConfig

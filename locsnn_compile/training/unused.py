@@ -1,15 +1,14 @@
 """Options of a training run that nothing would come of, and what they need."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
+from hw_model.values import Frozen
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
 from locsnn_compile.training.config import TrainingConfig
 
 
-@dataclass(frozen=True)
-class _Rule:
+class _Rule(Frozen):
     """``options`` count where ``holds``; elsewhere nothing comes of them, because of ``why``."""
 
     options: tuple[str, ...]

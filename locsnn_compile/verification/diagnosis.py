@@ -1,11 +1,9 @@
 """Where the error of a program comes from: its budget, the cause of the first divergence, and the margins."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from hw_model.arithmetic.arrays import ByteArray
-from hw_model.io.shown import Shown
+from hw_model.values import Shown
 from locsnn_compile.network.network import Network
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.verification.error_budget.budget import StageErrors, error_budget
@@ -20,7 +18,6 @@ NEURON_STEPS = 1 << 22
 """A diagnosis of a large network takes fewer recordings, so that all their neurons and steps are no more than this."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Diagnosis(Shown):
     """A diagnosis over the recordings of these numbers, out of ``available``.
 

@@ -1,13 +1,12 @@
 """What a program may lose, and what a setting loses: the same bounds for ``auto`` and for ``locsnn explore``."""
 
-from dataclasses import dataclass
+from hw_model.values import Frozen
 
 SPIKE_TOLERANCE = 0.01
 """Without a budget, so much more of the spikes may differ than with the first strategy, and no prediction more."""
 
 
-@dataclass(frozen=True)
-class ErrorBudget:
+class ErrorBudget(Frozen):
     """What a program may lose: it keeps ``min_agreement`` of the predictions, and misses ``max_spike_error`` of spikes.
 
     The spike error is 1 less the spike agreement. With neither given, the budget is what ``dendrite`` loses.
@@ -27,8 +26,7 @@ class ErrorBudget:
         return " and ".join(f"{option} {bound:g}" for option, bound in bounds if bound is not None)
 
 
-@dataclass(frozen=True)
-class Losses:
+class Losses(Frozen):
     """A setting on some recordings: shares that equal the float network's, and the mean energy of a recording.
 
     A share is None where nothing was compared: all class scores tie, or no neuron spikes. The energy is by the chip's

@@ -1,14 +1,14 @@
 """A few steps of one recording, to be looked at: input, spikes of both sides, and the potential that differs first."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 import hw_model as hw
 from hw_model.arithmetic.arrays import BoolArray, ByteArray, FloatArray, IntArray
-from hw_model.io.shown import Shown
 from hw_model.mapping.graph import Axis
+from hw_model.values import Frozen, Shown
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import ReferenceResult, evaluate
@@ -28,8 +28,7 @@ AROUND = 20
 """Steps before and after the one in the middle for which potentials are kept."""
 
 
-@dataclass(frozen=True, eq=False)
-class SpikeRows:
+class SpikeRows(Frozen, eq=False):
     """Spikes of an input, or of both sides of a population, some or all of its ``size`` lines or neurons.
 
     ``reference`` and ``chip`` (steps, rows): whether any of the ``together`` lines or neurons of a row spikes, which
@@ -55,8 +54,7 @@ class SpikeRows:
         return replace(self, reference=self.reference[here], chip=self.chip[here])
 
 
-@dataclass(frozen=True, eq=False)
-class NeuronPotential:
+class NeuronPotential(Frozen, eq=False):
     """What one neuron's threshold saw, from ``first_step`` on, (steps,) each, in the reference's units."""
 
     population: str
@@ -70,7 +68,6 @@ class NeuronPotential:
     chip_spikes: BoolArray
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Excerpt(Shown):
     """Of recording number ``recording``: the steps ``steps[axis]`` out of ``all_steps[axis]``.
 

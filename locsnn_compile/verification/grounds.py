@@ -1,14 +1,13 @@
 """What a report rests on besides the file of the model: the length of a step, and all that had to be assumed."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
+from hw_model.values import Frozen
 from locsnn_compile.data.recordings import Binned, Origin, Recordings, so_many
 from locsnn_compile.network.network import Network
 
 
-@dataclass(frozen=True)
-class Grounds:
+class Grounds(Frozen):
     """``step_seconds`` of a time step, None where nobody says it; whose recordings the check played; ``assumptions``.
 
     These are sentences, in the order in which they were made: by the frontend, then of the recordings and the step,

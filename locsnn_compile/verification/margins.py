@@ -6,7 +6,7 @@ difference is carried along. Where it is larger than the distance to the thresho
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from hw_model.arithmetic.arrays import AnyArray, BoolArray, ByteArray, FloatArra
 from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT
 from hw_model.description.chip import Registers
 from hw_model.mapping.graph import Compartments
+from hw_model.values import Frozen
 from locsnn_compile.network.network import Population
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import evaluate
@@ -30,8 +31,7 @@ EDGES = np.logspace(-6.0, 1.0, 29)
 """Ends of the bins of both histograms, in thresholds, four a decade; what lies beyond counts in the last bin there."""
 
 
-@dataclass(frozen=True, eq=False)
-class PopulationMargins:
+class PopulationMargins(Frozen, eq=False):
     """Distances of potentials to the threshold at every neuron and step, in thresholds, without sign.
 
     ``nearest[p]``: the distance below which a share p of them lies; ``error[p]`` likewise of the chip's own error.
@@ -49,8 +49,7 @@ class PopulationMargins:
     error_histogram: IntArray
 
 
-@dataclass(frozen=True)
-class RegisterUse:
+class RegisterUse(Frozen):
     """Largest magnitudes of a group of compartments on the chip, against what the registers hold."""
 
     peak_u: int
@@ -93,8 +92,7 @@ class RegisterUse:
         return math.log2(1.0 / fullest) if fullest else None
 
 
-@dataclass(frozen=True, eq=False)
-class Margins:
+class Margins(Frozen, eq=False):
     """Margins of every population, and register use of every group of compartments."""
 
     populations: Mapping[str, PopulationMargins]

@@ -2,7 +2,7 @@
 
 import operator
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import astuple, dataclass, field
+from dataclasses import astuple, field
 from functools import partial
 
 import numpy as np
@@ -13,7 +13,7 @@ from hw_model.accounting.usage import PhaseUsage, added_usage, measure, total_ns
 from hw_model.arithmetic.arrays import ByteArray, IntArray
 from hw_model.description.counts import Counts, total
 from hw_model.description.profile import Profile, Range
-from hw_model.io.shown import Shown
+from hw_model.values import Frozen, Shown
 from locsnn_compile.baselines.operations import network_additions
 from locsnn_compile.cluster.spread import Spread, here
 from locsnn_compile.errors import InputError
@@ -30,8 +30,7 @@ Place = tuple[int, str, int, int]
 """Recording, population, neuron and step of a spike."""
 
 
-@dataclass(frozen=True)
-class PopulationMatch:
+class PopulationMatch(Frozen):
     """Spikes of one population in the reference, on the chip, and at the same neuron and step in both."""
 
     reference_spikes: int = 0
@@ -58,8 +57,7 @@ class PopulationMatch:
         return PopulationMatch(*map(operator.add, astuple(self), astuple(other)))
 
 
-@dataclass(frozen=True)
-class Divergence:
+class Divergence(Frozen):
     """The first spike that differs: both potentials in the float network's units, before any reset."""
 
     recording: int
@@ -71,7 +69,6 @@ class Divergence:
     threshold: float
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Match(Shown):
     """How a program compares with the network it came from, over ``samples`` recordings.
 
@@ -192,8 +189,7 @@ def compare(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Part:
+class _Part(Frozen, eq=False):
     """What some recordings did: as in :class:`Match`, and their time at both ends of the default profile's ranges."""
 
     matches: dict[str, PopulationMatch]

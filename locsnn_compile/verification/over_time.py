@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from hw_model.description.counts import total
 from hw_model.engine.compiled import in_parts
 from hw_model.streaming.early_stop import Stops
 from hw_model.streaming.session import check_psi, location_share
+from hw_model.values import Frozen
 from locsnn_compile.cluster.spread import Spread, here
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.network import Network
@@ -34,8 +34,7 @@ OnStep = Callable[[int, int, float], None]
 """Called after every step with (steps so far, class predicted, its lead over the second)."""
 
 
-@dataclass(frozen=True, eq=False)
-class OverTime:
+class OverTime(Frozen, eq=False):
     """Predictions after every step of the recordings of these numbers, out of ``available``.
 
     ``right[prediction]`` (steps,): the share of recordings for which a prediction is right after each step: that of
@@ -52,15 +51,13 @@ class OverTime:
     proven: Stops
 
 
-@dataclass(frozen=True)
-class LeftOut:
+class LeftOut(Frozen):
     """Predictions were not followed over time, for this reason."""
 
     reason: str
 
 
-@dataclass(frozen=True)
-class Savings:
+class Savings(Frozen):
     """Means of a recording until it stops, and of a whole one; energy and latency by a named profile."""
 
     steps: float
@@ -189,8 +186,7 @@ def _scores(program: hw.ChipProgram, recordings: ByteArray, psi: float) -> dict[
     return {**by_axis, TOGETHER: together, TIME_WEIGHTED: weighted}
 
 
-@dataclass(frozen=True, eq=False)
-class Streamed:
+class Streamed(Frozen, eq=False):
     """What was known after every step of a recording, arrays (steps,); where it was stopped, until then.
 
     ``prediction``: the class with the best score; ``lead``: by how much; ``seconds``: how long the step took here.
@@ -236,8 +232,7 @@ def stream(
     return Streamed(prediction[:done], lead[:done], seconds[:done])
 
 
-@dataclass(frozen=True)
-class StepLatency:
+class StepLatency(Frozen):
     """Seconds that a step took: on average, what 99 % of the steps took at most, and the longest."""
 
     mean: float

@@ -13,7 +13,7 @@ from networks import hybrid, recordings
 
 import hw_model as hw
 import locsnn_compile as lc
-from hw_model.io.shown import Shown
+from hw_model.values import Shown
 from locsnn_compile.data.recordings import Recordings
 
 PUBLIC = {name: getattr(package, name) for package in (hw, lc) for name in package.__all__}

@@ -5,11 +5,11 @@ the host's, whose somas play the input lines of that tile for no energy and no t
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import groupby
 
 from hw_model.description.chip import Chip
 from hw_model.description.profile import Profile
+from hw_model.values import Frozen
 from locsnn_compile.backends.sanafe.rules import UNIT_SIZE
 from locsnn_compile.errors import InputError
 
@@ -23,8 +23,7 @@ SOMA_EVENTS = {"access_neuron": "neuron_updates", "update_neuron": "neuron_updat
 LINK_BUFFER = 16
 
 
-@dataclass(frozen=True)
-class TileUse:
+class TileUse(Frozen):
     """What a tile holds: ``lines`` input lines on its host core, and up to ``replayed`` compartments a core."""
 
     lines: int

@@ -1,17 +1,16 @@
 """Memory words as bits: named fields, packed low to high, and written as hexadecimal text that ``$readmemh`` reads."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from hw_model.arithmetic.arrays import ByteArray, IntArray
+from hw_model.values import Frozen
 
 BitArray = ByteArray
 
 
-@dataclass(frozen=True)
-class Field:
+class Field(Frozen):
     """``width`` bits of a word; a signed field is two's complement."""
 
     name: str
@@ -19,8 +18,7 @@ class Field:
     signed: bool = False
 
 
-@dataclass(frozen=True)
-class Layout:
+class Layout(Frozen):
     """A word: its fields, the first at bit 0, each next one above it."""
 
     fields: tuple[Field, ...]

@@ -8,8 +8,6 @@ The chip description says what a run costs; this is a layout of exactly that cos
 A dense list has no indices: its synapses end on compartments ``base``, ``base + 1``, ...
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from hw_model.arithmetic.arrays import IntArray
@@ -18,12 +16,12 @@ from hw_model.description.chip import Chip
 from hw_model.mapping.fan_in import SynapseFormat
 from hw_model.mapping.synapse_lists import SynapseLists, synapse_lists
 from hw_model.program.chip_program import Core
+from hw_model.values import Frozen
 from locsnn_compile.backends.vectors.memory_words import BitArray, Field, Layout, bits_for, bits_of
 from locsnn_compile.errors import InputError
 
 
-@dataclass(frozen=True, eq=False)
-class SynapseImage:
+class SynapseImage(Frozen, eq=False):
     """Tables of a core, one word a row, as bits: ``axons`` point into ``lists``, and these into ``words``."""
 
     axons: BitArray

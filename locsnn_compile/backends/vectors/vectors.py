@@ -4,7 +4,6 @@ Everything is text that ``$readmemh`` reads, one word a line; ``manifest.yaml`` 
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 import yaml
@@ -13,6 +12,7 @@ from hw_model.arithmetic.arrays import IntArray
 from hw_model.arithmetic.fixed_point import DECAY_BITS, DECAY_ONE, SIGN_MODES, WEIGHT_SHIFT
 from hw_model.description.chip import Chip
 from hw_model.program.chip_program import Core
+from hw_model.values import Frozen
 from locsnn_compile.backends.names import code_span
 from locsnn_compile.backends.played import Played
 from locsnn_compile.backends.vectors.memory_words import BitArray, Layout, bits_for, bits_of, hex_words
@@ -39,8 +39,7 @@ spikes and while it is refractory. The arithmetic of a step is in `docs/emit.md`
 """
 
 
-@dataclass(frozen=True, eq=False)
-class _Image:
+class _Image(Frozen, eq=False):
     """A file of a core: its words as bits, what a row is, and the layout of a row or, with none, what each bit is."""
 
     name: str

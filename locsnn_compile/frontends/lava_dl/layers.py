@@ -1,12 +1,12 @@
 """A lava-dl file (``.net``) as plain frozen data: its layers in order, each with all that it holds."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from hw_model.arithmetic.arrays import AnyArray, IntArray
+from hw_model.values import Frozen
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.hdf5.read import Group, open_hdf5
 
@@ -17,8 +17,7 @@ Values = Mapping[str, Array | str]
 """Datasets by their path inside the layer (``weight``, ``neuron/iDecay``), arrays of int64 or float64, or text."""
 
 
-@dataclass(frozen=True, eq=False)
-class NetLayer:
+class NetLayer(Frozen, eq=False):
     """A layer: its number in the file, its type, and its datasets."""
 
     number: int
@@ -50,8 +49,7 @@ class NetLayer:
         return value if isinstance(value, str) else ""
 
 
-@dataclass(frozen=True, eq=False)
-class NetFile:
+class NetFile(Frozen, eq=False):
     """The layers, and ``simulation``'s numbers where the file has them."""
 
     layers: tuple[NetLayer, ...]

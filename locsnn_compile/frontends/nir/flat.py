@@ -7,7 +7,6 @@ is a layer: weights, and the constant next to them.
 import math
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
@@ -15,6 +14,7 @@ import numpy as np
 from scipy import sparse
 
 from hw_model.arithmetic.arrays import FloatArray
+from hw_model.values import Frozen
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.frontends.linear_maps import Shape, Window, check_entries, check_shape, convolution, pooling
 from locsnn_compile.frontends.nir.graph import Edge, NirGraph, NirNode
@@ -24,8 +24,7 @@ NEURONS = ("IF", "LIF", "CubaLIF", "Threshold", "LI", "CubaLI")
 READOUTS = ("LI", "CubaLI")
 
 
-@dataclass(frozen=True, eq=False)
-class FlatGraph:
+class FlatGraph(Frozen, eq=False):
     """Nodes by name, the shapes that they give, and their layers; ``sources``: by a node's name those that feed it."""
 
     nodes: Mapping[str, NirNode]
@@ -205,8 +204,7 @@ def _joined(own: Shape, given: Shape, where: str) -> Shape:
 WITH_WEIGHTS = ("Linear", "Affine", "Conv1d", "Conv2d", "SumPool2d", "AvgPool2d")
 
 
-@dataclass(frozen=True, eq=False)
-class Layer:
+class Layer(Frozen, eq=False):
     """``weights`` (outputs, inputs), CSR, the ``constant`` (outputs,) beside them, and the outputs' shape."""
 
     weights: Any

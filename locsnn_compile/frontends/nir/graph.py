@@ -7,12 +7,13 @@ takes every size on trust.
 
 import contextlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 import numpy as np
 
 from hw_model.arithmetic.arrays import AnyArray, FloatArray
+from hw_model.values import Frozen
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.frontends.hdf5.read import Group, open_hdf5
 
@@ -50,8 +51,7 @@ UNBOUNDED = ("tau", "tau_mem", "r")
 """What may be infinite: snnTorch writes both so for a neuron that does not leak."""
 
 
-@dataclass(frozen=True, eq=False)
-class NirNode:
+class NirNode(Frozen, eq=False):
     """A primitive: its type and its parameters, arrays of int64 or float64 and, for a padding in words, text."""
 
     kind: str
@@ -72,8 +72,7 @@ class NirNode:
         return np.broadcast_to(values, (size,))
 
 
-@dataclass(frozen=True, eq=False)
-class NirGraph:
+class NirGraph(Frozen, eq=False):
     """Nodes by name, in the file's order, and edges between them; a node may be a graph."""
 
     nodes: "Mapping[str, NirNode | NirGraph]"

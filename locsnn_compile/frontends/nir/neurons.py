@@ -26,12 +26,12 @@ the potential at the reset's value for the step after a spike.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from hw_model.arithmetic.arrays import FloatArray
+from hw_model.values import Frozen
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.nir.flat import READOUTS, FlatGraph
 from locsnn_compile.frontends.nir.graph import NirNode
@@ -51,8 +51,7 @@ _WITH_TAU = ("LIF", "CubaLIF", "LI", "CubaLI")
 _WITH_RESET = ("IF", "LIF", "CubaLIF")
 
 
-@dataclass(frozen=True, eq=False)
-class Stepping:
+class Stepping(Frozen, eq=False):
     """Decays, what a spike of weight 1 adds, and what a constant input of 1 adds in every step; all (n,)."""
 
     decay_u: FloatArray
@@ -61,8 +60,7 @@ class Stepping:
     constant: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class Stated:
+class Stated(Frozen, eq=False):
     """Neurons, the signal that drives them in units of their potential, and what is beside it, all (n,).
 
     ``own`` is taken from the charge of the next step by a spike; ``first`` is to be on the potential before any input.

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy import sparse
 
 from hw_model.arithmetic.arrays import FloatArray, IntArray
+from hw_model.values import Frozen
 from locsnn_compile.frontends.linear_maps import product
 from locsnn_compile.network.projections import Matrix, Projection, matrix
 
@@ -17,8 +17,7 @@ DENSE = 0.5
 """Share of connections from which a matrix is kept dense."""
 
 
-@dataclass(frozen=True, eq=False)
-class Term:
+class Term(Frozen, eq=False):
     """Spikes of one source through weights (n, n_source), CSR, after whole steps of delay."""
 
     source: str
@@ -26,8 +25,7 @@ class Term:
     weights: Any
 
 
-@dataclass(frozen=True, eq=False)
-class Signal:
+class Signal(Frozen, eq=False):
     """The terms that add up at ``n`` values, and the constant (n,) beside them."""
 
     terms: tuple[Term, ...]

@@ -3,10 +3,10 @@
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hw_model.values import Frozen
 from locsnn_compile.data.torch_file import read_bytes
 from locsnn_compile.errors import InputError, check_most, did_you_mean
 from locsnn_compile.network.neurons import SrmAlpha
@@ -22,8 +22,7 @@ _NUMBERS = {"conv": 2, "pool": 1, "input": 3, "dense": 1}
 """How many numbers stand in the ``dim`` of each kind that is read."""
 
 
-@dataclass(frozen=True)
-class LoihiNeuron:
+class LoihiNeuron(Frozen):
     """slayerPytorch's LOIHI neuron: integers of the chip; weights act as ``w * 2^(6 + weight_exponent)``."""
 
     decay_u: int
@@ -33,8 +32,7 @@ class LoihiNeuron:
     weight_exponent: int
 
 
-@dataclass(frozen=True)
-class LayerEntry:
+class LayerEntry(Frozen):
     """An entry of ``layer``: what ``dim`` says, and the numbers of a convolution.
 
     ``kind`` is input, conv, pool or dense; ``numbers`` are those in ``dim``: (width, height, channels) of an input,
@@ -49,8 +47,7 @@ class LayerEntry:
     groups: int = 1
 
 
-@dataclass(frozen=True)
-class SlayerConfig:
+class SlayerConfig(Frozen):
     """What the description says: the neuron, the step, steps of a recording, and a location order.
 
     ``ts`` is in milliseconds; SRM time constants are in steps already. ``order`` is a name or taxel numbers, None where

@@ -1,7 +1,6 @@
 """What the inputs of a population add to its potentials on calibration recordings, and what they should."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -10,6 +9,7 @@ import numpy as np
 from scipy import sparse
 
 from hw_model.arithmetic.arrays import ByteArray, FloatArray
+from hw_model.values import Frozen
 from locsnn_compile.network.neurons import SrmAlpha, alpha_recursion
 from locsnn_compile.network.projections import Projection
 from locsnn_compile.passes.kernels import keeps
@@ -23,8 +23,7 @@ RIDGE = 0.16
 recordings, the less their correlations say of others."""
 
 
-@dataclass(frozen=True, eq=False)
-class Drive:
+class Drive(Frozen, eq=False):
     """Moments of x (n,), what a weight of 1 on each input adds to the chip's potential at a step.
 
     ``gram`` (n, n): the mean of ``x x^T``, with a ridge on its diagonal. ``ideal`` (m, n): real weights whose mean

@@ -7,12 +7,12 @@ leaves.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from hw_model.arithmetic.arrays import BoolArray, FloatArray, IntArray
 from hw_model.arithmetic.fixed_point import WEIGHT_EXPONENTS
+from hw_model.values import Frozen
 from locsnn_compile.network.chip_neurons import ChipNeuron
 from locsnn_compile.network.projections import ChipProjection, Projection, of_target, values_of, with_values
 from locsnn_compile.passes.rounding.task import Scaled, Task
@@ -26,8 +26,7 @@ FORMATS_OF_TAPS = 6
 """Synapse formats that the taps of neurons take at most."""
 
 
-@dataclass(frozen=True)
-class Grades:
+class Grades(Frozen):
     """Grades of so many bits, finest first."""
 
     weight_bits: int

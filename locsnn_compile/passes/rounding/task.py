@@ -1,13 +1,13 @@
 """A population to put into integers: how much trouble its rounding takes, and how large its numbers become."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from hw_model.arithmetic.arrays import FloatArray
 from hw_model.arithmetic.fixed_point import WEIGHT_EXPONENTS, WeightGrid, weight_grid
 from hw_model.description.chip import Chip
+from hw_model.values import Frozen
 from locsnn_compile.errors import TargetError
 from locsnn_compile.network.chip_neurons import ChipNeuron
 from locsnn_compile.network.network import Population
@@ -15,8 +15,7 @@ from locsnn_compile.network.projections import ChipProjection, Projection, row_m
 from locsnn_compile.reference.evaluate import Calibration
 
 
-@dataclass(frozen=True)
-class Rounding:
+class Rounding(Frozen):
     """What is done beyond rounding every weight to the nearest of one format.
 
     ``fitted_decays``: two decays an alpha dendrite, those whose response fits the kernel best. ``graded``: weights of a
@@ -37,8 +36,7 @@ NEAREST = Rounding()
 FINE = Rounding(fitted_decays=True, graded=True, error_aware=True, scaled_apart=True)
 
 
-@dataclass(frozen=True, eq=False)
-class Task:
+class Task(Frozen, eq=False):
     """A float population, the weights onto it, and how they are to be rounded for a chip: onto a ``grid``."""
 
     population: Population
@@ -71,8 +69,7 @@ WHOLE = 1 + 1e-12
 """A quotient that float rounding left this little below a whole number is that number."""
 
 
-@dataclass(frozen=True, eq=False)
-class Scaled:
+class Scaled(Frozen, eq=False):
     """Neurons in integers, and how weights onto them are rounded.
 
     A potential of 1 is ``scale`` (n,) in the registers; a weight of 1 is an effective weight of ``gain * scale``, in a

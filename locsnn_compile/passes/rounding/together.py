@@ -8,18 +8,16 @@ fixed order (Frantar and others, GPTQ, 2022; Babai's nearest plane). At every we
 best few of all roundings so far go on (the M-algorithm of sphere decoding).
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from hw_model.arithmetic.arrays import FloatArray, IntArray
+from hw_model.values import Frozen
 
 CANDIDATES = 256
 """Candidates of all neurons that are worked on at a time, so that they stay in the cache."""
 
 
-@dataclass(frozen=True, eq=False)
-class Metric:
+class Metric(Frozen, eq=False):
     """Columns of a Gram matrix (n, n) in the ``order`` in which they are rounded, and the ``factor`` of its inverse."""
 
     order: IntArray

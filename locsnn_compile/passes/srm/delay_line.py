@@ -12,13 +12,13 @@ dendrite's long memory.
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 
 from hw_model.arithmetic.arrays import FloatArray, IntArray
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WeightGrid
 from hw_model.description.chip import Chip
+from hw_model.values import Frozen
 from locsnn_compile.errors import TargetError
 from locsnn_compile.network.chip_neurons import ChipSrm
 from locsnn_compile.network.neurons import SrmAlpha
@@ -42,8 +42,7 @@ HORIZON = 12
 STEPS_MAX = 4096
 
 
-@dataclass(frozen=True, eq=False)
-class _Rounded:
+class _Rounded(Frozen, eq=False):
     """Mantissas and exponents (lags, 2, candidates); ``error[k]`` of the response to lags 0..k alone, (candidates,)."""
 
     mantissa: IntArray

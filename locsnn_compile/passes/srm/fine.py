@@ -5,11 +5,10 @@ together, neuron by neuron. A larger scale makes finer weights and clips more po
 scales, the one with which its potential errs least on the calibration recordings, near the threshold above all.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from hw_model.arithmetic.arrays import BoolArray, FloatArray, IntArray
+from hw_model.values import Frozen
 from locsnn_compile.network.chip_neurons import ChipSrm, Refractory, integers
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.network.projections import ChipProjection
@@ -36,8 +35,7 @@ BEAM, BEAM_TO_COMPARE = 8, 1
 """Candidates a neuron when weights are rounded, and when only scales are compared."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Task(Task):
+class _Task(Task, eq=False):
     """A population to round, the recordings to round it for, and what its inputs do on them."""
 
     calibration: Calibration
@@ -148,8 +146,7 @@ def _errors(task: _Task, candidates: ChipSrm, count: int) -> FloatArray:
     return error.reshape(count, -1)
 
 
-@dataclass(frozen=True, eq=False)
-class _Quanta:
+class _Quanta(Frozen, eq=False):
     """Weights in quanta (k, n), onto so many dendrites together; the grade of each share, and which are split."""
 
     quanta: IntArray

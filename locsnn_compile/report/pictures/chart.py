@@ -3,10 +3,10 @@
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement
 
 from hw_model.io.xml_text import xml_file, xml_text
+from hw_model.values import Frozen
 from locsnn_compile.report.content import Curve
 from locsnn_compile.report.pictures.ticks import nice_step
 
@@ -36,8 +36,7 @@ _LEGEND, _LINE = 56, 16
 Point = tuple[float, float]
 
 
-@dataclass(frozen=True)
-class Axis:
+class Axis(Frozen):
     """Values between two ends, in proportion or by their logarithms; ``text`` writes the figures of the ``ticks``."""
 
     low: float
@@ -128,8 +127,7 @@ def _number(value: float) -> str:
     return f"{value:.1f}"
 
 
-@dataclass(frozen=True)
-class Panel:
+class Panel(Frozen):
     """Curves over common axes, each linear or logarithmic; what a logarithmic axis cannot show is left out."""
 
     title: str

@@ -6,10 +6,10 @@ marks that no other beats in the two figures of a panel.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement
 
 from hw_model.io.xml_text import xml_file, xml_text
+from hw_model.values import Frozen
 from locsnn_compile.report.pictures import chart
 
 _STYLE = """\
@@ -30,8 +30,7 @@ Box = tuple[float, float, float, float]
 """Left, top, right and bottom."""
 
 
-@dataclass(frozen=True)
-class Mark:
+class Mark(Frozen):
     """One setting: both figures, its ``kind`` among those of the picture, words next to it, and words shown over it."""
 
     x: float
@@ -43,8 +42,7 @@ class Mark:
     taken: bool
 
 
-@dataclass(frozen=True)
-class Panel:
+class Panel(Frozen):
     """Marks over axes from 0; ``x_text`` and ``y_text`` write the figures of the ticks."""
 
     title: str

@@ -1,10 +1,10 @@
 """Two builds side by side, as content without form: three questions, key figures, and all that changed."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from hw_model.values import Frozen
 from locsnn_compile.errors import InputError
 from locsnn_compile.report.content import Bar, Document, Fact, Notice, Report, Section, Status, Table, Verdict, section
 from locsnn_compile.report.figures.flat import Figures, flatten
@@ -17,8 +17,7 @@ _LONGEST = 120
 """Characters of a text; the rest is cut, here only."""
 
 
-@dataclass(frozen=True)
-class Build:
+class Build(Frozen):
     """A build by its name, its report, and the figures of its program."""
 
     name: str

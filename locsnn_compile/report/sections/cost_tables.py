@@ -1,9 +1,9 @@
 """What energy and time have in common: spread, breakdowns, the course over steps, and constants with their source."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
+from hw_model.values import Frozen
 from locsnn_compile.report.content import Bar, Curve, Document, Fact, Plot, Span, Stack, Table, of, share_of, table
 from locsnn_compile.report.format import NONE, count, energy, share, time
 from locsnn_compile.report.pictures.ticks import round_numbers
@@ -15,8 +15,7 @@ PARTS = (0.2, 0.4, 0.6, 0.8, 1.0)
 """Parts of all steps after which a table has a figure."""
 
 
-@dataclass(frozen=True)
-class Cost:
+class Cost(Frozen):
     """Energy or time: its name, its entry in the document, the unit in the keys there, and how it is written."""
 
     name: str

@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from hw_model.arithmetic.arrays import ArrayLike, ByteArray, FloatArray, IntArray
 from hw_model.mapping.graph import Readout
+from hw_model.values import Frozen
 from locsnn_compile.network.chip_neurons import ChipNeuron
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import Cuba, Neuron, SrmAlpha
@@ -24,8 +25,7 @@ THETA = 10.0
 SEED = 0
 
 
-@dataclass(frozen=True, eq=False)
-class Case:
+class Case(Frozen, eq=False):
     """One row of the table: a network, how it is lowered, and recordings (samples, steps, channels) of 0 and 1.
 
     It is rounded as `locsnn-compile` rounds, unless ``rounding`` says otherwise. ``x`` is the number that the group of

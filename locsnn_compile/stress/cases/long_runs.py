@@ -1,11 +1,11 @@
 """Runs of a million steps: whether errors add up."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from hw_model.arithmetic.arrays import ByteArray, FloatArray
+from hw_model.values import Frozen
 from locsnn_compile.network.neurons import Cuba, SrmAlpha
 from locsnn_compile.strategies import NATIVE, USUAL
 from locsnn_compile.stress.cases.case import NEURONS, SEED, THETA, Case, case_of, lif, random_input, srm, weights
@@ -17,8 +17,7 @@ SETTLED = 5
 """Time constants after which a neuron has all but forgotten how it began."""
 
 
-@dataclass(frozen=True, eq=False)
-class LongRun:
+class LongRun(Frozen, eq=False):
     """``case`` plays the first blocks, until errors that fade have settled; then ``block`` goes on and on.
 
     ``block`` is (steps, channels). ``fades`` is False where some error never does.

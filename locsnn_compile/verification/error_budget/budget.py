@@ -1,12 +1,13 @@
 """What each stage alone, all but each, and all together change against the float network, spike by spike."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from operator import methodcaller
 
 import hw_model as hw
 from hw_model.arithmetic.arrays import ByteArray, FloatArray
 from hw_model.mapping.graph import Readout
+from hw_model.values import Frozen
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.neurons import Neuron
 from locsnn_compile.pipeline import Levels
@@ -28,8 +29,7 @@ NEURON_STEPS_AT_ONCE = 1 << 22
 """Neurons times steps of all variants that are held at a time, so that memory does not grow with the recordings."""
 
 
-@dataclass(frozen=True, eq=False)
-class Deviation:
+class Deviation(Frozen, eq=False):
     """How a variant of the network differs from the float network: spikes by population, and predicted classes."""
 
     by_population: Mapping[str, PopulationMatch]
@@ -41,8 +41,7 @@ class Deviation:
         return sum(self.by_population.values(), start=PopulationMatch())
 
 
-@dataclass(frozen=True, eq=False)
-class StageErrors:
+class StageErrors(Frozen, eq=False):
     """The difference between float network and chip over ``samples`` recordings, taken apart.
 
     ``alone[stage]``: the float network with this stage as on the chip. ``without[stage]``: the chip with this stage

@@ -1,9 +1,9 @@
 """Why the first spike that differs does: what each stage adds to the potential that decided it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from hw_model.arithmetic.arrays import ByteArray
+from hw_model.values import Frozen
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.verification.error_budget.stages import STAGES, Stage, lines_of, phases_of, twin_with, working
@@ -11,8 +11,7 @@ from locsnn_compile.verification.error_budget.twin import run_twins
 from locsnn_compile.verification.matching import Divergence
 
 
-@dataclass(frozen=True, eq=False)
-class Cause:
+class Cause(Frozen, eq=False):
     """The difference of the two potentials at the first spike that differs, taken apart.
 
     Until then all spikes are equal, so each stage can be judged by itself: ``moved[stage]`` is how far it alone moves

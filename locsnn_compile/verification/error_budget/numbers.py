@@ -4,22 +4,20 @@ Exact numbers are in units of the registers too, but real: a float weight times 
 what a decay keeps as ``exp(-1 / tau)``, a threshold of theta times the scale.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy import sparse
 
 from hw_model.arithmetic.arrays import FloatArray, IntArray
 from hw_model.arithmetic.fixed_point import DECAY_ONE, effective_weight
 from hw_model.mapping.graph import CompartmentGraph, Compartments
+from hw_model.values import Frozen
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.projections import Matrix, Projection, by_delay, of_target, values_of, with_values
 from locsnn_compile.passes.kernels import best_gain
 from locsnn_compile.verification.error_budget.twin import TwinGroup, TwinSynapses
 
 
-@dataclass(frozen=True, eq=False)
-class GroupNumbers:
+class GroupNumbers(Frozen, eq=False):
     """A group of compartments, of which only the numbers differ."""
 
     exact: TwinGroup
@@ -38,8 +36,7 @@ class GroupNumbers:
         return np.divide(1.0 - self.chip.keep_v, lost, out=np.ones(len(lost)), where=lost > 0)
 
 
-@dataclass(frozen=True, eq=False)
-class SynapseNumbers:
+class SynapseNumbers(Frozen, eq=False):
     """Synapses of one delay between two groups, exact or rounded, each for exact decays and for the chip's.
 
     ``exact.weights`` are for exact decays, ``exact_fitted`` make up for rounded ones; ``chip`` are the weights that the
@@ -58,8 +55,7 @@ class SynapseNumbers:
         return self.exact_fitted if chip_decays else self.exact.weights
 
 
-@dataclass(frozen=True, eq=False)
-class Numbers:
+class Numbers(Frozen, eq=False):
     """Groups, children before their parents, and synapses."""
 
     groups: tuple[GroupNumbers, ...]

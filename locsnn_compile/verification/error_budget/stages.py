@@ -1,12 +1,13 @@
 """The stages in which a float network becomes a chip program, and a twin with any of them as on the chip."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal, get_args
 
 from hw_model.arithmetic.arrays import ByteArray, FloatArray
 from hw_model.description.chip import Registers
 from hw_model.mapping.graph import Axis
+from hw_model.values import Frozen
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.projections import values_of
 from locsnn_compile.pipeline import Levels
@@ -28,8 +29,7 @@ Stage = Literal["kernel", "weights", "decays", "states", "thresholds", "delays",
 STAGES: tuple[Stage, ...] = get_args(Stage)
 
 
-@dataclass(frozen=True, eq=False)
-class Phase:
+class Phase(Frozen, eq=False):
     """The populations of one axis, in exact numbers and in the chip's: by the float neurons, and by the program's."""
 
     axis: Axis

@@ -5,7 +5,6 @@ exactly: the twin then equals the simulator bit for bit. With every switch off i
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,11 +12,11 @@ from scipy import sparse
 
 from hw_model.arithmetic.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from hw_model.description.chip import Registers
+from hw_model.values import Frozen
 from locsnn_compile.network.projections import Matrix
 
 
-@dataclass(frozen=True, eq=False)
-class TwinGroup:
+class TwinGroup(Frozen, eq=False):
     """``size`` compartments; every parameter is an array (size,), in units of the registers.
 
         u = kept(u, keep_u) + q
@@ -43,8 +42,7 @@ class TwinGroup:
     joined_to: str | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class TwinSynapses:
+class TwinSynapses(Frozen, eq=False):
     """Weights (n_target, n_source), dense or CSR, or (n,) where each source reaches the target of its own number only.
 
     A spike of step t arrives at step ``t + 1 + delay``.
@@ -56,8 +54,7 @@ class TwinSynapses:
     delay: int = 0
 
 
-@dataclass(frozen=True, eq=False)
-class Twin:
+class Twin(Frozen, eq=False):
     """The compartments of one phase, children before their parents, and the synapses between them."""
 
     groups: tuple[TwinGroup, ...]
@@ -65,8 +62,7 @@ class Twin:
     registers: Registers
 
 
-@dataclass(frozen=True, eq=False)
-class TwinTrace:
+class TwinTrace(Frozen, eq=False):
     """``spikes[name]`` (batch, steps, n) of groups that spike; ``potential[name]`` (v as the threshold saw it)."""
 
     spikes: dict[str, ByteArray]

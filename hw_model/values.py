@@ -1,18 +1,32 @@
-"""What a value is, in one line: arrays by their shape, long sequences by their number, texts cut."""
+"""Values: frozen dataclasses by their base; and what one is in a line, its arrays by their shape."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import fields, is_dataclass
-from typing import Any
+from dataclasses import dataclass, field, fields, is_dataclass
+from typing import Any, dataclass_transform
 
 _PLAIN = (str, int, float, type(None))
 _LONGEST, _LONGEST_TEXT, _MOST_ITEMS = 400, 40, 4
 
 
-class Shown:
-    """A dataclass, made without ``repr``, that says what it holds, except usual values, in at most 400 characters."""
+@dataclass_transform(frozen_default=True, field_specifiers=(field,))
+class Frozen:
+    """Classes that derive from it are dataclasses that nobody changes; ``class Name(Frozen, eq=False)`` gives options.
+
+    What holds arrays is compared by identity, with ``eq=False``: ``==`` of arrays has no single answer.
+    """
+
+    def __init_subclass__(cls, **options: bool) -> None:
+        dataclass(frozen=True, **options)(cls)
+
+
+class Shown(Frozen, eq=False):
+    """A value that says what it holds, except usual values, in at most 400 characters; compared by identity."""
+
+    def __init_subclass__(cls, **options: bool) -> None:
+        super().__init_subclass__(**{"eq": False, "repr": False, **options})
 
     def __repr__(self) -> str:
-        parts = ((field, getattr(self, field.name)) for field in fields(self) if field.repr)  # type: ignore[arg-type]
+        parts = ((field, getattr(self, field.name)) for field in fields(self) if field.repr)
         said = (f"{f.name}={_part(part)}" for f, part in parts if not (isinstance(part, _PLAIN) and part == f.default))
         text = f"{type(self).__name__}({', '.join(said)}"
         return f"{_cut(text, _LONGEST)})"

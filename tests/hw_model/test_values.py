@@ -1,0 +1,48 @@
+"""Frozen values: dataclasses by their base, compared by what they hold unless they hold arrays."""
+
+from dataclasses import FrozenInstanceError, replace
+
+import numpy as np
+import pytest
+
+from hw_model.values import Frozen, Shown
+
+
+class Point(Frozen):
+    x: int
+    y: int = 0
+
+
+class Place(Point, order=True):
+    name: str = ""
+
+
+class Row(Frozen, eq=False):
+    cells: np.ndarray
+
+
+class Told(Shown):
+    cells: np.ndarray
+    many: int = 1
+
+
+def test_nobody_changes_one():
+    point = Point(1)
+    with pytest.raises(FrozenInstanceError):
+        point.x = 2
+    assert replace(point, x=2) == Point(2, 0)
+
+
+def test_equal_by_fields_or_by_identity():
+    assert Point(1) == Point(1, 0)
+    assert len({Point(1), Point(1, 0)}) == 1
+    assert Place(1, 2, "a") < Place(1, 2, "b")
+    row = Row(np.zeros(2))
+    assert row == row
+    assert row != Row(np.zeros(2))
+    assert Told(row.cells) != Told(row.cells)
+
+
+def test_one_that_is_shown_is_short():
+    assert repr(Told(np.zeros(2))) == "Told(cells=<float64 (2,)>)"
+    assert repr(Told(np.zeros(2), 3)) == "Told(cells=<float64 (2,)>, many=3)"
