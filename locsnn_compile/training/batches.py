@@ -1,8 +1,9 @@
 """What a training epoch is fed: the split, the order of recordings, and how they are changed.
 
 Every draw comes from a generator of (seed, purpose, epoch), so an epoch needs no state but its number. Changes take and
-return spikes (batch, steps, channels), float32, 0 or 1, and draw anew for every recording: events, channels and taxels
-are dropped, recordings moved in time. What is off draws nothing, so that it does not change what the others draw.
+return spikes (batch, steps, channels), float32, 0 or 1, and draw anew for every recording: taxels come from another
+recording of the class, events are added, events, channels and taxels are dropped, and taxels and recordings move in
+time. What is off draws nothing, so that it does not change what the others draw.
 """
 
 from collections.abc import Iterator
@@ -48,7 +49,11 @@ def batches(
     order = rng.permutation(len(labels))
     for start in range(0, len(order), config.batch_size):
         rows = order[start : start + config.batch_size]
-        yield augmented(spikes[rows].astype(np.float32), config, rng), labels[rows]
+        fed = spikes[rows].astype(np.float32)
+        if config.mixing:
+            others = [rng.choice(np.flatnonzero(labels == label)) for label in labels[rows]]
+            fed = mix_taxels(fed, spikes[others].astype(np.float32), config.mixing, rng)
+        yield augmented(fed, config, rng), labels[rows]
 
 
 Spikes = NDArray[np.float32]
@@ -56,10 +61,24 @@ Spikes = NDArray[np.float32]
 
 def augmented(spikes: Spikes, config: TrainingConfig, rng: np.random.Generator) -> Spikes:
     """Return changed spikes, as a training configuration asks for."""
+    taxels = spikes.shape[2] // POLARITIES
+    spikes = add_events(spikes, config.event_noise, rng)
     spikes = drop_events(spikes, config.event_dropout, rng)
     spikes = drop_channels(spikes, config.channel_dropout, rng)
     spikes = drop_taxels(spikes, config.taxel_dropout, rng)
+    spikes = shift_in_time(spikes, config.taxel_shift, rng, parts=taxels)
     return shift_in_time(spikes, config.time_shift, rng)
+
+
+def mix_taxels(spikes: Spikes, others: Spikes, largest: float, rng: np.random.Generator) -> Spikes:
+    """Take taxels from ``others``, both polarities of each, in each recording with a probability of 0..``largest``."""
+    shape = len(spikes), 1, spikes.shape[2] // POLARITIES
+    return np.where(_kept(shape, largest, rng).repeat(POLARITIES, axis=2), spikes, others)
+
+
+def add_events(spikes: Spikes, largest: float, rng: np.random.Generator) -> Spikes:
+    """Add events where there are none, in each recording with a probability of 0..``largest``."""
+    return spikes if largest == 0 else np.where(_kept(spikes.shape, largest, rng), spikes, np.float32(1))
 
 
 def drop_events(spikes: Spikes, largest: float, rng: np.random.Generator) -> Spikes:
@@ -84,12 +103,18 @@ def _kept(shape: tuple[int, ...], largest: float, rng: np.random.Generator) -> B
     return rng.random(shape, dtype=np.float32) >= probability
 
 
-def shift_in_time(spikes: Spikes, largest: int, rng: np.random.Generator) -> Spikes:
-    """Move each recording by up to ``largest`` steps to either side; what leaves it is lost, silence follows."""
+def shift_in_time(spikes: Spikes, largest: int, rng: np.random.Generator, parts: int = 1) -> Spikes:
+    """Move each of ``parts`` equal parts of the channels of each recording by up to ``largest`` steps to either side.
+
+    What leaves the recording is lost, silence follows.
+    """
     if largest == 0:
         return spikes
-    steps = spikes.shape[1]
+    batch, steps, channels = spikes.shape
+    by = rng.integers(-largest, largest, size=(batch, parts), endpoint=True)
+    row, step, channel = spikes.nonzero()
+    step = step + by[row, channel * parts // channels]
+    inside = (step >= 0) & (step < steps)
     moved = np.zeros_like(spikes)
-    for row, by in enumerate(rng.integers(-largest, largest, size=len(spikes), endpoint=True).clip(-steps, steps)):
-        moved[row, max(by, 0) : steps + min(by, 0)] = spikes[row, max(-by, 0) : steps - max(by, 0)]
+    moved[row[inside], step[inside], channel[inside]] = 1
     return moved

@@ -55,11 +55,14 @@ class TrainingConfig(Shown, eq=True):
     """A training run, but for its data.
 
     - ``location_weight`` is lambda of the weighted loss. ``loss`` spike-count uses ``target_right`` and
-      ``target_wrong`` (spikes a recording), cross-entropy uses ``count_scale`` and ``label_smoothing``.
+      ``target_wrong`` (spikes a recording), cross-entropy uses ``count_scale``, ``label_smoothing``, and
+      ``neighbour_smoothing`` of ``class_order``: see :mod:`locsnn_compile.training.loss`.
     - ``class_weights`` balanced: recordings of a rare class count for more in the loss, each class as much as another.
     - ``event_dropout``: every recording of a batch loses each event with a probability drawn from 0 to this;
       ``channel_dropout``: likewise each channel, with all its events; ``taxel_dropout``: each taxel, both polarities.
-      ``time_shift``: every recording of a batch is moved by up to so many steps to either side.
+      ``event_noise``: it gains an event with such a probability wherever it has none; ``mixing``: each of its taxels is
+      with such a probability that of another recording of its class. ``time_shift``: every recording of a batch moves
+      by up to so many steps to either side; ``taxel_shift``: each taxel by itself.
     - ``weight_average``: measure and keep a running average of the weights, which retains this share of itself at every
       step; 0 keeps the weights of the last step.
     - ``initial_scale``: weights start uniform within +-this / sqrt(inputs of their layer).
@@ -104,6 +107,8 @@ class TrainingConfig(Shown, eq=True):
     count_scale: Annotated[float, Range(1e-6, 1e3)] = 0.1
     class_weights: Annotated[str, CLASS_WEIGHTS] = "equal"
     label_smoothing: Annotated[float, Range(0.0, 0.999)] = 0.05
+    neighbour_smoothing: Annotated[float, Range(0.0, 0.5)] = 0.0
+    class_order: str = ""
     optimizer: Annotated[str, OPTIMIZERS] = "adamw"
     schedule: Annotated[str, SCHEDULES] = "cosine"
     learning_rate: Annotated[float, Range(1e-9, 1e3)] = 0.003
@@ -114,7 +119,10 @@ class TrainingConfig(Shown, eq=True):
     event_dropout: Annotated[float, Range(0.0, 1.0)] = 0.5
     channel_dropout: Annotated[float, Range(0.0, 1.0)] = 0.3
     taxel_dropout: Annotated[float, Range(0.0, 1.0)] = 0.0
+    event_noise: Annotated[float, Range(0.0, 1.0)] = 0.0
+    mixing: Annotated[float, Range(0.0, 1.0)] = 0.0
     time_shift: Annotated[int, Range(0, 20_000)] = 0
+    taxel_shift: Annotated[int, Range(0, 20_000)] = 0
     weight_average: Annotated[float, Range(0.0, 0.99999)] = 0.0
     validation_fraction: Annotated[float, Range(0.0, 0.9)] = 0.125
     smoothing_epochs: Annotated[int, Range(1, 1_000)] = 10

@@ -1,8 +1,4 @@
-"""The loss of a batch, the figures of a set of recordings, and what a run says of itself where nothing was learned.
-
-Losses are those of Kang et al. 2022 over output spike counts. Every count is (batch, classes), every loss the mean over
-the batch: the spike-count loss of SLAYER with its sum over time, over locations, or over both weighted.
-"""
+"""The figures of a set of recordings, and what a run says of itself where nothing was learned."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -16,21 +12,12 @@ from locsnn_compile.data.recordings import Recordings, so_many
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.touch_model import TouchModel
 from locsnn_compile.training.config import TrainingConfig
+from locsnn_compile.training.loss import Loss
 
 _LIKELY = 1.645
 """Standard deviations above chance that 95 % of guesses stay below."""
 _NAMED = 12
 """Labels that are named; more are counted."""
-
-
-def batch_loss(
-    network: TouchModel, config: TrainingConfig, x: Tensor, labels: Tensor, weights: Tensor | None = None
-) -> Tensor:
-    """Return the scalar loss that ``config`` names for x (batch, steps, channels), labels (batch,).
-
-    ``weights`` (classes,): how much a recording of each class counts; None: all alike.
-    """
-    return _loss(network, config, network(x), labels, weights)
 
 
 def class_weights(config: TrainingConfig, labels: IntArray, classes: int) -> Tensor | None:
@@ -40,33 +27,6 @@ def class_weights(config: TrainingConfig, labels: IntArray, classes: int) -> Ten
     counts = np.bincount(labels, minlength=classes)
     found = len(labels) / (np.count_nonzero(counts) * np.maximum(counts, 1))
     return torch.from_numpy(found.astype(np.float32)).to(config.device)
-
-
-def _loss(
-    network: TouchModel,
-    config: TrainingConfig,
-    activity: Mapping[str, Tensor],
-    labels: Tensor,
-    weights: Tensor | None = None,
-) -> Tensor:
-    """Return the loss of what the network's ``forward`` returned."""
-    counts = weighted_counts(network.scores(activity), config.location_weight)
-    if weights is None:
-        loss = _of_counts(config, counts, labels)
-    else:
-        each = [_of_counts(config, counts[i : i + 1], labels[i : i + 1]) for i in range(len(labels))]
-        loss = (weights[labels] * torch.stack(each)).mean()
-    if config.spike_cost:
-        hidden = [spikes.sum(dim=1).mean() for spikes in network.hidden_spikes(activity)]
-        loss = loss + config.spike_cost * sum(hidden, start=torch.zeros(()))
-    return loss
-
-
-def _of_counts(config: TrainingConfig, counts: Tensor, labels: Tensor) -> Tensor:
-    """Return the loss that ``config`` names, every recording counting alike."""
-    if config.loss == "spike-count":
-        return spike_count_loss(counts, labels, target_right=config.target_right, target_wrong=config.target_wrong)
-    return count_cross_entropy(counts, labels, count_scale=config.count_scale, label_smoothing=config.label_smoothing)
 
 
 def _played(network: TouchModel, spikes: ByteArray) -> Iterator[tuple[slice, Mapping[str, Tensor]]]:
@@ -93,42 +53,15 @@ def confusion(network: TouchModel, recordings: Recordings) -> IntArray:
 
 
 @torch.no_grad()
-def evaluate(network: TouchModel, config: TrainingConfig, spikes: ByteArray, labels: IntArray) -> tuple[float, float]:
+def evaluate(network: TouchModel, loss: Loss, spikes: ByteArray, labels: IntArray) -> tuple[float, float]:
     """Return (mean loss, accuracy) on spikes (samples, steps, channels), in the network's own float type."""
-    loss, right = 0.0, 0
+    total, right = 0.0, 0
     for rows, activity in _played(network, spikes):
         scores = network.total(activity)
         y = torch.from_numpy(labels[rows].copy()).to(scores.device)
-        loss += float(_loss(network, config, activity, y)) * len(y)
+        total += float(loss(network, activity, y)) * len(y)
         right += int((scores.argmax(dim=1) == y).sum())
-    return loss / len(labels), right / len(labels)
-
-
-def spike_count_loss(counts: Tensor, labels: Tensor, *, target_right: float, target_wrong: float) -> Tensor:
-    """Return mean over the batch of 1/2 sum_k (counts_k - target_k)^2.
-
-    target_k is ``target_right`` for the class of ``labels`` (batch,), ``target_wrong`` for the others. With
-    the counts of a location branch this is the location spike-count loss.
-    """
-    targets = torch.full_like(counts, target_wrong)
-    targets.scatter_(1, labels.unsqueeze(1), target_right)
-    return 0.5 * (counts - targets).square().sum(dim=1).mean()
-
-
-def weighted_counts(branch_counts: dict[str, Tensor], location_weight: float) -> Tensor:
-    """Return sum_t o1 + lambda * sum_l o2, (batch, classes); a branch that is alone counts as it is."""
-    if len(branch_counts) == 1:
-        return next(iter(branch_counts.values()))
-    return branch_counts["time"] + location_weight * branch_counts["location"]
-
-
-def count_cross_entropy(counts: Tensor, labels: Tensor, *, count_scale: float, label_smoothing: float) -> Tensor:
-    """Return the cross-entropy of ``softmax(count_scale * counts)`` against the smoothed labels.
-
-    With s = ``label_smoothing`` and K classes the target of the right class is 1 - s + s / K, of others s /
-    K.
-    """
-    return torch.nn.functional.cross_entropy(count_scale * counts, labels, label_smoothing=label_smoothing)
+    return total / len(labels), right / len(labels)
 
 
 def check_events(recordings: Recordings) -> None:

@@ -29,14 +29,8 @@ from locsnn_compile.models.touch_model import TouchModel
 from locsnn_compile.training.batches import batches, epoch_generator, stratified_split
 from locsnn_compile.training.config import EpochRecord, Progress, TrainingConfig
 from locsnn_compile.training.describe import check_recordings, describe
-from locsnn_compile.training.measure import (
-    batch_loss,
-    check_events,
-    class_weights,
-    data_remarks,
-    evaluate,
-    result_remarks,
-)
+from locsnn_compile.training.loss import Loss
+from locsnn_compile.training.measure import check_events, class_weights, data_remarks, evaluate, result_remarks
 from locsnn_compile.training.profile import profile
 from locsnn_compile.training.schedule import WeightAverage, choose_epoch, learning_rate
 from locsnn_compile.training.state import TrainingState, load_state, run_key, save_state
@@ -94,6 +88,7 @@ def train(
         description = replace(start.description, name=name)
         check_recordings(description, recordings, classes)
     check_events(recordings)
+    loss = Loss(config, description.classes)
     key = run_key(config, recordings, start)
     state = (load_state(state_path, key) if state_path is not None else None) or TrainingState()
 
@@ -107,7 +102,7 @@ def train(
 
     weights_at_start = None if start is None else start.float_weights
     chip = None if config.target == "float" else chip_numbers(config, description, weights_at_start)
-    run = _Run(config, description, recordings, chip, weights_at_start, saved, save_every, progress)
+    run = _Run(config, loss, description, recordings, chip, weights_at_start, saved, save_every, progress)
     with _one_thread():
         training, held = stratified_split(labels, config.validation_fraction, config.seed)
         if state.phase == "select":
@@ -141,6 +136,7 @@ class _Run(Frozen, eq=False):
     """What both phases of a run share."""
 
     config: TrainingConfig
+    loss: Loss
     description: NetworkDescription
     recordings: Recordings
     chip: ChipNumbers | None
@@ -184,7 +180,7 @@ def _run_phase(run: _Run, state: TrainingState, rows: IntArray, held: IntArray, 
         rng = epoch_generator(config.seed, _PHASES[state.phase], epoch)
         for x, y in batches(spikes, labels, config, rng):
             placed, of_them = (torch.from_numpy(values).to(config.device) for values in (x, y))
-            loss = batch_loss(network, config, placed, of_them, class_shares)
+            loss = run.loss(network, network(placed), of_them, class_shares)
             for weight in weights:  # what zero_grad does, without its overhead
                 weight.grad = None
             loss.backward()  # type: ignore[no-untyped-call]
@@ -196,7 +192,7 @@ def _run_phase(run: _Run, state: TrainingState, rows: IntArray, held: IntArray, 
         state.weights = _weights(network)
         with average.in_place():
             if len(held):
-                loss_held, accuracy = evaluate(network, config, recordings.spikes[held], recordings.labels[held])
+                loss_held, accuracy = evaluate(network, run.loss, recordings.spikes[held], recordings.labels[held])
                 record = EpochRecord(state.phase, epoch, rate, total / len(rows), loss_held, accuracy)
             found = _weights(network)
         state.history.append(record)

@@ -60,10 +60,19 @@ _RULES = (
         "Add --loss spike-count.",
     ),
     _Rule(
-        ("count_scale", "label_smoothing"),
+        ("count_scale", "label_smoothing", "neighbour_smoothing", "class_order"),
         lambda c, _: c.loss == "cross-entropy",
         "the loss is spike-count, which takes counts as they are",
         _LEAVE,
+    ),
+    _Rule(
+        ("neighbour_smoothing",),
+        lambda c, _: c.class_order != "",
+        "nothing says which classes are neighbours",
+        "Add class_order, such as '0-4 5-9'.",
+    ),
+    _Rule(
+        ("class_order",), lambda c, _: c.neighbour_smoothing > 0, "neighbours get no share", "Add neighbour_smoothing."
     ),
 )
 

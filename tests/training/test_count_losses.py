@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from locsnn_compile.errors import InputError
 from locsnn_compile.training.config import TrainingConfig
-from locsnn_compile.training.measure import (
-    batch_loss,
-    class_weights,
-    count_cross_entropy,
-    spike_count_loss,
-    weighted_counts,
-)
+from locsnn_compile.training.loss import Loss, label_shares, weighted_counts
+from locsnn_compile.training.measure import class_weights
 
 SEEDS = st.integers(0, 2**31)
 
@@ -36,7 +34,8 @@ def test_spike_count_loss(seed: int, right: float, wrong: float) -> None:
             for row, label in zip(counts, labels, strict=True)
         ]
     )
-    found = spike_count_loss(torch.from_numpy(counts), torch.from_numpy(labels), target_right=right, target_wrong=wrong)
+    loss = Loss(TrainingConfig(loss="spike-count", target_right=right, target_wrong=wrong), 4)
+    found = loss.of_counts(torch.from_numpy(counts), torch.from_numpy(labels)).mean()
     assert float(found) == pytest.approx(expected, rel=1e-12)
 
 
@@ -48,7 +47,8 @@ def test_weighted_spike_count_loss(seed: int, weight: float) -> None:
     targets = np.where(np.arange(4) == labels[:, None], 150, 5)
     expected = np.mean(0.5 * ((time + weight * location - targets) ** 2).sum(axis=1))
     counts = weighted_counts(branches, weight)
-    found = spike_count_loss(counts, torch.from_numpy(labels), target_right=150, target_wrong=5)
+    loss = Loss(TrainingConfig(loss="spike-count", target_right=150.0, target_wrong=5.0), 4)
+    found = loss.of_counts(counts, torch.from_numpy(labels)).mean()
     assert float(found) == pytest.approx(expected, rel=1e-12)
 
 
@@ -66,9 +66,8 @@ def test_count_cross_entropy(seed: int, scale: float, smoothing: float) -> None:
     log_share = logits - top - np.log(np.exp(logits - top).sum(axis=1, keepdims=True))
     targets = np.where(np.arange(4) == labels[:, None], 1 - smoothing, 0) + smoothing / 4
     expected = -(targets * log_share).sum(axis=1).mean()
-    found = count_cross_entropy(
-        torch.from_numpy(counts), torch.from_numpy(labels), count_scale=scale, label_smoothing=smoothing
-    )
+    loss = Loss(TrainingConfig(count_scale=scale, label_smoothing=smoothing), 4)
+    found = loss.of_counts(torch.from_numpy(counts), torch.from_numpy(labels)).mean()
     assert float(found) == pytest.approx(expected, rel=1e-10, abs=1e-12)
 
 
@@ -85,19 +84,19 @@ class Counted:
         return {"time": activity}
 
 
-@pytest.mark.parametrize("loss", ["cross-entropy", "spike-count"])
+@pytest.mark.parametrize("kind", ["cross-entropy", "spike-count"])
 @given(seed=SEEDS)
 @settings(max_examples=10, deadline=None)
-def test_recordings_count_as_much_as_their_class(loss: str, seed: int) -> None:
+def test_recordings_count_as_much_as_their_class(kind: str, seed: int) -> None:
     counts, _, labels = draw(seed, batch=5)
-    network, config, rows = Counted(counts), TrainingConfig(loss=loss), torch.arange(5)
+    network, loss, rows = Counted(counts), Loss(TrainingConfig(loss=kind), 4), torch.arange(5)
     weights = torch.from_numpy(np.random.default_rng(seed).uniform(0, 3, 4))
     y = torch.from_numpy(labels)
-    each = [float(batch_loss(network, config, rows[i : i + 1], y[i : i + 1])) for i in range(5)]  # type: ignore[arg-type]
-    found = float(batch_loss(network, config, rows, y, weights))  # type: ignore[arg-type]
+    each = [float(loss(network, network(rows[i : i + 1]), y[i : i + 1])) for i in range(5)]  # type: ignore[arg-type]
+    found = float(loss(network, network(rows), y, weights))  # type: ignore[arg-type]
     assert found == pytest.approx(np.mean(weights[y].numpy() * each), rel=1e-9)
-    alike = float(batch_loss(network, config, rows, y, torch.ones(4)))  # type: ignore[arg-type]
-    assert alike == pytest.approx(float(batch_loss(network, config, rows, y)))  # type: ignore[arg-type]
+    alike = float(loss(network, network(rows), y, torch.ones(4)))  # type: ignore[arg-type]
+    assert alike == pytest.approx(float(loss(network, network(rows), y)))  # type: ignore[arg-type]
 
 
 def test_balanced_classes_count_alike() -> None:
@@ -108,3 +107,77 @@ def test_balanced_classes_count_alike() -> None:
     shares = found.numpy()[labels]
     assert shares.sum() == 8  # on average a recording counts as before
     assert shares[labels == 0].sum() == shares[labels == 2].sum() == 4
+
+
+NEAR = {"neighbour_smoothing": 0.1, "class_order": "0-2, 3-4"}
+
+
+def test_neighbours_share_a_label() -> None:
+    found = label_shares(TrainingConfig(label_smoothing=0.0, **NEAR), 6)
+    assert found.round(12).tolist() == [
+        [0.9, 0.1, 0, 0, 0, 0],
+        [0.1, 0.8, 0.1, 0, 0, 0],
+        [0, 0.1, 0.9, 0, 0, 0],
+        [0, 0, 0, 0.9, 0.1, 0],
+        [0, 0, 0, 0.1, 0.9, 0],
+        [0, 0, 0, 0, 0, 1],
+    ]
+
+
+def test_neighbours_share_what_smoothing_leaves() -> None:
+    found = label_shares(TrainingConfig(label_smoothing=0.3, **NEAR), 6)
+    assert found[1].round(12).tolist() == [0.12, 0.61, 0.12, 0.05, 0.05, 0.05]
+    assert found.sum(axis=1).round(12).tolist() == [1.0] * 6
+
+
+def test_a_file_says_how_near_classes_are(tmp_path: Path) -> None:
+    (tmp_path / "near.csv").write_text("0,2,0\n2,0,1\n0,0,0\n")
+    config = TrainingConfig(label_smoothing=0.0, neighbour_smoothing=0.1, class_order=str(tmp_path / "near.csv"))
+    assert label_shares(config, 3).round(12).tolist() == [[0.8, 0.2, 0], [0.2, 0.7, 0.1], [0, 0, 1]]
+
+
+def test_the_loss_takes_the_shares() -> None:
+    config = TrainingConfig(label_smoothing=0.0, count_scale=1.0, **NEAR)
+    counts, y = torch.tensor([[1.0, 3.0, 2.0, 0, 0, 0]], dtype=torch.float64), torch.tensor([0])
+    logs = counts.log_softmax(dim=1)[0]
+    assert float(Loss(config, 6).of_counts(counts, y)) == pytest.approx(float(-0.9 * logs[0] - 0.1 * logs[1]))
+
+
+RANGES = "Give, for example, '0-4 5-9'."
+
+
+@pytest.mark.parametrize(
+    ("smoothing", "order", "message"),
+    [
+        (0.1, "0:4", f"it must be ranges of classes, or a .csv file (got '0:4'). {RANGES}"),
+        (0.1, "levels", f"it must be ranges of classes, or a .csv file (got 'levels'). {RANGES}"),
+        (0.1, "0-1-2", f"it must be ranges of classes, or a .csv file (got '0-1-2'). {RANGES}"),
+        (0.1, "0-1 2-6", f"a range must rise within the classes (got '2-6' against 0-5). {RANGES}"),
+        (0.1, "3-3", f"a range must rise within the classes (got '3-3' against 0-5). {RANGES}"),
+        (0.1, "none.csv", f"its file is missing, or does not hold numbers (got 'none.csv'). {RANGES}"),
+        (0.1, "words.csv", f"its file is missing, or does not hold numbers (got 'words.csv'). {RANGES}"),
+        (0.1, "small.csv", f"its matrix is not (classes, classes) (got (1, 2) against (6, 6)). {RANGES}"),
+        (
+            0.1,
+            "minus.csv",
+            f"its matrix must hold 0 and more, and 0 for a class and itself (got 'minus.csv'). {RANGES}",
+        ),
+        (
+            0.1,
+            "itself.csv",
+            f"its matrix must hold 0 and more, and 0 for a class and itself (got 'itself.csv'). {RANGES}",
+        ),
+        (0.4, "0-5", "label 1 would be no larger than its neighbours (0.2 against 0.4). Give a smaller share."),
+    ],
+)
+def test_neighbours_that_are_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, smoothing: float, order: str, message: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name, matrix in (("small", np.zeros((1, 2))), ("minus", -np.ones((6, 6))), ("itself", np.eye(6))):
+        np.savetxt(f"{name}.csv", matrix, delimiter=",")
+    Path("words.csv").write_text("a,b\n")
+    option = "neighbour_smoothing" if smoothing == 0.4 else "class_order"
+    with pytest.raises(InputError) as caught:
+        Loss(TrainingConfig(neighbour_smoothing=smoothing, class_order=order), 6)
+    assert str(caught.value) == f"training option '{option}': {message}"

@@ -8,12 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from locsnn_compile.training.batches import (
+    add_events,
     augmented,
     batches,
     drop_channels,
     drop_events,
     drop_taxels,
     epoch_generator,
+    mix_taxels,
     shift_in_time,
     stratified_split,
 )
@@ -117,3 +119,43 @@ def test_what_is_off_does_not_change_what_is_drawn() -> None:
     alone = drop_channels(drop_events(spikes, 0.5, rng := epoch_generator(1, 1, 1)), 0.3, rng)
     both = augmented(spikes, TrainingConfig(event_dropout=0.5, channel_dropout=0.3), epoch_generator(1, 1, 1))
     assert np.array_equal(both, alone)
+
+
+def test_noise_adds_and_never_drops() -> None:
+    spikes = (np.random.default_rng(0).random((200, 20, 78)) < 0.1).astype(np.float32)
+    noisy = add_events(spikes, 0.2, epoch_generator(0, 1, 1))
+    assert noisy.dtype == np.float32
+    assert (noisy[spikes == 1] == 1).all()
+    assert noisy[spikes == 0].mean() == pytest.approx(0.1, abs=0.01)
+    assert add_events(spikes, 0.0, epoch_generator(0, 1, 1)) is spikes
+
+
+def test_whole_taxels_are_mixed() -> None:
+    ours, theirs = np.zeros((100, 3, 78), dtype=np.float32), np.ones((100, 3, 78), dtype=np.float32)
+    mixed = mix_taxels(ours, theirs, 0.5, epoch_generator(0, 1, 1))
+    by_taxel = mixed.reshape(100, 3, 39, 2)
+    assert mixed.dtype == np.float32
+    assert (by_taxel == by_taxel[:, :1, :, :1]).all()
+    assert mixed.mean() == pytest.approx(0.25, abs=0.03)
+
+
+def test_mixing_stays_within_a_class() -> None:
+    labels = np.repeat(np.arange(2), 6)
+    spikes = np.zeros((12, 12, 78), dtype=np.uint8)
+    spikes[np.arange(12), np.arange(12)] = 1  # step i is set in recording i alone
+    config = TrainingConfig(batch_size=5, event_dropout=0.0, channel_dropout=0.0, mixing=1.0)
+    fed = list(batches(spikes, labels, config, epoch_generator(0, 1, 1)))
+    x, y = np.concatenate([x for x, _ in fed]), np.concatenate([y for _, y in fed])
+    assert (x.sum(axis=1) == 1).all()  # each channel is that of one recording
+    assert (x.argmax(axis=1) // 6 == y[:, None]).all()
+    assert len({tuple(steps) for steps in x.argmax(axis=1)[y == 0].tolist()}) == 6
+    assert (x.argmax(axis=1) != x.argmax(axis=1)[:, :1]).any()
+
+
+def test_taxels_are_moved_by_themselves_with_both_polarities() -> None:
+    spikes = np.zeros((60, 9, 78), dtype=np.float32)
+    spikes[:, 4] = 1
+    moved = shift_in_time(spikes, 2, epoch_generator(0, 1, 1), parts=39).argmax(axis=1).reshape(60, 39, 2)
+    assert (moved[:, :, 0] == moved[:, :, 1]).all()
+    assert set(moved.ravel()) == {2, 3, 4, 5, 6}
+    assert all(len(set(recording)) > 1 for recording in moved[:, :, 0].tolist())
