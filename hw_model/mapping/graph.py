@@ -113,6 +113,11 @@ class Compartments(Frozen, eq=False):
         """Whether these compartments can spike."""
         return self.joined_to is None
 
+    @property
+    def joined(self) -> IntArray:
+        """1 for each compartment that adds its v to another, else 0."""
+        return np.full(self.size, int(not self.spiking))
+
 
 class Synapses(Frozen, eq=False):
     """Synapses from ``source`` (input or compartments) to ``target``, one row each, ordered by source, then target.

@@ -5,6 +5,7 @@ After:  every compartment is in exactly one slice on one core; joined compartmen
         serves one phase and no core exceeds a limit. Cores are numbered in network order, and sit on the board so.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import groupby
 
@@ -14,7 +15,7 @@ from hw_model.arithmetic.arrays import IntArray
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS
 from hw_model.description.chip import Chip
 from hw_model.errors import TargetError
-from hw_model.mapping.core_load import CoreLoad, Limit, first_broken
+from hw_model.mapping.core_load import Piece, first_broken, fitting, synapses
 from hw_model.mapping.fan_in import FanIn, fan_in, first_source
 from hw_model.mapping.graph import CompartmentGraph, Compartments
 from hw_model.values import Frozen
@@ -141,44 +142,38 @@ def clusters(graph: CompartmentGraph, phase: str) -> list[Cluster]:
 def _fill(
     graph: CompartmentGraph, chip: Chip, incoming: tuple[FanIn, ...], most_neurons: dict[str, int]
 ) -> PlacedGraph:
-    sources = sum(node.size for node in graph.nodes)
-    slices: list[Slice] = []
-    full: list[tuple[IntArray, int]] = []
+    cores: list[list[Piece]] = []
     for phase in graph.phases:
-        load = CoreLoad(chip, sources)
+        cores.append([])
         for cluster in clusters(graph, phase.name):
             projections = [p for p in incoming if p.target_group in cluster.names]
-            most = most_neurons.get(cluster.root)
+            most = most_neurons.get(cluster.root, cluster.size)
             start = 0
             while start < cluster.size:
-                offset = load.compartments
-                count = load.take(
-                    cluster.groups,
-                    projections,
-                    start,
-                    cluster.size if most is None else min(cluster.size, start + most),
-                )
-                if count == 0 and load.compartments == 0:
-                    raise _too_large(cluster, start, first_broken(cluster.groups, projections, start, chip), chip)
-                if count == 0:
-                    load = _next_core(load, full, chip, sources)
-                    continue
-                for group in cluster.groups:
-                    slices.append(Slice(group.name, len(full), start, start + count, offset))
-                    offset += count
+                left = Piece(cluster.groups, projections, start, min(cluster.size, start + most))
+                count = fitting(cores[-1], left, chip)
+                if count:
+                    cores[-1].append(replace(left, stop=start + count))
+                elif not cores[-1]:
+                    raise _too_large(cluster, replace(left, stop=start + 1), chip)
                 start += count
-                if count == most:  # the room left is for no other: its output axons are used up
-                    load = _next_core(load, full, chip, sources)
-        if load.compartments:
-            _next_core(load, full, chip, sources)
-    axons, words = zip(*full, strict=True)
-    return PlacedGraph(graph, chip, tuple(slices), tuple(range(len(full))), axons, words)
+                # After as many as may be, the room left is for no other: its output axons are used up.
+                if count == 0 or count == most_neurons.get(cluster.root):
+                    cores.append([])
+        if not cores[-1]:
+            cores.pop()
+    slices = [piece for number, pieces in enumerate(cores) for piece in _slices(number, pieces)]
+    axons, words = zip(*(synapses(pieces, chip) for pieces in cores), strict=True)
+    return PlacedGraph(graph, chip, tuple(slices), tuple(range(len(cores))), axons, words)
 
 
-def _next_core(load: CoreLoad, full: list[tuple[IntArray, int]], chip: Chip, sources: int) -> CoreLoad:
-    """Note what a full core holds; return the empty one that follows."""
-    full.append((load.sources_on_core(), load.words))
-    return CoreLoad(chip, sources, like=load)
+def _slices(core: int, pieces: list[Piece]) -> Iterator[Slice]:
+    """Yield the slices of a core's pieces, one after the other."""
+    offset = 0
+    for piece in pieces:
+        for group in piece.groups:
+            yield Slice(group.name, core, piece.start, piece.stop, offset)
+            offset += piece.stop - piece.start
 
 
 def _crowded_by_output(placed: PlacedGraph) -> dict[str, int]:
@@ -209,10 +204,12 @@ def _crowded_by_output(placed: PlacedGraph) -> dict[str, int]:
     return crowded
 
 
-def _too_large(cluster: Cluster, neuron: int, broken: Limit, chip: Chip) -> TargetError:
+def _too_large(cluster: Cluster, neuron: Piece, chip: Chip) -> TargetError:
+    broken = first_broken([neuron], chip)
+    assert broken is not None
     return TargetError(
         f"population {cluster.root!r}",
-        f"{broken.measured} {broken.what} of neuron {neuron} do not fit one core",
+        f"{broken.use} {broken.what} of neuron {neuron.start} do not fit one core",
         measured=f"{chip.name} holds {broken.limit}",
         fix=broken.fix,
     )

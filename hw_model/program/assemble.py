@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from hw_model.arithmetic.arrays import IntArray
+from hw_model.mapping.core_load import PROFILE
 from hw_model.mapping.graph import CompartmentGraph, Compartments
 from hw_model.mapping.placement import Slice
 from hw_model.mapping.routing import RoutedCore, RoutedGraph
@@ -43,10 +44,7 @@ def _core(routed: RoutedCore, graph: CompartmentGraph) -> Core:
         parts = [getattr(g, name)[p.start : p.stop] for g, p in zip(groups, routed.slices, strict=True)]
         return np.concatenate(parts)
 
-    sizes = [piece.size for piece in routed.slices]
-    joined = np.repeat([int(not group.spiking) for group in groups], sizes)
-    rows = np.stack((column("decay_u"), column("decay_v"), column("refractory"), joined))
-    profiles, profile = np.unique(rows, axis=1, return_inverse=True)
+    profiles, profile = np.unique(np.stack([column(name) for name in PROFILE]), axis=1, return_inverse=True)
     thresholds, threshold = np.unique(column("threshold"), return_inverse=True)
     return Core(
         number=routed.number,
