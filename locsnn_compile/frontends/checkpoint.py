@@ -125,10 +125,10 @@ def _layer(
     description, chip = checkpoint.description, checkpoint.chip
     weights = _weights(checkpoint, axis, target)
     size = weights.shape[0]
-    delays = description.delays if target == "time_hidden" else (0,)
+    delays = description.delays_onto(target)
     parts = [weights] if delays == (0,) else np.split(np.asarray(weights), len(delays), axis=1)
     if chip is None:
-        return Population(target, axis, size, _neuron(checkpoint, size)), [
+        return Population(target, axis, size, _neuron(checkpoint, axis, size)), [
             Projection(source, target, matrix(part, np.float64), delay=delay)
             for delay, part in zip(delays, parts, strict=True)
         ]
@@ -147,12 +147,12 @@ def _weights(checkpoint: Checkpoint, axis: Axis, target: str) -> AnyArray | spar
     return weights
 
 
-def _neuron(checkpoint: Checkpoint, size: int) -> SrmAlpha | Cuba:
+def _neuron(checkpoint: Checkpoint, axis: Axis, size: int) -> SrmAlpha | Cuba:
     """Return the float neuron: TLIF and LLIF keep nothing of a current, and of the voltage what they do not lose."""
-    n = checkpoint.description.neuron
+    n = checkpoint.description.neuron_of(axis)
     if isinstance(n, LifParameters):
         return Cuba.of(size, decay_v=1.0 - n.decay, threshold=n.threshold)
-    n = checkpoint.description.srm
+    n = checkpoint.description.srm(axis)
     return SrmAlpha(theta=n.theta, tau_sr=n.tau_sr, tau_ref=n.tau_ref, scale_ref=n.scale_ref)
 
 

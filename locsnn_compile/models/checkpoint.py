@@ -20,8 +20,9 @@ have any number of axes, and
     "graph": None or {"name", "taxel_edges": [[a, b], ...], "hops", "features", "step_features"}
 
 is its graph convolutions. Any version may hold ``"delays": [steps, ...]`` of the synapses from the recording onto
-``time_hidden``, whose weights for each delay then lie side by side, and in ``input`` the ``event_threshold`` that bins
-of single events had to exceed. Written here, read by
+``time_hidden``, whose weights for each delay then lie side by side, ``"location_delays": [locations, ...]`` of those
+onto ``location_hidden``, ``"location_neuron": {...}``, where the location branch has other constants than ``neuron``,
+and in ``input`` the ``event_threshold`` that bins of single events had to exceed. Written here, read by
 :mod:`locsnn_compile.models.checkpoint_reader`, which never runs code of the file.
 """
 
@@ -120,8 +121,11 @@ def save_checkpoint(
     }
     if chip is not None:
         values["chip"] = chip_entry(chip)
-    if description.delays != (0,):
-        values["delays"] = list(description.delays)
+    for name in ("delays", "location_delays"):
+        if getattr(description, name) != (0,):
+            values[name] = list(getattr(description, name))
+    if description.location_neuron is not None:
+        values["location_neuron"] = asdict(description.location_neuron)
     if description.class_names is not None:
         values["class_names"] = list(description.class_names)
     if not srm:

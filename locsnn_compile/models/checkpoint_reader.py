@@ -18,7 +18,7 @@ from locsnn_compile.data.torch_file import load_plain, read_bytes
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.models.checkpoint import CHIP_VERSION, FORMAT, VERSION, Checkpoint, Plain, check_weights
 from locsnn_compile.models.chip_entry import ChipNumbers, parse_chip_entry
-from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, NeuronParameters
+from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, Neuron, NeuronParameters
 from locsnn_compile.models.graph_parameters import GraphParameters
 from locsnn_compile.models.plain_checks import KIND_WORDS, WRITE_AGAIN, field_kinds, file_fault, is_one_of, is_whole
 from locsnn_compile.models.windows import WindowParameters
@@ -28,6 +28,10 @@ _KEYS: dict[str, tuple[type, ...]] = {
     **dict.fromkeys(("version", "hidden", "classes"), (int,)),
     **dict.fromkeys(("neuron", "input", "weights", "training"), (dict,)),
     **dict.fromkeys(("location_order", "recordings"), (dict, type(None))),
+}
+_OPTIONAL: dict[str, tuple[type, ...]] = {
+    **dict.fromkeys(("delays", "location_delays", "class_names"), (list,)),
+    "location_neuron": (dict,),
 }
 
 
@@ -62,8 +66,8 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
         raise InputError(where, "it was written by a newer version", measured=against, fix="Update locsnn-compile.")
     more: dict[object, dict[str, tuple[type, ...]]]
     more = {CHIP_VERSION: {"chip": (dict,)}, VERSION: {"graph": (dict, type(None))}}
-    lists: dict[str, tuple[type, ...]] = {name: (list,) for name in ("delays", "class_names") if name in values}
-    _check_keys(where, "", values, _KEYS | more.get(version, {}) | lists)
+    optional = {name: kinds for name, kinds in _OPTIONAL.items() if name in values}
+    _check_keys(where, "", values, _KEYS | more.get(version, {}) | optional)
     if version not in (1, *more):
         raise file_fault(where, "its version does not exist", against)
     layout = field_kinds(InputLayout)
@@ -72,6 +76,7 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
     _check_keys(where, "input.", values["input"], layout)
     name = _name(where, "name", values["name"])
     order_name, taxels = _location_order(where, values["location_order"])
+    own = values.get("location_neuron", {})
     try:
         description = NetworkDescription(
             architecture=values["architecture"],
@@ -79,11 +84,13 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
             classes=values["classes"],
             hidden=values["hidden"],
             neuron=_neuron(where, values["neuron"], srm=version != VERSION),
+            location_neuron=_neuron(where, own, srm=version != VERSION and "location_neuron" in values),
             location_order=order_name,
             location_taxels=taxels,
             name=name,
             graph=_graph(where, values.get("graph")),
             delays=tuple(values.get("delays", (0,))),
+            location_delays=tuple(values.get("location_delays", (0,))),
             class_names=tuple(values["class_names"]) if "class_names" in values else None,
         )
     except InputError as error:
@@ -128,9 +135,7 @@ def _name(where: str, key: str, name: str) -> str:
     return name
 
 
-def _neuron(
-    where: str, entry: dict[Any, Any], *, srm: bool
-) -> NeuronParameters | LifParameters | WindowParameters | None:
+def _neuron(where: str, entry: dict[Any, Any], *, srm: bool) -> Neuron | None:
     """Return the constants of spike response or integrate-and-fire neurons, or windows; None of an empty entry."""
     if not entry and not srm:
         return None

@@ -102,27 +102,34 @@ class LifParameters(Frozen):
         return 1.0 - (1.0 - self.decay)
 
 
+Neuron = NeuronParameters | LifParameters | WindowParameters
+"""What the neurons of a network may be."""
+
+
 class NetworkDescription(Frozen):
     """A network without its weights.
 
     ``neuron`` and ``graph`` are those of its architecture; None stands for the published neuron, and for no graph.
     ``location_order`` names the walk and ``location_taxels`` is it, 1-based taxel numbers of one fingertip;
     both are None for a network without a location branch. ``delays``: every channel has so many synapses onto each
-    neuron of ``time_hidden``, one of each delay in steps. ``class_names``, where the classes have any. Weights have the
-    shapes of ``weight_shapes``.
+    neuron of ``time_hidden``, one of each delay in steps; ``location_delays``: so does every time step onto
+    ``location_hidden``, in locations. ``location_neuron``: that of the location branch, where it is another.
+    ``class_names``, where the classes have any. Weights have the shapes of ``weight_shapes``.
     """
 
     architecture: str
     input: InputLayout
     classes: int
     hidden: int = 32
-    neuron: NeuronParameters | LifParameters | WindowParameters | None = None
+    neuron: Neuron | None = None
     location_order: str | None = None
     location_taxels: tuple[int, ...] | None = None
     name: str = "model"
     graph: GraphParameters | None = None
     delays: tuple[int, ...] = (0,)
     class_names: tuple[str, ...] | None = None
+    location_neuron: Neuron | None = None
+    location_delays: tuple[int, ...] = (0,)
 
     def __post_init__(self) -> None:
         if self.architecture not in ARCHITECTURES:
@@ -158,8 +165,10 @@ class NetworkDescription(Frozen):
         kind = _NEURONS[self.structure.neurons]
         if self.neuron is None and kind is not None:
             object.__setattr__(self, "neuron", kind())
+        location = "location" in self.branches and kind is not WindowParameters and self.location_neuron is not None
         for what, got, wanted in (
             ("neuron", self.neuron, kind),
+            ("location neuron", self.location_neuron, kind if location else None),
             ("graph", self.graph, GraphParameters if self.structure.graph else None),
         ):
             if type(got) is not (wanted or type(None)):
@@ -183,17 +192,20 @@ class NetworkDescription(Frozen):
 
     def _check_delays(self) -> None:
         """Refuse delays that no synapse has, and any where there is no layer for them."""
-        if not rises(self.delays, 0, MAX_DELAY):
-            raise InputError(
-                "delays",
-                "they must be whole numbers of steps, each larger than the one before",
-                measured=f"got {list(self.delays)!r:.80} against 0..{MAX_DELAY}",
-                fix="Give, for example, 0 20 40 60.",
-            )
-        if self.delays != (0,) and ("time" not in self.branches or self.structure.graph):
-            raise self._refused(
-                "it has no fully connected layer over time steps, so it takes no delays", fix="Leave the delays out."
-            )
+        for name, branch, steps in (("delays", "time", "time steps"), ("location_delays", "location", "locations")):
+            delays = getattr(self, name)
+            if not rises(delays, 0, MAX_DELAY):
+                raise InputError(
+                    name,
+                    "they must be whole numbers of steps, each larger than the one before",
+                    measured=f"got {list(delays)!r:.80} against 0..{MAX_DELAY}",
+                    fix="Give, for example, 0 20 40 60.",
+                )
+            dense = branch in self.branches and not self.structure.graph and self.structure.neurons != "windows"
+            if delays != (0,) and not dense:
+                raise self._refused(
+                    f"it has no fully connected layer over {steps}, so it takes no delays", fix="Leave the delays out."
+                )
 
     def _refused(self, what: str, *, measured: str = "", fix: str) -> InputError:
         """Return the error of what does not go with the architecture."""
@@ -217,15 +229,23 @@ class NetworkDescription(Frozen):
         """The step axes of the network: ``time``, ``location`` or both; none of an artificial network."""
         return self.structure.branches
 
-    @property
-    def srm(self) -> NeuronParameters:
-        """The neuron of a network of spike response neurons; ``InputError`` for any other."""
-        if not isinstance(self.neuron, NeuronParameters):
+    def neuron_of(self, name: str) -> Neuron | None:
+        """Return the neuron of a branch, or of a population by its name."""
+        return (self.location_neuron if name.startswith("location") else None) or self.neuron
+
+    def delays_onto(self, population: str) -> tuple[int, ...]:
+        """Return the delays of the synapses onto a population, in steps of its axis."""
+        return {"time_hidden": self.delays, "location_hidden": self.location_delays}.get(population, (0,))
+
+    def srm(self, name: str) -> NeuronParameters:
+        """Return :meth:`neuron_of` a network of spike response neurons; ``InputError`` for any other."""
+        neuron = self.neuron_of(name)
+        if not isinstance(neuron, NeuronParameters):
             raise self._refused(
                 "it has no spike response neurons",
                 fix=f"Take one of: {', '.join(name for name, a in ARCHITECTURES.items() if a.neurons == 'srm')}.",
             )
-        return self.neuron
+        return neuron
 
     @property
     def windows(self) -> WindowParameters:
@@ -269,7 +289,7 @@ class NetworkDescription(Frozen):
     def weight_shapes(self) -> dict[str, tuple[int, ...]]:
         """Population name -> (out, in) of the weights into it, in evaluation order.
 
-        The inputs of ``time_hidden`` are the channels with the first delay, then with the next, and so on.
+        The inputs of a branch's first population are its lines with the first delay, then with the next, and so on.
         Of a graph convolution (features, (hops + 1) * inputs a node). Of an artificial network parameter name -> shape.
         """
         if not self.structure.spiking:
@@ -287,7 +307,7 @@ class NetworkDescription(Frozen):
         shapes: dict[str, tuple[int, ...]] = {}
         for branch in self.branches:
             names = self.populations(branch)
-            sources = self.input.channels * len(self.delays) if branch == "time" else self.input.steps
+            lines = self.input.channels if branch == "time" else self.input.steps
             if self.graph is not None:
                 nodes, inputs, features = self.graph_size(branch)
                 shapes[names[0]] = (features, (self.graph.hops + 1) * inputs)
@@ -295,7 +315,7 @@ class NetworkDescription(Frozen):
                 shapes[names[2]] = (2 * self.hidden, self.hidden)
                 shapes[names[3]] = (self.classes, 2 * self.hidden)
             else:
-                shapes[names[0]] = (self.hidden, sources)
+                shapes[names[0]] = (self.hidden, lines * len(self.delays_onto(names[0])))
                 shapes[names[1]] = (self.classes, self.hidden)
         return shapes
 
@@ -312,7 +332,7 @@ class NetworkDescription(Frozen):
             )
 
 
-_NEURONS: dict[str, type[NeuronParameters] | type[LifParameters] | type[WindowParameters] | None] = {
+_NEURONS: dict[str, type[Neuron] | None] = {
     "srm": NeuronParameters,
     "lif": LifParameters,
     "windows": WindowParameters,

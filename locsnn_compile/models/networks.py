@@ -55,15 +55,15 @@ class TouchNetwork(TouchModel):
         description = self.description
         outputs, inputs = description.weight_shapes[name]
         start: dict[str, Any] = {"generator": generator, "initial_scale": initial_scale}
-        neuron = description.neuron
+        neuron = description.neuron_of(branch)
         if isinstance(neuron, LifParameters):
             if name.endswith("_graph"):
                 return GraphLayer(branch_graph(description, branch), outputs, neuron, **start)
             return LifLayer(inputs, outputs, neuron, **start)
         if self.chip is not None:
             numbers, registers = self.chip.populations[name], self.chip.registers
-            return ChipLayer(inputs, outputs, description.srm, numbers, registers=registers, **start)
-        return SRMLayer(inputs, outputs, description.srm, **start)
+            return ChipLayer(inputs, outputs, description.srm(branch), numbers, registers=registers, **start)
+        return SRMLayer(inputs, outputs, description.srm(branch), **start)
 
     def layer(self, name: str) -> Layer:
         """Return the layer of a population."""
@@ -80,9 +80,9 @@ class TouchNetwork(TouchModel):
         self.check_shape(x)
         spikes: dict[str, Tensor] = {}
         for branch in self.description.branches:
-            stream = delayed(x, self.description.delays) if branch == "time" else self._transposed(x)
+            stream = x if branch == "time" else self._transposed(x)
             for name in self.description.populations(branch):
-                stream = self.layer(name)(stream)
+                stream = self.layer(name)(delayed(stream, self.description.delays_onto(name)))
                 spikes[name] = stream
         return spikes
 

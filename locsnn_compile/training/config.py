@@ -28,6 +28,9 @@ USUAL: dict[str, dict[str, Any]] = {
 }
 """Network -> options whose usual value is not that of :class:`TrainingConfig`."""
 
+LOCATION_CONSTANTS = {"srm": ("theta", "tau_sr", "tau_ref"), "lif": ("decay", "threshold")}
+"""Kind of neuron -> constants that a location branch may have of its own, as options ``location_...``."""
+
 
 class EpochRecord(Frozen):
     """One epoch: mean training loss, and the validation figures, None where there are none."""
@@ -78,9 +81,10 @@ class TrainingConfig(Shown, eq=True):
       prediction turns to the location branch, which the checkpoint keeps (None: not said).
     - ``axes``: the order of the axes of arrays, where it is not that of files.
     - time constants in steps; ``theta`` to ``scale_rho`` are those of spike response neurons, ``decay``, ``threshold``
-      and ``window`` those of integrate-and-fire ones.
+      and ``window`` those of integrate-and-fire ones. ``location_theta`` to ``location_threshold``: those of the
+      location branch, where they are others; its steps are locations.
     - ``delays``: of the synapses from the recording onto the time branch, in steps, separated by spaces: a neuron has a
-      synapse of every delay from every channel.
+      synapse of every delay from every channel. ``location_delays``: onto the location branch, in locations, likewise.
     - ``hidden``: of a hidden layer; of networks with a graph of the first one, and the second has twice as many.
       ``graph`` joins the taxels (``neighbours`` and ``nearer_mm``: see
       :func:`locsnn_compile.data.taxel_graph.taxel_graph`); ``hops``, ``features`` and ``step_features``: see
@@ -99,6 +103,7 @@ class TrainingConfig(Shown, eq=True):
     model: Annotated[str, tuple(ARCHITECTURES)] = "hybrid"
     order: str = "loop"
     delays: str = "0"
+    location_delays: str = "0"
     hidden: Annotated[int, Range(1, 4096)] = 32
     loss: Annotated[str, LOSSES] = "cross-entropy"
     location_weight: Annotated[float, Range(0.0, 1e3)] = 1.0
@@ -143,6 +148,11 @@ class TrainingConfig(Shown, eq=True):
     decay: Annotated[float, Range(0.0, 1.0)] = 0.2
     threshold: Annotated[float, Range(1e-6, 1e6)] = 0.5
     window: Annotated[float, Range(1e-6, 1e6)] = 0.5
+    location_theta: Annotated[float | None, Range(1e-6, 1e6)] = None
+    location_tau_sr: Annotated[float | None, Range(1e-3, 1e5)] = None
+    location_tau_ref: Annotated[float | None, Range(1e-3, 1e5)] = None
+    location_decay: Annotated[float | None, Range(0.0, 1.0)] = None
+    location_threshold: Annotated[float | None, Range(1e-6, 1e6)] = None
     graph: Annotated[str, GRAPHS] = "manual"
     neighbours: Annotated[int, Range(1, 38)] = 3
     nearer_mm: Annotated[float, Range(0.0, 100.0)] = 3.0

@@ -9,10 +9,10 @@ from locsnn_compile.data.sensor import POLARITIES, TAXELS, parse_location_order
 from locsnn_compile.data.taxel_graph import taxel_graph
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.architectures import ARCHITECTURES
-from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, NeuronParameters
+from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, Neuron, NeuronParameters
 from locsnn_compile.models.graph_parameters import GraphParameters
 from locsnn_compile.models.windows import WindowParameters
-from locsnn_compile.training.config import TrainingConfig
+from locsnn_compile.training.config import LOCATION_CONSTANTS, TrainingConfig
 
 
 def describe(recordings: Recordings, config: TrainingConfig, classes: int, name: str = "model") -> NetworkDescription:
@@ -44,11 +44,13 @@ def describe(recordings: Recordings, config: TrainingConfig, classes: int, name:
         classes=classes,
         hidden=config.hidden,
         neuron=_neuron(config),
+        location_neuron=_location_neuron(config),
         location_order=order,
         location_taxels=taxels,
         name=name,
         graph=_graph(config) if structure.graph else None,
         delays=_whole_numbers("delays", config.delays, "0 20 40 60"),
+        location_delays=_whole_numbers("location_delays", config.location_delays, "0 20 40 60"),
         class_names=recordings.class_names,
     )
 
@@ -66,7 +68,7 @@ def _whole_numbers(option: str, text: str, example: str) -> tuple[int, ...]:
     return tuple(int(part) for part in parts)
 
 
-def _neuron(config: TrainingConfig) -> NeuronParameters | LifParameters | WindowParameters | None:
+def _neuron(config: TrainingConfig) -> Neuron | None:
     """Return the constants of the neurons, whose names are those of options."""
     neurons = ARCHITECTURES[config.model].neurons
     if neurons == "windows":
@@ -76,6 +78,17 @@ def _neuron(config: TrainingConfig) -> NeuronParameters | LifParameters | Window
         return None
     kind = NeuronParameters if neurons == "srm" else LifParameters
     return kind(**{item.name: getattr(config, item.name) for item in fields(kind)})
+
+
+def _location_neuron(config: TrainingConfig) -> Neuron | None:
+    """Return the neuron of the location branch; None where no option makes it another one."""
+    neuron, structure = _neuron(config), ARCHITECTURES[config.model]
+    options = {name: getattr(config, f"location_{name}") for name in LOCATION_CONSTANTS.get(structure.neurons, ())}
+    own = {name: value for name, value in options.items() if value is not None}
+    if "location" not in structure.branches or not own:
+        return None
+    assert isinstance(neuron, NeuronParameters | LifParameters)
+    return replace(neuron, **own)
 
 
 def _graph(config: TrainingConfig) -> GraphParameters:
@@ -91,10 +104,11 @@ nothing of it could choose an epoch."""
 def fixed_by(start: NetworkDescription) -> dict[str, Any]:
     """Return the options that a network to start from decides."""
     found: dict[str, Any] = {"model": start.architecture, "hidden": start.hidden}
+    names = (name for kind in LOCATION_CONSTANTS.values() for name in kind)
+    found |= {f"location_{name}": getattr(start.location_neuron, name, None) for name in names}
+    found |= {name: " ".join(map(str, getattr(start, name))) for name in ("delays", "location_delays")}
     if start.location_order is not None:
         found["order"] = start.location_order
-    if start.delays != (0,):
-        found["delays"] = " ".join(map(str, start.delays))
     if isinstance(start.neuron, WindowParameters):
         windows = asdict(start.neuron) | {"levels": " ".join(map(str, start.neuron.levels))}
         found |= {f"window_{name}": value for name, value in windows.items()}

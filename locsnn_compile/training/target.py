@@ -36,21 +36,20 @@ def chip_numbers(
     chip = hw.chip(config.target)
     registers = _registers(chip)
     _check_limits(chip, config, description)
-    neuron = description.srm
     largest = {}
     for name, shape in description.weight_shapes.items():
-        most = USUAL_LARGEST * neuron.theta if start is None else float(np.abs(start[name]).max())
+        most = USUAL_LARGEST * description.srm(name).theta if start is None else float(np.abs(start[name]).max())
         largest[name] = np.full(shape, config.weight_room * most, dtype=np.float32)
     network = network_of(Checkpoint(description, largest, recordings=None, training={}, sha256=""))
     weight_bits = min(config.weight_bits, chip.registers.weight_bits[-1])
     quantized = quantize(network, chip, weight_bits, config.strategy)
-    gain = alpha_kernel(neuron.tau_sr, "neuron: tau_sr")[1]
     populations = {}
     for projection in quantized.projections:
         found = quantized.population(projection.target)
         scale, own = float(found.scale[0]), found.neuron
         if isinstance(own, ChipCuba):
             own = replace(own, refractory=integers(config.refractory, len(found.scale)))
+        gain = alpha_kernel(description.srm(projection.target).tau_sr, "neuron: tau_sr")[1]
         unit = 64 * 2**projection.exponent / (gain * scale)
         populations[projection.target] = ChipPopulation(own, projection.exponent, weight_bits, scale, unit)
     return ChipNumbers(config.target, config.strategy, populations, registers)
@@ -72,7 +71,7 @@ def _registers(chip: hw.Chip) -> RegisterWidths:
 def _check_limits(chip: hw.Chip, config: TrainingConfig, description: NetworkDescription) -> None:
     """Refuse settings of the network that its chip does not hold."""
     for what, value, key in (
-        ("a delay", max(description.delays), "delay_max"),
+        ("a delay", max(description.delays + description.location_delays), "delay_max"),
         ("the refractory count", config.refractory, "refractory_max"),
     ):
         if value > getattr(chip.registers, key):

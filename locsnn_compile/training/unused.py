@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from hw_model.values import Frozen
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
-from locsnn_compile.training.config import TrainingConfig
+from locsnn_compile.training.config import LOCATION_CONSTANTS, TrainingConfig
 
 
 class _Rule(Frozen):
@@ -18,6 +18,7 @@ class _Rule(Frozen):
 
 
 _LEAVE = "Leave it out."
+_LOCATION = {kind: tuple(f"location_{name}" for name in names) for kind, names in LOCATION_CONSTANTS.items()}
 _RULES = (
     _Rule(
         ("strategy", "weight_bits", "weight_room", "refractory"),
@@ -26,7 +27,12 @@ _RULES = (
         "Add --target CHIP.",
     ),
     _Rule(("refractory",), lambda c, _: c.strategy == "reset", "only strategy reset has it", "Add strategy reset."),
-    _Rule(("order",), lambda _, a: "location" in a.branches, "the network has no location branch", _LEAVE),
+    _Rule(
+        ("order", "location_delays", *_LOCATION["srm"], *_LOCATION["lif"]),
+        lambda _, a: "location" in a.branches,
+        "the network has no location branch",
+        _LEAVE,
+    ),
     _Rule(("location_weight", "psi"), lambda _, a: len(a.branches) == 2, "the network has no second branch", _LEAVE),
     _Rule(("hidden",), lambda _, a: a.neurons != "windows", "events and windows decide the hidden neurons", _LEAVE),
     _Rule(
@@ -36,13 +42,13 @@ _RULES = (
         "Choose a model with one, such as hybrid-graph.",
     ),
     _Rule(
-        ("theta", "tau_sr", "tau_ref", "scale_ref", "tau_rho", "scale_rho"),
+        ("theta", "tau_sr", "tau_ref", "scale_ref", "tau_rho", "scale_rho", *_LOCATION["srm"]),
         lambda _, a: a.neurons == "srm",
         "the network has no spike response neurons",
         _LEAVE,
     ),
     _Rule(
-        ("decay", "threshold", "window"),
+        ("decay", "threshold", "window", *_LOCATION["lif"]),
         lambda _, a: a.neurons == "lif",
         "it has no integrate-and-fire neurons",
         _LEAVE,

@@ -159,6 +159,7 @@ SLAYER_CELLS = [
     works("slayerPytorch", "the authors' hybrid, its location orders", slayer(HYBRID, steps=40, location_order="whorl")),
     works("slayerPytorch", "weight normalisation", slayer({}, extra=NORMALISED)),
     works("slayerPytorch", "delays", slayer(WEIGHTS, extra={"delay.delay": torch.arange(8.0).reshape(1, 8, 1, 1, 1)})),
+    works("slayerPytorch", "location neurons of their own, with delays", slayer(HYBRID, steps=40, location_neuron={"theta": 4.0, "tauSr": 3.0}, extra={"locationDelay.delay": torch.arange(6.0).reshape(1, 6, 1, 1, 1)})),
     works("slayerPytorch", "dense of images", slayer({}, extra={"fc1.weight": 2 * torch.rand(3, 2, 4, 5, 1)})),
     works("slayerPytorch", "convolution, pooling, dense: the YAML's `layer` list", slayer({}, LOIHI, extra={"c.weight": 90 * torch.rand(4, 2, 3, 3, 1), "p.weight": torch.full((1, 1, 2, 2, 1), 90.0), "d.weight": 90 * torch.rand(3, 36, 1, 1, 1)}, layer=[{"dim": "6x6x2"}, {"dim": "4c3z"}, {"dim": "2a"}, {"dim": 3}])),
     loses("slayerPytorch", "dense, SRMALPHA neurons", slayer(WEIGHTS), "kernels keep the tails that slayerPytorch cuts", lambda n: n.populations[0].neuron.tau_sr == 10),

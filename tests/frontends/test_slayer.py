@@ -132,6 +132,66 @@ def test_delays_belong_to_the_spikes_of_the_layer_of_their_size(tmp_path):
     assert np.max(network.projections[0].delay) == 0
 
 
+LOCATION = {"theta": 4.0, "tauSr": 3.0, "tauRef": 2.0}
+
+
+def hybrid_weights():
+    return {"fc1": weights(4, 78), "fc2": weights(3, 4), "locationFc1": weights(4, 60), "locationFc2": weights(3, 4)}
+
+
+@pytest.mark.parametrize("key", ["location_neuron", "locationNeuron"])
+def test_location_neurons_have_their_own_constants_and_delays(key, tmp_path):
+    held = hybrid_weights()
+    delay = torch.tensor([0.0, 1.2, 2.9, 70.0]).reshape(1, 4, 1, 1, 1)
+    kernels = {f"locationSlayer.{n}": torch.tensor(kernel(t, f)).float() for n, t, f in KERNELS}
+    network = lc.load(*write(tmp_path, held, extra={"locationDelay.delay": delay, **kernels}, **{key: LOCATION}))
+    assert [p.neuron.theta for p in network.populations] == [10.0, 10.0, 4.0, 4.0]
+    late = np.array([0, 1, 2, 62])
+    assert [np.max(p.delay) for p in network.projections] == [0, 0, 0, 62]
+    np.testing.assert_array_equal(network.projections[3].delay, np.tile(late, (3, 1)))
+    given = spikes(78, 60)
+    first = srm_layer(held["locationFc1"], given.T, SRM | LOCATION)
+    found = evaluate(network, given[np.newaxis]).spikes
+    np.testing.assert_array_equal(found["locationFc1"][0], first)
+    heard = np.stack([np.pad(first[:, i], (d, 0))[: len(first)] for i, d in enumerate(late)], axis=1)
+    np.testing.assert_array_equal(found["locationFc2"][0], srm_layer(held["locationFc2"], heard, SRM | LOCATION))
+    assert found["locationFc2"].sum() > 0
+
+
+KERNELS = (("srmKernel", 3.0, 1), ("refKernel", 2.0, -2.0 * 4.0))
+
+
+@pytest.mark.parametrize(
+    ("location", "message"),
+    [
+        pytest.param(
+            {"type": "LOIHI"},
+            "config 'net.yaml', location_neuron.type: it is not that of the other neurons. Leave it out.",
+            id="another kind",
+        ),
+        pytest.param(3, "config 'net.yaml': section 'location_neuron' is missing. {fix}", id="no section"),
+        pytest.param(
+            {"tauSr": 4.0},
+            "model 'model.pt', entry 'locationSlayer.srmKernel': the kernel is not that of the config (0.239 apart). "
+            "Give the YAML that this checkpoint was trained with.",
+            id="another kernel",
+        ),
+    ],
+)
+def test_location_neurons_that_cannot_be(location, message, tmp_path):
+    kernels = {f"locationSlayer.{n}": torch.tensor(kernel(t, f)).float() for n, t, f in KERNELS[:1]}
+    with pytest.raises(lc.InputError) as caught:
+        lc.load(*write(tmp_path, hybrid_weights(), extra=kernels, location_neuron=location))
+    assert str(caught.value) == message.replace("{fix}", "Give slayerPytorch's network description.")
+
+
+def test_cut_kernels_are_cut_along_both_axes(tmp_path):
+    files = write(tmp_path, hybrid_weights(), location_neuron=LOCATION)
+    network = lc.load(*files, kernels="cut")
+    lengths = [(p.neuron.eps_taps, p.neuron.nu_taps) for p in network.populations]
+    assert lengths == [(77, 11)] * 2 + [tuple(len(kernel(t, f)) for _, t, f in KERNELS)] * 2
+
+
 def test_weights_of_images_are_read_in_their_order(tmp_path):
     weight = torch.randn(3, 2, 4, 5, 1)
     network = lc.load(*write(tmp_path, {}, extra={"fc1.weight": weight}))

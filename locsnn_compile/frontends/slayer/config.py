@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from hw_model.mapping.graph import Axis
 from hw_model.values import Frozen
 from locsnn_compile.data.torch_file import read_bytes
 from locsnn_compile.errors import InputError, check_most, did_you_mean
@@ -48,17 +49,28 @@ class LayerEntry(Frozen):
 
 
 class SlayerConfig(Frozen):
-    """What the description says: the neuron, the step, steps of a recording, and a location order.
+    """What the description says: the neurons, the step, steps of a recording, and a location order.
 
-    ``ts`` is in milliseconds; SRM time constants are in steps already. ``order`` is a name or taxel numbers, None where
-    it has none. ``layers`` are those of the description's own ``layer`` list, the input first; () where it has none.
+    ``location_neuron`` is that of layers along locations. ``ts`` is in milliseconds; SRM time constants are in steps
+    already. ``order`` is a name or taxel numbers, None where it has none. ``layers`` are those of the description's own
+    ``layer`` list, the input first; () where it has none.
     """
 
     neuron: SrmAlpha | LoihiNeuron
+    location_neuron: SrmAlpha | LoihiNeuron
     ts: float
     steps: int | None
     order: str | None
     layers: tuple[LayerEntry, ...] = ()
+
+    def neuron_of(self, name: str) -> SrmAlpha | LoihiNeuron:
+        """Return the neuron of a layer or entry by its name: the location neuron where that begins with location."""
+        return self.location_neuron if axis_of(name) == "location" else self.neuron
+
+
+def axis_of(name: str) -> Axis:
+    """Return the axis of a layer by the last part of its name."""
+    return "location" if name.rpartition(".")[2].lower().startswith("location") else "time"
 
 
 def read_config(path: Path) -> SlayerConfig:
@@ -86,24 +98,29 @@ def parse_config(values: Mapping[Any, Any], where: str) -> SlayerConfig:
     samples = _number(simulation, "tSample", where, least=0) if "tSample" in simulation else math.nan
     steps = int(samples / ts) if samples >= ts and samples / ts <= 1_000_000 else None
     section = _section(values, "neuron", where)
+    key = next((key for key in ("location_neuron", "locationNeuron") if key in values), "neuron")
+    location = {**section, **_section(values, key, where)}
+    if location.get("type") != section.get("type"):
+        raise InputError(f"{where}, {key}.type", "it is not that of the other neurons", fix="Leave it out.")
+    layers = parse_layers(values["layer"], where) if "layer" in values else ()
+    neurons = _neuron(section, ts, where), _neuron(location, ts, where)
+    return SlayerConfig(*neurons, ts, steps, _order(values, where), layers)
+
+
+def _neuron(section: Mapping[Any, Any], ts: float, where: str) -> SrmAlpha | LoihiNeuron:
     kind = section.get("type")
     if kind == "SRMALPHA":
         theta, tau_sr, tau_ref = (_number(section, key, where, least=1e-6) for key in ("theta", "tauSr", "tauRef"))
-        scale_ref = _number(section, "scaleRef", where, least=0)
-        neuron: SrmAlpha | LoihiNeuron = SrmAlpha(theta, tau_sr / ts, tau_ref / ts, scale_ref)
-    elif kind == "LOIHI":
+        return SrmAlpha(theta, tau_sr / ts, tau_ref / ts, _number(section, "scaleRef", where, least=0))
+    if kind == "LOIHI":
         threshold, decay_v, decay_u = (_whole(section, key, where) for key in ("vThMant", "vDecay", "iDecay"))
         refractory = max(_whole(section, "refDelay", where, 1), 1)
-        exponent = _whole(section, "wgtExp", where, 0)
-        neuron = LoihiNeuron(decay_u, decay_v, threshold, refractory, exponent)
-    else:
-        raise InputError(
-            f"{where}, neuron.type",
-            f"{str(kind)[:40]!r} is not known",
-            fix=did_you_mean(str(kind), ("SRMALPHA", "LOIHI")),
-        )
-    layers = parse_layers(values["layer"], where) if "layer" in values else ()
-    return SlayerConfig(neuron, ts, steps, _order(values, where), layers)
+        return LoihiNeuron(decay_u, decay_v, threshold, refractory, _whole(section, "wgtExp", where, 0))
+    raise InputError(
+        f"{where}, neuron.type",
+        f"{str(kind)[:40]!r} is not known",
+        fix=did_you_mean(str(kind), ("SRMALPHA", "LOIHI")),
+    )
 
 
 def parse_layers(held: Any, where: str) -> tuple[LayerEntry, ...]:

@@ -97,18 +97,13 @@ def cut(neuron: SrmAlpha | LoihiNeuron) -> SrmAlpha:
 
 def check_kernels(tensors: Mapping[str, Any], config: SlayerConfig, where: str) -> None:
     """Compare the kernels that a checkpoint holds with those of the description: they must be one model's."""
-    neuron = config.neuron
-    if not isinstance(neuron, SrmAlpha):
-        return
-    wanted = {
-        "srmKernel": alpha_taps(neuron.tau_sr, 1.0),
-        "refKernel": alpha_taps(neuron.tau_ref, -neuron.scale_ref * neuron.theta),
-    }
     for key, values in tensors.items():
-        name = key.rpartition(".")[2]
-        if name not in wanted:
+        module, _, name = key.rpartition(".")
+        neuron = config.neuron_of(module)
+        if name not in ("srmKernel", "refKernel") or not isinstance(neuron, SrmAlpha):
             continue
-        held, made = values.reshape(-1), wanted[name]
+        constants = (neuron.tau_sr, 1.0) if name == "srmKernel" else (neuron.tau_ref, -neuron.scale_ref * neuron.theta)
+        held, made = values.reshape(-1), alpha_taps(*constants)
         shared = min(len(held), len(made))
         scale = max(float(np.abs(made).max(initial=0)), 1e-9)
         if shared and np.abs(held[:shared] - made[:shared]).max() > _CLOSE * scale:

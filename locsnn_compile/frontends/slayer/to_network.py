@@ -25,7 +25,7 @@ from locsnn_compile.data.sensor import channel_walk, parse_location_order
 from locsnn_compile.data.tensors import FLOATS, Tensor
 from locsnn_compile.data.torch_file import load_plain, read_bytes
 from locsnn_compile.errors import InputError, check_most, did_you_mean
-from locsnn_compile.frontends.slayer.config import DEFAULT_ORDER, LoihiNeuron, SlayerConfig, read_config
+from locsnn_compile.frontends.slayer.config import DEFAULT_ORDER, LoihiNeuron, SlayerConfig, axis_of, read_config
 from locsnn_compile.frontends.slayer.layers import check_kernels, cut, dense_layer, listed_layers
 from locsnn_compile.frontends.synthetic_input import synthetic_recordings, touch_fingertips
 from locsnn_compile.models.checkpoint import FORMAT
@@ -80,7 +80,7 @@ class _Layer:
 
     @property
     def axis(self) -> Axis:
-        return "location" if self.name.split(".")[-1].lower().startswith("location") else "time"
+        return axis_of(self.name)
 
 
 def load_slayer(path: Path, config: Path, kernels: str | None = None) -> Network:
@@ -95,7 +95,8 @@ def load_slayer(path: Path, config: Path, kernels: str | None = None) -> Network
     description = read_config(config)
     tails: tuple[str, ...] = ()
     if kernels == "cut":
-        description = replace(description, neuron=cut(description.neuron))
+        neurons = description.neuron, description.location_neuron
+        description = replace(description, neuron=cut(neurons[0]), location_neuron=cut(neurons[1]))
     elif kernels is None and isinstance(description.neuron, SrmAlpha):
         tails = ("The reference has the tails of its kernels, which slayerPytorch cuts in training (--kernels full).",)
     tensors = _tensors(held, where)
@@ -182,7 +183,7 @@ def _stated(
         late = int(delays[0])
         if (delays != late).any():
             late = np.array(np.broadcast_to(of_source(layer.weights, delays), values_of(layer.weights).shape))
-    n = config.neuron
+    n = config.neuron_of(layer.name)
     if not isinstance(n, LoihiNeuron):
         return Population(layer.name, axis, size, n), Projection(source, layer.name, layer.weights, late)
     mantissa = with_values(layer.weights, (2 * np.rint(values_of(layer.weights) / 2)).astype(np.int64))
@@ -251,13 +252,14 @@ def _layers(tensors: Mapping[str, Any], config: SlayerConfig, where: str) -> tup
 def _attach(layers: list[_Layer], key: str, delay: Any, config: SlayerConfig, where: str) -> None:
     """Give delays, in milliseconds, to the layer of the same block, else to the first of as many spikes that has none.
 
-    A convolution has one a channel.
+    Those of the axis that the name of the delays says come first. A convolution has one a channel.
     """
     whole = np.floor(delay / config.ts)
     steps = np.clip(whole, 0, DELAY_MAX).astype(np.int64)
     block = key.rpartition(".")[0].rpartition(".")[0]
     beside = [layer for layer in layers if block and layer.name.rpartition(".")[0] == block]
-    for layer in beside or layers:
+    axis = axis_of(key.rpartition(".")[0])
+    for layer in beside or sorted(layers, key=lambda layer: layer.axis != axis):
         if layer.delays is None and steps.size in (1, layer.size, layer.channels):
             layer.delays = np.repeat(steps, layer.size // steps.size)
             if not beside:
