@@ -37,7 +37,7 @@ from locsnn_compile.report.renderers.csv_files import csv_files
 from locsnn_compile.report.renderers.html import render_html, render_summary
 from locsnn_compile.report.renderers.markdown import render_markdown
 from locsnn_compile.report.sections.verdict import matches
-from locsnn_compile.settings import Setting
+from locsnn_compile.settings import Setting, has_both_axes
 from locsnn_compile.strategies import AUTO, NATIVE, STRATEGIES
 from locsnn_compile.verification.diagnosis import Diagnosis
 from locsnn_compile.verification.diagnosis import diagnose as find_diagnosis
@@ -152,7 +152,7 @@ def compile(
     check_network(network)
     if psi is not None:
         check_psi(psi)
-        network = replace(network, psi=psi if len(network.axes) > 1 else None)
+        network = replace(network, psi=psi if has_both_axes(network) else None)
     recordings = recordings_for(network, events, labels)
     if network.any_length:
         network = replace(network, steps=recordings.spikes.shape[1])

@@ -6,7 +6,7 @@ CompartmentGraph -> PlacedGraph -> RoutedGraph -> ChipProgram
 
 from collections.abc import Mapping
 from dataclasses import field, fields
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from hw_model.errors import InputError, TargetError
 from hw_model.values import Frozen
 
 Axis = Literal["time", "location"]
+AXES: tuple[Axis, ...] = get_args(Axis)
 
 MOST_CHARGES = 1 << 27
 """Charges that are due in later steps, of a phase: half a gigabyte, or a whole one in 64 bits."""

@@ -13,6 +13,7 @@ import numpy as np
 from hw_model.arithmetic.arrays import IntArray
 from hw_model.arithmetic.fixed_point import SIGN_MODES, WEIGHT_EXPONENTS
 from hw_model.errors import InputError
+from hw_model.mapping.graph import AXES
 
 if TYPE_CHECKING:
     from hw_model.description.chip import Chip, Registers
@@ -38,7 +39,7 @@ def check_program(program: ChipProgram) -> None:
     registers = program.chip.registers
     _check("phases", [
         ("names", len(set(phases)) == len(phases)),
-        ("axes", all(phase.axis in ("time", "location") for phase in program.phases)),
+        ("axes", all(phase.axis in AXES for phase in program.phases)),
         ("steps", all(phase.steps is None or _whole([phase.steps], 1, MAX_STEPS) for phase in program.phases)),
     ])  # fmt: skip
     for index, core in enumerate(program.cores):

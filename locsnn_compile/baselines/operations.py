@@ -68,16 +68,16 @@ def _cnn_3d_macs(fingertips: int, steps: int, classes: int) -> int:
 
 
 def network_additions(network: Network, spikes: Mapping[str, ByteArray]) -> dict[str, int]:
-    """Return additions by axis over all recordings; see :func:`additions_of_recordings`."""
+    """Return additions by phase over all recordings; see :func:`additions_of_recordings`."""
     return {axis: int(each.sum()) for axis, each in additions_of_recordings(network, spikes).items()}
 
 
 def additions_of_recordings(network: Network, spikes: Mapping[str, ByteArray]) -> dict[str, IntArray]:
-    """Return additions by axis of each recording, (batch,): spikes (batch, steps, n) by source, times fan-out."""
+    """Return additions by phase of each recording, (batch,): spikes (batch, steps, n) by source, times fan-out."""
     batch = len(next(iter(spikes.values())))
-    additions = {axis: np.zeros(batch, dtype=np.int64) for axis in network.axes}
-    axis_of = {population.name: population.axis for population in network.populations}
+    additions = {phase.name: np.zeros(batch, dtype=np.int64) for phase in network.phases}
+    phase_of = {population.name: population.phase for population in network.populations}
     for projection in network.projections:
         sent = spikes[projection.source].sum(axis=1, dtype=np.int64)
-        additions[axis_of[projection.target]] += sent @ projection.fan_out()
-    return {str(axis): each for axis, each in additions.items()}
+        additions[phase_of[projection.target]] += sent @ projection.fan_out()
+    return additions

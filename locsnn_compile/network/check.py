@@ -5,14 +5,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from hw_model.arithmetic.arrays import AnyArray
-from hw_model.mapping.graph import Axis
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import POSITIVE, Neuron
 from locsnn_compile.network.projections import ChipProjection, Projection, values_of
 
 _Array = AnyArray
-_Ends = dict[str, tuple[Axis, int]]
+_Ends = dict[str, tuple[str, int]]
 
 _LEAST, _MOST = 1e-100, 1e100
 """Magnitudes that float numbers may have, those below 1 only where they divide: products of three stay in float64."""
@@ -20,22 +19,23 @@ _LEAST, _MOST = 1e-100, 1e100
 
 def check_network(network: Network) -> None:
     """Check the whole level."""
-    ends: _Ends = {view.name: (view.axis, view.lines) for view in network.views}
+    ends: _Ends = {view.name: (view.phase, view.lines) for view in network.views}
     for population in network.populations:
         if population.name in ends:
             raise InputError(f"population {population.name!r}", "the name is taken", fix="Rename it.")
-        ends[population.name] = (population.axis, population.size)
+        ends[population.name] = (population.phase, population.size)
         _check_neuron(population)
     for view in network.views:
         _check_view(view, network)
-    walks = [view.steps for view in network.views if view.axis == "location"]
-    if len(set(walks)) > 1 or ("location" in network.axes and not walks):
-        raise InputError(
-            f"model {network.name!r}",
-            "its inputs do not give the location axis one number of steps",
-            measured=f"steps {', '.join(map(str, walks)) or 'of none'}",
-            fix="Give inputs of that axis that take equal steps.",
-        )
+    for phase in dict.fromkeys(p.phase for p in network.populations if p.axis == "location"):
+        walks = [view.steps for view in network.views if view.phase == phase and view.walk is not None]
+        if len(set(walks)) != 1:
+            raise InputError(
+                f"model {network.name!r}",
+                f"its inputs do not give the {phase} axis one number of steps",
+                measured=f"steps {', '.join(map(str, walks)) or 'of none'}",
+                fix="Give inputs of that axis that take equal steps.",
+            )
     _check_readout(network)
     if not network.projections:
         raise InputError(f"model {network.name!r}", "it has no weights", fix="Connect an input to a population.")
@@ -122,9 +122,9 @@ def _check_joint(projection: Projection | ChipProjection, ends: _Ends, neurons: 
     where = projection.where
     if projection.source not in ends or projection.target not in neurons:
         raise InputError(where, "an end does not exist", fix="Name an input or a population.")
-    source_axis, target_axis = ends[projection.source][0], ends[projection.target][0]
-    if source_axis != target_axis:
-        raise InputError(where, f"joins the {source_axis} axis to the {target_axis} axis", fix="Keep to one axis.")
+    source_phase, target_phase = ends[projection.source][0], ends[projection.target][0]
+    if source_phase != target_phase:
+        raise InputError(where, f"joins the {source_phase} axis to the {target_phase} axis", fix="Keep to one axis.")
     neuron = neurons[projection.target]
     if projection.on_grid != neuron.on_grid:
         what = "float weights reach integer neurons" if neuron.on_grid else "integer weights reach float neurons"

@@ -7,7 +7,7 @@ Network -> QuantizedNetwork -> CompartmentGraph -> PlacedGraph -> RoutedGraph ->
 import numpy as np
 
 from hw_model.arithmetic.arrays import ByteArray, FloatArray, IntArray
-from hw_model.mapping.graph import Axis
+from hw_model.mapping.graph import AXES, Axis, Phase
 from hw_model.mapping.graph import Readout as Readout
 from hw_model.values import Shown
 from locsnn_compile.data.expected import Expected
@@ -31,6 +31,13 @@ class InputView(Shown):
     walk: IntArray | None = None
     together: int = 1
     silence: int = 0
+    own_phase: str = ""
+    """The phase in which it is played, where that is not the one of its axis."""
+
+    @property
+    def phase(self) -> str:
+        """In which it is played."""
+        return self.own_phase or self.axis
 
     @property
     def steps(self) -> int:
@@ -72,6 +79,13 @@ class Population(Shown):
     neuron: Neuron
     helper: bool = False
     """Whether a frontend made it up: no neuron of the model, and no part of what is compared."""
+    own_phase: str = ""
+    """The phase in which it runs, where that is not the one of its axis."""
+
+    @property
+    def phase(self) -> str:
+        """In which it runs."""
+        return self.own_phase or self.axis
 
     @property
     def on_grid(self) -> bool:
@@ -130,9 +144,12 @@ class Network(Shown):
         return any(population.neuron.by_strategy for population in self.populations)
 
     @property
-    def axes(self) -> tuple[Axis, ...]:
-        """The step axes in use, time first."""
-        return tuple(axis for axis in ("time", "location") if any(p.axis == axis for p in self.populations))
+    def phases(self) -> tuple[Phase, ...]:
+        """One for each step axis and way to play the recording along it, those over time first."""
+        axis_of = {population.phase: population.axis for population in self.populations}
+        return tuple(
+            Phase(name, axis, self.steps_of(name)) for axis in AXES for name, its in axis_of.items() if its == axis
+        )
 
     @property
     def expected(self) -> Expected:
@@ -141,9 +158,10 @@ class Network(Shown):
         own = self.step_seconds, self.event_threshold, steps, self.channels, self.class_names
         return Expected(f"model {self.name!r}", *own)
 
-    def steps_of(self, axis: Axis) -> int:
-        """Steps of an axis: time steps, or those of the walk over the channels."""
-        return self.steps if axis == "time" else next(view.steps for view in self.views if view.axis == axis)
+    def steps_of(self, phase: str) -> int:
+        """Steps of a phase: time steps, or those of its walks over the channels."""
+        walks = (view.steps for view in self.views if view.phase == phase and view.walk is not None)
+        return next(walks, self.steps)
 
     def into(self, name: str) -> tuple[Projection | ChipProjection, ...]:
         """Return the projections onto a population."""

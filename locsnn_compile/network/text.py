@@ -24,7 +24,7 @@ def network_text(network: Network) -> str:
         walk += "" if view.together == 1 else f", {view.together} together"
         walk += "" if view.silence == 0 else f", {view.silence} steps of silence"
         lines.append(
-            f"  input {view.name}: {view.lines} lines over {network.steps_of(view.axis)} {view.axis} steps{walk}"
+            f"  input {view.name}: {view.lines} lines over {network.steps_of(view.phase)} {view.axis} steps{walk}"
         )
     for p in network.populations:
         lines.append(f"  population {p.name}: {p.size} {neuron_text(p.neuron, p.axis)}")

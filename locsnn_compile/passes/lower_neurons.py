@@ -1,7 +1,7 @@
 """Turn neurons into compartments that the chip has.
 
 Before: a QuantizedNetwork.
-After:  a CompartmentGraph, one phase an axis. A population's spikes are those of the group of its name.
+After:  a CompartmentGraph, its phases those of the network. A population's spikes are those of the group of its name.
 
     dendrite     a memoryless soma, to which an alpha dendrite ``name/dendrite`` and a refractory dendrite
                  ``name/refractory``, driven by the neuron's own spikes, add their voltages; where there are two of
@@ -11,13 +11,14 @@ After:  a CompartmentGraph, one phase an axis. A population's spikes are those o
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from hw_model.arithmetic.arrays import ArrayLike, BoolArray, IntArray
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_BITS, SignMode, weight_grid
 from hw_model.description.chip import Chip
-from hw_model.mapping.graph import CompartmentGraph, Compartments, Input, Phase, Synapses, check_graph, read_only
+from hw_model.mapping.graph import CompartmentGraph, Compartments, Input, Synapses, check_graph, read_only
 from locsnn_compile.network.chip_neurons import Refractory, integers
 from locsnn_compile.network.projections import ChipProjection, connections, values_of
 from locsnn_compile.network.quantized import QuantizedNetwork, QuantizedPopulation
@@ -35,11 +36,9 @@ def lower_neurons(quantized: QuantizedNetwork, chip: Chip) -> CompartmentGraph:
         synapses += _by_sign(projection, _entrance(quantized.population(projection.target), projection.dendrite))
     graph = CompartmentGraph(
         name=network.name,
-        phases=tuple(
-            Phase(axis, axis, None if network.any_length else network.steps_of(axis)) for axis in network.axes
-        ),
+        phases=tuple(replace(phase, steps=None) if network.any_length else phase for phase in network.phases),
         inputs=tuple(
-            Input(v.name, v.lines, v.axis, "touch", _read_only(v.positions), _read_only(v.first_lines))
+            Input(v.name, v.lines, v.phase, "touch", _read_only(v.positions), _read_only(v.first_lines))
             for v in network.views
         ),
         groups=tuple(groups),
@@ -93,7 +92,7 @@ def _group(
     settings |= {"bias_mantissa": 0, "bias_exponent": 0, "refractory": 1, **own}
     size = q.population.size
     held = {key: integers(value, size) for key, value in settings.items()}
-    return Compartments(name=name, phase=q.population.axis, size=size, joined_to=joined_to, **held)
+    return Compartments(name=name, phase=q.population.phase, size=size, joined_to=joined_to, **held)
 
 
 def _self_synapses(q: QuantizedPopulation, chip: Chip) -> list[Synapses]:

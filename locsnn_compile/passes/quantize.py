@@ -62,7 +62,7 @@ def quantize(
             scaled, rounded = round_onto(neuron, task, integers_of(neuron, task))
             fit = partial(kernel_fit, neuron, scaled, chip.registers)
             populations.append(QuantizedPopulation(population, scaled.neuron, scaled.scale, fit))
-            check_heard(task, rounded, network.steps_of(population.axis))
+            check_heard(task, rounded, network.steps_of(population.phase))
         pruned += sum(_zeros(of_one) for of_one in rounded)
         projections += [part for of_one in rounded for part in of_one]
     result = QuantizedNetwork(network, tuple(populations), tuple(projections), pruned)

@@ -108,7 +108,7 @@ def _evaluate_together(
 ) -> None:
     """Step populations that depend on each other; add their spikes, and potentials where they are wanted."""
     batch = len(next(iter(spikes.values())))
-    steps = next(spikes[view.name].shape[1] for view in network.views if view.axis == together[0].axis)
+    steps = next(spikes[view.name].shape[1] for view in network.views if view.phase == together[0].phase)
     names = {population.name for population in together}
     arriving: dict[str, Potentials] = {}
     inner: list[tuple[str, Potentials, int, Matrix]] = []

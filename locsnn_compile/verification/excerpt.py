@@ -15,7 +15,7 @@ from locsnn_compile.reference.evaluate import ReferenceResult, evaluate
 from locsnn_compile.verification.matching import Divergence
 
 STEPS = 400
-"""Steps of an axis that are kept at the most."""
+"""Steps of a phase that are kept at the most."""
 MARKS = 5000
 """Spikes of an input or a population that are kept at the most; where there are more, fewer steps are."""
 NEURONS = 40
@@ -37,6 +37,7 @@ class SpikeRows(Frozen, eq=False):
 
     name: str
     axis: Axis
+    phase: str
     size: int
     numbers: IntArray
     reference: ByteArray
@@ -69,7 +70,7 @@ class NeuronPotential(Frozen, eq=False):
 
 
 class Excerpt(Shown):
-    """Of recording number ``recording``: the steps ``steps[axis]`` out of ``all_steps[axis]``.
+    """Of recording number ``recording``: the steps ``steps[phase]`` out of ``all_steps[phase]``.
 
     ``first`` is where both sides first differ; None where they never do, and the first recording is shown.
     ``populations_left_out`` is how many are not among ``populations``.
@@ -77,8 +78,8 @@ class Excerpt(Shown):
 
     recording: int
     first: Divergence | None
-    steps: Mapping[Axis, range]
-    all_steps: Mapping[Axis, int]
+    steps: Mapping[str, range]
+    all_steps: Mapping[str, int]
     inputs: tuple[SpikeRows, ...]
     populations: tuple[SpikeRows, ...]
     populations_left_out: int
@@ -97,20 +98,20 @@ def take_excerpt(levels: Levels, recordings: ByteArray, first: Divergence | None
     wanted = evaluate(network, one, potentials=True, registers=program.chip.registers)
     found = hw.simulate(program, one, probe=("spikes",)).spikes
     shown = _populations(network, first)
-    inputs = [_input(view, wanted.spikes[view.name][0]) for view in network.views if view.axis in network.axes]
+    all_steps = {phase.name: network.steps_of(phase.name) for phase in network.phases}
+    inputs = [_input(view, wanted.spikes[view.name][0]) for view in network.views if view.phase in all_steps]
     rows = [_rows(p, wanted.spikes[p.name][0], found[p.name][0], first) for p in shown]
-    all_steps = {axis: network.steps_of(axis) for axis in network.axes}
     steps = {
-        axis: _window([item for item in (*inputs, *rows) if item.axis == axis], _centre(network, first, axis))
-        for axis in network.axes
+        phase: _window([item for item in (*inputs, *rows) if item.phase == phase], _centre(network, first, phase))
+        for phase in all_steps
     }
     return Excerpt(
         recording=recording,
         first=first,
         steps=steps,
         all_steps=all_steps,
-        inputs=tuple(item.during(steps[item.axis]) for item in inputs),
-        populations=tuple(item.during(steps[item.axis]) for item in rows),
+        inputs=tuple(item.during(steps[item.phase]) for item in inputs),
+        populations=tuple(item.during(steps[item.phase]) for item in rows),
         populations_left_out=len(network.own_populations) - len(shown),
         potential=_potential(levels, one, wanted, found, first),
     )
@@ -127,8 +128,8 @@ def _input(view: InputView, spikes: ByteArray) -> SpikeRows:
     """Let neighbouring lines share a row where there are many."""
     together = -(-view.lines // LINES)
     padded = np.pad(spikes, ((0, 0), (0, -view.lines % together)))
-    rows = padded.reshape(len(spikes), -1, together).max(axis=2)
-    return SpikeRows(view.name, view.axis, view.lines, np.arange(0, view.lines, together), rows, rows, together)
+    rows, numbers = padded.reshape(len(spikes), -1, together).max(axis=2), np.arange(0, view.lines, together)
+    return SpikeRows(view.name, view.axis, view.phase, view.lines, numbers, rows, rows, together)
 
 
 def _rows(population: Population, reference: ByteArray, chip: ByteArray, first: Divergence | None) -> SpikeRows:
@@ -137,20 +138,19 @@ def _rows(population: Population, reference: ByteArray, chip: ByteArray, first: 
     if first is not None and first.population == population.name:
         differences[first.neuron] = len(reference) + 1
     neurons = np.sort(np.argsort(-differences, kind="stable")[:NEURONS])
-    return SpikeRows(
-        population.name, population.axis, population.size, neurons, reference[:, neurons], chip[:, neurons]
-    )
+    name, axis, phase = population.name, population.axis, population.phase
+    return SpikeRows(name, axis, phase, population.size, neurons, reference[:, neurons], chip[:, neurons])
 
 
-def _centre(network: Network, first: Divergence | None, axis: Axis) -> int:
-    """Return the step of an axis that has to be shown."""
-    if first is None or next(p.axis for p in network.populations if p.name == first.population) != axis:
+def _centre(network: Network, first: Divergence | None, phase: str) -> int:
+    """Return the step of a phase that has to be shown."""
+    if first is None or next(p.phase for p in network.populations if p.name == first.population) != phase:
         return 0
     return first.step
 
 
 def _window(drawn: list[SpikeRows], centre: int) -> range:
-    """Return as many steps around the centre as keep every picture of an axis within its number of marks."""
+    """Return as many steps around the centre as keep every picture of a phase within its number of marks."""
     a_step = np.max([item.either.sum(axis=1, dtype=np.int64) for item in drawn], axis=0)
     steps = len(a_step)
     length = min(steps, STEPS)
@@ -176,7 +176,8 @@ def _potential(
     else:
         name, neuron, centre = first.population, first.neuron, first.step
     quantized = levels.quantized.population(name)
-    steps = range(max(0, centre - AROUND), min(centre + AROUND + 1, levels.network.steps_of(quantized.population.axis)))
+    last = levels.network.steps_of(quantized.population.phase)
+    steps = range(max(0, centre - AROUND), min(centre + AROUND + 1, last))
     here = slice(steps.start, steps.stop)
     probe = hw.Probe("potential", (name,), steps)
     chip = hw.simulate(levels.program, one, probe=(probe,)).potential[name][0, :, neuron]

@@ -108,7 +108,7 @@ def margins(levels: Levels, recordings: ByteArray) -> Margins:
         chunk = recordings[start : start + CHUNK]
         wanted = evaluate(network, chunk, potentials=True, registers=registers)
         for phase in phases_of(levels):
-            names = tuple(p.name for p in network.populations if p.axis == phase.axis)
+            names = tuple(p.name for p in network.populations if p.phase == phase.name)
             lines = lines_of(network, phase, chunk)
             chip = run_twin(twin_with(phase, STAGES), lines, forced=wanted.spikes, potentials=names)
             for name in names:

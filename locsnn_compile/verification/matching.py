@@ -76,7 +76,7 @@ class Match(Shown):
     predicted; ``labels`` likewise or None. ``helpers`` are the populations that a frontend made up, which count for
     nothing else. ``counts`` holds the chip's counts of every recording, ``latencies`` their times under the default
     profile, and ``latency_range_ns`` the least and most of their mean where the profile has ranges; ``usage`` says by
-    phase what they did step by step, ``additions`` the reference's operations by axis over all recordings.
+    phase what they did step by step, ``additions`` the reference's operations by phase over all recordings.
     """
 
     samples: int
@@ -146,7 +146,7 @@ def compare(
     latencies: list[Latency] = []
     usage: dict[str, PhaseUsage] = {}
     ends_ns = [0.0, 0.0]
-    additions: dict[str, int] = dict.fromkeys(network.axes, 0)
+    additions: dict[str, int] = dict.fromkeys((phase.name for phase in network.phases), 0)
     first: Place | None = None
     chunks = ((start, recordings[start : start + CHUNK]) for start in range(0, len(recordings), CHUNK))
     for part in spread(partial(_compare_part, network, program), chunks):
@@ -164,8 +164,8 @@ def compare(
         usage = added_usage((usage, part.usage))
         for i, ns in enumerate(part.ends_ns):
             ends_ns[i] += ns
-        for axis, n in part.additions.items():
-            additions[axis] += n
+        for phase, n in part.additions.items():
+            additions[phase] += n
         if progress:
             progress(len(counts), len(recordings))
     reference, chip = (np.concatenate(side) for side in zip(*predictions, strict=True))
@@ -264,13 +264,13 @@ def _check_labels(network: Network, labels: IntArray | None, samples: int, sourc
 def _first_difference(
     network: Network, wanted: Mapping[str, ByteArray], found: Mapping[str, ByteArray], start: int
 ) -> Place | None:
-    """Return the place that is first by recording, axis, step and network order."""
-    rows = []
+    """Return the place that is first by recording, phase, step and network order."""
+    rows, order = [], [phase.name for phase in network.phases]
     for rank, population in enumerate(network.own_populations):
         differs = np.argwhere(wanted[population.name] != found[population.name])
         if len(differs):
             recording, step, neuron = (int(i) for i in differs[0])
-            rows.append((recording, network.axes.index(population.axis), step, rank, neuron))
+            rows.append((recording, order.index(population.phase), step, rank, neuron))
     if not rows:
         return None
     recording, _, step, rank, neuron = min(rows)

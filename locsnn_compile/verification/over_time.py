@@ -152,7 +152,7 @@ def stop_all(
 def _work(network: Network) -> int:
     """Return the neuron updates of a recording if its location phase ran whole after every step."""
     again = {"time": 1, "location": network.steps}
-    return sum(p.size * network.steps_of(p.axis) * again[p.axis] for p in network.populations)
+    return sum(p.size * network.steps_of(p.phase) * again[p.axis] for p in network.populations)
 
 
 def _scores(program: hw.ChipProgram, recordings: ByteArray, psi: float) -> dict[str, FloatArray]:

@@ -297,7 +297,7 @@ def test_a_sample_is_spread_evenly(network, available, samples, numbers):
 
 
 def test_a_large_network_takes_fewer_recordings(network):
-    steps = sum(p.size * network.steps_of(p.axis) for p in network.populations)
+    steps = sum(p.size * network.steps_of(p.phase) for p in network.populations)
     large = replace(
         network, populations=tuple(replace(p, size=p.size * ((1 << 22) // steps)) for p in network.populations)
     )

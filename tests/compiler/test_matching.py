@@ -120,7 +120,7 @@ def test_the_time_axis_comes_first(network, levels):
                 for i in range(len(played))
             )
         ]
-        for axis in network.axes
+        for axis in (phase.name for phase in network.phases)
     }
     tried = [i for i in range(len(played)) if first["location"][i] < first["time"][i] < 99]
     assert tried

@@ -104,7 +104,7 @@ def _on_chip(path: Path, dataset: Dataset, test: Recordings) -> dict[str, Any]:
         "spike_agreement": report["match"]["spike_agreement"],
         "prediction_agreement": report["match"]["prediction_agreement"],
         "additions": {axis: each.tolist() for axis, each in additions_of_recordings(network, heard).items()},
-        "transposed": events.tolist() if "location" in network.axes else [],
+        "transposed": events.tolist() if any(phase.axis == "location" for phase in network.phases) else [],
         "chip": report["operations"]["per_sample"],
         "energy_pj": report["energy"]["per_sample_pj"],
         "predictions": np.asarray(played.prediction).tolist(),

@@ -40,7 +40,7 @@ def file_bytes(file: NetFile) -> bytes:
 
 def net_file(quantized: QuantizedNetwork) -> NetFile:
     """Return the layers of a chain of populations in integers."""
-    if len(quantized.network.views) != 1 or quantized.network.axes != ("time",):
+    if len(quantized.network.views) != 1 or any(phase.axis != "time" for phase in quantized.network.phases):
         raise InputError(_WHERE, "lava-dl has no steps along locations", fix=_OTHER)
     before, layers = quantized.network.views[0].name, []
     layers.append(NetLayer(0, "input", {"shape": np.array([quantized.network.views[0].lines])}))

@@ -51,12 +51,12 @@ def _unit(key: str) -> str:
 
 def _spikes(excerpt: Excerpt) -> Iterable[tuple[Cell, ...]]:
     """A row a spike; an input line has its number, or the first of those that share a row, and spikes on both sides."""
-    for axis, steps in excerpt.steps.items():
+    for phase, steps in excerpt.steps.items():
         for item in (*excerpt.inputs, *excerpt.populations):
-            if item.axis == axis:
+            if item.phase == phase:
                 for step, row in zip(*item.either.nonzero(), strict=True):
                     sides = int(item.reference[step, row]), int(item.chip[step, row])
-                    yield axis, item.name, steps[int(step)], int(item.numbers[row]), *sides
+                    yield item.axis, item.name, steps[int(step)], int(item.numbers[row]), *sides
 
 
 def _potential(excerpt: Excerpt) -> Iterable[tuple[Cell, ...]]:

@@ -14,10 +14,8 @@ from locsnn_compile.report.pictures.ticks import step_ticks, value_axis
 from locsnn_compile.report.words import words
 
 if TYPE_CHECKING:
-    from hw_model.mapping.graph import Axis
     from locsnn_compile.verification.excerpt import Excerpt, NeuronPotential, SpikeRows
 
-_AXIS_LABELS = {"time": "time step", "location": "location step"}
 _BESIDE = 3
 """Steps before and after the one in the middle that the table has."""
 
@@ -28,9 +26,9 @@ def spikes(document: Document, excerpt: Excerpt | None) -> Section | None:
         return None
     side = "network" if document["match"]["reference"] == "integers" else "float"
     rasters: list[Raster] = []
-    for axis in excerpt.steps:
-        rasters += [_input(item, excerpt) for item in excerpt.inputs if item.axis == axis]
-        rasters += [_population(item, excerpt, side) for item in excerpt.populations if item.axis == axis]
+    for phase in excerpt.steps:
+        rasters += [_input(item, excerpt) for item in excerpt.inputs if item.phase == phase]
+        rasters += [_population(item, excerpt, side) for item in excerpt.populations if item.phase == phase]
     lead = (
         "One recording, one row per neuron, the first at the top. A ring marks the first spike that only one side "
         "has; without a reset, later spikes may stay a step or two apart."
@@ -44,11 +42,10 @@ def _shown(excerpt: Excerpt) -> str:
         f"Recording {excerpt.recording}, "
         + ("the first in which a spike differs." if excerpt.first else "the first; no spike of any recording differs.")
     ]
-    for axis, steps in excerpt.steps.items():
-        if len(steps) < excerpt.all_steps[axis]:
-            parts.append(
-                f"Of {count(excerpt.all_steps[axis])} {axis} steps, {count(steps[0])} to {count(steps[-1])} are drawn."
-            )
+    for phase, steps in excerpt.steps.items():
+        every = excerpt.all_steps[phase]
+        if len(steps) < every:
+            parts.append(f"Of {count(every)} {phase} steps, {count(steps[0])} to {count(steps[-1])} are drawn.")
     thinned = [item.name for item in excerpt.populations if len(item.numbers) < item.size]
     if thinned:
         parts.append("Of a large population, the neurons with the most differences in the recording are drawn.")
@@ -61,12 +58,12 @@ def _shown(excerpt: Excerpt) -> str:
 
 def _input(item: SpikeRows, excerpt: Excerpt) -> Raster:
     alone = item.together == 1
-    title = f"Input of the {words(item.axis)}: {plural(item.size, 'line')}"
+    title = f"Input of the {words(item.phase)}: {plural(item.size, 'line')}"
     strokes = _strokes("event", item.reference, "input events" if alone else "strokes, each one event or more")
     return Raster(
         title if alone else f"{title}, {item.together} to a row",
         f"{plural(int(item.reference.sum(dtype=np.int64)), 'event')} drawn.",
-        *_axes(item.reference, item.axis, excerpt),
+        *_axes(item, excerpt),
         strokes=(strokes,),
     )
 
@@ -77,13 +74,13 @@ def _population(item: SpikeRows, excerpt: Excerpt, side: str) -> Raster:
     of = plural(item.size, "neuron") if rows == item.size else f"{count(rows)} of {plural(item.size, 'neuron')}"
     flag, flag_label, first = None, "", excerpt.first
     if first is not None and first.population == item.name:
-        flag = first.step - excerpt.steps[item.axis].start, item.numbers.tolist().index(first.neuron)
+        flag = first.step - excerpt.steps[item.phase].start, item.numbers.tolist().index(first.neuron)
         flag_label = f"neuron {first.neuron}, step {first.step}"
     return Raster(
         f"{item.name}: {of}",
         f"{plural(int(equal.sum()), 'spike')} on both sides, {count(int(reference.sum()))} only in the {side} "
         f"network, {count(int(chip.sum()))} only on the chip.",
-        *_axes(equal, item.axis, excerpt),
+        *_axes(item, excerpt),
         strokes=(
             _strokes("equal", equal, "on both sides"),
             _strokes("reference", reference, f"only in the {side} network"),
@@ -94,9 +91,9 @@ def _population(item: SpikeRows, excerpt: Excerpt, side: str) -> Raster:
     )
 
 
-def _axes(spikes: ByteArray, axis: Axis, excerpt: Excerpt) -> tuple[int, int, str, tuple[tuple[float, str], ...]]:
+def _axes(item: SpikeRows, excerpt: Excerpt) -> tuple[int, int, str, tuple[tuple[float, str], ...]]:
     """Return columns and rows of a raster, the label of its axis and the ticks there."""
-    return *spikes.shape, _AXIS_LABELS[axis], step_ticks(excerpt.steps[axis], centred=True)
+    return *item.reference.shape, f"{item.axis} step", step_ticks(excerpt.steps[item.phase], centred=True)
 
 
 def _spike_table(excerpt: Excerpt, side: str) -> Table:
@@ -104,7 +101,7 @@ def _spike_table(excerpt: Excerpt, side: str) -> Table:
     for item in excerpt.populations:
         equal, reference, chip = _sides(item)
         differs = np.flatnonzero((reference | chip).any(axis=1))
-        first = count(int(differs[0]) + excerpt.steps[item.axis].start) if len(differs) else NONE
+        first = count(int(differs[0]) + excerpt.steps[item.phase].start) if len(differs) else NONE
         rows.append((item.name, *(count(int(found.sum())) for found in (equal, reference, chip)), first))
     columns = ("population", "on both sides", f"only {side}", "only chip", "first difference at step")
     return Table(f"Spikes drawn, recording {excerpt.recording}", columns, tuple(rows))

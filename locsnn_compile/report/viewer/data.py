@@ -34,7 +34,8 @@ def viewer_values(
     reference = evaluate(network, recordings[numbers], registers=program.chip.registers)
     chip = hw.simulate(program, recordings[numbers], probe=("spikes", "activity"))
     sides = {p.name: (reference.spikes[p.name], chip.spikes[p.name]) for p in network.own_populations}
-    views = [view for view in network.views if view.axis in network.axes]
+    phases = [phase.name for phase in network.phases]
+    views = [view for view in network.views if view.phase in phases]
     given = sides | {view.name: (reference.spikes[view.name],) * 2 for view in views}
     rows: list[dict[str, Any]] = [
         {
@@ -60,17 +61,18 @@ def viewer_values(
     populations = [
         {
             "name": p.name,
-            "axis": p.axis,
+            "axis": p.phase,
             "size": p.size,
-            "steps": network.steps_of(p.axis),
+            "steps": network.steps_of(p.phase),
             "kept": kept[p.name],
             "thresholds": p.thresholds[kept[p.name]].tolist(),
             "cores": [core.number for core in program.cores if any(s.group == p.name for s in core.slices)],
         }
         for p in network.own_populations
     ]
-    inputs = [{"name": v.name, "axis": v.axis, "size": v.lines, "steps": network.steps_of(v.axis)} for v in views]
+    inputs = [{"name": v.name, "axis": v.phase, "size": v.lines, "steps": network.steps_of(v.phase)} for v in views]
     shown = {"recordings": rows, "samples": len(recordings), "populations": populations, "inputs": inputs}
+    shown["phases"] = phases
     return shown | {"first": first and vars(first), "quantities": QUANTITIES}
 
 
@@ -82,7 +84,7 @@ def _kept(levels: Levels, differing: dict[str, AnyArray], room: int) -> dict[str
     """Return the neurons whose potentials take no more than ``room``: of each population those that differ most."""
     populations, most = levels.network.own_populations, max(map(len, differing.values()))
     # Two sides of 2 bytes a step, in base64.
-    while most > 1 and sum(6 * levels.network.steps_of(p.axis) * min(most, p.size) for p in populations) > room:
+    while most > 1 and sum(6 * levels.network.steps_of(p.phase) * min(most, p.size) for p in populations) > room:
         most = most * 3 // 4
     return {name: sorted(np.argsort(-one, kind="stable")[:most].tolist()) for name, one in differing.items()}
 

@@ -60,16 +60,15 @@
     return decoded.get(key);
   }
 
-  /* All differences of the recording in the order in which they arise: time before location, then step by step. */
+  /* All differences of the recording in the order in which they arise: phase by phase, then step by step. */
   const walked = new Map();
   function differences() {
     if (!walked.has(state.recording)) {
-      const axes = ["time", "location"];
       const rows = [];
       own.forEach((one, rank) => {
         spikes(one.name).slice(1).forEach(({ steps, neurons }) => {
           for (let i = 0; i < steps.length; i++) {
-            rows.push([axes.indexOf(one.axis), steps[i], rank, neurons[i], indexOf(one.name)]);
+            rows.push([data.phases.indexOf(one.axis), steps[i], rank, neurons[i], indexOf(one.name)]);
           }
         });
       });
@@ -83,7 +82,7 @@
   }
   function here() {
     const one = population();
-    return [["time", "location"].indexOf(one.axis), state.step, own.indexOf(one), state.neuron];
+    return [data.phases.indexOf(one.axis), state.step, own.indexOf(one), state.neuron];
   }
 
   /* Potentials of the neuron, {reference, chip, threshold}; null where the page does not hold them. */

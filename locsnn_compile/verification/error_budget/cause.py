@@ -37,8 +37,8 @@ class Cause(Frozen, eq=False):
 def find_cause(levels: Levels, recording: ByteArray, first: Divergence) -> Cause:
     """Explain the first divergence in ``recording`` (steps, channels), of the network's own steps and channels."""
     network, phases = levels.network, phases_of(levels)
-    axis = next(p.axis for p in network.populations if p.name == first.population)
-    phase = next(phase for phase in phases if phase.axis == axis)
+    name = next(p.phase for p in network.populations if p.name == first.population)
+    phase = next(phase for phase in phases if phase.name == name)
     until = slice(0, first.step + 1)
     lines = {name: played[:, until] for name, played in lines_of(network, phase, recording[None]).items()}
     reference = evaluate(network, recording[None], registers=phase.registers).spikes

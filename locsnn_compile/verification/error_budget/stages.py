@@ -6,7 +6,6 @@ from typing import Literal, get_args
 
 from hw_model.arithmetic.arrays import ByteArray, FloatArray
 from hw_model.description.chip import Registers
-from hw_model.mapping.graph import Axis
 from hw_model.values import Frozen
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.projections import values_of
@@ -30,26 +29,24 @@ STAGES: tuple[Stage, ...] = get_args(Stage)
 
 
 class Phase(Frozen, eq=False):
-    """The populations of one axis, in exact numbers and in the chip's: by the float neurons, and by the program's."""
+    """The populations of one phase, in exact numbers and in the chip's: by the float neurons, and by the program's."""
 
-    axis: Axis
+    name: str
     registers: Registers
     float_neurons: Numbers
     program_neurons: Numbers
 
 
 def phases_of(levels: Levels) -> tuple[Phase, ...]:
-    """Return every axis of a lowered network."""
-    registers = levels.program.chip.registers
+    """Return every phase of a lowered network."""
+    registers, populations = levels.program.chip.registers, levels.quantized.populations
     phases = []
-    for axis in levels.network.axes:
-        forms = [
-            forms_of(q.population.neuron, levels, q) for q in levels.quantized.populations if q.population.axis == axis
-        ]
+    for phase in levels.network.phases:
+        forms = [forms_of(q.population.neuron, levels, q) for q in populations if q.population.phase == phase.name]
         numbers = _joined([float_neurons for float_neurons, _ in forms])
         exact = all(float_neurons is program_neurons for float_neurons, program_neurons in forms)
         program = numbers if exact else _joined([program_neurons for _, program_neurons in forms])
-        phases.append(Phase(axis, registers, numbers, program))
+        phases.append(Phase(phase.name, registers, numbers, program))
     return tuple(phases)
 
 
@@ -62,12 +59,12 @@ def _joined(populations: Sequence[Numbers]) -> Numbers:
 
 def lines_of(network: Network, phase: Phase, recordings: ByteArray) -> dict[str, ByteArray]:
     """Return the spikes (batch, steps, lines) of the inputs of a phase."""
-    return {view.name: view.play(recordings) for view in network.views if view.axis == phase.axis}
+    return {view.name: view.play(recordings) for view in network.views if view.phase == phase.name}
 
 
 def neuron_steps(network: Network) -> int:
     """Return neurons times steps of one recording: what its evaluation takes."""
-    return sum(population.size * network.steps_of(population.axis) for population in network.populations)
+    return sum(population.size * network.steps_of(population.phase) for population in network.populations)
 
 
 def twin_with(phase: Phase, stages: Collection[Stage]) -> Twin:
