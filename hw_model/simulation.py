@@ -195,26 +195,25 @@ def _named(counts: IntArray) -> dict[str, int]:
 
 def _add_scores(program: ChipProgram, phase: str, trace: PhaseTrace, scores: FloatArray) -> None:
     """Add what the populations of a phase give to the class scores, (batch, classes)."""
-    if program.readout is None or program.readout.potentials_from is not None:
+    if program.readout is None:
         return
     columns = program.columns_of(phase)
     spikes = trace.sent[:, trace.sent.shape[1] - trace.spikes.shape[2] :]
-    for name, weight in zip(program.readout.populations, program.readout.weights, strict=True):
-        if name in columns:
+    for name, weight in program.readout.terms:
+        if name in columns and name not in program.readout.from_step:
             scores += weight * spikes[:, columns[name]]
 
 
 def _decisive(program: ChipProgram) -> dict[Kind, Probe]:
-    """Return what to keep for a readout of potentials."""
-    readout = program.readout
-    if readout is None or readout.potentials_from is None:
-        return {}
-    return {"potential": Probe("potential", readout.populations, range(readout.potentials_from, sys.maxsize))}
+    """Return what to keep for the populations that the readout takes potentials of."""
+    first = {} if program.readout is None else program.readout.from_step
+    return {"potential": Probe("potential", tuple(first), range(min(first.values()), sys.maxsize))} if first else {}
 
 
 def _add_potentials(program: ChipProgram, found: Mapping[str, IntArray], scores: FloatArray) -> None:
     """Add the largest potentials (batch, rows, classes) of the populations of a phase to the class scores."""
     assert program.readout is not None
-    for name, weight in zip(program.readout.populations, program.readout.weights, strict=True):
+    first = program.readout.from_step
+    for name, weight in program.readout.terms:
         if name in found:
-            scores += weight * largest(found[name], 0)
+            scores += weight * largest(found[name], first[name] - min(first.values()))

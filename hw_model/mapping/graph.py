@@ -146,18 +146,31 @@ class Readout(Frozen):
     """Class scores: what populations of one size give, weighted and added. Ties go to the first class.
 
     A population gives its spike counts; with ``potentials_from``, its largest potentials from that step on: v as the
-    threshold sees it, of neurons that do not spike.
+    threshold sees it, of neurons that do not spike. One value is for all, None among several for a population that
+    gives its spikes.
     """
 
     populations: tuple[str, ...]
     weights: tuple[float, ...]
-    potentials_from: int | None = None
+    potentials_from: int | tuple[int | None, ...] | None = None
+
+    @property
+    def from_step(self) -> dict[str, int]:
+        """The populations that give potentials, each with its first step."""
+        given = self.potentials_from
+        each = given if isinstance(given, tuple) else (given,) * len(self.populations)
+        return {name: first for name, first in zip(self.populations, each, strict=True) if first is not None}
+
+    @property
+    def terms(self) -> list[tuple[str, float]]:
+        """The populations with their weights."""
+        return list(zip(self.populations, self.weights, strict=True))
 
     def scores(self, spikes: Mapping[str, AnyArray], potential: Mapping[str, AnyArray]) -> FloatArray:
         """Return the scores (batch, classes) of spikes and potentials (batch, steps, classes) by population."""
-        first = self.potentials_from
+        first = self.from_step
         given = [
-            spikes[name].sum(axis=1, dtype=np.float64) if first is None else largest(potential[name], first)
+            largest(potential[name], first[name]) if name in first else spikes[name].sum(axis=1, dtype=np.float64)
             for name in self.populations
         ]
         total: FloatArray = np.zeros(np.shape(given[0]))

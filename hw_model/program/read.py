@@ -143,9 +143,7 @@ def _program(document: dict[str, Any], arrays: dict[str, IntArray]) -> ChipProgr
         inputs=inputs,
         input_routes=routes,
         cores=tuple(_core(core, arrays) for core in document["cores"]),
-        readout=None
-        if readout is None
-        else Readout(tuple(readout), tuple(map(float, readout.values())), _first(document)),
+        readout=None if readout is None else _readout(readout, document.get("readout_potentials_from")),
         synapses_pruned=int(document["synapses_pruned"]),
         provenance={str(key): str(value) for key, value in document["provenance"].items()},
         **{name: _known(document, name, kind) for name, kind in RECORDINGS.items()},
@@ -162,9 +160,13 @@ def _known(document: dict[str, Any], name: str, kind: type[int] | type[float]) -
     return value
 
 
-def _first(document: dict[str, Any]) -> int | None:
-    first = document.get("readout_potentials_from")
-    return None if first is None else int(first)
+def _readout(weights: dict[str, float], first: Any) -> Readout:
+    """Return a readout; ``first`` is a step for all of its populations, or for those that give potentials."""
+    if isinstance(first, dict):
+        first = tuple(None if (step := first.get(name)) is None else int(step) for name in weights)
+    elif first is not None:
+        first = int(first)
+    return Readout(tuple(weights), tuple(map(float, weights.values())), first)
 
 
 def _core(core: dict[str, Any], arrays: dict[str, IntArray]) -> Core:

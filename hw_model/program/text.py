@@ -45,10 +45,10 @@ def compartments_text(graph: CompartmentGraph) -> str:
         yield from (_group(group) for group in graph.groups)
         yield from (_synapses(synapses) for synapses in graph.synapses)
         if graph.readout is not None:
-            terms = zip(graph.readout.weights, graph.readout.populations, strict=True)
-            first = graph.readout.potentials_from
-            what = "spikes" if first is None else f"largest potential, from step {first} on,"
-            yield "  readout: " + " + ".join(f"{weight:g} * {what} of {name}" for weight, name in terms)
+            first = graph.readout.from_step
+            what = {name: f"largest potential, from step {step} on," for name, step in first.items()}
+            terms = (f"{weight:g} * {what.get(name, 'spikes')} of {name}" for name, weight in graph.readout.terms)
+            yield "  readout: " + " + ".join(terms)
         yield f"  synapses pruned: {graph.synapses_pruned}"
 
     return "\n".join(lines()) + "\n"

@@ -17,6 +17,7 @@ from hw_model.io.folders import replace_entries
 from hw_model.mapping.routing import AxonTables
 
 if TYPE_CHECKING:
+    from hw_model.mapping.graph import Readout
     from hw_model.program.chip_program import ChipProgram
 
 FORMAT = "locsnn-program"
@@ -79,12 +80,8 @@ def _document(program: ChipProgram) -> dict[str, Any]:
             }
             for i in program.inputs
         ],
-        "readout": None if readout is None else dict(zip(readout.populations, readout.weights, strict=True)),
-        **(
-            {"readout_potentials_from": readout.potentials_from}
-            if readout and readout.potentials_from is not None
-            else {}
-        ),
+        "readout": None if readout is None else dict(readout.terms),
+        **({"readout_potentials_from": _potentials_from(readout)} if readout and readout.from_step else {}),
         "cores": [
             {
                 "number": core.number,
@@ -106,6 +103,12 @@ def _document(program: ChipProgram) -> dict[str, Any]:
         ],
         "chip": program.chip.document,
     }
+
+
+def _potentials_from(readout: Readout) -> int | dict[str, int]:
+    """Return the first step whose potentials count, of all populations, or by population where some give spikes."""
+    given = readout.potentials_from
+    return given if isinstance(given, int) else readout.from_step
 
 
 def _arrays(program: ChipProgram) -> dict[str, IntArray]:

@@ -52,9 +52,11 @@ def stop_when_proven(program: ChipProgram, spikes: Spikes) -> Stops:
         raise InputError(f"program {program.name!r}", "has no readout, so nothing wins", fix="Read the spikes.")
     streams = _batch(program, spikes)
     groups = tuple(member for name in readout.populations for member in members_of(program, name))
-    decides: Kind = "spikes" if readout.potentials_from is None else "potential"
-    probe: tuple[Kind | Probe, ...] = ("activity", *(Probe(kind, groups) for kind in ("u", "v")))
-    result = simulate(program, streams, probe=(*probe, Probe(decides, readout.populations)))
+    by_spikes = tuple(name for name in readout.populations if name not in readout.from_step)
+    kept: dict[Kind, tuple[str, ...]] = {"u": groups, "v": groups, "spikes": by_spikes}
+    kept["potential"] = tuple(readout.from_step)
+    probes = (Probe(kind, names) for kind, names in kept.items() if names)
+    result = simulate(program, streams, probe=("activity", *probes))
     proof = Proof(program, readout, result, _rows(streams))
     steps = proof.stops()
     until, before = {}, 0

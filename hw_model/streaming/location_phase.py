@@ -194,7 +194,7 @@ def _push(  # type: ignore[no-untyped-def]
                 ran = True
         if ran:
             for j in range(len(read.columns)):
-                history.spikes[read.columns[j]] = _largest(read.columns[j], read.first, history)
+                history.spikes[read.columns[j]] = _largest(read.columns[j], read.first[j], history)
         for column in range(counts.shape[1]):
             counts[row, column] = history.spikes[column]
 

@@ -28,12 +28,11 @@ class Proof:
     """What is known of a batch that was run to its end, ``rows`` long, asked as if it had been run only so far."""
 
     def __init__(self, program: ChipProgram, readout: Readout, result: SimulationResult, rows: int) -> None:
-        kind = _BySpikes if readout.potentials_from is None else _ByPotentials
         self._phases: list[tuple[int, IntArray, list[_Voter]]] = []
         for phase in program.phases:
             voters: list[_Voter] = [
-                kind(program, phase, name, weight, result)
-                for name, weight in zip(readout.populations, readout.weights, strict=True)
+                (_ByPotentials if name in readout.from_step else _BySpikes)(program, phase, name, weight, result)
+                for name, weight in readout.terms
                 if name in program.columns_of(phase.name)
             ]
             activity = result.activity[phase.name]
@@ -45,7 +44,7 @@ class Proof:
         self._over = 0 if turned else min(rows, self._phases[0][0])
         # Scores of weights that are not whole are rounded: equal ones then prove nothing.
         whole = all(float(weight).is_integer() for weight in readout.weights)
-        most = self.all_steps if kind is _BySpikes else program.chip.registers.voltage_max
+        most = program.chip.registers.voltage_max if readout.from_step else self.all_steps
         self._slack = 0.0 if whole else 1e-9 * sum(map(abs, readout.weights)) * most
 
     def stops(self) -> IntArray:
@@ -170,8 +169,7 @@ class _ByPotentials(_Voter):
     def __init__(self, program: ChipProgram, phase: Phase, name: str, weight: float, result: SimulationResult) -> None:
         super().__init__(program, phase, name, weight, result)
         assert program.readout is not None
-        assert program.readout.potentials_from is not None
-        self._first = program.readout.potentials_from
+        self._first = program.readout.from_step[name]
         rows = result.potential[name]
         self._so_far = np.zeros((len(rows), self._steps + 1, rows.shape[2]), dtype=np.int64)
         self._so_far[:, self._first + 1 :] = np.maximum.accumulate(rows[:, self._first :], axis=1)

@@ -25,8 +25,8 @@ from hw_model.values import Shown
 class StepScores(Shown):
     """The state of the readout after each of some steps.
 
-    ``spikes[name]`` (steps, classes): spikes so far of each population of the readout, or, where potentials predict,
-    ``potential[name]``: the largest so far. ``scores`` (steps, classes).
+    ``spikes[name]`` (steps, classes): spikes so far of each population of the readout, or, where its potentials
+    predict, ``potential[name]``: the largest so far. ``scores`` (steps, classes).
     """
 
     spikes: dict[str, IntArray]
@@ -67,14 +67,14 @@ class Session:
                 f"program {program.name!r}", "has no readout, so it predicts nothing", fix="Add a readout."
             )
         self.program, self.psi = program, psi
-        self._by_spikes = program.readout.potentials_from is None
+        self._by_potential = program.readout.from_step
         self.steps = 0
         self._length = _length(program, psi)
         self._branches = [_Branch(program, phase) for phase in program.phases]
         place = {name: i for i, branch in enumerate(self._branches) for name in branch.columns}
         self._output = [
             _Output(name, float(weight), place[name], self._branches[place[name]].columns[name])
-            for name, weight in zip(program.readout.populations, program.readout.weights, strict=True)
+            for name, weight in program.readout.terms
         ]
 
     def reset(self) -> None:
@@ -97,8 +97,9 @@ class Session:
         self.steps += rows
         found = {output.population: counts[output.branch][:, output.columns] for output in self._output}
         scores = sum(self._weight(output, rows) * found[output.population] for output in self._output)
-        by_spikes, by_potentials = (found, {}) if self._by_spikes else ({}, found)
-        return StepScores(by_spikes, by_potentials, np.asarray(scores, dtype=np.float64))
+        potential = {name: so_far for name, so_far in found.items() if name in self._by_potential}
+        spikes_of = {name: so_far for name, so_far in found.items() if name not in potential}
+        return StepScores(spikes_of, potential, np.asarray(scores, dtype=np.float64))
 
     @property
     def replayed(self) -> tuple[int, int]:
@@ -176,10 +177,13 @@ class _Branch:
 
 def _read(readout: Readout | None, columns: Mapping[str, slice]) -> Read:
     """Return the columns of a phase whose potentials predict."""
-    first = None if readout is None else readout.potentials_from
-    names = () if readout is None or first is None else readout.populations
-    parts = [np.arange(columns[name].start, columns[name].stop) for name in names if name in columns]
-    return Read(np.concatenate([np.empty(0, dtype=np.int64), *parts]), first or 0)
+    given = {} if readout is None else readout.from_step
+    first = {column: step for name, step in given.items() if name in columns for column in _indices(columns[name])}
+    return Read(np.array(list(first), dtype=np.int64), np.array(list(first.values()), dtype=np.int64))
+
+
+def _indices(columns: slice) -> range:
+    return range(columns.start, columns.stop)
 
 
 def _length(program: ChipProgram, psi: float | None) -> int:

@@ -12,10 +12,10 @@ from hw_model.engine.tiles import TILE
 
 
 class Read(NamedTuple):
-    """The columns that predict by their largest potentials from step ``first`` on; none where spikes predict."""
+    """The columns that predict by their largest potentials, each from a step on; none where spikes predict."""
 
     columns: AnyArray
-    first: int
+    first: AnyArray
 
 
 class Room(NamedTuple):
@@ -105,7 +105,8 @@ def _read_potentials(row, step, room):  # type: ignore[no-untyped-def]
         column, seen = room.read.columns[j], room.kept.potential.rows[0, row, j]
         room.kept.potential.rows[0, row, j] = 0
         room.spikes[row, column] = 0
-        if step == room.read.first or (step > room.read.first and seen > room.so_far[column]):
+        first = room.read.first[j]
+        if step == first or (step > first and seen > room.so_far[column]):
             room.so_far[column] = seen
 
 

@@ -11,6 +11,9 @@ from locsnn_compile.network.chip_neurons import ChipNeuron
 from locsnn_compile.network.network import Network, Population
 from locsnn_compile.network.projections import ChipProjection
 
+LEAST_WEIGHT = 1 << 14
+"""Of a readout of spikes and potentials, in whole numbers: rounded, it is off by at most one part in 32,768."""
+
 
 class KernelFit(Frozen):
     """How far the chip's integer responses are from the kernels of the float neuron, as shares of these.
@@ -77,15 +80,19 @@ class QuantizedNetwork(Frozen, eq=False):
     def readout(self) -> Readout:
         """What reads the integers as the network's readout reads floats.
 
-        Potentials of several populations are added, and each population has a scale of its own: they are brought to
-        that of the first.
+        Potentials are added, and each population has a scale of its own: they are brought to that of the first. Where
+        populations give different things, a spike counts 1, a potential 1 over its scale; these weights are made
+        whole, the least of at least :data:`LEAST_WEIGHT`, so that sums are exact.
         """
-        readout = self.network.readout
-        if readout.potentials_from is None:
-            return readout
-        scales = [float(self.population(name).scale.max()) for name in readout.populations]
-        weights = tuple(w * scales[0] / scale for w, scale in zip(readout.weights, scales, strict=True))
-        return replace(readout, weights=weights)
+        readout, read = self.network.readout, self.network.readout.from_step
+        mixed = isinstance(readout.potentials_from, tuple)
+        scale = {name: float(self.population(name).scale.max()) for name in read}
+        unit = 1.0 if mixed else next(iter(scale.values()), 1.0)
+        weights = [w * unit / scale.get(name, 1.0) for name, w in readout.terms]
+        if mixed and not all(w.is_integer() for w in weights):
+            factor = LEAST_WEIGHT / min(abs(w) for w in weights if w)
+            weights = [float(round(w * factor)) for w in weights]
+        return replace(readout, weights=tuple(weights))
 
     def on_grid(self) -> Network:
         """Return the network with these integers for its own: evaluated, it spikes as the program must, bit for bit."""

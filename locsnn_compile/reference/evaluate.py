@@ -85,10 +85,9 @@ def evaluate(
     for together in evaluation_order(network):
         _evaluate_together(network, together, spikes, potential if potentials else None, registers)
     read: dict[str, Potentials] = {}
-    if network.readout.potentials_from is not None:
-        for population in network.populations:
-            if population.name in network.readout.populations:
-                _evaluate_together(network, (population,), dict(spikes), read, registers)
+    for population in network.populations:
+        if population.name in network.readout.from_step:
+            _evaluate_together(network, (population,), dict(spikes), read, registers)
     return ReferenceResult(spikes, potential, network.readout.scores(spikes, read))
 
 

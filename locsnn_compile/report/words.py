@@ -54,8 +54,8 @@ def stage_words(stage: str) -> str:
 def no_spikes(match: Mapping[str, Any], population: str) -> str:
     """Return what stands for the equal spikes of a population that has none."""
     readout = match["readout"]
-    by_potential = readout["by"] == "potentials" and population in readout["populations"]
-    return "read by potential" if by_potential else SILENT
+    by_potential = readout.get("potentials_of", readout["populations"] if readout["by"] == "potentials" else ())
+    return "read by potential" if population in by_potential else SILENT
 
 
 def words(key: str) -> str:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import yaml
 
 import hw_model as hw
 from hw_model.mapping.graph import Readout
+from hw_model.program.text import compartments_text
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import Cuba
 from locsnn_compile.network.projections import Projection
@@ -42,3 +46,27 @@ def test_scores_of_the_chip_are_those_of_the_network() -> None:
     wanted, played = evaluate(network, x).scores, np.asarray(hw.simulate(levels.program, x).scores)
     assert np.array_equal(played, evaluate(levels.quantized.on_grid(), x).scores)
     assert np.abs(played / scales[0] - wanted).max() < 0.02 * np.abs(wanted).max()
+
+
+def test_spikes_and_potentials_are_added_in_whole_numbers(tmp_path) -> None:
+    """A spike counts 1 and a potential 1 over its scale, to a part in 32,768; the file and the text say which is which."""
+    network, x = two_outputs(), (RNG.random((40, 6, 8)) < 0.4).astype(np.uint8)
+    network = replace(network, readout=replace(network.readout, weights=(0.3, -0.7), potentials_from=(None, 5)))
+    levels = lower(network, hw.chip("loihi-sim"), 8)
+    spikes, potential = levels.program.readout.weights
+    scale = levels.quantized.population("large").scale[0]
+    assert (spikes, potential) == (round(spikes), -16_384)
+    assert abs(spikes / potential * -0.7 / scale / 0.3 - 1) < 2**-15
+    played = hw.simulate(levels.program, x)
+    assert np.array_equal(played.scores, np.rint(played.scores))
+    for engine in ("reference", "fast"):
+        assert np.array_equal(hw.simulate(levels.program, x, engine=engine).scores, played.scores)
+    assert np.array_equal(played.scores, evaluate(levels.quantized.on_grid(), x).scores)
+    levels.program.save(tmp_path)
+    loaded = hw.load_program(tmp_path)
+    assert loaded.readout == levels.program.readout
+    assert yaml.safe_load((tmp_path / "program.yaml").read_text())["readout_potentials_from"] == {"large": 5}
+    assert (
+        f"readout: {spikes:g} * spikes of small + -16384 * largest potential, from step 5 on, of large"
+        in compartments_text(levels.compartments)
+    )

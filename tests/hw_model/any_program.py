@@ -84,6 +84,8 @@ def parameters(r: np.random.Generator, size: int, chip: hw.Chip) -> dict[str, np
 
 POTENTIALS_FROM = st.sampled_from([None, None, 0, 2, 7])
 """From which step on the readout predicts by potentials; None: by spikes."""
+OF_EACH = st.one_of(POTENTIALS_FROM, st.tuples(POTENTIALS_FROM, POTENTIALS_FROM))
+"""The same for all populations of a readout, or for each of two."""
 
 SHAPES = {"none": (0, 0), "fan": (2, 4), "chain": (2, 5), "tree": (3, 6), "many": (MANY_CHILDREN,) * 2}
 """Ways to join compartments, and how many at least and at most."""
@@ -201,7 +203,7 @@ def hybrid_programs(draw: st.DrawFn) -> Drawn:
     silence = int(r.integers(0, 3))
     program = hybrids.assembled(
         chip,
-        Readout(("time/y", "location/y"), (1.0, float(r.choice([1.0, -2.0]))), draw(POTENTIALS_FROM)),
+        Readout(("time/y", "location/y"), (1.0, float(r.choice([1.0, -2.0]))), draw(OF_EACH)),
         hybrids.in_phase(time, "time", steps),
         hybrids.in_phase(location, "location", channels + silence, r.permutation(channels)),
     )

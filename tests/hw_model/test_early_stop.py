@@ -44,7 +44,7 @@ def futures(program: hw.ChipProgram, recording: np.ndarray, done: int, r: np.ran
     return {"time": time, "location": location}
 
 
-def by_potentials(program: hw.ChipProgram, first: int | None) -> hw.ChipProgram:
+def by_potentials(program: hw.ChipProgram, first: int | tuple[int | None, ...] | None) -> hw.ChipProgram:
     """The program with a readout of potentials from that step on, or of spikes."""
     return replace(program, readout=replace(program.readout, potentials_from=first))
 
@@ -53,7 +53,7 @@ def by_potentials(program: hw.ChipProgram, first: int | None) -> hw.ChipProgram:
 @given(seed=SEEDS, together=st.integers(1, 2))
 def test_no_future_changes_a_proven_winner(seed, together):
     program, recording = random_hybrid(seed, together)
-    program = by_potentials(in_streams(program), (None, 0, 3)[seed % 3])
+    program = by_potentials(in_streams(program), (None, 0, 3, (None, 2), (4, None), (3, 1))[seed % 6])
     stops = hw.stop_when_proven(program, {"time": recording[None], "location": recording[None]})
     done = int(stops.steps[0])
     assert 0 <= done <= stops.all_steps == sum(phase.steps for phase in program.phases)

@@ -109,11 +109,12 @@ def _spikes(found: PopulationMatch) -> Document:
 
 def _readout(network: Network, match: Match) -> Document:
     """What predicts: spikes or potentials of these populations; silent where neither side has any to predict by."""
-    populations = list(network.readout.populations)
-    by_spikes = network.readout.potentials_from is None
+    populations, read = list(network.readout.populations), list(network.readout.from_step)
     spiked = any(match.by_population[name].agreement is not None for name in populations)
-    silent = not spiked if by_spikes else match.tied_predictions == match.samples
-    return {"populations": populations, "by": "spikes" if by_spikes else "potentials", "silent": silent}
+    silent = match.tied_predictions == match.samples if read else not spiked
+    if not read or read == populations:
+        return {"populations": populations, "by": "potentials" if read else "spikes", "silent": silent}
+    return {"populations": populations, "by": "spikes and potentials", "potentials_of": read, "silent": silent}
 
 
 def _per_sample(counts: Counts, samples: int) -> dict[str, float]:

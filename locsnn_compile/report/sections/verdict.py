@@ -60,7 +60,7 @@ def _answer(match: Document) -> tuple[Status, str]:
 
 
 def _not_compared(match: Document) -> str:
-    if not match["readout"]["silent"] or match["readout"]["by"] == "potentials":
+    if not match["readout"]["silent"] or match["readout"]["by"] != "spikes":
         return "No class score is above another"
     return "No neuron spiked" if match["spike_agreement"] is None else "No output neuron spiked"
 

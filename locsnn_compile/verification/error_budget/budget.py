@@ -126,8 +126,7 @@ def _play(
     """Play a chunk to the twins of every variant; ``readout`` is that of potentials in registers."""
     traces = []
     for phase, of_phase in twins:
-        read = {group.name for group in of_phase[0].groups} & set(readout.populations)
-        kept = tuple(sorted(read)) if readout.potentials_from is not None else ()
+        kept = tuple(sorted({group.name for group in of_phase[0].groups} & set(readout.from_step)))
         traces.append(run_twins(of_phase, lines_of(network, phase, recordings), potentials=kept))
     found: list[_Played] = []
     for variant in zip(*traces, strict=True):
