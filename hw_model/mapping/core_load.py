@@ -30,6 +30,11 @@ class Piece(Frozen, eq=False):
     stop: int
 
     @property
+    def root(self) -> str:
+        """Name of the last group, to which the others are joined: the population."""
+        return self.groups[-1].name
+
+    @property
     def compartments(self) -> int:
         """Compartments of these neurons."""
         return len(self.groups) * (self.stop - self.start)

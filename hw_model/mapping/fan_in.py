@@ -92,7 +92,7 @@ def fan_in(graph: CompartmentGraph, chip: Chip) -> tuple[FanIn, ...]:
     """
     first = first_source(graph)
     narrowest = [_format(synapses, graph.group(synapses.target).size, chip) for synapses in graph.synapses]
-    together = [_root(graph, synapses.target) for synapses in graph.synapses]
+    together = [graph.joins(synapses.target)[-1] for synapses in graph.synapses]
     counts: dict[str, Counter[SynapseFormat]] = {root: Counter() for root in together}
     for root, form, synapses in zip(together, narrowest, graph.synapses, strict=True):
         counts[root][form] += len(synapses.mantissa)
@@ -133,13 +133,6 @@ def _bits_added(pair: tuple[SynapseFormat, SynapseFormat], held: Mapping[Synapse
     """Return the bits of memory that it takes to store the synapses of two formats in one."""
     wide = pair[0].widened(pair[1]).bits_per_synapse
     return sum(held[form] * (wide - form.bits_per_synapse) for form in pair)
-
-
-def _root(graph: CompartmentGraph, name: str) -> str:
-    """Return the group at the end of the joins that begin at a group."""
-    while (parent := graph.group(name).joined_to) is not None:
-        name = parent
-    return name
 
 
 def _fan_in(name: str, synapses: Synapses, form: SynapseFormat, first: int, graph: CompartmentGraph) -> FanIn:

@@ -208,6 +208,13 @@ class CompartmentGraph(Frozen, eq=False):
         """Return a group by name."""
         return next(group for group in self.groups if group.name == name)
 
+    def joins(self, name: str) -> list[str]:
+        """Return a group and those that it is joined to, one after the other."""
+        way = [name]
+        while (parent := self.group(way[-1]).joined_to) is not None:
+            way.append(parent)
+        return way
+
     def phase_of(self, name: str) -> str:
         """Return the phase of an input or group."""
         return next(node.phase for node in self.nodes if node.name == name)

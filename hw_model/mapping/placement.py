@@ -5,9 +5,8 @@ After:  every compartment is in exactly one slice on one core; joined compartmen
         serves one phase and no core exceeds a limit. Cores are numbered in network order, and sit on the board so.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import groupby
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from hw_model.description.chip import Chip
 from hw_model.errors import TargetError
 from hw_model.mapping.core_load import Piece, first_broken, fitting, synapses
 from hw_model.mapping.fan_in import FanIn, fan_in, first_source
-from hw_model.mapping.graph import CompartmentGraph, Compartments
+from hw_model.mapping.graph import CompartmentGraph
 from hw_model.values import Frozen
 
 
@@ -58,32 +57,15 @@ class PlacedGraph(Frozen, eq=False):
 
     def core_of_source(self) -> IntArray:
         """Return the core of every source, -1 for input lines."""
-        first = first_source(self.graph)
         core = np.full(sum(node.size for node in self.graph.nodes), -1, dtype=np.int64)
         for piece in self.slices:
-            core[first[piece.group] + piece.start : first[piece.group] + piece.stop] = piece.core
+            core[self.sources_of(piece)] = piece.core
         return core
 
-
-class Cluster(Frozen):
-    """Groups joined to each other, children first: neuron i is compartment i of each."""
-
-    groups: tuple[Compartments, ...]
-
-    @property
-    def size(self) -> int:
-        """Neurons."""
-        return self.groups[0].size
-
-    @property
-    def root(self) -> str:
-        """Name of the group that the others are joined to: the population."""
-        return self.groups[-1].name
-
-    @property
-    def names(self) -> frozenset[str]:
-        """Names of all groups."""
-        return frozenset(group.name for group in self.groups)
+    def sources_of(self, piece: Slice) -> slice:
+        """Return the numbers of a slice's compartments among all sources."""
+        first = first_source(self.graph)[piece.group]
+        return slice(first + piece.start, first + piece.stop)
 
 
 def place_cores(graph: CompartmentGraph, chip: Chip) -> PlacedGraph:
@@ -110,55 +92,44 @@ def place_cores(graph: CompartmentGraph, chip: Chip) -> PlacedGraph:
 
 
 def check_placed(placed: PlacedGraph) -> None:
-    """Every compartment is placed exactly once, every core has its slot, no core holds too many compartments."""
-    used = np.zeros(placed.cores, dtype=np.int64)
+    """Every compartment is placed exactly once; what cores hold is checked with the program that they become."""
     seen = {group.name: np.zeros(group.size, dtype=np.int64) for group in placed.graph.groups}
     for piece in placed.slices:
         seen[piece.group][piece.start : piece.stop] += 1
-        used[piece.core] += piece.size
     for name, times in seen.items():
         assert (times == 1).all(), f"placement lost or doubled compartments of {name!r}"
-    assert (used <= placed.chip.limits.compartments_per_core).all(), "placement overfilled a core"
-    assert len(set(placed.slots)) == placed.cores, "two cores share a slot"
 
 
-def clusters(graph: CompartmentGraph, phase: str) -> list[Cluster]:
-    """Return joined groups together, in network order of their roots, children before parents."""
-    groups = {group.name: group for group in graph.groups if group.phase == phase}
-
-    def root(group: Compartments) -> tuple[str, int]:
-        """Return what everything there is joined to in the end, and how many joins away."""
-        away = 0
-        while group.joined_to is not None:
-            group, away = groups[group.joined_to], away + 1
-        return group.name, away
-
-    roots = {name: root(group) for name, group in groups.items()}
-    order = {name: i for i, name in enumerate(groups)}
-    ranked = sorted(groups.values(), key=lambda group: (order[roots[group.name][0]], -roots[group.name][1]))
-    return [Cluster(tuple(members)) for _, members in groupby(ranked, key=lambda group: roots[group.name][0])]
+def populations(graph: CompartmentGraph, phase: str, incoming: Sequence[FanIn]) -> list[Piece]:
+    """Return the neurons of groups joined to each other, in network order of their roots, children before parents."""
+    ways = {group.name: graph.joins(group.name) for group in graph.groups if group.phase == phase}
+    found = []
+    for root in ways:
+        names = sorted((name for name, way in ways.items() if way[-1] == root), key=lambda name: -len(ways[name]))
+        if names:
+            projections = [p for p in incoming if p.target_group in names]
+            found.append(Piece([graph.group(name) for name in names], projections, 0, graph.group(root).size))
+    return found
 
 
 def _fill(
-    graph: CompartmentGraph, chip: Chip, incoming: tuple[FanIn, ...], most_neurons: dict[str, int]
+    graph: CompartmentGraph, chip: Chip, incoming: Sequence[FanIn], most_neurons: Mapping[str, int]
 ) -> PlacedGraph:
     cores: list[list[Piece]] = []
     for phase in graph.phases:
         cores.append([])
-        for cluster in clusters(graph, phase.name):
-            projections = [p for p in incoming if p.target_group in cluster.names]
-            most = most_neurons.get(cluster.root, cluster.size)
-            start = 0
-            while start < cluster.size:
-                left = Piece(cluster.groups, projections, start, min(cluster.size, start + most))
+        for whole in populations(graph, phase.name, incoming):
+            start, most = 0, most_neurons.get(whole.root, whole.stop)
+            while start < whole.stop:
+                left = replace(whole, start=start, stop=min(whole.stop, start + most))
                 count = fitting(cores[-1], left, chip)
                 if count:
                     cores[-1].append(replace(left, stop=start + count))
                 elif not cores[-1]:
-                    raise _too_large(cluster, replace(left, stop=start + 1), chip)
+                    raise _too_large(replace(left, stop=start + 1), chip)
                 start += count
                 # After as many as may be, the room left is for no other: its output axons are used up.
-                if count == 0 or count == most_neurons.get(cluster.root):
+                if count == 0 or count == most_neurons.get(whole.root):
                     cores.append([])
         if not cores[-1]:
             cores.pop()
@@ -182,17 +153,11 @@ def _crowded_by_output(placed: PlacedGraph) -> dict[str, int]:
     Of several on one core it is the one with the most that gives way.
     """
     limit = placed.chip.limits.output_axons_per_core
-    first, core_of = first_source(placed.graph), placed.core_of_source()
-    every = np.concatenate(placed.axons)
+    core_of, every = placed.core_of_source(), np.concatenate(placed.axons)
     reached = np.bincount(every[core_of[every] >= 0], minlength=len(core_of))
-    spiking = {group.name for group in placed.graph.groups if group.spiking}
     output_axons: dict[int, dict[Slice, int]] = {}
     for piece in placed.slices:
-        if piece.group in spiking:
-            start = first[piece.group]
-            output_axons.setdefault(piece.core, {})[piece] = int(
-                reached[start + piece.start : start + piece.stop].sum()
-            )
+        output_axons.setdefault(piece.core, {})[piece] = int(reached[placed.sources_of(piece)].sum())
     crowded: dict[str, int] = {}
     for on_core in output_axons.values():
         total = sum(on_core.values())
@@ -204,11 +169,11 @@ def _crowded_by_output(placed: PlacedGraph) -> dict[str, int]:
     return crowded
 
 
-def _too_large(cluster: Cluster, neuron: Piece, chip: Chip) -> TargetError:
+def _too_large(neuron: Piece, chip: Chip) -> TargetError:
     broken = first_broken([neuron], chip)
     assert broken is not None
     return TargetError(
-        f"population {cluster.root!r}",
+        f"population {neuron.root!r}",
         f"{broken.use} {broken.what} of neuron {neuron.start} do not fit one core",
         measured=f"{chip.name} holds {broken.limit}",
         fix=broken.fix,
@@ -223,7 +188,7 @@ def _too_many_cores(placed: PlacedGraph, incoming: tuple[FanIn, ...]) -> TargetE
     widest = max((p.format.weight_bits for p in incoming), default=1)
     for bits in sorted((b for b in WEIGHT_BITS if b < widest), reverse=True):
         narrow = [replace(p, format=replace(p.format, weight_bits=min(bits, p.format.weight_bits))) for p in incoming]
-        if _fill(graph, chip, tuple(narrow), {}).cores <= chip.cores:
+        if _fill(graph, chip, narrow, {}).cores <= chip.cores:
             fix += f", or use {bits} weight bits"
             break
     return TargetError(
