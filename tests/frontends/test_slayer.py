@@ -253,12 +253,15 @@ def test_srm_convolutions_are_linear_layers(tmp_path):
     assert set(values_of(weights).tolist()) == set(state["blocks.1.weightOp.weight"].double().ravel().tolist())
 
 
-def other_kernel(folder):
-    path, config = write(folder, {"fc1": weights(4, 6)})
-    values = yaml.safe_load(config.read_text())
-    values["neuron"]["tauSr"] = 5.0
-    config.write_text(yaml.safe_dump(values))
-    return path, config
+def other_kernel(tau):
+    def made(folder):
+        path, config = write(folder, {"fc1": weights(4, 6)})
+        values = yaml.safe_load(config.read_text())
+        values["neuron"]["tauSr"] = tau
+        config.write_text(yaml.safe_dump(values))
+        return path, config
+
+    return made
 
 
 def yaml_text(text):
@@ -271,7 +274,8 @@ def yaml_text(text):
 
 
 REFUSED = [
-    ("another kernel", other_kernel, "model 'model.pt', entry 'slayer.srmKernel': the kernel is not that of the config (0.541 apart). Give the YAML that this checkpoint was trained with."),
+    ("a kernel nearly the same", other_kernel(10.1), "model 'model.pt', entry 'slayer.srmKernel': the kernel is not that of the config (0.00836 apart). Give the YAML that this checkpoint was trained with."),
+    ("another kernel", other_kernel(5.0), "model 'model.pt', entry 'slayer.srmKernel': the kernel is not that of the config (0.541 apart). Give the YAML that this checkpoint was trained with."),
     ("kernels of no name", lambda f: write(f, {"fc1": weights(4, 6)}), "kernels 'short': are not known. Choose one of: cut, full."),
     ("kernels of integers", lambda f: write(f, {"fc1": weights(4, 6)}, LOIHI), "kernels 'cut': LOIHI neurons have no kernels. Leave the option out."),
     ("a gap in the chain", lambda f: write(f, {"fc1": weights(4, 6), "fc2": weights(3, 5)}), "model 'model.pt', layer 'fc2': it does not follow 'fc1' (5 inputs against 4). Save the layers of one chain in their order."),

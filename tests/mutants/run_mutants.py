@@ -1,9 +1,10 @@
 """Run the mutants: tell which of them the tests find, and write ``results.csv``. Resumable.
 
 Each is in the memory of a process of its own alone, which runs its tests until one fails, in a copy of the tree. What was
-found is kept in ``build/mutants/found.jsonl`` and holds as long as the function and the tests stay as they were.
+found is kept in ``build/mutants/found.jsonl`` and holds as long as the function and the tests stay as they were. At the
+end, the tests that found a fault are run once without any: a test that fails nevertheless has found nothing.
 
-    python tests/mutants/run_mutants.py [--jobs 2] [--only TEXT] [--dry]
+    python tests/mutants/run_mutants.py [--jobs 2] [--only TEXT ...] [--dry]
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import sys
 import tempfile
 import time
 from collections import Counter, deque
+from dataclasses import replace
 from importlib import import_module
 from importlib.machinery import ModuleSpec, SourceFileLoader
 from importlib.util import spec_from_file_location
@@ -38,6 +40,8 @@ PRELOADED = ("hypothesis.extra.numpy", "networkx", "numba", "pytest", "scipy.spa
 """Imported once: runs of the tests are forks. The packages that are tested are not among them."""
 MEMORY = 8 << 30
 """Bytes that a run with a fault may take: some faults ask for more and more."""
+SECONDS = {False: 240, True: 400}
+"""Seconds of the processor that a run may take: several times those of the longest without a fault, interpreted or not."""
 HELD = re.compile(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", re.MULTILINE)
 
 
@@ -73,16 +77,16 @@ def copy_tree() -> None:
 
 
 class Run:
-    """Tests in a process of their own: with a fault, of so many seconds of the processor at most, or without one."""
+    """Tests of a mutant in a process of their own: with its fault, within :data:`SECONDS`, or without it."""
 
-    def __init__(self, mutant: Mutant, limit: int | None) -> None:
-        self.mutant, self.without_fault = mutant, limit is None
+    def __init__(self, mutant: Mutant, *, faulty: bool = True) -> None:
+        self.mutant, self.faulty = mutant, faulty
         output, self._output = tempfile.mkstemp(dir=BUILD)
         self.process = os.fork()
         if not self.process:
             os.dup2(output, 1)
             os.dup2(output, 2)
-            os._exit(self._run(limit))
+            os._exit(self._run())
         os.close(output)
 
     def finished(self, code: int) -> tuple[str, str]:
@@ -90,18 +94,20 @@ class Run:
         text = Path(self._output).read_text(errors="replace")
         os.unlink(self._output)
         held = HELD.search(text)
-        by = held[1].rsplit("/", 1)[-1] if held else "out of time" if code < 0 else ""
-        if code and (self.without_fault or not by):
-            fault = "without a fault" if self.without_fault else self.mutant.name
+        file, colons, test = (held[1] if held else "out of time" if code < 0 else "").partition("::")
+        by = Path(file).name + colons + test
+        if code and (not self.faulty or not by):
+            fault = self.mutant.name if self.faulty else "without a fault"
             raise SystemExit(f"{' '.join(self.mutant.tests)}: pytest fails, {fault}:\n{text[-3000:]}")
         return ("killed", by) if code else ("survived", "")
 
-    def _run(self, limit: int | None) -> int:
+    def _run(self) -> int:
         os.chdir(TREE)
         here = str(TREE / HERE.relative_to(ROOT))
         os.environ["PYTHONPATH"] = f"{TREE}:{here}"
         sys.path[:] = [str(TREE), here, *(p for p in sys.path if p and not p.startswith(str(ROOT)))]
-        if limit is not None:
+        if self.faulty:
+            limit = SECONDS[self.mutant.loops]
             resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
             resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
             sys.meta_path.insert(0, Faulty(self.mutant))  # type: ignore[arg-type]
@@ -149,38 +155,41 @@ def _is_there(by: str) -> bool:
 
 
 def try_all(wanted: list[Mutant], jobs: int) -> None:
-    """Run mutants, so many at once, and keep what is found; each set of tests first runs without a fault."""
-    copy_tree()
-    os.environ |= {"NUMBA_CACHE_DIR": str(BUILD / "loops"), "OMP_NUM_THREADS": "1"}
-    for name in PRELOADED:
-        import_module(name)
-    taken: dict[tuple[tuple[str, ...], bool], float] = {}
+    """Run mutants, so many at once, and keep what is found."""
     waiting, running = deque(wanted), dict[int, Run]()
     begun, done = time.monotonic(), 0
     while waiting or running:
-        checked = {(run.mutant.tests, run.mutant.loops) for run in running.values() if run.without_fault}
-        while len(running) < jobs and (ready := [m for m in waiting if (m.tests, m.loops) not in checked]):
-            mutant = ready[0]
-            waiting.remove(mutant)
-            seconds = taken.get((mutant.tests, mutant.loops))
-            if seconds is None:
-                checked.add((mutant.tests, mutant.loops))
-            run = Run(mutant, None if seconds is None else int(4 * seconds) + 20)
+        while waiting and len(running) < jobs:
+            run = Run(waiting.popleft())
             running[run.process] = run
         process, status, usage = os.wait4(-1, 0)
         run = running.pop(process)
         outcome, by = run.finished(os.waitstatus_to_exitcode(status))
-        seconds = usage.ru_utime + usage.ru_stime
-        if run.without_fault:
-            taken[run.mutant.tests, run.mutant.loops] = seconds
-            waiting.appendleft(run.mutant)
-            continue
-        done += 1
-        row = {"name": run.mutant.name, "outcome": outcome, "by": by} | digests(run.mutant, TREE)
+        seconds, done = round(usage.ru_utime + usage.ru_stime, 1), done + 1
+        row = {"name": run.mutant.name, "outcome": outcome, "by": by, "seconds": seconds} | digests(run.mutant, TREE)
         with FOUND.open("a") as file:
             file.write(json.dumps(row) + "\n")
         passed = time.monotonic() - begun
-        print(f"{done}/{len(wanted)} {passed:.0f} s, {seconds:.1f} s: {outcome}: {run.mutant.name} {by}", flush=True)
+        print(f"{done}/{len(wanted)} {passed:.0f} s, {seconds} s: {outcome}: {run.mutant.name} {by}", flush=True)
+
+
+def check_killers(rows: list[tuple[Mutant, str, str]]) -> None:
+    """Run the tests that found a fault without any; one that fails ends the program."""
+    for loops in (False, True):
+        some = [(mutant, by) for mutant, _, by in rows if mutant.loops == loops and "::" in by]
+        if some:
+            run = Run(replace(some[0][0], tests=tuple(sorted({by for _, by in some}))), faulty=False)
+            _, status, usage = os.wait4(run.process, 0)
+            run.finished(os.waitstatus_to_exitcode(status))
+            print(f"tests that found a fault, without any: {usage.ru_utime + usage.ru_stime:.1f} s", flush=True)
+
+
+def ready() -> None:
+    """Copy the tree, and import what tests need beside the packages."""
+    copy_tree()
+    os.environ |= {"NUMBA_CACHE_DIR": str(BUILD / "loops"), "OMP_NUM_THREADS": "1"}
+    for name in PRELOADED:
+        import_module(name)
 
 
 def outcome_of(mutant: Mutant, found: tuple[str, str]) -> tuple[str, str]:
@@ -193,22 +202,23 @@ def outcome_of(mutant: Mutant, found: tuple[str, str]) -> tuple[str, str]:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--only", default="", metavar="TEXT", help="those whose name holds this")
+    parser.add_argument("--only", nargs="+", default=[""], metavar="TEXT", help="those whose name holds one of these")
     parser.add_argument("--dry", action="store_true", help="only list what is left to run")
     args = parser.parse_args()
     every = mutants()
     kept = known(every)
-    left = [m for m in every if args.only in m.name and m.name not in kept]
-    print(f"{len(every)} mutants, {len(left)} of them to run")
+    left = [m for only in args.only for m in every if only in m.name and m.name not in kept]
+    left = list(dict.fromkeys(left))
+    print(f"{len(every)} mutants, {len(left)} of them to run", flush=True)
     if args.dry:
         print("\n".join(m.name for m in left))
         return 0
-    BUILD.mkdir(parents=True, exist_ok=True)
-    if left:
-        try_all(left, args.jobs)
-        kept = known(every)
+    ready()
+    try_all(left, args.jobs)
+    kept = known(every)
     rows = [(m, *outcome_of(m, kept[m.name])) for m in every if m.name in kept]
     if len(rows) == len(every):
+        check_killers(rows)
         with TABLE.open("w", newline="") as file:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(COLUMNS)

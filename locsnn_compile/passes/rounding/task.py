@@ -128,7 +128,7 @@ def exponent_and_threshold(
     fits = [min(grid.high * 2**e, most) / heaviest - over / 64 if heaviest else math.inf for e in range(8)]
     exponent = max((e for e, threshold in enumerate(fits) if threshold <= cap), default=None)
     if exponent is not None:
-        return exponent, int(min(fits[exponent] * WHOLE, cap))
+        return exponent, int(fits[exponent] * WHOLE)
     return min(0, exponent_holding(heaviest * (cap + over / 64), grid)), cap
 
 

@@ -1,0 +1,144 @@
+"""The scale of a population: weight exponent and threshold mantissa, worked out by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from networks import NEURON, hybrid, single
+
+import hw_model as hw
+from hw_model.arithmetic.fixed_point import weight_grid
+from locsnn_compile.errors import TargetError
+from locsnn_compile.network.neurons import Cuba, SoftCuba
+from locsnn_compile.passes.kernels import alpha_kernel, nearest_decays, own_charges
+from locsnn_compile.passes.quantize import quantize
+from locsnn_compile.passes.rounding.grades import shares
+from locsnn_compile.passes.rounding.task import Rounding, exponent_and_threshold
+from locsnn_compile.passes.srm.dendrite import whole_mantissas
+from locsnn_compile.pipeline import lower
+
+CHIP = hw.chip("loihi-sim")
+GRID = weight_grid(8, "excitatory")
+NARROW = replace(CHIP, registers=replace(CHIP.registers, voltage_bits=9))
+CHOICES = {
+    "no weight: 16 thresholds fit the voltage": (0.0, CHIP, 1 << 17, 16, (0, 8191)),
+    "no weight, one threshold in the voltage": (0.0, CHIP, 1 << 17, 1, (0, 131071)),
+    "a voltage of less than 16 thresholds of 1": (0.0, NARROW, 1 << 17, 16, (0, 1)),
+    "a threshold exactly at the limit": (8.0, CHIP, 255, 16, (3, 255)),
+    "the coarsest exponent": (8.0, CHIP, 8191, 16, (7, 4080)),
+    "a quotient just below 13": (255 / 13, CHIP, 25, 16, (0, 13)),
+    "no exponent fits below the limit": (1.0, CHIP, 100, 16, (0, 100)),
+}
+
+
+@pytest.mark.parametrize(("heaviest", "chip", "cap", "headroom", "wanted"), CHOICES.values(), ids=CHOICES)
+def test_exponent_and_threshold(heaviest, chip, cap, headroom, wanted):
+    assert exponent_and_threshold(heaviest, GRID, chip, cap, 0, headroom) == wanted
+
+
+ONE = {"decay_v": 1.0, "threshold": 1.0}
+SCALES = {
+    "the largest bias fits, rule included": (ONE | {"bias": 1.0}, [0.0], 0, 8189),
+    "many weights may wrap, none loses bits": (ONE, [1.0] * 200, 0, 255),
+    "bounded by the threshold: one fits": (ONE, [0.25] * 4, 5, 32640),
+    "a bias passes the bound": (ONE | {"bias": 0.5}, [1.0], 5, 8160),
+    "inputs pass the bound": (ONE, [0.75, 0.75], 4, 5440),
+    "a current outlasts the bound": (ONE | {"decay_u": 0.5}, [0.25], 3, 8160),
+    "a current adds up for eight steps": (ONE | {"decay_u": 0.125}, [1.0] * 8, 3, 2040),
+}
+
+
+@pytest.mark.parametrize(("settings", "weights", "exponent", "threshold"), SCALES.values(), ids=SCALES)
+def test_scale_of_integrators(settings, weights, exponent, threshold):
+    quantized = quantize(single(Cuba.of(1, **settings), [weights]), CHIP, 8)
+    assert [p.exponent for p in quantized.projections] == [exponent]
+    assert quantized.populations[0].neuron.threshold.tolist() == [threshold]
+
+
+def test_paired_dendrites_share_weights_that_take_one_format():
+    quantized = quantize(hybrid(), CHIP, 8, "paired-dendrite")
+    assert [p.dendrite for p in quantized.projections if p.target == "time_hidden"] == [0, 1]
+    first, second = (p.mantissa for p in quantized.projections[:2])
+    assert np.abs(first).max() > 100
+    assert np.abs(first - second).max() == 1
+
+
+def test_what_a_spike_takes_in_a_coarse_and_a_fine_part():
+    """The threshold is 8160, so that drops are 7344.816, 300 and 81.6; half of a current comes back a step later."""
+    drop = np.array([0.9001, 300 / 8160, 0.01])
+    neuron = SoftCuba.of(3, decay_u=0.5, decay_v=0.25, threshold=1.0, drop=drop)
+    (population,) = quantize(single(neuron, np.ones((3, 1))), CHIP, 8).populations
+    taps = population.neuron.refractory
+    assert population.neuron.threshold.tolist() == [8160] * 3
+    assert taps.delay.tolist() == [0, 0, 1, 1]
+    assert taps.exponent.tolist() == [7, 0, 7, 0]
+    assert taps.mantissa.tolist() == [[-57, -2, 0], [-49, -44, -82], [28, 0, 0], [88, 150, 41]]
+
+
+def test_a_drop_of_ten_thresholds_fits_the_charge():
+    """The charge holds 32767 units: 3276 for the threshold, of which the weight of 1 takes 255 * 2^3."""
+    neuron = SoftCuba.of(1, decay_u=1.0, decay_v=1.0, threshold=1.0, drop=10.0)
+    (population,) = quantize(single(neuron), CHIP, 8).populations
+    assert population.neuron.threshold.tolist() == [2040]
+    assert population.neuron.refractory.mantissa.tolist() == [[-159], [-48]]
+
+
+def with_own(share):
+    """The published neuron, whose own spikes weigh so many thresholds."""
+    return replace(NEURON, scale_ref=share / alpha_kernel(NEURON.tau_ref, "tau_ref")[1])
+
+
+def test_the_threshold_leaves_room_for_own_spikes():
+    """They weigh 633.47 thresholds of at most 32640 / 633.47 - 1; 633.47 * (50 + 1 / 64) is 247.53 times 2^7."""
+    (population,) = quantize(single(with_own(633.47), [[0.0]]), CHIP, 8).populations
+    taps = population.neuron.refractory
+    assert (population.neuron.threshold.tolist(), population.scale.tolist()) == ([50], [3201 / NEURON.theta])
+    assert (taps.mantissa.tolist(), taps.exponent.tolist()) == ([[-248]], [7])
+
+
+def test_own_spikes_that_leave_no_room():
+    with pytest.raises(TargetError) as caught:
+        quantize(single(with_own(20_000)), CHIP, 8)
+    assert str(caught.value) == (
+        "population 'n': no scale holds both the threshold and the refractory kernel "
+        "(an own spike weighs 2e+04 thresholds against 16320). Use a smaller scale_ref, or strategy reset."
+    )
+
+
+def test_two_dendrites_carry_half_of_a_weight_each():
+    scales = {
+        strategy: quantize(single(NEURON, [[1000.0]]), CHIP, 8, strategy).populations[0].neuron.threshold.tolist()
+        for strategy in ("dendrite", "paired-dendrite")
+    }
+    assert scales == {"dendrite": [1312], "paired-dendrite": [2640]}
+
+
+@pytest.mark.parametrize(
+    ("strategy", "decays"), [("dendrite", (379, 401)), ("reset", (379, 401)), ("delay-line", (390, 390))]
+)
+def test_decays_are_fitted_where_no_taps_are_made_for_one(strategy, decays):
+    (population,) = quantize(single(NEURON), CHIP, 8, strategy, Rounding(fitted_decays=True)).populations
+    assert (population.neuron.decay_u[0], population.neuron.decay_v[0]) == decays
+
+
+def test_refractory_mantissas_of_scales_that_are_free():
+    """Of 0.1 thresholds an own spike weighs 5.0 at one of 50, and 0.7 at one of 7."""
+    thresholds, mantissas, exponent = whole_mantissas(with_own(0.1), np.array([50.0, 7.0]), GRID)
+    assert (thresholds.tolist(), mantissas.tolist(), exponent) == ([50, 7], [-5, -1], 0)
+
+
+def test_decays_are_the_nearest():
+    assert nearest_decays(np.array([0.0, 1.4 / 4096, 0.25, 1.0]), "n").tolist() == [0, 1, 1024, 4096]
+
+
+def test_charges_that_a_dendrite_answers_by_a_response():
+    assert own_charges(np.array([[1.0], [2.0], [3.0], [4.0]]), 0.5).tolist() == [[1.0], [1.0], [1.25], [1.5]]
+
+
+def test_shares_of_two_dendrites_add_up():
+    assert [part.tolist() for part in shares(np.array([5, -7, 8]), 2, 1)] == [[2, -3, 4], [3, -4, 4]]
+
+
+def test_weights_of_one_sign_make_one_list():
+    synapses = lower(single(Cuba.of(2, **ONE), [[0.5, 0.0], [0.25, 0.5]]), CHIP, 8).compartments.synapses
+    assert [(s.sign_mode, len(s.mantissa)) for s in synapses] == [("excitatory", 3)]

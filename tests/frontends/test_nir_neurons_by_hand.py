@@ -1,0 +1,87 @@
+"""What a NIR node's parameters make of its neurons, at the edges of every rule, worked out by hand."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import sparse
+
+from locsnn_compile.errors import InputError
+from locsnn_compile.frontends.nir.graph import NirNode
+from locsnn_compile.frontends.nir.neurons import neurons_of
+from locsnn_compile.frontends.nir.signals import Signal
+from locsnn_compile.network.neurons import Cuba, SoftCuba
+
+LIF = {"tau": 4.0, "r": 1.0, "v_leak": 0.0, "v_reset": 0.0, "v_threshold": 1.0}
+CUBA = {"tau_syn": 2.0, "tau_mem": 4.0, "r": 1.0, "w_in": 1.0, "v_leak": 0.0, "v_reset": 0.0, "v_threshold": 1.0}
+LI = {"tau": 2.0, "r": 1.0, "v_leak": 0.0}
+
+
+def stated(kind, parameters, how="euler", reset="zero", weights=((1.0,), (1.0,))):
+    """Two neurons behind weights, in steps of 1 s."""
+    node = NirNode(kind, {name: np.array(value) for name, value in parameters.items()})
+    matrix = sparse.csr_array(np.array(weights))
+    signal = Signal.of_source("x", matrix.shape[1]).through(matrix, 0.0, "n")
+    return neurons_of(node, signal, 2, 1.0, how, reset, "n")
+
+
+REFUSED = {
+    "tau of 0": ("LIF", LIF | {"tau": 0.0}, "exact", "n: tau must be above 0 (0). Correct it."),
+    "threshold at the reset": (
+        "LIF",
+        LIF | {"v_threshold": 0.0},
+        "euler",
+        "n: the threshold is not above the reset (by 0). Train with a threshold above v_reset and v_leak, and above 0.",
+    ),
+    "r without end": (
+        "LIF",
+        LIF | {"r": np.inf},
+        "euler",
+        "n: r is infinite, and its tau is not. Give both as numbers.",
+    ),
+}
+
+
+@pytest.mark.parametrize(("kind", "parameters", "how", "message"), REFUSED.values(), ids=REFUSED)
+def test_parameters_that_are_refused(kind, parameters, how, message):
+    with pytest.raises(InputError) as caught:
+        stated(kind, parameters, how)
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(("leak", "first"), [(0.5, 0.5), (1.0, 0.0), (1.5, 0.0)], ids=["below", "at", "above"])
+def test_neurons_start_at_rest_where_that_is_below_the_threshold(leak, first):
+    assert stated("LIF", LIF | {"v_leak": leak}).first.tolist() == [first, first]
+
+
+@pytest.mark.parametrize(("tau_syn", "kind"), [([1.0, 1.0], Cuba), ([1.0, 2.0], SoftCuba)], ids=["none has", "one has"])
+def test_a_current_of_any_neuron_makes_them_soft(tau_syn, kind):
+    assert type(stated("CubaLIF", CUBA | {"tau_syn": tau_syn}, reset="subtract").neuron) is kind
+
+
+@pytest.mark.parametrize(
+    ("leak", "above"), [([0.3, 0.3], [0.0, 0.0]), ([0.3, 0.4], [0.3, 0.4])], ids=["one for all", "one each"]
+)
+def test_potentials_of_a_readout_are_counted_from_rest_where_that_is_one_for_all(leak, above):
+    found = stated("LI", LI | {"v_leak": leak})
+    assert (found.first.tolist(), found.neuron.bias.tolist()) == (above, [value / 2 for value in above])
+
+
+def test_a_readout_has_the_threshold_that_no_excitation_of_any_neuron_reaches():
+    """Half of a weight arrives and half of it is lost in every step, so that the second neuron settles at 3."""
+    found = stated("LI", LI, weights=[[1.0, -1.0], [3.0, -9.0]])
+    assert found.neuron.threshold.tolist() == [3.0 * 1.001] * 2
+
+
+def test_the_exact_answer_of_equal_time_constants():
+    found = stated("CubaLIF", CUBA | {"tau_syn": [4.0, 2.0]}, how="exact").signal.terms[0].weights.toarray().ravel()
+    apart = (math.exp(-1 / 4) - math.exp(-1 / 2)) / 2
+    assert found == pytest.approx([math.exp(-1 / 4) / 16, apart], rel=1e-12)
+
+
+def test_a_constant_goes_through_what_follows():
+    weights = sparse.csr_array(np.array([[1.0, 2.0], [0.0, 4.0]]))
+    signal = Signal.of_source("x", 2).through(weights, np.array([1.0, 2.0]), "n").through(weights, 0.5, "n")
+    assert signal.constant.tolist() == [5.5, 8.5]
+    assert signal.scaled(np.array([3.0, 0.5])).constant.tolist() == [16.5, 4.25]
+    assert signal.delayed(np.array([1, 0])).constant.tolist() == [5.5, 8.5]
