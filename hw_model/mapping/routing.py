@@ -5,7 +5,8 @@ After:  every source (input line or compartment) has one input axon on each core
         of its synapses there exactly once; every compartment has one output axon for each core that it reaches.
 """
 
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from itertools import groupby
 
 import numpy as np
 
@@ -80,22 +81,21 @@ class RoutedGraph(Frozen, eq=False):
     input_routes: tuple[InputRoute, ...]
 
 
+Ways = tuple[IntArray, IntArray, IntArray]
+"""Rows of (sender, destination core, input axon there)."""
+
+
 def route_axons(placed: PlacedGraph) -> RoutedGraph:
     """Number axons by source in network order, and list synapses by projection, then target."""
-    graph, chip = placed.graph, placed.chip
-    projections = fan_in(graph, chip)
-    slices: list[list[Slice]] = [[] for _ in range(placed.cores)]
-    for piece in placed.slices:
-        slices[piece.core].append(piece)
-    lists = [_lists(pieces, projections, chip) for pieces in slices]
-    arrivals = _Arrivals(placed, [sources for sources, _ in lists])
-
+    graph, per_core = placed.graph, placed.chip.limits.compartments_per_core
+    projections, first, sent = fan_in(graph, placed.chip), first_source(graph), _sent(placed)
+    lines = sum(item.size for item in graph.inputs)
     cores = []
-    for number, (pieces, (_, tables)) in enumerate(zip(slices, lists, strict=True)):
-        sender, out_core, out_axon = arrivals.sent_by_core(number)
-        axons = replace(tables, out_compartment=sender, out_core=out_core, out_axon=out_axon)
-        cores.append(RoutedCore(number, placed.slots[number], graph.phase_of(pieces[0].group), tuple(pieces), axons))
-    routes = [InputRoute(item.name, *arrivals.sent_by_input(item.name)) for item in graph.inputs]
+    for number, found in groupby(placed.slices, key=lambda piece: piece.core):
+        slices, start = tuple(found), lines + number * per_core
+        axons = _tables(slices, projections, placed.chip, sent(start, start + per_core))
+        cores.append(RoutedCore(number, placed.slots[number], graph.phase_of(slices[0].group), slices, axons))
+    routes = [InputRoute(item.name, *sent(first[item.name], first[item.name] + item.size)) for item in graph.inputs]
     routed = RoutedGraph(placed, tuple(cores), tuple(routes))
     check_routed(routed)
     return routed
@@ -110,45 +110,33 @@ def check_routed(routed: RoutedGraph) -> None:
         assert core.axons.synapse_words == words, "placement counted other memory words"
 
 
-class _Arrivals:
-    """All input axons of all cores, ordered by their senders: input lines first, then compartments core by core."""
+def _sent(placed: PlacedGraph) -> Callable[[int, int], Ways]:
+    """Return what tells where senders ``start..stop`` reach: input lines by number, then the compartments of each core.
 
-    def __init__(self, placed: PlacedGraph, sources: list[IntArray]) -> None:
-        self._first = first_source(placed.graph)
-        self._size = {node.name: node.size for node in placed.graph.nodes}
-        self._lines = sum(item.size for item in placed.graph.inputs)
-        self._per_core = placed.chip.limits.compartments_per_core
-        sender = np.arange(sum(self._size.values()))
-        for piece in placed.slices:
-            sender[placed.sources_of(piece)] = (
-                self._lines + piece.core * self._per_core + piece.offset + np.arange(piece.size)
-            )
-        unordered = sender[np.concatenate(sources)]
-        order = np.argsort(unordered, kind="stable")
-        self._sender = unordered[order]
-        self._core = np.repeat(np.arange(len(sources)), [len(found) for found in sources])[order]
-        self._axon = np.concatenate([np.arange(len(found)) for found in sources])[order]
+    A core has as many numbers as compartments fit it.
+    """
+    lines, per_core = sum(item.size for item in placed.graph.inputs), placed.chip.limits.compartments_per_core
+    number = np.arange(len(placed.core_of_source()))
+    for piece in placed.slices:
+        number[placed.sources_of(piece)] = lines + piece.core * per_core + piece.offset + np.arange(piece.size)
+    unordered = number[np.concatenate(placed.axons)]
+    order = np.argsort(unordered, kind="stable")
+    sender = unordered[order]
+    core = np.repeat(np.arange(placed.cores), [len(found) for found in placed.axons])[order]
+    axon = np.concatenate([np.arange(len(found)) for found in placed.axons])[order]
 
-    def sent_by_core(self, core: int) -> tuple[IntArray, IntArray, IntArray]:
-        """Return (compartment, destination core, axon there) of the output axons of a core."""
-        start = self._lines + core * self._per_core
-        return self._between(start, start + self._per_core)
+    def sent(start: int, stop: int) -> Ways:
+        low, high = np.searchsorted(sender, (start, stop))
+        return sender[low:high] - start, core[low:high], axon[low:high]
 
-    def sent_by_input(self, name: str) -> tuple[IntArray, IntArray, IntArray]:
-        """Return (line, destination core, axon there) of an input."""
-        return self._between(self._first[name], self._first[name] + self._size[name])
-
-    def _between(self, start: int, stop: int) -> tuple[IntArray, IntArray, IntArray]:
-        low, high = np.searchsorted(self._sender, (start, stop))
-        return self._sender[low:high] - start, self._core[low:high], self._axon[low:high]
+    return sent
 
 
-def _lists(slices: list[Slice], projections: tuple[FanIn, ...], chip: Chip) -> tuple[IntArray, AxonTables]:
-    """Return the source of each input axon of a core, and the core's tables, as yet without output axons."""
+def _tables(slices: Sequence[Slice], projections: Sequence[FanIn], chip: Chip, output: Ways) -> AxonTables:
+    """Return the tables of a core, given its output axons."""
     here = [(p, piece) for p in projections for piece in slices if piece.group == p.target_group]
     formats = sorted({projection.format for projection, _ in here})
-    empty = np.empty(0, dtype=np.int64)
-    columns: list[tuple[IntArray, ...]] = [(empty,) * 6]
+    columns: list[tuple[IntArray, ...]] = [(np.empty(0, dtype=np.int64),) * 6]
     for rank, (projection, piece) in enumerate(here):
         rows = projection.rows(piece.start, piece.stop)
         target = projection.targets(piece.start, piece.stop) - piece.start + piece.offset
@@ -157,21 +145,10 @@ def _lists(slices: list[Slice], projections: tuple[FanIn, ...], chip: Chip) -> t
         columns.append((source, np.full(len(target), rank), target, mantissa, delay, form))
     source, ranks, target, mantissa, delay, form = (np.concatenate(column) for column in zip(*columns, strict=True))
     order = np.lexsort((target, ranks, source))
-    sources, starts = np.unique(source[order], return_index=True)
+    _, starts = np.unique(source[order], return_index=True)
     list_start = np.append(starts, len(source))
     target, form = target[order], form[order]
     ends = np.array([piece.offset + piece.size for piece in slices])
     lists = synapse_lists(list_start, target, form, formats, ends, chip.synapse_memory)
-    tables = AxonTables(
-        formats=tuple(formats),
-        list_start=list_start,
-        target=held(target),
-        mantissa=held(mantissa[order]),
-        delay=held(delay[order]),
-        format_index=held(form),
-        synapse_words=int(lists.words.sum()),
-        out_compartment=empty,
-        out_core=empty,
-        out_axon=empty,
-    )
-    return sources, tables
+    synapses = held(target), held(mantissa[order]), held(delay[order]), held(form)
+    return AxonTables(tuple(formats), list_start, *synapses, int(lists.words.sum()), *output)
