@@ -41,8 +41,7 @@ class Bounds(Frozen, eq=False):
 
     def within(self, low: float, high: float) -> BoolArray:
         """Mark the compartments whose bounds lie in a range."""
-        inside: BoolArray = (self.low >= low) & (self.high <= high)
-        return inside
+        return (self.low >= low) & (self.high <= high)
 
 
 class CoreRange(Shown):
@@ -110,8 +109,7 @@ def _settled_high(drive: FloatArray, decays: IntArray) -> FloatArray:
     """Return the smallest x with ceil(x * decay / 4096) >= drive: floor((drive - 1) * 4096 / decay) + 1."""
     with np.errstate(divide="ignore", invalid="ignore"):
         settled = np.floor((drive - 1) * DECAY_ONE / decays) + 1
-    high: FloatArray = np.where(drive <= 0, 0.0, np.where(decays == 0, np.inf, settled))
-    return high
+    return np.where(drive <= 0, 0.0, np.where(decays == 0, np.inf, settled))
 
 
 def _kept(drive: FloatArray, decays: IntArray) -> FloatArray:

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
-from typing import Any, dataclass_transform
+from typing import Any, Self, dataclass_transform
 
 _PLAIN = (str, int, float, type(None))
 _LONGEST, _LONGEST_TEXT, _MOST_ITEMS = 400, 40, 4
@@ -17,6 +17,20 @@ class Frozen:
 
     def __init_subclass__(cls, **options: bool) -> None:
         dataclass(frozen=True, **options)(cls)
+
+
+class Sums(Frozen, eq=False):
+    """A value that adds up field by field."""
+
+    def __add__(self, other: Self) -> Self:
+        return type(self)(*(added(getattr(self, f.name), getattr(other, f.name)) for f in fields(self)))
+
+
+def added(one: Any, other: Any) -> Any:
+    """Add two values: dictionaries key by key, of which each may lack some; all else by ``+``."""
+    if not isinstance(one, dict):
+        return one + other
+    return {**one, **{key: added(one[key], found) if key in one else found for key, found in other.items()}}
 
 
 class Shown(Frozen, eq=False):

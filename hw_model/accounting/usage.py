@@ -1,24 +1,24 @@
 """What recordings did and how long it took, added up: by phase, step, piece of a core, link and critical path."""
 
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import reduce
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 
 from hw_model.accounting import cost
 from hw_model.accounting.activity import StepActivity, stacked
 from hw_model.arithmetic.arrays import FloatArray, IntArray
 from hw_model.description.profile import Profile
 from hw_model.program.chip_program import ChipProgram
-from hw_model.values import Frozen
+from hw_model.values import Sums, added
 
 MAX_TOGETHER = 1 << 21
 """Steps times ways that are held at a time."""
 
 
-class PhaseUsage(Frozen, eq=False):
+class PhaseUsage(Sums, eq=False):
     """Sums over recordings in one phase.
 
     ``counts[name]`` (steps, pieces) for each of :data:`hw_model.description.counts.BY_CORE`; ``link_packets`` (links,),
@@ -37,15 +37,8 @@ class PhaseUsage(Frozen, eq=False):
     paths_ns: Mapping[tuple[int, int], float]
 
     def __add__(self, other: Self) -> Self:
-        return type(self)(
-            _added(self.counts, other.counts),
-            self.link_packets + other.link_packets,
-            np.maximum(self.link_most, other.link_most),
-            self.step_ns + other.step_ns,
-            {part: ns + other.parts_ns[part] for part, ns in self.parts_ns.items()},
-            _added(self.busy_ns, other.busy_ns),
-            dict(Counter(self.paths_ns) + Counter(other.paths_ns)),
-        )
+        link_most = np.maximum(self.link_most, other.link_most)
+        return replace(super().__add__(other), link_most=link_most)
 
 
 def measure(
@@ -61,7 +54,7 @@ def measure(
         usages.append({phase: _usage(steps[phase], times[phase], paths[phase]) for phase in steps})
         for i in range(len(next(iter(part.values())))):
             latencies.append(cost.recording_latency(program, {phase: _one(path, i) for phase, path in paths.items()}))
-    return latencies, added_usage(usages)
+    return latencies, reduce(added, usages)
 
 
 def total_ns(program: ChipProgram, activity: Mapping[str, Sequence[StepActivity]], profile: Profile) -> float:
@@ -96,18 +89,6 @@ def _usage(steps: StepActivity, times: cost.StepTimes, path: cost.CriticalPath) 
         busy_ns={part: times.of(counts).sum(axis=(0, 1)) for part, counts in parts.items()},
         paths_ns=_paths_ns(path),
     )
-
-
-def added_usage(parts: Iterable[Mapping[str, PhaseUsage]]) -> dict[str, PhaseUsage]:
-    """Add up the sums of several sets of recordings, phase by phase."""
-    added: dict[str, PhaseUsage] = {}
-    for part in parts:
-        added = {phase: added[phase] + found if phase in added else found for phase, found in part.items()}
-    return added
-
-
-def _added(one: Mapping[str, npt.NDArray[np.generic]], other: Mapping[str, npt.NDArray[np.generic]]) -> dict:  # type: ignore[type-arg]
-    return {name: values + other[name] for name, values in one.items()}  # type: ignore[operator]
 
 
 def _one(path: cost.CriticalPath, recording: int) -> cost.CriticalPath:

@@ -3,10 +3,10 @@
 from collections.abc import Iterable, Iterator
 from dataclasses import fields
 
-from hw_model.values import Frozen
+from hw_model.values import Sums
 
 
-class Counts(Frozen):
+class Counts(Sums):
     """Integer totals of one recording, or of several added up.
 
     Read a count as ``counts.spikes`` or ``counts["spikes"]``; ``dict(counts)`` has them all.
@@ -78,9 +78,6 @@ class Counts(Frozen):
         value: int = getattr(self, name)
         return value
 
-    def __add__(self, other: "Counts") -> "Counts":
-        return Counts(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
-
 
 COUNTED = tuple(field.name for field in fields(Counts))
 """The counts that are kept, in order; the derived ones follow from them."""
@@ -90,10 +87,7 @@ COUNT_NAMES = frozenset(Counts().keys())
 
 def total(counts: Iterable[Counts]) -> Counts:
     """Add counts up."""
-    added = Counts()
-    for item in counts:
-        added = added + item
-    return added
+    return sum(counts, start=Counts())
 
 
 BY_CORE = (

@@ -131,8 +131,7 @@ class ChipProgram(Shown):
         """Return the column of every compartment of a core, in arrays over its phase's compartments."""
         columns = self.columns_of(core.phase)
         parts = [columns[p.group].start + np.arange(p.start, p.stop) for p in core.slices]
-        joined: IntArray = np.concatenate(parts)
-        return joined
+        return np.concatenate(parts)
 
     def by_column(self, phase: str, values: Callable[[Core], IntArray | int]) -> IntArray:
         """Return what ``values`` gives for the compartments of each core of a phase, (columns,)."""

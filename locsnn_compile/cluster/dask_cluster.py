@@ -64,8 +64,7 @@ def installed_dask() -> ModuleType:
     except ImportError:
         fix = "Install it with: pip install 'locsnn-compile[dask]'"
         raise InputError("--scheduler", "Dask is not installed", fix=fix) from None
-    found: ModuleType = distributed
-    return found
+    return distributed
 
 
 @contextmanager

@@ -157,8 +157,7 @@ def _tensor_array(entry: object, where: str, name: str) -> AnyArray:
 
 def _plain_array(entry: object, where: str, name: str) -> AnyArray:
     try:
-        array: AnyArray = np.asarray(entry, dtype=np.str_ if name in _TEXTS else np.float64)
-        return array
+        return np.asarray(entry, dtype=np.str_ if name in _TEXTS else np.float64)
     except (TypeError, ValueError):
         raise InputError(where, f"its entry {name!r} holds no numbers", fix="Give plain numbers.") from None
 

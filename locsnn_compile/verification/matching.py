@@ -1,19 +1,18 @@
 """Float reference against chip, spike by spike, over a set of recordings."""
 
-import operator
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import astuple, field
+from collections.abc import Callable, Mapping
+from dataclasses import field
 from functools import partial
 
 import numpy as np
 
 import hw_model as hw
 from hw_model.accounting.cost import Latency
-from hw_model.accounting.usage import PhaseUsage, added_usage, measure, total_ns
+from hw_model.accounting.usage import PhaseUsage, measure, total_ns
 from hw_model.arithmetic.arrays import ByteArray, IntArray
 from hw_model.description.counts import Counts, total
-from hw_model.description.profile import Profile, Range
-from hw_model.values import Frozen, Shown
+from hw_model.description.profile import Range
+from hw_model.values import Frozen, Shown, Sums
 from locsnn_compile.baselines.operations import network_additions
 from locsnn_compile.cluster.spread import Spread, here
 from locsnn_compile.errors import InputError
@@ -30,7 +29,7 @@ Place = tuple[int, str, int, int]
 """Recording, population, neuron and step of a spike."""
 
 
-class PopulationMatch(Frozen):
+class PopulationMatch(Sums):
     """Spikes of one population in the reference, on the chip, and at the same neuron and step in both."""
 
     reference_spikes: int = 0
@@ -52,9 +51,6 @@ class PopulationMatch(Frozen):
     def of(cls, reference: ByteArray, chip: ByteArray) -> "PopulationMatch":
         """Count the spikes (batch, steps, n) of both sides."""
         return cls(int(reference.sum()), int(chip.sum()), int((reference & chip).sum()))
-
-    def __add__(self, other: "PopulationMatch") -> "PopulationMatch":
-        return PopulationMatch(*map(operator.add, astuple(self), astuple(other)))
 
 
 class Divergence(Frozen):
@@ -137,70 +133,51 @@ def compare(
     network = quantized.network
     recordings = network.fit(recordings, source)
     _check_labels(network, labels, len(recordings), source)
-    matches = {p.name: PopulationMatch() for p in network.populations}
     helpers = {p.name for p in network.populations if p.helper}
-    predictions: list[tuple[IntArray, IntArray]] = []
-    counts: list[Counts] = []
-    by_phase: dict[str, Counts] = {phase.name: Counts() for phase in program.phases}
-    wraps_and_clips: dict[str, dict[str, int]] = {}
-    latencies: list[Latency] = []
-    usage: dict[str, PhaseUsage] = {}
-    ends_ns = [0.0, 0.0]
-    additions: dict[str, int] = dict.fromkeys((phase.name for phase in network.phases), 0)
-    first: Place | None = None
+    both: _Part | None = None
     chunks = ((start, recordings[start : start + CHUNK]) for start in range(0, len(recordings), CHUNK))
     for part in spread(partial(_compare_part, network, program), chunks):
-        for name in matches:
-            matches[name] += part.matches[name]
-        first = first or part.first
-        predictions.append(part.predictions)
-        counts += part.counts
-        for phase, added in part.by_phase.items():
-            by_phase[phase] += added
-        for name, events in part.wraps_and_clips.items():
-            before = wraps_and_clips.setdefault(name, dict.fromkeys(events, 0))
-            wraps_and_clips[name] = {event: before[event] + n for event, n in events.items()}
-        latencies += part.latencies
-        usage = added_usage((usage, part.usage))
-        for i, ns in enumerate(part.ends_ns):
-            ends_ns[i] += ns
-        for phase, n in part.additions.items():
-            additions[phase] += n
+        both = both + part if both else part
         if progress:
-            progress(len(counts), len(recordings))
-    reference, chip = (np.concatenate(side) for side in zip(*predictions, strict=True))
-    assert total(counts) == total(by_phase.values())
+            progress(len(both.counts), len(recordings))
+    assert both is not None  # there is a recording, and the phases count what all do
+    assert total(both.counts) == total(both.counts_by_phase.values())
+    least, most = (both.ends_ns[end] / len(recordings) if end in both.ends_ns else None for end in ("least", "most"))
+    reference, chip = (np.concatenate(side) for side in zip(*both.predictions, strict=True))
     return Match(
         samples=len(recordings),
         events_source=source,
         reference_prediction=reference,
         chip_prediction=chip,
         labels=labels,
-        by_population={name: found for name, found in matches.items() if name not in helpers},
-        helpers={name: found for name, found in matches.items() if name in helpers},
-        first_divergence=None if first is None else _explain(quantized, program, recordings, first),
-        counts=tuple(counts),
-        counts_by_phase=by_phase,
-        wraps_and_clips=wraps_and_clips,
-        latencies=tuple(latencies),
-        latency_range_ns=_mean_range(program, ends_ns, len(recordings)),
-        usage=usage,
-        additions=additions,
+        by_population={name: found for name, found in both.matches.items() if name not in helpers},
+        helpers={name: found for name, found in both.matches.items() if name in helpers},
+        first_divergence=_explain(quantized, program, recordings, both.differences[0]) if both.differences else None,
+        counts=both.counts,
+        counts_by_phase=both.counts_by_phase,
+        wraps_and_clips=both.wraps_and_clips,
+        latencies=both.latencies,
+        latency_range_ns=(least, most),
+        usage=both.usage,
+        additions=both.additions,
     )
 
 
-class _Part(Frozen, eq=False):
-    """What some recordings did: as in :class:`Match`, and their time at both ends of the default profile's ranges."""
+class _Part(Sums, eq=False):
+    """What some recordings did: as in :class:`Match`, and their time at both ends of the default profile's ranges.
+
+    ``differences`` has the first of each part, ``predictions`` those of both sides of each.
+    """
 
     matches: dict[str, PopulationMatch]
-    first: Place | None
-    predictions: tuple[IntArray, IntArray]
+    differences: tuple[Place, ...]
+    predictions: tuple[tuple[IntArray, IntArray], ...]
     counts: tuple[Counts, ...]
-    by_phase: dict[str, Counts]
-    wraps_and_clips: Mapping[str, Mapping[str, int]]
-    latencies: list[Latency]
+    counts_by_phase: dict[str, Counts]
+    wraps_and_clips: dict[str, dict[str, int]]
+    latencies: tuple[Latency, ...]
     usage: dict[str, PhaseUsage]
-    ends_ns: list[float]
+    ends_ns: dict[str, float]
     additions: dict[str, int]
 
 
@@ -214,32 +191,22 @@ def _compare_part(network: Network, program: hw.ChipProgram, numbered: tuple[int
     latencies, usage = measure(program, found.activity, profile)
     return _Part(
         matches={p.name: PopulationMatch.of(wanted.spikes[p.name], found.spikes[p.name]) for p in network.populations},
-        first=_first_difference(network, wanted.spikes, found.spikes, start),
-        predictions=(decided(wanted.scores), decided(found.scores)),
+        differences=_first_difference(network, wanted.spikes, found.spikes, start),
+        predictions=((decided(wanted.scores), decided(found.scores)),),
         counts=found.per_recording,
-        by_phase=found.counts_by_phase,
-        wraps_and_clips=found.events,
-        latencies=latencies,
+        counts_by_phase=found.counts_by_phase,
+        wraps_and_clips={name: dict(events) for name, events in found.events.items()},
+        latencies=tuple(latencies),
         usage=usage,
-        ends_ns=[
-            sum(one.total_ns for one in latencies)
-            if end is None or end.time_ns == profile.time_ns
-            else total_ns(program, found.activity, end)
-            for end in _ends(program)
-        ],
+        ends_ns={
+            end: sum(one.total_ns for one in latencies)
+            if its.time_ns == profile.time_ns
+            else total_ns(program, found.activity, its)
+            for end in ("least", "most")
+            if (its := profile.with_times(end))
+        },
         additions=network_additions(network, wanted.spikes),
     )
-
-
-def _ends(program: hw.ChipProgram) -> list[Profile | None]:
-    profile = program.chip.profile(program.chip.default_profile)
-    return [profile.with_times(end) for end in ("least", "most")]
-
-
-def _mean_range(program: hw.ChipProgram, sums: Sequence[float], recordings: int) -> Range:
-    """Return the least and most of a mean; None where an end is not known."""
-    least, most = (None if end is None else ns / recordings for end, ns in zip(_ends(program), sums, strict=True))
-    return least, most
 
 
 def _check_labels(network: Network, labels: IntArray | None, samples: int, source: str) -> None:
@@ -263,8 +230,8 @@ def _check_labels(network: Network, labels: IntArray | None, samples: int, sourc
 
 def _first_difference(
     network: Network, wanted: Mapping[str, ByteArray], found: Mapping[str, ByteArray], start: int
-) -> Place | None:
-    """Return the place that is first by recording, phase, step and network order."""
+) -> tuple[Place, ...]:
+    """Return the place that is first by recording, axis, step and network order, if there is any."""
     rows, order = [], [phase.name for phase in network.phases]
     for rank, population in enumerate(network.own_populations):
         differs = np.argwhere(wanted[population.name] != found[population.name])
@@ -272,9 +239,9 @@ def _first_difference(
             recording, step, neuron = (int(i) for i in differs[0])
             rows.append((recording, order.index(population.phase), step, rank, neuron))
     if not rows:
-        return None
+        return ()
     recording, _, step, rank, neuron = min(rows)
-    return start + recording, network.own_populations[rank].name, neuron, step
+    return ((start + recording, network.own_populations[rank].name, neuron, step),)
 
 
 def _explain(quantized: QuantizedNetwork, program: hw.ChipProgram, recordings: ByteArray, place: Place) -> Divergence:

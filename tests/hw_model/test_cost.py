@@ -9,7 +9,8 @@ from hybrids import assembled
 
 import hw_model as hw
 from hw_model.accounting.cost import critical_path, energy_pj, latency, step_times
-from hw_model.accounting.usage import added_usage, measure
+from hw_model.accounting.usage import measure
+from hw_model.values import added
 
 CHIP = hw.chip("loihi-sim")
 
@@ -148,7 +149,7 @@ def test_the_most_packets_in_a_step_are_those_of_one_recording():
         hw.simulate(worked.program, np.stack(many * [worked.recording]), probe=("activity",)) for many in (1, 2)
     )
     (_, usage), (_, together) = (measure(worked.program, found.activity, profile) for found in (one, two))
-    for found in (together["time"], added_usage((usage, usage))["time"]):
+    for found in (together["time"], added(usage, usage)["time"]):
         assert np.array_equal(found.link_packets, 2 * usage["time"].link_packets)
         assert np.array_equal(found.link_most, usage["time"].link_most)
 

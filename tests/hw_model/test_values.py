@@ -5,7 +5,7 @@ from dataclasses import FrozenInstanceError, replace
 import numpy as np
 import pytest
 
-from hw_model.values import Frozen, Shown
+from hw_model.values import Frozen, Shown, Sums
 
 
 class Point(Frozen):
@@ -24,6 +24,12 @@ class Row(Frozen, eq=False):
 class Told(Shown):
     cells: np.ndarray
     many: int = 1
+
+
+class Counted(Sums):
+    many: int
+    by_name: dict[str, int]
+    rows: tuple[int, ...] = ()
 
 
 def test_nobody_changes_one():
@@ -46,3 +52,9 @@ def test_equal_by_fields_or_by_identity():
 def test_one_that_is_shown_is_short():
     assert repr(Told(np.zeros(2))) == "Told(cells=<float64 (2,)>)"
     assert repr(Told(np.zeros(2), 3)) == "Told(cells=<float64 (2,)>, many=3)"
+
+
+def test_sums_add_up_field_by_field():
+    one, other = Counted(1, {"a": 1, "b": 2}, (1,)), Counted(2, {"b": 3, "c": 4}, (2, 3))
+    assert one + other == Counted(3, {"a": 1, "b": 5, "c": 4}, (1, 2, 3))
+    assert one == Counted(1, {"a": 1, "b": 2}, (1,))

@@ -1,13 +1,13 @@
 """What each stage alone, all but each, and all together change against the float network, spike by spike."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from operator import methodcaller
 
 import hw_model as hw
 from hw_model.arithmetic.arrays import ByteArray, FloatArray
 from hw_model.mapping.graph import Readout
-from hw_model.values import Frozen
+from hw_model.values import Frozen, Sums
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.neurons import Neuron
 from locsnn_compile.pipeline import Levels
@@ -29,11 +29,11 @@ NEURON_STEPS_AT_ONCE = 1 << 22
 """Neurons times steps of all variants that are held at a time, so that memory does not grow with the recordings."""
 
 
-class Deviation(Frozen, eq=False):
+class Deviation(Sums, eq=False):
     """How a variant of the network differs from the float network: spikes by population, and predicted classes."""
 
-    by_population: Mapping[str, PopulationMatch]
-    predictions_changed: int
+    by_population: Mapping[str, PopulationMatch] = field(default_factory=dict)
+    predictions_changed: int = 0
 
     @property
     def spikes(self) -> PopulationMatch:
@@ -67,8 +67,7 @@ def error_budget(levels: Levels, recordings: ByteArray, progress: Progress | Non
     variants: list[Collection[Stage]] = [(), stages, *([stage] for stage in stages)]
     variants += [[other for other in stages if other != stage] for stage in stages]
     twins = [(phase, [twin_with(phase, variant) for variant in variants]) for phase in phases]
-    tallies, tail = [_Tally(network) for _ in variants], _Tally(network)
-    unexplained = 0
+    unexplained, tallies = 0, [Deviation()] * (len(variants) + network.by_strategy)
     at_once = max(1, NEURON_STEPS_AT_ONCE // (len(variants) * neuron_steps(network)))
     for start in range(0, len(recordings), at_once):
         chunk = recordings[start : start + at_once]
@@ -76,21 +75,21 @@ def error_budget(levels: Levels, recordings: ByteArray, progress: Progress | Non
         played = _play(network, levels.quantized.readout, twins, chunk)
         unexplained += _different(played[0][0], wanted.spikes)
         unexplained += _different(played[1][0], hw.simulate(levels.program, chunk, probe=("spikes",)).spikes)
-        for tally, (spikes, scores) in zip(tallies, played, strict=True):
-            tally.add(wanted, spikes, scores)
         if network.by_strategy:
             cut_short = evaluate(cut, chunk, registers=registers)
-            tail.add(wanted, cut_short.spikes, cut_short.scores)
+            played.append((cut_short.spikes, cut_short.scores))
+        tallies = [so_far + _deviation(network, wanted, *its) for so_far, its in zip(tallies, played, strict=True)]
         if progress:
             progress(start + len(chunk), len(recordings))
-    _, together, *found = (tally.result() for tally in tallies)
+    _, together, *found = tallies
+    kernel_tail = found.pop() if network.by_strategy else None
     return StageErrors(
         samples=len(recordings),
         alone=dict(zip(stages, found, strict=False)),
         without=dict(zip(stages, found[len(stages) :], strict=True)),
         together=together,
         unexplained=unexplained,
-        kernel_tail=tail.result() if network.by_strategy else None,
+        kernel_tail=kernel_tail,
     )
 
 
@@ -99,21 +98,12 @@ def _each(network: Network, changed: Callable[[Neuron], Neuron]) -> Network:
     return replace(network, populations=tuple(replace(p, neuron=changed(p.neuron)) for p in network.populations))
 
 
-class _Tally:
-    """Adds up, chunk by chunk, how a variant differs."""
-
-    def __init__(self, network: Network) -> None:
-        self._by_population = {p.name: PopulationMatch() for p in network.own_populations}
-        self._changed = 0
-
-    def add(self, wanted: ReferenceResult, spikes: Mapping[str, ByteArray], scores: FloatArray) -> None:
-        """Add a chunk: what the float network does, and the variant."""
-        for name in self._by_population:
-            self._by_population[name] += PopulationMatch.of(wanted.spikes[name], spikes[name])
-        self._changed += int((decided(scores) != decided(wanted.scores)).sum())
-
-    def result(self) -> Deviation:
-        return Deviation(self._by_population, self._changed)
+def _deviation(
+    network: Network, wanted: ReferenceResult, spikes: Mapping[str, ByteArray], scores: FloatArray
+) -> Deviation:
+    """Compare what a variant does with what the float network does."""
+    found = {p.name: PopulationMatch.of(wanted.spikes[p.name], spikes[p.name]) for p in network.own_populations}
+    return Deviation(found, int((decided(scores) != decided(wanted.scores)).sum()))
 
 
 _Played = tuple[Mapping[str, ByteArray], FloatArray]
