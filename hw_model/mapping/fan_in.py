@@ -138,15 +138,9 @@ def _bits_added(pair: tuple[SynapseFormat, SynapseFormat], held: Mapping[Synapse
 def _fan_in(name: str, synapses: Synapses, form: SynapseFormat, first: int, graph: CompartmentGraph) -> FanIn:
     order = np.argsort(synapses.target_index, kind="stable")
     each = np.bincount(synapses.target_index, minlength=graph.group(synapses.target).size)
-    return FanIn(
-        name=name,
-        target_group=synapses.target,
-        format=form,
-        start=np.append(0, np.cumsum(each)),
-        source=held(synapses.source_index[order] + first),
-        mantissa=held(synapses.mantissa[order]),
-        delay=held(synapses.delay[order]),
-    )
+    source, mantissa, delay = synapses.source_index[order] + first, synapses.mantissa[order], synapses.delay[order]
+    start = np.append(0, np.cumsum(each))
+    return FanIn(name, synapses.target, form, start, held(source), held(mantissa), held(delay))
 
 
 def _format(synapses: Synapses, targets: int, chip: Chip) -> SynapseFormat:

@@ -4,9 +4,9 @@ CompartmentGraph -> PlacedGraph -> RoutedGraph -> ChipProgram
 (this file)         placement      routing        program
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import field, fields
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -44,6 +44,13 @@ def held(array: ArrayLike) -> AnyArray:
     return copy
 
 
+def _keep(record: object, kept: Callable[[Any], AnyArray], *names: str) -> None:
+    """Put what nobody can write to in the place of a record's arrays; what is None stays."""
+    for name in names:
+        if (value := getattr(record, name)) is not None:
+            object.__setattr__(record, name, kept(value))
+
+
 class Phase(Frozen):
     """One run over one step axis; ``steps`` is None where the recording decides."""
 
@@ -67,6 +74,9 @@ class Input(Frozen, eq=False):
     positions: IntArray | None = None
     first_lines: IntArray | None = None
 
+    def __post_init__(self) -> None:
+        _keep(self, read_only, "positions", "first_lines")
+
     @property
     def channels(self) -> int:
         """Channels of the recording that feeds these lines."""
@@ -89,7 +99,7 @@ class Input(Frozen, eq=False):
 
 
 class Compartments(Frozen, eq=False):
-    """A group of ``size`` compartments; every parameter is an array (size,) of integers.
+    """A group of ``size`` compartments; every parameter is an array (size,) of integers, or given as one for all.
 
     ``u = rz(u, decay_u) + q``; ``v = rz(v, decay_v) + u + bias``, plus the v of joined children; spike where
     ``v > 64 * threshold``. With ``joined_to``, compartment i adds its v to compartment i of that group, and neither
@@ -108,6 +118,10 @@ class Compartments(Frozen, eq=False):
     vmin: IntArray
     vmax: IntArray
     joined_to: str | None = None
+
+    def __post_init__(self) -> None:
+        names = (item.name for item in fields(self) if item.type == IntArray)
+        _keep(self, lambda given: read_only(given if np.ndim(given) else np.full(self.size, given)), *names)
 
     @property
     def spiking(self) -> bool:
@@ -135,6 +149,9 @@ class Synapses(Frozen, eq=False):
     exponent: int
     weight_bits: int
     sign_mode: SignMode
+
+    def __post_init__(self) -> None:
+        _keep(self, held, "source_index", "target_index", "mantissa", "delay")
 
     @property
     def delay_bits(self) -> int:

@@ -19,7 +19,6 @@ from hw_model.mapping.graph import (
     Readout,
     Synapses,
     check_graph,
-    held,
     read_only,
 )
 from hw_model.mapping.placement import place_cores
@@ -112,10 +111,10 @@ class ProgramBuilder:
                 decay_u=column("decay_u", decay_u),
                 decay_v=column("decay_v", decay_v),
                 threshold=column("threshold", threshold),
-                bias_mantissa=read_only(mantissa),
-                bias_exponent=read_only(exponent),
+                bias_mantissa=mantissa,
+                bias_exponent=exponent,
                 refractory=column("refractory", refractory),
-                vmin=read_only(lowest),
+                vmin=lowest,
                 vmax=column("vmax", last if vmax is None else vmax),
                 joined_to=None if joined_to is None else joined_to.name,
             )
@@ -163,19 +162,9 @@ class ProgramBuilder:
             delay = _whole(where, "delay", delay.toarray() if sparse.issparse(delay) else delay, shape)[rows, columns]
         delays = np.broadcast_to(_whole(where, "delay", delay, rows.shape), rows.shape)
         order = np.lexsort((rows, columns))
-        self._synapses.append(
-            Synapses(
-                source.name,
-                target.name,
-                source_index=held(columns[order]),
-                target_index=held(rows[order]),
-                mantissa=held(mantissa[order]),
-                delay=held(delays[order]),
-                exponent=int(_whole(where, "exponent", exponent, ())),
-                weight_bits=weight_bits or self._chip.registers.weight_bits[-1],
-                sign_mode=sign_mode,
-            )
-        )
+        number, bits = int(_whole(where, "exponent", exponent, ())), weight_bits or self._chip.registers.weight_bits[-1]
+        arrays = columns[order], rows[order], mantissa[order], delays[order]
+        self._synapses.append(Synapses(source.name, target.name, *arrays, number, bits, sign_mode))
 
     def read_out(self, *populations: Node) -> None:
         """Make the class scores the added spike counts of these populations."""

@@ -12,14 +12,15 @@ After:  a CompartmentGraph, its phases those of the network. A population's spik
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import ArrayLike, BoolArray, IntArray
+from hw_model.arithmetic.arrays import BoolArray, IntArray
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_BITS, SignMode, weight_grid
 from hw_model.description.chip import Chip
-from hw_model.mapping.graph import CompartmentGraph, Compartments, Input, Synapses, check_graph, read_only
-from locsnn_compile.network.chip_neurons import Refractory, integers
+from hw_model.mapping.graph import CompartmentGraph, Compartments, Input, Synapses, check_graph
+from locsnn_compile.network.chip_neurons import Refractory
 from locsnn_compile.network.projections import ChipProjection, connections, values_of
 from locsnn_compile.network.quantized import QuantizedNetwork, QuantizedPopulation
 
@@ -37,10 +38,7 @@ def lower_neurons(quantized: QuantizedNetwork, chip: Chip) -> CompartmentGraph:
     graph = CompartmentGraph(
         name=network.name,
         phases=tuple(replace(phase, steps=None) if network.any_length else phase for phase in network.phases),
-        inputs=tuple(
-            Input(v.name, v.lines, v.phase, "touch", _read_only(v.positions), _read_only(v.first_lines))
-            for v in network.views
-        ),
+        inputs=tuple(Input(v.name, v.lines, v.phase, "touch", v.positions, v.first_lines) for v in network.views),
         groups=tuple(groups),
         synapses=tuple(synapses),
         readout=quantized.readout,
@@ -49,10 +47,6 @@ def lower_neurons(quantized: QuantizedNetwork, chip: Chip) -> CompartmentGraph:
     )
     check_graph(graph, chip)
     return graph
-
-
-def _read_only(array: IntArray | None) -> IntArray | None:
-    return None if array is None else read_only(array)
 
 
 def _entrance(q: QuantizedPopulation, dendrite: int) -> str:
@@ -87,12 +81,9 @@ def _group(
     joined_to: str | None = None,
 ) -> Compartments:
     last = chip.registers.voltage_max
-    settings: dict[str, ArrayLike] = dict(zip(("decay_u", "decay_v"), decays, strict=True))
-    settings |= {"threshold": q.neuron.threshold, "vmin": -last, "vmax": last}
-    settings |= {"bias_mantissa": 0, "bias_exponent": 0, "refractory": 1, **own}
-    size = q.population.size
-    held = {key: integers(value, size) for key, value in settings.items()}
-    return Compartments(name=name, phase=q.population.phase, size=size, joined_to=joined_to, **held)
+    settings: dict[str, Any] = {"bias_mantissa": 0, "bias_exponent": 0, "refractory": 1, **own}
+    settings |= {"vmin": -last, "vmax": last, "joined_to": joined_to}
+    return Compartments(name, q.population.phase, q.population.size, *decays, q.neuron.threshold, **settings)
 
 
 def _self_synapses(q: QuantizedPopulation, chip: Chip) -> list[Synapses]:
@@ -113,12 +104,7 @@ def _self_synapses(q: QuantizedPopulation, chip: Chip) -> list[Synapses]:
 
 
 def _own_synapses(
-    name: str,
-    target: str,
-    taps: Refractory,
-    here: BoolArray,
-    sign_mode: SignMode,
-    chip: Chip,
+    name: str, target: str, taps: Refractory, here: BoolArray, sign_mode: SignMode, chip: Chip
 ) -> Synapses:
     """Return the synapses of the marked taps (taps, n), neuron by neuron."""
     neuron, tap = np.nonzero(here.T)
@@ -126,17 +112,8 @@ def _own_synapses(
     # Weights that came with a network may be finer than this chip's: the check of the level says so.
     if weight_grid(bits, sign_mode).off_grid(mantissa).any():
         bits = WEIGHT_BITS[-1]
-    return Synapses(
-        name,
-        target,
-        source_index=read_only(neuron),
-        target_index=read_only(neuron),
-        mantissa=read_only(mantissa),
-        delay=read_only(taps.delay[tap]),
-        exponent=int(taps.exponent[tap[0]]),
-        weight_bits=bits,
-        sign_mode=sign_mode,
-    )
+    exponent = int(taps.exponent[tap[0]])
+    return Synapses(name, target, neuron, neuron, mantissa, taps.delay[tap], exponent, bits, sign_mode)
 
 
 def _by_sign(p: ChipProjection, target_group: str) -> list[Synapses]:
@@ -147,18 +124,9 @@ def _by_sign(p: ChipProjection, target_group: str) -> list[Synapses]:
     kinds: dict[SignMode, BoolArray] = (
         {"mixed": mantissa != 0} if p.signs == "mixed" else {"excitatory": mantissa > 0, "inhibitory": mantissa < 0}
     )
+    bits, e = p.weight_bits, p.exponent
     return [
-        Synapses(
-            p.source,
-            target_group,
-            source_index=read_only(source[here]),
-            target_index=read_only(target[here]),
-            mantissa=read_only(mantissa[here]),
-            delay=read_only(delay[here]),
-            exponent=p.exponent,
-            weight_bits=p.weight_bits,
-            sign_mode=mode,
-        )
+        Synapses(p.source, target_group, source[here], target[here], mantissa[here], delay[here], e, bits, mode)
         for mode, here in kinds.items()
         if here.any()
     ]
