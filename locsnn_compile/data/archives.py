@@ -7,6 +7,7 @@ whatever they are called.
 """
 
 import re
+from collections.abc import Callable
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -15,16 +16,18 @@ from hw_model.arithmetic.arrays import ByteArray
 from locsnn_compile.data.arrays import label_in_name
 from locsnn_compile.data.axes import to_step_major
 from locsnn_compile.data.event_stream import Binning, EventStream, bin_streams
-from locsnn_compile.data.members import Members, open_members
+from locsnn_compile.data.members import TIMES, Members, open_members
 from locsnn_compile.data.npy import load_npy
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Binned, Recordings, clean_spikes
 from locsnn_compile.data.streams import EVENT_SUFFIXES, parse_events
 from locsnn_compile.data.structured import parse_structured
+from locsnn_compile.data.tact import SLIP_CLASSES
 from locsnn_compile.errors import InputError, check_most, did_you_mean
 
 PARTS = ("train", "test")
 
 _ARRAY = re.compile(r"sample_\d{1,9}(?:_label_\d{1,6})?\.npy")
+_NUMBERED = re.compile(r"(.+)_\d{1,9}\.tact")
 _NUMBER = re.compile(r"\d{1,18}")
 
 
@@ -53,14 +56,25 @@ def read_archive(path: Path, *, split: str | None, binning: Binning) -> Recordin
         members.check_sizes(names)
         spikes, seconds, binned = _read(members, names, binning)
         # Of all parts: a class may be missing from one.
-        folders = sorted({_folder(name) for name in members.sizes if _is_recording(name)}, key=_order)
+        files = [name for name in members.sizes if _is_recording(name)]
     labels = [label_in_name(PurePosixPath(name).name) for name in names]
-    class_names = None
-    if len(folders) > 1 and "" not in folders and not any(label is not None for label in labels):
-        class_names, labels = tuple(folders), [folders.index(_folder(name)) for name in names]
+    class_names, class_of = _classes(files)
+    if class_names is not None and not any(label is not None for label in labels):
+        labels = [class_names.index(class_of(name)) for name in names]
+    else:
+        class_names = None
     known = np.array([label for label in labels if label is not None], dtype=np.int64)
     held = known if len(known) == len(names) else None
     return Recordings(spikes, held, seconds, path.name, binned=binned, class_names=class_names)
+
+
+def _classes(files: list[str]) -> tuple[tuple[str, ...] | None, Callable[[str], str]]:
+    """Return the names of classes, None without any, and what tells that of a file: its folder, or its own name."""
+    for class_of in (_folder, _name_before_number):
+        found = sorted({class_of(name) for name in files}, key=_order)
+        if len(found) > 1 and "" not in found:
+            return SLIP_CLASSES if set(found) == set(SLIP_CLASSES) else tuple(found), class_of
+    return None, _folder
 
 
 def _chosen(members: Members, split: str | None) -> list[str]:
@@ -113,6 +127,10 @@ def _read(members: Members, names: list[str], binning: Binning) -> tuple[ByteArr
             arrays.append(clean_spikes(place, array)[0])
             _check_fits(arrays, len(names), members.where, place)
     if not arrays:
+        spans = [one.span_seconds for one in streams]
+        if None in spans and set(spans) != {None}:
+            place, what = members.place(names[spans.index(None)]), "there is no .startend file of it, but of others"
+            raise InputError(place, what, fix=f"Give it in folder {TIMES!r}, or leave the recording out.")
         return bin_streams(streams, [members.place(name) for name in names], members.where, binning)
     if streams:
         raise _several(members, "binned arrays and structured ones")
@@ -123,12 +141,13 @@ def _read(members: Members, names: list[str], binning: Binning) -> tuple[ByteArr
 
 
 def _events(members: Members, name: str, place: str) -> EventStream:
-    beside = str(PurePosixPath(name).with_suffix(".startend"))
-    has_beside = PurePosixPath(name).suffix == ".tact" and beside in members.sizes
-    if has_beside:
-        members.check_sizes([beside])
-    startend = members.read(beside) if has_beside else None
-    return parse_events(members.read(name), PurePosixPath(name).suffix, place, startend, members.place(beside))
+    file = PurePosixPath(name)
+    times = file.with_suffix(".startend")
+    beside = [str(times), str(file.parent.parent / TIMES / times.name)] if file.suffix == ".tact" else []
+    held = [one for one in beside if one in members.sizes][:1]
+    members.check_sizes(held)
+    startend = members.read(held[0]) if held else None
+    return parse_events(members.read(name), file.suffix, place, startend, members.place(times.name))
 
 
 def _check_fits(arrays: list[ByteArray], samples: int, where: str, place: str) -> None:
@@ -161,3 +180,9 @@ def _folder(name: str) -> str:
     """Return the name of the folder that a file lies in, empty where that is a part, or there is none."""
     folder = PurePosixPath(name).parent.name
     return "" if folder.lower() in PARTS else folder
+
+
+def _name_before_number(name: str) -> str:
+    """Return what stands before the number of a ``.tact`` file, as in ``stable_01.tact``; empty for other names."""
+    match = _NUMBERED.fullmatch(PurePosixPath(name).name)
+    return match[1] if match else ""

@@ -43,7 +43,8 @@ class EventStream(Frozen, eq=False):
     """The events of one recording, (events,) each: ``times`` in ticks, ``x``, ``y``, and ``polarity`` 0 or 1.
 
     ``start`` is the tick at which bin 0 begins; ``span_seconds`` how long the recording is, None where it ends with
-    its last event. ``channels`` and ``polarities`` are the format's own, None where it has none.
+    its last event. ``channels`` and ``polarities`` are the format's own, None where it has none. ``step_seconds``: the
+    usual width of its bins.
     """
 
     times: AnyArray
@@ -55,6 +56,7 @@ class EventStream(Frozen, eq=False):
     span_seconds: float | None = None
     channels: int | None = None
     polarities: int | None = None
+    step_seconds: float = STEP_SECONDS
 
 
 def bin_streams(
@@ -65,7 +67,8 @@ def bin_streams(
     ``places`` names the recordings. All get as many channels and steps as the one that needs most. Raises
     ``InputError`` for sets without any event whose size is not given, and for sizes above the limits.
     """
-    width = STEP_SECONDS if binning.step_seconds is None else binning.step_seconds
+    usual = min((one.step_seconds for one in streams), default=STEP_SECONDS)
+    width = usual if binning.step_seconds is None else binning.step_seconds
     _check_sums(where, width, streams)
     columns = binning.columns or 1 + max((int(one.x.max()) for one in streams if len(one.x)), default=0)
     both = any(one.polarities == 2 or one.polarity.any() for one in streams)
@@ -119,8 +122,8 @@ def _bins(one: EventStream, width_seconds: float) -> FloatArray:
 def _length(one: EventStream, bins: FloatArray, width_seconds: float, place: str, most: int | None = None) -> int:
     """Return the steps of a recording, 0 of one that has no events to tell them."""
     if one.span_seconds is not None:
-        # The nearest whole number of bins, whatever floats make of the quotient.
-        last = one.span_seconds / width_seconds - 0.5
+        # Whole bins only, whatever floats make of a quotient that is whole.
+        last = one.span_seconds / width_seconds - 1 + 1e-6
     else:
         last = float(bins.max()) if len(bins) else -1.0
     if most is not None and not last < most:

@@ -12,6 +12,8 @@ from hw_model.values import Frozen
 from locsnn_compile.data.torch_file import read_bytes
 from locsnn_compile.errors import InputError, check_most
 
+#: The folder of ``.startend`` files next to that of recordings, as VT_SNN has it.
+TIMES = "traj_start_ends"
 #: Largest number of recordings, bytes of one of them unpacked, and of all of them.
 MAX_MEMBERS, MAX_MEMBER_BYTES, MAX_TOTAL_BYTES = 100_000, 100_000_000, 1_600_000_000
 
@@ -80,12 +82,15 @@ def open_members(path: Path) -> Iterator[Members]:
 
 
 def _plain_files(path: Path) -> Members:
-    """Return the files of a folder, or a file and the one beside it."""
+    """Return the files of a folder, or a file and the one beside it, and those of the folder of times next to it."""
+    folder = path.absolute() if path.is_dir() else path.absolute().parent
+    times = {f"{TIMES}/{file.name}": file for file in sorted((folder.parent / TIMES).glob("*.startend"))}
     if path.is_dir():
         where, inside = f"folder {path.name!r}", f"folder {path.name!r}, "
         files = {file.relative_to(path).as_posix(): file for file in sorted(path.rglob("*")) if file.is_file()}
     else:
         where, inside = f"file {path.name!r}", "file "
         files = {file.name: file for file in (path, path.with_suffix(".startend")) if file.exists()}
+    files = times | files
     sizes = {name: file.stat().st_size for name, file in files.items()}
     return Members(where, sizes, lambda name: read_bytes(files[name], f"{inside}{files[name].name!r}"), inside)

@@ -1,9 +1,9 @@
 """Raw NeuTouch text, ``.tact``: one event a line, ``polarity cell_index timestamp_seconds``.
 
-Of the 80 cells, numbered from 1, numbers 17 and 49 do not exist; the other 78 are the taxels of two
-fingertips, 39 each. Assumed here, for the files do not say it: cells 1..40 are the first fingertip and 41..80
-the second, taxels in the order of their cells; polarity 1 is rising pressure (polarity 0 of a taxel), 0 or -1
-falling (polarity 1).
+VT_SNN's own files have whole seconds, and nanoseconds after them. Of the 80 cells, numbered from 1, numbers 17 and 49
+do not exist; the other 78 are the taxels of two fingertips, 39 each. Assumed here, for the files do not say it: cells
+1..40 are the first fingertip and 41..80 the second, taxels in the order of their cells; polarity 1 is rising pressure
+(polarity 0 of a taxel), 0 or -1 falling (polarity 1).
 """
 
 import math
@@ -11,15 +11,19 @@ import math
 import numpy as np
 
 from hw_model.arithmetic.arrays import ByteArray, FloatArray, IntArray
-from locsnn_compile.data.event_stream import EventStream
+from locsnn_compile.data.event_stream import STEP_SECONDS, EventStream
 from locsnn_compile.errors import InputError
 
 CELLS = 80
 MISSING_CELLS = (17, 49)
-#: The phases whose times a ``.startend`` file gives, in this order.
+#: The phases whose times a ``.startend`` file gives, in this order; of slip, the first four.
 PHASES = ("start", "reaching", "reached", "grasping", "lifting", "holding")
-#: Length of grasp, lift and hold together, from the time of ``grasping``.
-GRASP_SECONDS = 6.5
+SLIP_PHASES = len(PHASES) - 2
+#: Classes of slip in their published order.
+SLIP_CLASSES = ("stable", "rotate")
+#: How long grasp, lift and hold last together, from ``grasping`` on, and a slip from ``reaching`` on.
+GRASP_SECONDS, SLIP_SECONDS = 6.5, 0.15
+SLIP_STEP_SECONDS = 0.001
 
 _TAXEL_OF_CELL = {
     cell: taxel for taxel, cell in enumerate(cell for cell in range(1, CELLS + 1) if cell not in MISSING_CELLS)
@@ -31,13 +35,14 @@ CHANNELS = 2 * len(_TAXEL_OF_CELL)
 def parse_tact(data: bytes, where: str, startend: bytes | None, startend_where: str) -> EventStream:
     """Return the events of the bytes of a ``.tact`` file, times in seconds; x counts taxels.
 
-    With the bytes of a ``.startend`` file the recording is the 6.5 s from "grasping"; without, it runs from the first
-    event to the last. Raises ``InputError`` with the line number of a line that is no event.
+    With the bytes of a ``.startend`` file the recording is the 6.5 s from "grasping", or of the four times of a slip
+    the 0.15 s from "reaching", in bins of 1 ms by default; without, it runs from the first event to the last. Raises
+    ``InputError`` with the line number of a line that is no event.
     """
     channels, seconds = _parse(data, where)
     start, span_seconds = float(seconds.min()), None
     if startend is not None:
-        start, span_seconds = _grasping_seconds(startend, startend_where), GRASP_SECONDS
+        start, span_seconds = _stretch(startend, startend_where)
     return EventStream(
         times=seconds,
         x=channels // 2,
@@ -46,6 +51,7 @@ def parse_tact(data: bytes, where: str, startend: bytes | None, startend_where: 
         ticks_per_second=1,
         start=start,
         span_seconds=span_seconds,
+        step_seconds=SLIP_STEP_SECONDS if span_seconds == SLIP_SECONDS else STEP_SECONDS,
         channels=CHANNELS,
         polarities=2,
     )
@@ -73,8 +79,9 @@ def _parse(data: bytes, where: str) -> tuple[IntArray, FloatArray]:
         if not fields:
             continue
         try:
-            polarity, cell, time = (field.decode("ascii") for field in fields)
-            event = (int(polarity), int(cell), float(time))
+            polarity, cell, time, *rest = (field.decode("ascii") for field in fields)
+            (nanoseconds,) = rest or ("0",)
+            event = (int(polarity), int(cell), float(time) + int(nanoseconds) / 1e9)
         except ValueError:
             shown = line.decode("ascii", "replace").strip()[:40]
             raise _fault(where, number, "it is no event", f"{shown!r}") from None
@@ -97,8 +104,8 @@ def _fault(where: str, line: int, what: str, got: object) -> InputError:
     return InputError(f"{where}, line {line}", what, measured=f"got {got}", fix=fix)
 
 
-def _grasping_seconds(data: bytes, where: str) -> float:
-    """Return the time of "grasping": of a line ``grasping <seconds>``, or the fourth of six plain numbers."""
+def _stretch(data: bytes, where: str) -> tuple[float, float]:
+    """Return when a recording begins and how long it is: of lines ``grasping <seconds>``, or of six or four numbers."""
     words = data.decode("ascii", "replace").replace(",", " ").replace(":", " ").split()
     times: list[float] = []
     named: dict[str, float] = {}
@@ -109,6 +116,8 @@ def _grasping_seconds(data: bytes, where: str) -> float:
             continue
         if index and words[index - 1].lower() in PHASES:
             named[words[index - 1].lower()] = times[-1]
+    if len(times) == SLIP_PHASES and not named and math.isfinite(times[1]):
+        return times[1], SLIP_SECONDS
     grasping = named.get("grasping", times[3] if len(times) == len(PHASES) and not named else math.nan)
     if not math.isfinite(grasping):
         raise InputError(
@@ -117,4 +126,4 @@ def _grasping_seconds(data: bytes, where: str) -> float:
             measured=f"{len(times)} numbers",
             fix=f"Give the times of {', '.join(PHASES)}.",
         )
-    return grasping
+    return grasping, GRASP_SECONDS

@@ -101,7 +101,10 @@ FIX = "Write 'polarity cell_index timestamp_seconds' on it."
             "1 1 1.0\n\n1 x 1.0\n", f"file 'a.tact', line 3: it is no event (got '1 x 1.0'). {FIX}", id="word"
         ),
         pytest.param("1 1\n", f"file 'a.tact', line 1: it is no event (got '1 1'). {FIX}", id="two fields"),
-        pytest.param("1 1 1 1\n", f"file 'a.tact', line 1: it is no event (got '1 1 1 1'). {FIX}", id="four fields"),
+        pytest.param(
+            "1 1 1 1 1\n", f"file 'a.tact', line 1: it is no event (got '1 1 1 1 1'). {FIX}", id="five fields"
+        ),
+        pytest.param("1 1 1 .5\n", f"file 'a.tact', line 1: it is no event (got '1 1 1 .5'). {FIX}", id="nanoseconds"),
         pytest.param("2 1 1\n", f"file 'a.tact', line 1: its polarity is not 1, 0 or -1 (got 2). {FIX}", id="polarity"),
         pytest.param(
             "1 17 1\n",

@@ -1,0 +1,56 @@
+"""Folders as VT_SNN publishes them, with made-up events: raw slip, and the preprocessed ``tact.pt`` with its rounds."""
+
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from locsnn_compile.data.synthetic import synthetic_touches
+from locsnn_compile.data.tact import SLIP_CLASSES, tact_text
+
+START = 1_584_000_000
+"""Seconds of a clock when the robot began to move; it reached out 2.25 s later."""
+REACHING = START + 2.25
+
+
+def slip_spikes(each: int) -> dict[str, np.ndarray]:
+    """Return the bins (150, 156) of so many slips of each class, by their names."""
+    touches = synthetic_touches(2 * each, steps=150, fingertips=2, classes=2, seed=5, step_seconds=0.001)
+    return {f"{SLIP_CLASSES[i % 2]}_{1 + i // 2:02}": spikes for i, spikes in enumerate(touches.spikes)}
+
+
+def write_slip(folder: Path, each: int = 4, *, nanoseconds: bool = True) -> dict[str, np.ndarray]:
+    """Write the raw slips into ``aces_recordings`` and their times into ``traj_start_ends``; return their bins.
+
+    Every recording goes on before and after its 0.15 s.
+    """
+    bins = slip_spikes(each)
+    for part in ("aces_recordings", "traj_start_ends"):
+        (folder / part).mkdir(parents=True)
+    for name, spikes in bins.items():
+        events = [("1", "1", REACHING - 1), ("0", "2", REACHING + 0.1505)]
+        for line in tact_text(spikes, 0.001).decode().splitlines():
+            polarity, cell, seconds = line.split()
+            # In the middle of its bin, also where it is the first one.
+            events.append((polarity, cell, REACHING + (int(1000 * float(seconds) + 0.25) + 0.5) / 1000))
+        lines = [f"{polarity} {cell} {seconds:.9f}" for polarity, cell, seconds in events]
+        if nanoseconds:
+            lines = [line.replace(".", " ") for line in lines]
+        (folder / "aces_recordings" / f"{name}.tact").write_text("\n".join(lines) + "\n")
+        times = f"{START} {REACHING} {REACHING + 0.2} {REACHING + 0.4}"
+        (folder / "traj_start_ends" / f"{name}.startend").write_text(times)
+    return bins
+
+
+def write_preprocessed(folder: Path, samples: int = 20, classes: int = 2, rounds: int = 5) -> np.ndarray:
+    """Write ``tact.pt`` (samples, 78, 2, 150) and the rows of its rounds; return its bins (samples, 150, 156)."""
+    folder.mkdir(parents=True, exist_ok=True)
+    touches = synthetic_touches(samples, steps=150, fingertips=2, classes=classes, seed=6, step_seconds=0.001)
+    tensor = torch.tensor(touches.spikes).permute(0, 2, 1).reshape(samples, 78, 2, 150).float()
+    torch.save(tensor, folder / "tact.pt")
+    rows = np.stack([np.arange(samples), np.sort(np.arange(samples) % classes)], axis=1)
+    for k in range(1, rounds + 1):
+        test = np.arange(samples) % rounds == k - 1
+        for part, chosen in (("train", ~test), ("test", test)):
+            np.savetxt(folder / f"{part}_80_20_{k}.txt", rows[chosen], fmt="%d", delimiter="\t")
+    return touches.spikes

@@ -1,0 +1,115 @@
+"""Raw slip as VT_SNN publishes it: times in a folder of their own, 0.15 s from reaching, two fingertips."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from published import REACHING, START, write_slip
+
+from locsnn_compile.cli.main import main
+from locsnn_compile.data.read import read_recordings
+from locsnn_compile.errors import InputError
+from locsnn_compile.models.checkpoint_reader import read_checkpoint
+
+
+@pytest.mark.parametrize("given", [".", "aces_recordings"], ids=["both folders", "the recordings' folder"])
+@pytest.mark.parametrize("nanoseconds", [True, False], ids=["four columns", "three columns"])
+def test_a_folder_of_slips(given: str, nanoseconds: bool, tmp_path: Path) -> None:
+    bins = write_slip(tmp_path / "slip", nanoseconds=nanoseconds)
+    found = read_recordings(tmp_path / "slip" / given)
+    assert (found.spikes.shape, found.step_seconds) == ((8, 150, 156), 0.001)
+    assert found.class_names == ("stable", "rotate")
+    assert found.labels is not None
+    names = [f"{kind}_{k:02}" for k in range(1, 5) for kind in ("rotate", "stable")]
+    assert found.labels.tolist() == [1, 0] * 4
+    for name, spikes in zip(names, found.spikes, strict=True):
+        assert np.array_equal(spikes, bins[name]), name
+    assert found.binned is not None
+    assert found.binned.outside == 2 * 8
+
+
+def test_one_slip(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bins = write_slip(tmp_path / "slip")
+    monkeypatch.chdir(tmp_path / "slip" / "aces_recordings")
+    found = read_recordings("stable_02.tact")
+    assert np.array_equal(found.spikes[0], bins["stable_02"])
+    assert found.labels is None
+
+
+def test_the_bins_are_those_that_are_asked_for(tmp_path: Path) -> None:
+    bins = write_slip(tmp_path / "slip", each=1)
+    # 0.15 s hold 21 whole bins of 7 ms.
+    found = read_recordings(tmp_path / "slip", step_seconds=0.007)
+    assert found.spikes.shape == (2, 21, 156)
+    pooled = bins["rotate_01"][:147].reshape(21, 7, 156).max(axis=1)
+    assert np.array_equal(found.spikes[0], pooled)
+
+
+def test_a_file_beside_the_recording_counts_first(tmp_path: Path) -> None:
+    write_slip(tmp_path / "slip", each=1)
+    (tmp_path / "slip" / "aces_recordings" / "stable_01.startend").write_text("1 2 3 5 6 7")
+    found = read_recordings(tmp_path / "slip" / "aces_recordings" / "stable_01.tact")
+    assert found.spikes.shape == (1, 325, 156)
+    assert not found.spikes.any()
+
+
+@pytest.mark.parametrize(
+    ("times", "message"),
+    [
+        pytest.param(
+            None,
+            "folder 'aces_recordings', 'rotate_01.tact': there is no .startend file of it, but of others. "
+            "Give it in folder 'traj_start_ends', or leave the recording out.",
+            id="missing",
+        ),
+        *(
+            pytest.param(
+                text,
+                f"folder 'aces_recordings', 'rotate_01.startend': it does not give the time of 'grasping' ({numbers} numbers). "
+                "Give the times of start, reaching, reached, grasping, lifting, holding.",
+                id=name,
+            )
+            for name, text, numbers in (
+                ("three times", f"{START} {REACHING} {REACHING}", 3),
+                ("five times", "1 2 3 4 5", 5),
+                ("not a number", f"{START} nan {REACHING} {REACHING}", 4),
+            )
+        ),
+    ],
+)
+def test_times_that_are_none(times: str | None, message: str, tmp_path: Path) -> None:
+    write_slip(tmp_path, each=1)
+    file = tmp_path / "traj_start_ends" / "rotate_01.startend"
+    if times is None:
+        file.unlink()
+    else:
+        file.write_text(times)
+    with pytest.raises(InputError) as caught:
+        read_recordings(tmp_path / "aces_recordings")
+    assert str(caught.value) == message
+
+
+def test_classes_stand_before_the_number_of_a_name(tmp_path: Path) -> None:
+    for name in ("108-a_tuna_fish_can_01", "107-b_pepsi_bottle_02", "107-b_pepsi_bottle_01"):
+        (tmp_path / f"{name}.tact").write_text("1 1 1.0\n")
+    found = read_recordings(tmp_path)
+    assert found.class_names == ("107-b_pepsi_bottle", "108-a_tuna_fish_can")
+    assert found.labels is not None
+    assert found.labels.tolist() == [0, 0, 1]
+
+
+def test_one_name_is_not_a_class(tmp_path: Path) -> None:
+    for number in (1, 2):
+        (tmp_path / f"touch_{number}.tact").write_text("1 1 1.0\n")
+    assert read_recordings(tmp_path).labels is None
+
+
+def test_slips_train_a_network_of_two_fingertips(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_slip(tmp_path / "slip")
+    assert main(["train", "--data", "slip", "--epochs", "1", "--hidden", "4", "--quiet", "-o", "slip.pt"]) == 0
+    found = read_checkpoint("slip.pt").description
+    assert (found.input.fingertips, found.input.steps, found.input.step_seconds) == (2, 150, 0.001)
+    assert (found.input.channels, found.classes, found.class_names) == (156, 2, ("stable", "rotate"))
