@@ -49,7 +49,8 @@ from locsnn_compile.verification.over_time import PSI, over_time
 
 Events = str | Path | Recordings | ArrayLike
 
-SYNTHETIC_SAMPLES = 16
+SYNTHETIC_SAMPLES, SYNTHETIC_VALUES = 16, 10_000_000
+"""Recordings that are made up, fewer where they are so large."""
 SYNTHETIC_SEED = 0
 
 
@@ -211,15 +212,14 @@ def recordings_for(network: Network, events: Events | None, labels: ArrayLike | 
     if events is None:
         if network.recordings is not None:
             return network.recordings
-        if network.fingertips is None:
+        if network.sensor is None:
             raise InputError(
                 f"model {network.name!r}",
-                "carries no recordings, and its input is not a fingertip's",
+                "carries no recordings, and its input is no known sensor's",
                 fix="Give events.",
             )
-        touches = synthetic_touches(
-            SYNTHETIC_SAMPLES, steps=network.steps, fingertips=network.fingertips, seed=SYNTHETIC_SEED
-        )
+        samples = min(SYNTHETIC_SAMPLES, 1 + SYNTHETIC_VALUES // (network.steps * network.channels))
+        touches = synthetic_touches(samples, steps=network.steps, sensor=network.sensor, seed=SYNTHETIC_SEED)
         # Their labels are motions of the generator, not classes of this model.
         return Recordings(touches.spikes, None, network.step_seconds, touches.source, touches.origin)
     if isinstance(events, Recordings):
@@ -286,7 +286,7 @@ def _calibration(network: Network, recordings: Recordings, calibration: Events |
     """Return the recordings that choices are made on: never those of the check, where there are others."""
     if isinstance(calibration, str | Path):
         return calibration_recordings(network, calibration)
-    if calibration is not None or network.recordings is not None or network.fingertips is not None:
+    if calibration is not None or network.recordings is not None or network.sensor is not None:
         return recordings_for(network, calibration)
     return recordings
 

@@ -50,7 +50,7 @@ def lower(
     placed = arrange_cores(place_cores(compartments, chip))
     routed = route_axons(placed)
     kept = {name: getattr(network, name) for name in ("step_seconds", "event_threshold", "psi")}
-    program = replace(assemble(routed), **kept)
+    program = replace(assemble(routed), **kept, **network.event_options)
     _log.debug("%s: %s, %d cores of %s", network.name, quantized.strategy, len(program.cores), chip.name)
     return Levels(network, quantized, compartments, placed, routed, program)
 

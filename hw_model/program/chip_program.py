@@ -96,6 +96,10 @@ class ChipProgram(Shown):
     """Events that a bin of a recording must exceed to be 1; None where nothing says it."""
     psi: float | None = None
     """How late a time-weighted prediction turns to the location branch; None where nothing says it."""
+    polarities: int | None = None
+    """Polarities that events with x and y are put into; None where nothing says it."""
+    columns: int | None = None
+    """Columns of the grid that x and y count in; None where nothing says it."""
 
     def cores_of(self, phase: str) -> tuple[Core, ...]:
         """Return the cores that run in a phase."""

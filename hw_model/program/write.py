@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
 FORMAT = "locsnn-program"
 VERSION = 1
-RECORDINGS: dict[str, type[int] | type[float]] = {"step_seconds": float, "event_threshold": int, "psi": float}
+_NUMBERS: dict[str, type[int] | type[float]] = {"step_seconds": float, "event_threshold": int, "psi": float}
+RECORDINGS = _NUMBERS | {"polarities": int, "columns": int}
 """What is known of how recordings become steps and predictions; left out where nothing is."""
 CORE_ARRAYS = ("profile", "threshold", "bias_mantissa", "bias_exponent", "parent")
 AXON_ARRAYS = ("list_start", "target", "mantissa", "delay", "format_index", "out_compartment", "out_core", "out_axon")

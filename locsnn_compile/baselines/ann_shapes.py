@@ -2,10 +2,10 @@
 
 import math
 
+from locsnn_compile.data.frame import frame_size
+from locsnn_compile.data.sensor import SensorLayout
 from locsnn_compile.errors import InputError
 
-FRAME = (9, 7)
-"""Rows and columns of the frame that CNN-3D lays a fingertip's taxels out on."""
 CONVOLUTIONS = (
     (4, (7, 3, 3), (4, 1, 1)),
     (8, (5, 3, 3), (3, 1, 1)),
@@ -13,9 +13,9 @@ CONVOLUTIONS = (
 """Output channels, kernel and stride (steps, rows, columns) of CNN-3D's convolutions."""
 
 
-def convolved(steps: int) -> list[tuple[int, int, int]]:
+def convolved(steps: int, sensor: SensorLayout) -> list[tuple[int, int, int]]:
     """Return the size (steps, rows, columns) that each convolution of CNN-3D leaves of a recording."""
-    size = (steps, *FRAME)
+    size = (steps, *frame_size(sensor))
     sizes = []
     for _, kernel, stride in CONVOLUTIONS:
         size = tuple((n - k) // s + 1 for n, k, s in zip(size, kernel, stride, strict=True))  # type: ignore[assignment]
@@ -30,13 +30,11 @@ def convolved(steps: int) -> list[tuple[int, int, int]]:
     return sizes
 
 
-def ann_shapes(
-    name: str, *, fingertips: int, channels: int, steps: int, classes: int, hidden: int
-) -> dict[str, tuple[int, ...]]:
-    """Return parameter name -> shape of ``gru-mlp`` or ``cnn-3d``; ``channels`` are those of one fingertip."""
+def ann_shapes(name: str, *, sensor: SensorLayout, steps: int, classes: int, hidden: int) -> dict[str, tuple[int, ...]]:
+    """Return parameter name -> shape of ``gru-mlp`` or ``cnn-3d``."""
     if name == "gru-mlp":
         return {
-            "gru.weight_ih_l0": (3 * hidden, channels * fingertips),
+            "gru.weight_ih_l0": (3 * hidden, sensor.channels),
             "gru.weight_hh_l0": (3 * hidden, hidden),
             "gru.bias_ih_l0": (3 * hidden,),
             "gru.bias_hh_l0": (3 * hidden,),
@@ -44,10 +42,10 @@ def ann_shapes(
             "readout.bias": (classes,),
         }
     shapes: dict[str, tuple[int, ...]] = {}
-    inputs = 2
+    inputs = sensor.polarities
     for number, (outputs, kernel, _) in enumerate(CONVOLUTIONS, start=1):
         shapes[f"conv_{number}.weight"] = (outputs, inputs, *kernel)
         shapes[f"conv_{number}.bias"] = (outputs,)
         inputs = outputs
-    features = fingertips * inputs * math.prod(convolved(steps)[-1])
+    features = sensor.surfaces * inputs * math.prod(convolved(steps, sensor)[-1])
     return shapes | {"readout.weight": (classes, features), "readout.bias": (classes,)}

@@ -13,11 +13,11 @@ import numpy as np
 from hw_model.arithmetic.arrays import ByteArray, IntArray
 from hw_model.values import Frozen
 from locsnn_compile.baselines.ann_shapes import CONVOLUTIONS, convolved
+from locsnn_compile.data.sensor import SensorLayout, neutouch
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.network.network import Network
 
 GRU_HIDDEN = 32
-CHANNELS_PER_FINGERTIP = 78
 ANN_NAMES = ("cnn-3d", "gru-mlp")
 
 
@@ -36,35 +36,35 @@ class AnnCounts(Frozen):
 
 def ann_operations(name: str, *, fingertips: int, steps: int, classes: int) -> int:
     """Return multiplications plus additions of one recording of ``steps`` time steps; see :func:`ann_counts`."""
-    return ann_counts(name, fingertips=fingertips, steps=steps, classes=classes).operations
+    return ann_counts(name, sensor=neutouch(fingertips), steps=steps, classes=classes).operations
 
 
-def ann_counts(name: str, *, fingertips: int, steps: int, classes: int) -> AnnCounts:
+def ann_counts(name: str, *, sensor: SensorLayout, steps: int, classes: int) -> AnnCounts:
     """Count the operations of one recording of ``steps`` time steps.
 
-    ``cnn-3d``: for each fingertip Conv3d(2 -> 4, kernel 7x3x3, stride 4x1x1) and Conv3d(4 -> 8, kernel 5x3x3, stride
-    3x1x1) on steps x 9 x 7 frames, then one linear layer over both; its biases are not counted, as in the published
-    figures. ``gru-mlp``: GRU(78 a fingertip -> 32), then one linear layer at the last step. Beside its products with
-    weights, a step of the published count has 13 operations for each of the 32: nine additions in the gates (two
-    biases each, and the sum of input and state), the product with the reset gate, and, for the new state, two products
-    and their sum.
+    ``cnn-3d``: for each fingertip, or surface of another grid, Conv3d(2 -> 4, kernel 7x3x3, stride 4x1x1) and
+    Conv3d(4 -> 8, kernel 5x3x3, stride 3x1x1) on steps x 9 x 7 frames, or those of the grid, then one linear layer over
+    all; its biases are not counted, as in the published figures. ``gru-mlp``: GRU(channels -> 32), then one linear
+    layer at the last step. Beside its products with weights, a step of the published count has 13 operations for each
+    of the 32: nine additions in the gates (two biases each, and the sum of input and state), the product with the reset
+    gate, and, for the new state, two products and their sum.
     """
     if name == "cnn-3d":
-        macs = _cnn_3d_macs(fingertips, steps, classes)
+        macs = _cnn_3d_macs(sensor, steps, classes)
         return AnnCounts(macs, macs, macs)
     if name == "gru-mlp":
-        inputs, hidden = CHANNELS_PER_FINGERTIP * fingertips, GRU_HIDDEN
+        inputs, hidden = sensor.channels, GRU_HIDDEN
         macs = steps * 3 * (inputs * hidden + hidden * hidden) + hidden * classes
         return AnnCounts(macs, macs + 3 * steps * hidden, macs + 10 * steps * hidden)
     raise InputError(f"network {name!r}", "its operations are not known", fix=did_you_mean(name, ANN_NAMES))
 
 
-def _cnn_3d_macs(fingertips: int, steps: int, classes: int) -> int:
-    macs, features, channels = 0, 0, 2
-    for (outputs, kernel, _), size in zip(CONVOLUTIONS, convolved(steps), strict=True):
+def _cnn_3d_macs(sensor: SensorLayout, steps: int, classes: int) -> int:
+    macs, features, channels = 0, 0, sensor.polarities
+    for (outputs, kernel, _), size in zip(CONVOLUTIONS, convolved(steps, sensor), strict=True):
         macs += math.prod(size) * outputs * channels * math.prod(kernel)
         channels, features = outputs, math.prod(size) * outputs
-    return fingertips * (macs + features * classes)
+    return sensor.surfaces * (macs + features * classes)
 
 
 def network_additions(network: Network, spikes: Mapping[str, ByteArray]) -> dict[str, int]:

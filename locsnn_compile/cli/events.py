@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.cli.checks import recording_of
-from locsnn_compile.cli.step_options import add_step_options, asked_reading
+from locsnn_compile.cli.step_options import add_sensor_options, add_step_options, asked_reading
 from locsnn_compile.errors import InputError
 
 if TYPE_CHECKING:
@@ -36,8 +36,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("file", metavar="FILE", help="recordings: .zip, folder, .npy, .npz, .pt, .tact, .bs1, .bs2")
     add("--part", metavar="NAME", help="train or test of a divided archive or folder (default test)")
     add_step_options(parser)
-    add("--channels", type=int, metavar="N", help="channels, where the highest ones are silent")
-    add("--polarities", type=int, metavar="N", help="2, or 1 to put both together (default: as the events have it)")
+    both = "2, or 1 to put both together (default: of a grid 2, else as the events have it)"
+    add_sensor_options(parser, "channels, where the highest ones are silent", both)
     add("--columns", type=int, metavar="N", help="columns of the grid of x and y (default: the highest x and 1)")
     add("--recording", type=int, metavar="K", help="the recording of the raster, from 0 (default 0)")
     add("-o", "--output", type=Path, metavar="FILE.svg", help="write the raster as a picture")
@@ -52,22 +52,26 @@ def run(args: argparse.Namespace) -> int:
     _check_options(args)
     from locsnn_compile.cli.places import check_places
     from locsnn_compile.data.read import read_recordings
+    from locsnn_compile.data.sensor import asked_layout
     from locsnn_compile.data.statistics import event_statistics
 
     given = (("-o", args.output), ("--to", args.to))
     writes = [(f"{option} {str(path)!r}", path) for option, path in given if path is not None]
     # A folder is written only where it is new or empty.
     check_places({"FILE": args.file}, [place for place in writes if place[1].suffix])
+    laid_out = args.grid is not None or args.layout is not None
+    sensor = asked_layout(args.grid, args.polarities, args.channels, args.layout) if laid_out else None
     recordings = read_recordings(
         args.file,
         split=args.part,
         channels=args.channels,
         polarities=args.polarities,
         columns=args.columns,
+        sensor=sensor,
         **asked_reading(args),
     )
     number = recording_of(args.recording, recordings)
-    found = event_statistics(recordings)
+    found = event_statistics(recordings, sensor)
     written = _write(args, recordings, number)
     if args.json:
         print(json.dumps(found, indent=2, allow_nan=False))

@@ -1,4 +1,4 @@
-"""Options that say how recordings become steps, where neither they nor the model does."""
+"""Options that say how recordings become steps and channels, where neither they nor the model does."""
 
 from __future__ import annotations
 
@@ -25,6 +25,17 @@ def add_step_options(parser: argparse.ArgumentParser, threshold: str = "threshol
     add("--steps", type=int, metavar="N", help="steps of a recording: shorter ones end in silence, longer ones are cut")
     add("--threshold", dest=threshold, type=int, metavar="N", help="events that a bin must exceed to be 1 (default 0)")
     add("--axes", metavar="ORDER", help="of arrays, such as samples,steps,channels (default samples,channels,steps)")
+
+
+def add_sensor_options(parser: argparse.ArgumentParser, channels: str, polarities: str) -> None:
+    """Add the options of a sensor's layout; what ``--channels`` and ``--polarities`` do is said by the command."""
+    add = parser.add_argument
+    add("--grid", metavar="WxH", help="the sensor is a grid of W columns and H rows, numbered row by row")
+    add(
+        "--layout", metavar="FILE.yaml", help="the sensor of this file: name, polarities, positions and names of taxels"
+    )
+    add("--channels", type=int, metavar="N", help=channels)
+    add("--polarities", type=int, metavar="N", help=polarities)
 
 
 def asked_reading(args: argparse.Namespace) -> dict[str, Any]:
@@ -67,6 +78,8 @@ def expected_by(program: hw.ChipProgram) -> Expected:
         program.event_threshold,
         min(fixed, default=None),
         max(program.streams.values(), default=None),
+        polarities=program.polarities,
+        columns=program.columns,
     )
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from hw_model.io.given import check_path
 from locsnn_compile.cli.shell import EXIT_INTERRUPTED, Moved, progress_bar
-from locsnn_compile.cli.step_options import add_step_options
+from locsnn_compile.cli.step_options import add_sensor_options, add_step_options
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.architectures import ARCHITECTURES
 from locsnn_compile.strategies import TRAINABLE
@@ -45,9 +45,16 @@ SHOWN_CLASSES = 20
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
     add = parser.add_argument
-    add("--data", required=True, metavar="FILE", help="recordings: .zip or folder, .npy, .npz, .pt, .tact")
+    add("--data", required=True, metavar="FILE", help="recordings: .zip, folder, .npy, .npz, .pt, or of events")
+    channels = "the sensor has N channels, which lie nowhere (default: NeuTouch, 78 per fingertip)"
+    add_sensor_options(parser, channels, "of a taxel: 1 or 2 (default: of a grid 2, of channels 1)")
     add("--model", metavar="NAME", help=f"{', '.join(ARCHITECTURES)} (default hybrid)")
-    add("--order", metavar="ORDER", help="loop (default), arch, whorl, or taxel numbers separated by commas")
+    add(
+        "--order",
+        metavar="ORDER",
+        help="loop (default: as numbered), raster, snake, spiral, hilbert, tour, arch or whorl "
+        "(NeuTouch), or taxel numbers separated by commas, or a .txt file of them",
+    )
     add("--delays", metavar="STEPS", help="delays of synapses onto the time branch, such as '0 20 40' (default 0)")
     add("--config", metavar="FILE.yaml", help="YAML file of training options; those given here win")
     add_step_options(parser, threshold="event_threshold")
@@ -143,6 +150,7 @@ def _check_places(args: argparse.Namespace, output: Path) -> None:
         _state_path(output): b"locsnn-training-state",
     }
     reads = {"--data": args.data, "--config": args.config, "--from": args.start, "--target": args.target}
+    reads |= {"--layout": args.layout}
     check_places(reads, [(option, path) for path in (output, *beside)])
     for path, mark in beside.items():
         if path.exists() and mark not in path.read_bytes():

@@ -13,7 +13,7 @@ class Expected(Frozen):
 
     - ``step_seconds``: width of a bin; ``threshold``: a bin is 1 where it has more events
     - ``steps`` of a recording, None where it takes any number; ``channels``
-    - ``class_names``
+    - ``polarities`` of a taxel and ``columns`` of a grid, for events with x and y; ``class_names``
     """
 
     whose: str
@@ -22,6 +22,8 @@ class Expected(Frozen):
     steps: int | None = None
     channels: int | None = None
     class_names: tuple[str, ...] | None = None
+    polarities: int | None = None
+    columns: int | None = None
 
     def agreed(self, **asked: float | None) -> dict[str, Any]:
         """Return each option as asked for, or as the model has it; ``InputError`` where both say it and differ."""

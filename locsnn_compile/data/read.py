@@ -10,6 +10,7 @@ from locsnn_compile.data.axes import parse_axes
 from locsnn_compile.data.event_stream import MAX_EVENTS, MAX_STEP_SECONDS, MIN_STEP_SECONDS, Binning
 from locsnn_compile.data.expected import OPEN, Expected
 from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS, Recordings
+from locsnn_compile.data.sensor import SensorLayout
 from locsnn_compile.data.streams import EVENT_SUFFIXES
 from locsnn_compile.errors import InputError, check_range, did_you_mean
 
@@ -36,6 +37,7 @@ def read_recordings(
     polarities: int | None = None,
     columns: int | None = None,
     axes: str | None = None,
+    sensor: SensorLayout | None = None,
     model: Expected = OPEN,
 ) -> Recordings:
     """Return the recordings at ``path``, of whatever supported format.
@@ -46,23 +48,27 @@ def read_recordings(
     by what ``model`` expects. Arrays are bins already, (samples, channels, steps) unless ``axes`` or the file names
     another order, such as ``samples,steps,channels``; ``step_seconds`` is their width where the file does not say it.
     ``steps`` of a recording: a shorter one is followed by silence, of a longer one the end is cut; without, all of an
-    archive or folder are as long as the longest. Every unusable input, and an option that contradicts the model or the
-    file, is one ``InputError``.
+    archive or folder are as long as the longest. ``sensor`` says ``channels``, ``polarities`` and ``columns`` at once;
+    what has other channels is refused. Every unusable input, and an option that contradicts the model or the file, is
+    one ``InputError``.
     """
     path = Path(path)
+    counts = {"threshold": threshold, "polarities": polarities, "columns": columns}
+    if sensor is not None:
+        channels, polarities, columns = sensor.channels, sensor.polarities, sensor.columns
+        counts = {"threshold": threshold}
     order = None if axes is None else parse_axes(axes, "axes")
     asked = Binning(step_seconds, threshold, channels, steps, polarities, columns, axes=order)
     _check_options(split, asked)
-    agreed = model.agreed(step_seconds=step_seconds, threshold=threshold, steps=steps) | {"steps": steps}
-    channels_of = model.channels if channels is None else channels
-    binning = replace(asked, **agreed, channels=channels_of, most_steps=model.steps)
-    found = _read(path, split, binning, step_seconds)
+    said = {name: getattr(asked, name) for name in ("step_seconds", "threshold", "channels", "polarities", "columns")}
+    agreed = model.agreed(**said, steps=steps) | {"steps": steps}
+    found = _read(path, split, replace(asked, **agreed, most_steps=model.steps), step_seconds)
     if found.threshold is None:
-        counts = {"threshold": threshold, "polarities": polarities, "columns": columns}
-        if channels != found.spikes.shape[2]:
-            counts["channels"] = channels
         for name in (name for name, value in counts.items() if value is not None):
             raise InputError(name, f"{found.source!r} holds bins and no single events to count", fix="Leave it out.")
+    held = found.spikes.shape[2]
+    if channels is not None and held != channels:
+        (sensor or SensorLayout(f"{channels} channels", channels)).check_channels(held, f"recordings {found.source!r}")
     model.check(found)
     return found if steps is None else found.with_steps(steps)
 

@@ -1,23 +1,28 @@
-"""The NeuTouch fingertip: where its taxels lie, how its channels are numbered, the published walks over them.
+"""Sensors: which channels one has, and where they lie. NeuTouch is one; a grid, a count or a YAML file says others.
 
-Its tables are those of ``neutouch.json``. Source: Kang et al. 2022 and its released configuration; coordinates and
-edges of the TactileSGNet release (Gu et al. 2020).
+The tables of NeuTouch are those of ``neutouch.json``. Source: Kang et al. 2022 and its released configuration;
+coordinates and edges of the TactileSGNet release (Gu et al. 2020).
 """
 
 import json
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import IntArray
+from hw_model.arithmetic.arrays import FloatArray
+from hw_model.io.yaml_text import read_mapping
+from hw_model.values import Frozen
 from locsnn_compile.errors import InputError, did_you_mean
 
-#: Taxels of one fingertip, numbered from 1 in every file and order.
+#: Most channels of a sensor: a few times what any published tactile sensor has.
+MAX_CHANNELS = 4_096
+#: Taxels of one NeuTouch fingertip, numbered from 1 in every file and order.
 TAXELS = 39
-#: Polarities of a taxel: 0 where pressure rises, 1 where it falls; channel = 2 * taxel + polarity, taxel from
-#: 0.
+#: Polarities of a taxel: 0 where pressure rises, 1 where it falls; channel = 2 * taxel + polarity, taxel from 0.
 POLARITIES = 2
 
 _FILE: dict[str, Any] = json.loads(Path(__file__).with_name("neutouch.json").read_text("utf-8"))
@@ -30,67 +35,154 @@ MANUAL_EDGES: tuple[tuple[int, int], ...] = tuple((a, b) for a, b in _FILE["edge
 #: Taxel numbers by row (y from -8.9 to 8.9 mm) and column (x from -6 to 6 mm); 0 where there is none. Every taxel has a
 #: cell of its own, so that the squared distances between taxels and the middles of their cells add up to the least.
 FRAME_OF_TAXELS: tuple[tuple[int, ...], ...] = tuple(map(tuple, _FILE["frame"]))
+_FIX = "Correct the layout of the sensor."
 
 
-def parse_location_order(text: str) -> tuple[str, tuple[int, ...]]:
-    """Return (name, 1-based taxel numbers) of ``arch``, ``loop``, ``whorl`` or a comma list, named
-    ``custom``.
+class SensorLayout(Frozen):
+    """The channels of a sensor: ``surfaces`` equal ones, such as fingertips, of ``taxels`` with ``polarities`` each.
 
-    Raises ``InputError`` for an unknown name and for a list that is no permutation of the taxels.
+    channel = polarities * taxel + polarity, taxels counted from 0 through all surfaces. ``positions``: (x, y) of the
+    taxels of one surface, in any one unit; a grid of ``columns`` has its own, numbered row by row. ``names`` of the
+    taxels of one surface, where they have any. Raises ``InputError`` for what contradicts itself.
     """
-    if text in LOCATION_ORDERS:
-        return text, LOCATION_ORDERS[text]
-    if "," not in text:
-        raise InputError("location order", f"{text!r} is not known", fix=did_you_mean(text, LOCATION_ORDERS))
-    order: list[int] = []
-    for entry in text.split(","):
-        if not (entry.strip().isascii() and entry.strip().isdigit() and len(entry.strip()) <= 6):
-            raise InputError(
-                "location order",
-                f"entry {len(order) + 1} is not a taxel number",
-                measured=f"got {entry.strip()!r}",
-                fix=f"Give the taxels 1 to {TAXELS} separated by commas.",
-            )
-        order.append(int(entry))
-    check_location_taxels(order, TAXELS)
-    return "custom", tuple(order)
+
+    name: str
+    taxels: int
+    polarities: int = 1
+    surfaces: int = 1
+    columns: int | None = None
+    positions: tuple[tuple[float, float], ...] | None = None
+    names: tuple[str, ...] | None = None
+
+    def __post_init__(self) -> None:
+        most = {"polarities": 2, "columns": self.taxels}
+        for what in ("taxels", "polarities", "surfaces", "columns", "channels"):
+            value, limit = getattr(self, what), most.get(what, MAX_CHANNELS)
+            if value is not None and not 1 <= value <= limit:
+                raise self._refused(f"its {what} are out of range", f"got {value} against 1..{limit}")
+        if self.taxels % (self.columns or 1):
+            raise self._refused("its last row is not full", f"{self.taxels} taxels")
+        if self.columns is not None and self.positions is not None:
+            raise self._refused("it is a grid, whose positions are known, and has others", f"{self.columns} columns")
+        for what, entries in (("positions", self.positions), ("names", self.names)):
+            if entries is not None and not len(entries) == len(set(entries)) == self.taxels:
+                counts = f"{len(set(entries))} different ones against {self.taxels} taxels"
+                raise self._refused(f"its {what} do not fit its taxels", counts)
+
+    def _refused(self, what: str, measured: str) -> InputError:
+        return InputError(f"sensor {self.name!r}", what, measured=measured, fix=_FIX)
+
+    @property
+    def channels(self) -> int:
+        """Number of channels of all surfaces."""
+        return self.surfaces * self.taxels * self.polarities
+
+    @property
+    def is_neutouch(self) -> bool:
+        """Whether its surfaces are NeuTouch fingertips, which published walks, graphs and frames are made for."""
+        return self.positions == TAXEL_COORDINATES_MM
+
+    @property
+    def places(self) -> FloatArray | None:
+        """(x, y) of the taxels of one surface, (taxels, 2); None where nothing says where they lie."""
+        if self.columns is not None:
+            return np.stack(np.divmod(np.arange(self.taxels), self.columns)[::-1], axis=1).astype(np.float64)
+        return None if self.positions is None else np.array(self.positions, dtype=np.float64)
+
+    @property
+    def event_options(self) -> dict[str, Any]:
+        """How events with x and y become channels; of NeuTouch as they need it, because x may count channels there."""
+        return {} if self.is_neutouch else {"polarities": self.polarities, "columns": self.columns}
+
+    def needed_places(self, where: str) -> FloatArray:
+        """Return the places; ``InputError`` where there are none, which ``where`` needs."""
+        if (places := self.places) is None:
+            what = f"it needs to know where the taxels lie, and sensor {self.name!r} does not say it"
+            raise InputError(where, what, fix="Give --grid WxH, or --layout FILE with positions.")
+        return places
+
+    def check_channels(self, found: int, where: str) -> None:
+        """Refuse recordings whose channels are not those of the sensor."""
+        if found != self.channels:
+            what = f"their channels are not those of sensor {self.name!r}"
+            fix = "Say which sensor it was: --grid WxH, with --polarities 1 or 2, --channels N, or --layout FILE."
+            raise InputError(where, what, measured=f"{found} against {self.channels}", fix=fix)
+
+    def document(self) -> dict[str, Any]:
+        """Return the layout as plain values, without what it does not say."""
+        return {name: value for name, value in asdict(self).items() if value is not None}
 
 
-def channel_walk(
-    order: Sequence[int], fingertips: int, *, taxels: int = TAXELS, polarities: int = POLARITIES
-) -> IntArray:
-    """Return the walk (fingertips * taxels * polarities,): position -> channel, read-only.
+def neutouch(fingertips: int = 1) -> SensorLayout:
+    """Return the layout of so many fingertips."""
+    return SensorLayout("neutouch", TAXELS, POLARITIES, fingertips, positions=TAXEL_COORDINATES_MM)
 
-    Taxel p of the order contributes channels polarities * (p - 1), ... in that order; fingertips follow one
-    another. Raises ``InputError`` naming the first taxel that is out of range, repeated or missing.
+
+def asked_layout(
+    grid: str | None, polarities: int | None, channels: int | None, layout: str | None
+) -> SensorLayout | None:
+    """Return the layout that options ask for; None where they ask for none. ``InputError`` where they ask for two.
+
+    ``grid``: columns x rows, of two ``polarities`` unless one is asked for; ``channels`` lie nowhere, and have one;
+    ``layout``: a file.
     """
-    check_location_taxels(order, taxels)
-    taxel = np.asarray(order, dtype=np.int64) - 1
-    one = (taxel[:, np.newaxis] * polarities + np.arange(polarities)).reshape(-1)
-    walk = (one + np.arange(fingertips)[:, np.newaxis] * (taxels * polarities)).reshape(-1)
-    walk.setflags(write=False)
-    return walk
+    given = [name for name, value in (("grid", grid), ("channels", channels), ("layout", layout)) if value is not None]
+    if len(given) > 1 or (polarities is not None and not given):
+        measured, fix = " and ".join(given) or "polarities alone", "Give one of --grid, --channels and --layout."
+        raise InputError("sensor", "its layout is not clear", measured=measured, fix=fix)
+    if grid is not None:
+        match = re.fullmatch(r"([1-9]\d{0,3})x([1-9]\d{0,3})", grid)
+        if match is None:
+            raise InputError("grid", "it is not columns x rows", measured=f"got {grid[:40]!r}", fix="Give 16x16.")
+        columns, rows = int(match[1]), int(match[2])
+        return SensorLayout(f"grid {grid}", columns * rows, polarities or 2, columns=columns)
+    if channels is not None:
+        taxels, rest = divmod(channels, polarities or 1)
+        if rest:
+            raise InputError("channels", "2 polarities need an even number", measured=f"{channels}", fix="Correct it.")
+        return SensorLayout(f"{channels} channels", taxels, polarities or 1)
+    found = None if layout is None else read_layout(Path(layout))
+    return found if found is None or polarities is None else replace(found, polarities=polarities)
 
 
-def check_location_taxels(taxels: Sequence[int], count: int) -> None:
-    """Refuse an order that is no permutation of the taxels 1..``count`` of a fingertip.
+def read_layout(path: Path) -> SensorLayout:
+    """Return the layout in a YAML file: see :func:`parse_layout`."""
+    where = f"layout {path.name!r}"
+    return parse_layout({"name": path.stem} | read_mapping(path, where, "Give fewer taxels."), where)
 
-    Raises ``InputError`` that names the first number out of range, repeated or missing.
+
+def parse_layout(document: Mapping[Any, Any], where: str) -> SensorLayout:
+    """Return the layout of a mapping with the fields of :class:`SensorLayout`; positions or names count its taxels.
+
+    Raises ``InputError`` for anything else.
     """
-    fix = f"Give every taxel from 1 to {count} exactly once."
-    seen: set[int] = set()
-    for position, taxel in enumerate(taxels, start=1):
-        if isinstance(taxel, bool) or not isinstance(taxel, int) or not 1 <= taxel <= count:
-            raise InputError(
-                "location order",
-                f"entry {position} is not a taxel of the fingertip",
-                measured=f"got {taxel!r} against 1..{count}",
-                fix=fix,
-            )
-        if taxel in seen:
-            raise InputError("location order", f"taxel {taxel} is repeated at entry {position}", fix=fix)
-        seen.add(taxel)
-    if missing := [taxel for taxel in range(1, count + 1) if taxel not in seen]:
-        raise InputError(
-            "location order", f"taxel {missing[0]} is missing", measured=f"{len(seen)} of {count} taxels given", fix=fix
-        )
+    values = dict(document)
+    if "positions" in values or "names" in values:
+        counted = values.get("positions", values.get("names"))
+        values.setdefault("taxels", len(counted) if isinstance(counted, list | tuple) else 0)
+    for key in {"name": 0, "taxels": 0} | values:
+        if key not in _HOLDS:
+            raise InputError(where, f"entry {str(key)[:40]!r} is not known", fix=did_you_mean(str(key)[:40], _HOLDS))
+        what, holds = _HOLDS[key]
+        if not holds(values.get(key)):
+            raise InputError(where, f"{key!r} must be {what}", fix=_FIX)
+    pairs = {key: tuple(map(tuple, values[key])) for key in ("positions",) if key in values}
+    return SensorLayout(**values | pairs | {key: tuple(values[key]) for key in ("names",) if key in values})
+
+
+def _are(value: Any, holds: Callable[[Any], bool]) -> bool:
+    return isinstance(value, list | tuple) and all(map(holds, value))
+
+
+def _is_place(pair: Any) -> bool:
+    """Whether a value is a pair of numbers, neither endless nor NaN."""
+    return _are(pair, lambda n: type(n) in (int, float) and abs(n) < 1e9) and len(pair) == 2
+
+
+_WHOLE: tuple[str, Callable[[Any], bool]] = ("a whole number", lambda value: type(value) is int)
+_HOLDS: dict[str, tuple[str, Callable[[Any], bool]]] = {
+    "name": ("a text", lambda value: isinstance(value, str)),
+    **dict.fromkeys(("taxels", "polarities", "surfaces", "columns"), _WHOLE),
+    "positions": ("pairs of numbers, [[x, y], ...]", lambda value: _are(value, _is_place)),
+    "names": ("a list of texts", lambda value: _are(value, lambda name: isinstance(name, str))),
+}

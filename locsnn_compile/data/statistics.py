@@ -6,18 +6,18 @@ import numpy as np
 
 from hw_model.arithmetic.arrays import BoolArray, IntArray
 from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.data.sensor import POLARITIES, TAXELS
+from locsnn_compile.data.sensor import POLARITIES, TAXELS, SensorLayout, neutouch
 
 #: Busiest channels that are named.
 BUSIEST = 5
 
 
-def event_statistics(recordings: Recordings) -> dict[str, Any]:
-    """Return the figures of recordings.
+def event_statistics(recordings: Recordings, sensor: SensorLayout | None = None) -> dict[str, Any]:
+    """Return the figures of recordings of a sensor, by default of NeuTouch where its channels may be those.
 
     They are plain values. An event is a bin that is 1. ``labels``: recordings of each class. ``rate_hz_per_channel`` is
-    None where the width of a bin is not known, ``polarity``, the shares of events, where channels are not those of
-    fingertips. Of ``silence``: recordings without any event; of the others, steps before the first event and after the
+    None where the width of a bin is not known, ``polarity``, the shares of events, where taxels have none or nothing
+    says it. Of ``silence``: recordings without any event; of the others, steps before the first event and after the
     last one; and the share of all steps without one. ``binning``, what reading left out, and ``class_names`` are there
     where there are any.
     """
@@ -28,11 +28,12 @@ def event_statistics(recordings: Recordings) -> dict[str, Any]:
     active: BoolArray = np.any(spikes, axis=2)
     heard = active[by_recording > 0]
     total, width = int(by_recording.sum()), recordings.step_seconds
-    of_sensor = channels % (TAXELS * POLARITIES) == 0
-    rises = of_sensor and total > 0
+    if sensor is None and channels % (TAXELS * POLARITIES) == 0:
+        sensor = neutouch(channels // (TAXELS * POLARITIES))
+    rises = sensor is not None and sensor.polarities == POLARITIES and total > 0
     rising = float(by_channel[::POLARITIES].sum() / total) if rises else 0.0
     most = [channel for channel in np.argsort(-by_channel, kind="stable")[:BUSIEST].tolist() if by_channel[channel]]
-    places = [channel_place(channel) if of_sensor else "" for channel in most]
+    places = [channel_place(channel, sensor) if sensor else "" for channel in most]
     rows = zip(most, places, by_channel[most].tolist(), strict=True)
     busiest = [{"channel": channel, "place": place, "events": count} for channel, place, count in rows]
     labels = None if recordings.labels is None else np.unique(recordings.labels, return_counts=True)
@@ -63,12 +64,21 @@ def event_statistics(recordings: Recordings) -> dict[str, Any]:
     return found
 
 
-def channel_place(channel: int) -> str:
-    """Return where a channel of the sensor lies: ``taxel 4 falling``, with its fingertip from the second on."""
-    cell, polarity = divmod(channel, POLARITIES)
-    fingertip, taxel = divmod(cell, TAXELS)
-    finger = f"fingertip {fingertip + 1}, " if fingertip else ""
-    return f"{finger}taxel {taxel + 1} {'falling' if polarity else 'rising'}"
+def channel_place(channel: int, sensor: SensorLayout) -> str:
+    """Return where a channel lies: ``taxel 4 falling``, with its surface from the second on.
+
+    A taxel of a grid is called by its row and column, from 1, and one that has a name by that.
+    """
+    cell, polarity = divmod(channel, sensor.polarities)
+    surface, taxel = divmod(cell, sensor.taxels)
+    place = f"taxel {taxel + 1}"
+    if sensor.columns is not None:
+        place = f"row {taxel // sensor.columns + 1}, column {taxel % sensor.columns + 1}"
+    if sensor.names is not None:
+        place = sensor.names[taxel]
+    which = "fingertip" if sensor.is_neutouch else "surface"
+    finger = f"{which} {surface + 1}, " if surface else ""
+    return f"{finger}{place}" + ("" if sensor.polarities == 1 else " falling" if polarity else " rising")
 
 
 def _spread(values: IntArray) -> dict[str, float]:

@@ -1,9 +1,10 @@
-"""Synthetic touches with the sensor's layout, for checks without recordings; no claim about any real object.
+"""Synthetic touches with a sensor's layout, for checks without recordings; no claim about any real object.
 
 A contact with a round pressure profile p = exp(-d^2 / (2 r^2)) strokes over the fingertip: it comes down,
 moves to and fro along a line through the taxels, and lifts. Taxels fire rising events while their pressure
 grows, falling events while it shrinks, with a probability proportional to the change; noise events come
-anywhere, any time.
+anywhere, any time. A sensor of another size is touched as if it were as large as a NeuTouch fingertip; taxels that
+lie nowhere are taken to lie in a row, and one polarity is what changes either way.
 """
 
 import math
@@ -11,9 +12,9 @@ import math
 import numpy as np
 
 from hw_model.arithmetic.arrays import BoolArray, FloatArray
-from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.data.sensor import POLARITIES, TAXEL_COORDINATES_MM, TAXELS
-from locsnn_compile.errors import check_range
+from locsnn_compile.data.recordings import MAX_ELEMENTS, Recordings
+from locsnn_compile.data.sensor import TAXEL_COORDINATES_MM, SensorLayout, neutouch
+from locsnn_compile.errors import check_most, check_range
 
 #: Share of bins with an event: 2490 events in 250 steps of 78 channels, as in the published Ev-Objects.
 EVENT_SHARE = 2490 / (250 * 78)
@@ -24,9 +25,18 @@ REACH_MM = 7.0
 
 
 def synthetic_touches(
-    samples: int, *, steps: int, fingertips: int = 1, classes: int = 6, seed: int = 0, step_seconds: float = 0.02
+    samples: int,
+    *,
+    steps: int,
+    fingertips: int = 1,
+    classes: int = 6,
+    seed: int = 0,
+    step_seconds: float | None = 0.02,
+    sensor: SensorLayout | None = None,
 ) -> Recordings:
-    """Return ``samples`` recordings (samples, steps, 78 * fingertips) with labels 0, 1, ... in turn.
+    """Return ``samples`` recordings (samples, steps, channels) with labels 0, 1, ... in turn.
+
+    Channels are those of ``sensor``, by default of NeuTouch ``fingertips``.
 
     A class is a motion: the direction of its strokes, their number and the step at which the contact comes
     down. Where and how hard it touches varies from recording to recording. Equal arguments give equal
@@ -42,14 +52,28 @@ def synthetic_touches(
     for name, limit in limits.items():
         check_range(*limit, f"synthetic touches, {name!r}")
     labels = np.arange(samples, dtype=np.int64) % classes
-    spikes = np.empty((samples, steps, fingertips * TAXELS * POLARITIES), dtype=np.uint8)
+    sensor = sensor or neutouch(fingertips)
+    size = samples * steps * sensor.channels
+    check_most(size, MAX_ELEMENTS, "synthetic touches", "they are too large", unit="values", fix="Take fewer.")
+    spikes = np.empty((samples, steps, sensor.channels), dtype=np.uint8)
     for sample, label in enumerate(labels):
         rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, sample])))
-        spikes[sample] = _touch(int(label), classes, steps, fingertips, rng)
+        spikes[sample] = _touch(int(label), classes, steps, sensor, rng)
     return Recordings(spikes, labels, step_seconds, "synthetic touches", "made up")
 
 
-def _touch(label: int, classes: int, steps: int, fingertips: int, rng: np.random.Generator) -> BoolArray:
+def _places_mm(sensor: SensorLayout) -> FloatArray:
+    """Return where taxels are touched, (taxels, 2): round (0, 0), and as far from it as those of NeuTouch."""
+    places = sensor.places
+    if places is None:
+        places = np.stack([np.arange(sensor.taxels), np.zeros(sensor.taxels)], axis=1)
+    from_middle = places - (places.min(axis=0) + places.max(axis=0)) / 2
+    largest = float(np.abs(from_middle).max())
+    found: FloatArray = from_middle * float(np.abs(TAXEL_COORDINATES_MM).max() / largest if largest else 1.0)
+    return found
+
+
+def _touch(label: int, classes: int, steps: int, sensor: SensorLayout, rng: np.random.Generator) -> BoolArray:
     """Return the events (steps, channels) of one recording."""
     angle = 2 * math.pi * label / classes + rng.normal(0, 0.1)
     strokes = 1.0 + label % 3
@@ -62,16 +86,16 @@ def _touch(label: int, classes: int, steps: int, fingertips: int, rng: np.random
     aside = rng.normal(0, 1.0)
     centre_x = math.cos(angle) * along - math.sin(angle) * aside
     centre_y = math.sin(angle) * along + math.cos(angle) * aside
-    taxels = np.array(TAXEL_COORDINATES_MM)
-    activity = np.empty((steps, fingertips, TAXELS, POLARITIES))
-    for fingertip in range(fingertips):
+    taxels = _places_mm(sensor)
+    activity = np.empty((steps, sensor.surfaces, sensor.taxels, sensor.polarities))
+    for fingertip in range(sensor.surfaces):
         # Fingertips face each other, so the second sees the motion mirrored.
         x = centre_x if fingertip % 2 == 0 else -centre_x
         square = (taxels[:, 0] - x[:, np.newaxis]) ** 2 + (taxels[:, 1] - centre_y[:, np.newaxis]) ** 2
         pressure = force[:, np.newaxis] * np.exp(-square / (2 * RADIUS_MM**2))
-        change = np.diff(pressure, axis=0, prepend=np.zeros((1, TAXELS)))
-        activity[:, fingertip, :, 0] = np.maximum(change, 0)
-        activity[:, fingertip, :, 1] = np.maximum(-change, 0)
+        change = np.diff(pressure, axis=0, prepend=np.zeros((1, sensor.taxels)))
+        both = np.stack([np.maximum(change, 0), np.maximum(-change, 0)], axis=-1)
+        activity[:, fingertip] = both if sensor.polarities == 2 else both.sum(axis=-1, keepdims=True)
     share = _scaled(activity.reshape(steps, -1), EVENT_SHARE * (1 - NOISE_SHARE))
     noise = EVENT_SHARE * NOISE_SHARE
     return rng.random(share.shape) < share + noise - share * noise

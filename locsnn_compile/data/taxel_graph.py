@@ -1,4 +1,4 @@
-"""Which taxels of a fingertip are neighbours: the graphs of TactileSGNet.
+"""Which taxels of a surface are neighbours: the graphs of TactileSGNet, for any sensor that says where they lie.
 
 Source of the three ways: Gu et al., IROS 2020. Edges are undirected here, each held once.
 """
@@ -9,49 +9,56 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from hw_model.arithmetic.arrays import FloatArray
-from locsnn_compile.data.sensor import MANUAL_EDGES, TAXEL_COORDINATES_MM, TAXELS
+from locsnn_compile.data.sensor import MANUAL_EDGES, SensorLayout
 from locsnn_compile.errors import InputError, did_you_mean
 
 Edges = tuple[tuple[int, int], ...]
 GRAPHS = ("manual", "nearest", "tree")
-CENTRE = 21
-"""The taxel in the middle of the fingertip, from which the spanning tree grows."""
 
 
-def taxel_graph(kind: str, *, neighbours: int, nearer_mm: float) -> Edges:
-    """Return the edges of a fingertip's graph, pairs of 1-based taxel numbers, the lower first, sorted.
+def taxel_graph(kind: str, layout: SensorLayout, *, neighbours: int, nearer_mm: float) -> Edges:
+    """Return the edges of a surface's graph, pairs of 1-based taxel numbers, the lower first, sorted.
 
-    ``manual``: joined by hand. ``nearest``: every taxel and its ``neighbours`` nearest ones, of equally near ones those
-    of the lowest number. ``tree``: the minimum spanning tree that grows from the centre taxel, and all pairs nearer
-    than ``nearer_mm`` millimetres. Raises ``InputError`` for another kind.
+    ``manual``: joined by hand, NeuTouch's. ``nearest``: every taxel and its ``neighbours`` nearest ones, of equally
+    near ones those of the lowest number. ``tree``: the minimum spanning tree that grows from the taxel in the middle,
+    and all pairs nearer than ``nearer_mm``, in the unit of the layout. Raises ``InputError`` for another kind, and for
+    a sensor that lacks what it needs.
     """
+    if kind not in GRAPHS:
+        raise InputError("taxel graph", f"{kind!r} is not known", fix=did_you_mean(kind, GRAPHS))
+    where = f"taxel graph {kind!r}"
     if kind == "manual":
+        if not layout.is_neutouch:
+            what = "its edges were drawn by hand for a NeuTouch fingertip"
+            raise InputError(where, what, measured=f"sensor {layout.name!r}", fix="Take --graph nearest or tree.")
         return MANUAL_EDGES
-    distance = _distances_mm()
+    places = layout.needed_places(where)
+    # Rounded so that equal distances compare as equal.
+    distance: FloatArray = cdist(places, places).round(9)
     if kind == "nearest":
-        near = np.argsort(distance + np.diag(np.full(TAXELS, np.inf)), axis=1, kind="stable")
-        return _edges((a, int(b)) for a in range(TAXELS) for b in near[a, :neighbours])
-    if kind == "tree":
-        close = zip(*np.nonzero(np.triu(distance < nearer_mm, k=1)), strict=True)
-        return _edges([*_spanning_tree(distance), *((int(a), int(b)) for a, b in close)])
-    raise InputError("taxel graph", f"{kind!r} is not known", fix=did_you_mean(kind, GRAPHS))
+        near = np.argsort(distance + np.diag(np.full(len(places), np.inf)), axis=1, kind="stable")
+        return _edges((a, int(b)) for a in range(len(places)) for b in near[a, : min(neighbours, len(places) - 1)])
+    close = zip(*np.nonzero(np.triu(distance < nearer_mm, k=1)), strict=True)
+    middle = int(np.square(places - places.mean(axis=0)).sum(axis=1).round(9).argmin())
+    return _edges([*_spanning_tree(distance, middle), *((int(a), int(b)) for a, b in close)])
 
 
-def _distances_mm() -> FloatArray:
-    """Return all distances (taxels, taxels), rounded so that equal ones compare as equal."""
-    distance: FloatArray = cdist(TAXEL_COORDINATES_MM, TAXEL_COORDINATES_MM).round(9)
-    return distance
+def _spanning_tree(distance: FloatArray, middle: int) -> list[tuple[int, int]]:
+    """Return the edges, 0-based, by which a tree grows from the middle to the nearest taxel outside it.
 
-
-def _spanning_tree(distance: FloatArray) -> list[tuple[int, int]]:
-    """Return the edges, 0-based, by which a tree grows from the centre to the nearest taxel outside it."""
-    inside, edges = [CENTRE - 1], []
-    outside = [taxel for taxel in range(TAXELS) if taxel != CENTRE - 1]
-    while outside:
-        _, a, b = min((distance[a, b], a, b) for a in inside for b in outside)
-        edges.append((a, b))
-        inside.append(b)
-        outside.remove(b)
+    Of equally near ones, the edge from the lowest number inside, then to the lowest outside.
+    """
+    far, inside = distance[middle].copy(), np.full(len(distance), middle)
+    far[middle] = np.inf
+    edges = []
+    for _ in range(len(distance) - 1):
+        nearest = np.flatnonzero(far == far.min())
+        b = int(nearest[np.lexsort((nearest, inside[nearest]))[0]])
+        edges.append((int(inside[b]), b))
+        far[b] = np.inf
+        outside = np.isfinite(far)
+        better = outside & ((distance[b] < far) | ((distance[b] == far) & (b < inside)))
+        far, inside = np.where(better, distance[b], far), np.where(better, b, inside)
     return edges
 
 

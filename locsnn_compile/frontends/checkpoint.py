@@ -78,7 +78,7 @@ def network_of(checkpoint: Checkpoint) -> Network:
         channels=layout.channels,
         steps=layout.steps,
         step_seconds=layout.step_seconds,
-        fingertips=layout.fingertips,
+        sensor=layout.sensor,
         event_threshold=layout.event_threshold,
         psi=_psi(checkpoint),
         class_names=description.class_names,

@@ -4,12 +4,11 @@ Both take x (batch, steps, channels), floats 0 or 1, and return class scores (ba
 ``output``. They are trained here and counted, not compiled.
 """
 
-import numpy as np
 import torch
 from torch import Tensor, nn
 
-from locsnn_compile.baselines.ann_shapes import CONVOLUTIONS, FRAME
-from locsnn_compile.data.frame import frame_cells
+from locsnn_compile.baselines.ann_shapes import CONVOLUTIONS
+from locsnn_compile.data.frame import frame_cells, frame_size
 from locsnn_compile.models.description import NetworkDescription
 from locsnn_compile.models.touch_model import TouchModel
 
@@ -50,8 +49,8 @@ class GruMlp(ArtificialNetwork):
 class Cnn3d(ArtificialNetwork):
     """``cnn-3d``: two convolutions with ReLU over frames of each fingertip, then one linear layer over all of them.
 
-    A frame has 9 x 7 cells, of which :data:`locsnn_compile.data.sensor.FRAME_OF_TAXELS` gives 39 to taxels, and a
-    channel a polarity. All fingertips go through the same convolutions.
+    A frame is the grid of a sensor, or the 9 x 7 cells of which :data:`locsnn_compile.data.sensor.FRAME_OF_TAXELS`
+    gives 39 to taxels; a channel of it is a polarity. All fingertips go through the same convolutions.
     """
 
     cells: Tensor
@@ -64,16 +63,19 @@ class Cnn3d(ArtificialNetwork):
             self.add_module(f"conv_{number}", nn.Conv3d(inputs, outputs, kernel, stride))
             self.add_module(f"relu_{number}", nn.ReLU())
         self.readout = nn.Linear(shapes["readout.weight"][1], self.description.classes)
-        self.register_buffer("cells", torch.from_numpy(frame_cells().copy()), persistent=False)
+        self.register_buffer(
+            "cells", torch.from_numpy(frame_cells(self.description.input.sensor).copy()), persistent=False
+        )
 
     def forward(self, x: Tensor) -> dict[str, Tensor]:
         """Return the class scores of ``x`` (batch, steps, channels)."""
         self.check_shape(x)
-        layout = self.description.input
-        touch = x.reshape(len(x), layout.steps, layout.fingertips, layout.taxels, layout.polarities)
-        frames = x.new_zeros(len(x), layout.fingertips, layout.polarities, layout.steps, int(np.prod(FRAME)))
+        sensor, steps = self.description.input.sensor, self.description.input.steps
+        touch = x.reshape(len(x), steps, sensor.surfaces, sensor.taxels, sensor.polarities)
+        frame = frame_size(sensor)
+        frames = x.new_zeros(len(x), sensor.surfaces, sensor.polarities, steps, frame[0] * frame[1])
         frames[..., self.cells] = touch.permute(0, 2, 4, 1, 3)
-        stream = frames.reshape(-1, layout.polarities, layout.steps, *FRAME)
+        stream = frames.reshape(-1, sensor.polarities, steps, *frame)
         for number in range(1, len(CONVOLUTIONS) + 1):
             for kind in ("conv", "relu"):
                 stream = self.get_submodule(f"{kind}_{number}")(stream)

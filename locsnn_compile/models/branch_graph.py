@@ -25,13 +25,13 @@ def branch_graph(description: NetworkDescription, branch: str) -> BranchGraph:
     The inputs of a taxel are its polarities on the first fingertip, then on the next; channels are numbered as in
     :class:`~locsnn_compile.models.description.InputLayout`.
     """
-    graph, layout = description.graph, description.input
+    graph, sensor = description.graph, description.input.sensor
     assert graph is not None
     nodes, inputs, _ = description.graph_size(branch)
     if branch == "location":
         lines = np.arange(nodes, dtype=np.int64)[:, np.newaxis]
         return BranchGraph(hop_matrix(step_edges(nodes), nodes, graph.hops), lines)
-    channels = np.arange(layout.channels, dtype=np.int64).reshape(layout.fingertips, nodes, layout.polarities)
+    channels = np.arange(sensor.channels, dtype=np.int64).reshape(sensor.surfaces, nodes, sensor.polarities)
     return BranchGraph(
         hop_matrix(graph.taxel_edges, nodes, graph.hops), channels.transpose(1, 0, 2).reshape(nodes, inputs)
     )

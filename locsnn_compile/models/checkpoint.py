@@ -22,7 +22,9 @@ have any number of axes, and
 is its graph convolutions. Any version may hold ``"delays": [steps, ...]`` of the synapses from the recording onto
 ``time_hidden``, whose weights for each delay then lie side by side, ``"location_delays": [locations, ...]`` of those
 onto ``location_hidden``, ``"location_neuron": {...}``, where the location branch has other constants than ``neuron``,
-and in ``input`` the ``event_threshold`` that bins of single events had to exceed. Written here, read by
+and ``"class_names": [names]``. In ``input`` there may be the ``event_threshold`` that bins of single events had to
+exceed, and there is, where it is not NeuTouch, the ``sensor`` in place of its sizes: see
+:class:`locsnn_compile.data.sensor.SensorLayout`. Written here, read by
 :mod:`locsnn_compile.models.checkpoint_reader`, which never runs code of the file.
 """
 
@@ -38,6 +40,7 @@ from hw_model.arithmetic.arrays import AnyArray
 from hw_model.io.files import replace_file
 from hw_model.values import Shown
 from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.data.torch_writer import torch_bytes
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.chip_entry import ChipNumbers, ChipPopulation, chip_entry
@@ -155,9 +158,14 @@ def check_weights(where: str, weights: AnyArray, numbers: ChipPopulation | None)
 
 
 def _input_entry(layout: InputLayout) -> dict[str, Any]:
-    """Return the entry; without a threshold it is as it was before there was one."""
-    entry = asdict(layout)
-    return entry if layout.event_threshold is not None else {k: v for k, v in entry.items() if k != "event_threshold"}
+    """Return the entry; of NeuTouch, and without a threshold, it is as it was before there were others."""
+    sensor = layout.sensor
+    entry: dict[str, Any] = {"steps": layout.steps, "step_seconds": layout.step_seconds}
+    if sensor == neutouch(sensor.surfaces):
+        entry = {"fingertips": sensor.surfaces} | entry | {"taxels": sensor.taxels, "polarities": sensor.polarities}
+    else:
+        entry["sensor"] = sensor.document()
+    return entry if layout.event_threshold is None else entry | {"event_threshold": layout.event_threshold}
 
 
 def _order_entry(description: NetworkDescription) -> dict[str, Any] | None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from hw_model.arithmetic.arrays import AnyArray
 from locsnn_compile.data.recordings import Origin, Recordings
+from locsnn_compile.data.sensor import POLARITIES, TAXELS, SensorLayout, neutouch, parse_layout
 from locsnn_compile.data.tensors import Tensor
 from locsnn_compile.data.torch_file import load_plain, read_bytes
 from locsnn_compile.errors import InputError, did_you_mean
@@ -70,17 +71,13 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
     _check_keys(where, "", values, _KEYS | more.get(version, {}) | optional)
     if version not in (1, *more):
         raise file_fault(where, "its version does not exist", against)
-    layout = field_kinds(InputLayout)
-    if "event_threshold" not in values["input"]:
-        layout = {key: kinds for key, kinds in layout.items() if key != "event_threshold"}
-    _check_keys(where, "input.", values["input"], layout)
     name = _name(where, "name", values["name"])
     order_name, taxels = _location_order(where, values["location_order"])
     own = values.get("location_neuron", {})
     try:
         description = NetworkDescription(
             architecture=values["architecture"],
-            input=InputLayout(**values["input"]),
+            input=_input(where, values["input"]),
             classes=values["classes"],
             hidden=values["hidden"],
             neuron=_neuron(where, values["neuron"], srm=version != VERSION),
@@ -133,6 +130,20 @@ def _name(where: str, key: str, name: str) -> str:
     if not 0 < len(name) <= 200 or not name.isprintable() or "/" in name or "\\" in name:
         raise file_fault(where, f"entry '{key}' is not a plain name", f"got {name[:80]!r}")
     return name
+
+
+def _input(where: str, entry: Mapping[str, Any]) -> InputLayout:
+    """Return the input layout; of NeuTouch the file gives sizes, of any other sensor its layout."""
+    sizes, known = ("taxels", "polarities", "fingertips"), field_kinds(InputLayout)
+    lacks = {"event_threshold", "sensor"} - set(entry)
+    held: dict[str, tuple[type, ...]] = {"sensor": (dict,)} if "sensor" in entry else dict.fromkeys(sizes, (int,))
+    _check_keys(where, "input.", entry, {key: known[key] for key in known if key not in lacks} | held)
+    if "sensor" in entry:
+        sensor = parse_layout(entry["sensor"], "input 'sensor'")
+    else:
+        sensor = SensorLayout("channels", *(entry[name] for name in sizes))
+        sensor = neutouch(sensor.surfaces) if (sensor.taxels, sensor.polarities) == (TAXELS, POLARITIES) else sensor
+    return InputLayout(sensor, **{name: value for name, value in entry.items() if name not in held})
 
 
 def _neuron(where: str, entry: dict[Any, Any], *, srm: bool) -> Neuron | None:

@@ -9,8 +9,10 @@ from collections.abc import Mapping
 from hw_model.arithmetic.arrays import AnyArray, IntArray
 from hw_model.values import Frozen
 from locsnn_compile.baselines.ann_shapes import ann_shapes
+from locsnn_compile.data.frame import frame_size
+from locsnn_compile.data.orders import channel_walk, check_location_taxels
 from locsnn_compile.data.recordings import MAX_STEPS, clean_class_names
-from locsnn_compile.data.sensor import channel_walk, check_location_taxels
+from locsnn_compile.data.sensor import SensorLayout
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
 from locsnn_compile.models.graph_parameters import GraphParameters
@@ -18,7 +20,6 @@ from locsnn_compile.models.plain_checks import is_number, require, require_count
 from locsnn_compile.models.windows import BIAS, MAX_WINDOW_NEURONS, WEIGHT, WindowParameters, output_parts
 
 #: Largest sizes accepted anywhere: a few times what any published tactile recording needs.
-MAX_CHANNELS = 4_096
 MAX_UNITS = 4_096
 MAX_THRESHOLD = 20_000_000
 #: Longest delay of a synapse, in steps, that any chip file allows.
@@ -26,34 +27,28 @@ MAX_DELAY = 65_534
 
 
 class InputLayout(Frozen):
-    """The shape of one recording.
+    """The shape of one recording: ``steps`` time steps of the channels of a ``sensor``.
 
-    ``channels = fingertips * taxels * polarities``, numbered taxel-major: channel = polarities * taxel
-    + polarity, taxels counted from 0 through all fingertips. ``steps`` time steps of ``step_seconds``, None where
-    nothing says how long a step is.
+    ``step_seconds`` is None where nothing says how long a step is.
     """
 
-    fingertips: int
+    sensor: SensorLayout
     steps: int
     step_seconds: float | None
-    taxels: int = 39
-    polarities: int = 2
     event_threshold: int | None = None
     """Events that a bin had to exceed to be 1; None where recordings came as bins."""
 
     def __post_init__(self) -> None:
-        for name in ("fingertips", "taxels", "polarities", "steps"):
-            require_count(f"input {name!r}", getattr(self, name), MAX_STEPS)
+        require_count("input 'steps'", self.steps, MAX_STEPS)
         if self.step_seconds is not None:
             require_positive("input 'step_seconds'", self.step_seconds)
-        require_count("input channels", self.channels, MAX_CHANNELS)
         if self.event_threshold is not None:
             require_count("input 'event_threshold'", self.event_threshold, MAX_THRESHOLD, least=0)
 
     @property
     def channels(self) -> int:
         """Number of input channels of a recording."""
-        return self.fingertips * self.taxels * self.polarities
+        return self.sensor.channels
 
 
 class NeuronParameters(Frozen):
@@ -155,10 +150,10 @@ class NetworkDescription(Frozen):
         elif self.location_taxels is None or self.location_order is None:
             raise self._refused(
                 "its location branch needs a location order",
-                fix="Give one of: arch, loop, whorl, or a list of taxel numbers.",
+                fix="Give its name, such as loop or snake, or a list of taxel numbers.",
             )
         else:
-            check_location_taxels(self.location_taxels, self.input.taxels)
+            check_location_taxels(self.location_taxels, self.input.sensor.taxels)
 
     def _check_parts(self) -> None:
         """Refuse a neuron and a graph that the architecture has not."""
@@ -178,17 +173,12 @@ class NetworkDescription(Frozen):
                     fix="Correct the description.",
                 )
         if self.graph is not None:
-            self.graph.check(self.input.taxels)
+            self.graph.check(self.input.sensor.taxels)
             for branch in self.branches:
                 nodes, _, features = self.graph_size(branch)
                 require_count(f"neurons of {branch}_graph", nodes * features, MAX_UNITS)
-        if self.architecture == "cnn-3d" and (self.input.taxels, self.input.polarities) != (39, 2):
-            raise InputError(
-                "architecture 'cnn-3d'",
-                "its frames are those of one sensor",
-                measured=f"{self.input.taxels} taxels of {self.input.polarities} polarities against 39 of 2",
-                fix="Take another network.",
-            )
+        if self.architecture == "cnn-3d":
+            frame_size(self.input.sensor)
 
     def _check_delays(self) -> None:
         """Refuse delays that no synapse has, and any where there is no layer for them."""
@@ -219,10 +209,7 @@ class NetworkDescription(Frozen):
     @property
     def walk(self) -> IntArray:
         """Position -> channel of the location branch, (channels,); ``InputError`` where there is none."""
-        layout = self.input
-        return channel_walk(
-            self.location_taxels or (), layout.fingertips, taxels=layout.taxels, polarities=layout.polarities
-        )
+        return channel_walk(self.location_taxels or (), self.input.sensor)
 
     @property
     def branches(self) -> tuple[str, ...]:
@@ -256,8 +243,8 @@ class NetworkDescription(Frozen):
     @property
     def _hidden_of_taxel(self) -> list[int]:
         """Hidden neurons of a network of windows that hear each taxel of the walk."""
-        layout = self.input
-        return [layout.polarities * self.windows.of_channel(layout.steps)] * (layout.fingertips * layout.taxels)
+        sensor = self.input.sensor
+        return [sensor.polarities * self.windows.of_channel(self.input.steps)] * (sensor.surfaces * sensor.taxels)
 
     @property
     def output_parts(self) -> list[slice]:
@@ -282,7 +269,8 @@ class NetworkDescription(Frozen):
         """
         assert self.graph is not None
         if branch == "time":
-            return self.input.taxels, self.input.fingertips * self.input.polarities, self.graph.features
+            sensor = self.input.sensor
+            return sensor.taxels, sensor.surfaces * sensor.polarities, self.graph.features
         return self.input.steps, 1, self.graph.step_features
 
     @property
@@ -293,12 +281,10 @@ class NetworkDescription(Frozen):
         Of a graph convolution (features, (hops + 1) * inputs a node). Of an artificial network parameter name -> shape.
         """
         if not self.structure.spiking:
-            layout = self.input
             return ann_shapes(
                 self.architecture,
-                fingertips=layout.fingertips,
-                channels=layout.channels // layout.fingertips,
-                steps=layout.steps,
+                sensor=self.input.sensor,
+                steps=self.input.steps,
                 classes=self.classes,
                 hidden=self.hidden,
             )

@@ -4,6 +4,8 @@ Network -> QuantizedNetwork -> CompartmentGraph -> PlacedGraph -> RoutedGraph ->
 (this file)  quantize       lower_neurons      place_cores    route_axons    assemble
 """
 
+from typing import Any
+
 import numpy as np
 
 from hw_model.arithmetic.arrays import ByteArray, FloatArray, IntArray
@@ -12,6 +14,7 @@ from hw_model.mapping.graph import Readout as Readout
 from hw_model.values import Shown
 from locsnn_compile.data.expected import Expected
 from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.sensor import SensorLayout
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.neurons import Neuron
 from locsnn_compile.network.projections import ChipProjection, Projection
@@ -114,8 +117,8 @@ class Network(Shown):
     readout: Readout
     step_seconds: float | None = None
     """Seconds of a time step; None where neither its file nor the user says it."""
-    fingertips: int | None = None
-    """Fingertips of 39 taxels and two polarities, where the channels are those of a tactile sensor."""
+    sensor: SensorLayout | None = None
+    """What its channels are, where its file says it."""
     sha256: str = ""
     """Of the file that it was read from; nothing where it was made by hand."""
     recordings: Recordings | None = None
@@ -156,7 +159,12 @@ class Network(Shown):
         """What it expects of recordings."""
         steps = None if self.any_length else self.steps
         own = self.step_seconds, self.event_threshold, steps, self.channels, self.class_names
-        return Expected(f"model {self.name!r}", *own)
+        return Expected(f"model {self.name!r}", *own, **self.event_options)
+
+    @property
+    def event_options(self) -> dict[str, Any]:
+        """What its sensor says of events with x and y."""
+        return {} if self.sensor is None else self.sensor.event_options
 
     def steps_of(self, phase: str) -> int:
         """Steps of a phase: time steps, or those of its walks over the channels."""

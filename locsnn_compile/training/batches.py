@@ -44,6 +44,7 @@ def batches(
     labels: IntArray,
     config: TrainingConfig,
     rng: np.random.Generator,
+    polarities: int = POLARITIES,
 ) -> Iterator[tuple[NDArray[np.float32], IntArray]]:
     """Yield (spikes (batch, steps, channels), labels (batch,)) of one epoch, every recording once."""
     order = rng.permutation(len(labels))
@@ -52,28 +53,28 @@ def batches(
         fed = spikes[rows].astype(np.float32)
         if config.mixing:
             others = [rng.choice(np.flatnonzero(labels == label)) for label in labels[rows]]
-            fed = mix_taxels(fed, spikes[others].astype(np.float32), config.mixing, rng)
-        yield augmented(fed, config, rng), labels[rows]
+            fed = mix_taxels(fed, spikes[others].astype(np.float32), config.mixing, rng, polarities)
+        yield augmented(fed, config, rng, polarities), labels[rows]
 
 
 Spikes = NDArray[np.float32]
 
 
-def augmented(spikes: Spikes, config: TrainingConfig, rng: np.random.Generator) -> Spikes:
+def augmented(spikes: Spikes, config: TrainingConfig, rng: np.random.Generator, polarities: int = POLARITIES) -> Spikes:
     """Return changed spikes, as a training configuration asks for."""
-    taxels = spikes.shape[2] // POLARITIES
     spikes = add_events(spikes, config.event_noise, rng)
     spikes = drop_events(spikes, config.event_dropout, rng)
     spikes = drop_channels(spikes, config.channel_dropout, rng)
-    spikes = drop_taxels(spikes, config.taxel_dropout, rng)
-    spikes = shift_in_time(spikes, config.taxel_shift, rng, parts=taxels)
+    spikes = drop_taxels(spikes, config.taxel_dropout, rng, polarities)
+    spikes = shift_in_time(spikes, config.taxel_shift, rng, parts=spikes.shape[2] // polarities)
     return shift_in_time(spikes, config.time_shift, rng)
 
 
-def mix_taxels(spikes: Spikes, others: Spikes, largest: float, rng: np.random.Generator) -> Spikes:
-    """Take taxels from ``others``, both polarities of each, in each recording with a probability of 0..``largest``."""
-    shape = len(spikes), 1, spikes.shape[2] // POLARITIES
-    return np.where(_kept(shape, largest, rng).repeat(POLARITIES, axis=2), spikes, others)
+def mix_taxels(
+    spikes: Spikes, others: Spikes, largest: float, rng: np.random.Generator, polarities: int = POLARITIES
+) -> Spikes:
+    """Take taxels from ``others``, all polarities of each, in each recording with a probability of 0..``largest``."""
+    return np.where(_kept_taxels(spikes, largest, rng, polarities), spikes, others)
 
 
 def add_events(spikes: Spikes, largest: float, rng: np.random.Generator) -> Spikes:
@@ -91,10 +92,14 @@ def drop_channels(spikes: Spikes, largest: float, rng: np.random.Generator) -> S
     return spikes if largest == 0 else spikes * _kept((len(spikes), 1, spikes.shape[2]), largest, rng)
 
 
-def drop_taxels(spikes: Spikes, largest: float, rng: np.random.Generator) -> Spikes:
-    """Drop taxels, both polarities of each, of each recording with a probability of 0..``largest``."""
-    shape = len(spikes), 1, spikes.shape[2] // POLARITIES
-    return spikes if largest == 0 else spikes * _kept(shape, largest, rng).repeat(POLARITIES, axis=2)
+def drop_taxels(spikes: Spikes, largest: float, rng: np.random.Generator, polarities: int = POLARITIES) -> Spikes:
+    """Drop taxels, all polarities of each, of each recording with a probability of 0..``largest``."""
+    return spikes if largest == 0 else spikes * _kept_taxels(spikes, largest, rng, polarities)
+
+
+def _kept_taxels(spikes: Spikes, largest: float, rng: np.random.Generator, polarities: int) -> BoolArray:
+    shape = len(spikes), 1, spikes.shape[2] // polarities
+    return _kept(shape, largest, rng).repeat(polarities, axis=2)
 
 
 def _kept(shape: tuple[int, ...], largest: float, rng: np.random.Generator) -> BoolArray:

@@ -7,6 +7,7 @@ from typing import Annotated, Any, NamedTuple, cast, get_type_hints
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS
 from hw_model.io.yaml_text import read_mapping
 from hw_model.values import Frozen, Shown
+from locsnn_compile.data.sensor import MAX_CHANNELS, SensorLayout, asked_layout
 from locsnn_compile.data.taxel_graph import GRAPHS
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.models.architectures import ARCHITECTURES
@@ -79,7 +80,9 @@ class TrainingConfig(Shown, eq=True):
       is not known. ``event_threshold``: a bin is 1 where it has more single events (None: 0). ``steps`` of a recording:
       silence follows a shorter one, a longer one is cut (None: the longest one's). ``psi``: how late the time-weighted
       prediction turns to the location branch, which the checkpoint keeps (None: not said).
-    - ``axes``: the order of the axes of arrays, where it is not that of files.
+    - ``grid`` (columns x rows, such as 16x16), ``channels`` or ``layout`` (a YAML file), with ``polarities`` (of a grid
+      2, of channels 1): the sensor, by default NeuTouch; see :class:`locsnn_compile.data.sensor.SensorLayout`.
+      ``axes``: the order of the axes of arrays, where it is not that of files.
     - time constants in steps; ``theta`` to ``scale_rho`` are those of spike response neurons, ``decay``, ``threshold``
       and ``window`` those of integrate-and-fire ones. ``location_theta`` to ``location_threshold``: those of the
       location branch, where they are others; its steps are locations.
@@ -138,6 +141,10 @@ class TrainingConfig(Shown, eq=True):
     steps: Annotated[int | None, Range(1, 20_000)] = None
     event_threshold: Annotated[int | None, Range(0, 20_000_000)] = None
     psi: Annotated[float | None, Range(0.0, 1e6)] = None
+    grid: str | None = None
+    polarities: Annotated[int | None, Range(1, 2)] = None
+    channels: Annotated[int | None, Range(1, MAX_CHANNELS)] = None
+    layout: str | None = None
     axes: str | None = None
     theta: Annotated[float, Range(1e-6, 1e6)] = 10.0
     tau_sr: Annotated[float, Range(1e-3, 1e5)] = 10.0
@@ -169,6 +176,11 @@ class TrainingConfig(Shown, eq=True):
     refractory: Annotated[int, Range(1, 65_535)] = 1
     pruned: Annotated[float, Range(0.0, 0.999)] = 0.0
     spike_cost: Annotated[float, Range(0.0, 1e3)] = 0.0
+
+    @property
+    def sensor(self) -> SensorLayout | None:
+        """The sensor that is asked for; None where recordings are those of NeuTouch."""
+        return asked_layout(self.grid, self.polarities, self.channels, self.layout)
 
     def __post_init__(self) -> None:
         hints = get_type_hints(TrainingConfig, include_extras=True)

@@ -4,8 +4,9 @@ from collections.abc import Mapping
 from dataclasses import asdict, fields, replace
 from typing import Any
 
+from locsnn_compile.data.orders import location_order, order_text
 from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.data.sensor import POLARITIES, TAXELS, parse_location_order
+from locsnn_compile.data.sensor import POLARITIES, TAXELS, SensorLayout, neutouch
 from locsnn_compile.data.taxel_graph import taxel_graph
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.architectures import ARCHITECTURES
@@ -20,23 +21,17 @@ def describe(recordings: Recordings, config: TrainingConfig, classes: int, name:
     fit.
     """
     channels = recordings.spikes.shape[2]
-    per_fingertip = TAXELS * POLARITIES
-    if channels % per_fingertip:
-        raise InputError(
-            f"recordings {recordings.source!r}",
-            "their channels are not those of whole fingertips",
-            measured=f"{channels} channels against multiples of {per_fingertip}",
-            fix="Give recordings of one or two NeuTouch fingertips.",
-        )
+    sensor = config.sensor or neutouch(max(1, channels // (TAXELS * POLARITIES)))
+    sensor.check_channels(channels, f"recordings {recordings.source!r}")
     order: str | None = None
     taxels: tuple[int, ...] | None = None
     structure = ARCHITECTURES[config.model]
     if "location" in structure.branches:
-        order, taxels = parse_location_order(config.order)
+        order, taxels = location_order(order_text(config.order), sensor)
     return NetworkDescription(
         architecture=config.model,
         input=InputLayout(
-            fingertips=channels // per_fingertip,
+            sensor=sensor,
             steps=recordings.spikes.shape[1],
             step_seconds=recordings.step_seconds or config.step_seconds,
             event_threshold=recordings.threshold,
@@ -48,7 +43,7 @@ def describe(recordings: Recordings, config: TrainingConfig, classes: int, name:
         location_order=order,
         location_taxels=taxels,
         name=name,
-        graph=_graph(config) if structure.graph else None,
+        graph=_graph(config, sensor) if structure.graph else None,
         delays=_whole_numbers("delays", config.delays, "0 20 40 60"),
         location_delays=_whole_numbers("location_delays", config.location_delays, "0 20 40 60"),
         class_names=recordings.class_names,
@@ -91,8 +86,8 @@ def _location_neuron(config: TrainingConfig) -> Neuron | None:
     return replace(neuron, **own)
 
 
-def _graph(config: TrainingConfig) -> GraphParameters:
-    edges = taxel_graph(config.graph, neighbours=config.neighbours, nearer_mm=config.nearer_mm)
+def _graph(config: TrainingConfig, sensor: SensorLayout) -> GraphParameters:
+    edges = taxel_graph(config.graph, sensor, neighbours=config.neighbours, nearer_mm=config.nearer_mm)
     return GraphParameters(config.graph, edges, config.hops, config.features, config.step_features)
 
 

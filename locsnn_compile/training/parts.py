@@ -17,7 +17,7 @@ def read_parts(
     if start is not None:
         own = start.description.input
         sizes = own.step_seconds, own.event_threshold, own.steps, own.channels
-        model = Expected("the network to start from", *sizes, start.description.class_names)
+        model = Expected("the network to start from", *sizes, start.description.class_names, **own.sensor.event_options)
     parts = [part for part in ("train", "test") if part in recording_parts(data)]
     read = [
         read_recordings(
@@ -27,6 +27,7 @@ def read_parts(
             threshold=config.event_threshold,
             steps=config.steps,
             axes=config.axes,
+            sensor=config.sensor,
             model=model,
         )
         for part in (parts if "train" in parts else [None])

@@ -178,7 +178,7 @@ def _run_phase(run: _Run, state: TrainingState, rows: IntArray, held: IntArray, 
             group["lr"] = rate
         total = 0.0
         rng = epoch_generator(config.seed, _PHASES[state.phase], epoch)
-        for x, y in batches(spikes, labels, config, rng):
+        for x, y in batches(spikes, labels, config, rng, run.description.input.sensor.polarities):
             placed, of_them = (torch.from_numpy(values).to(config.device) for values in (x, y))
             loss = run.loss(network, network(placed), of_them, class_shares)
             for weight in weights:  # what zero_grad does, without its overhead

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from locsnn_compile.cli.compile import main
+from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.models.checkpoint import save_checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 
@@ -13,7 +14,9 @@ from locsnn_compile.models.description import InputLayout, NetworkDescription
 @pytest.fixture(scope="module")
 def model(tmp_path_factory):
     """A time branch of random weights that spikes on synthetic touches."""
-    description = NetworkDescription("tactile-snn", InputLayout(1, 40, 0.02), classes=3, hidden=6, name="small")
+    description = NetworkDescription(
+        "tactile-snn", InputLayout(neutouch(1), 40, 0.02), classes=3, hidden=6, name="small"
+    )
     r = np.random.default_rng(0)
     weights = {name: r.normal(0.5, 2.0, shape).astype(np.float32) for name, shape in description.weight_shapes.items()}
     path = tmp_path_factory.mktemp("model") / "small.pt"

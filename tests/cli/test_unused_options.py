@@ -40,6 +40,10 @@ def folder(tmp_path, monkeypatch):
 INTEGERS = "the weights of this model are integers of the chip already"
 NO_CHIP = "it would change nothing: the network is trained in float, and no chip holds it. Add --target CHIP."
 BINS = "'d.npz' holds bins and no single events to count. Leave it out."
+OTHER = (
+    "recordings 'd.npz': their channels are not those of sensor '200 channels' (78 against 200). Say which sensor it was: "
+    "--grid WxH, with --polarities 1 or 2, --channels N, or --layout FILE."
+)
 REFUSED = [
     ("train, bits in float", "locsnn train --data d.npz --weight-bits 4 -o new.pt", f"--weight-bits: {NO_CHIP}"),
     ("train, strategy in float", "locsnn train --data d.npz --strategy reset -o new.pt", f"--strategy: {NO_CHIP}"),
@@ -61,8 +65,8 @@ REFUSED = [
     ("explore, calibration of integers", f"locsnn explore {GRID} --calibration d.npz", "--calibration: it would change nothing: no weights of this model are rounded for recordings. Leave it out."),
     ("explore, a part of nothing", f"locsnn explore {FLOAT} --part test", "--part test: there are no events to take it from. Give them with --events."),
     ("explore, workers of a scheduler", f"locsnn explore {FLOAT} --workers 2 --scheduler x:1", "--workers: a scheduler has workers of its own. Leave out --workers or --scheduler."),
-    ("events, channels of bins, written", "locsnn events d.npz --channels 200 --to new.npz", f"channels: {BINS}"),
-    ("events, channels of bins, shown", "locsnn events d.npz --channels 200", f"channels: {BINS}"),
+    ("events, channels of bins, written", "locsnn events d.npz --channels 200 --to new.npz", OTHER),
+    ("events, channels of bins, shown", "locsnn events d.npz --channels 200", OTHER),
     ("events, threshold of bins", "locsnn events d.npz --threshold 2", f"threshold: {BINS}"),
     ("events, polarities of bins", "locsnn events d.npz --polarities 1", f"polarities: {BINS}"),
     ("events, columns of bins", "locsnn events d.npz --columns 3", f"columns: {BINS}"),

@@ -4,6 +4,7 @@ import pytest
 
 from locsnn_compile.baselines.ann_energy import ann_energy_pj
 from locsnn_compile.baselines.operations import AnnCounts, ann_counts
+from locsnn_compile.data.sensor import neutouch
 
 
 @pytest.mark.parametrize(
@@ -26,6 +27,6 @@ from locsnn_compile.baselines.operations import AnnCounts, ann_counts
     ids=["cnn-3d", "gru-mlp"],
 )
 def test_worked_out_by_hand(name, counts, pj):
-    found = ann_counts(name, fingertips=2, steps=325, classes=36)
+    found = ann_counts(name, sensor=neutouch(2), steps=325, classes=36)
     assert found == counts
     assert {arithmetic: round(value, 6) for arithmetic, value in ann_energy_pj(found).items()} == pj

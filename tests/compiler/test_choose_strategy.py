@@ -10,6 +10,7 @@ import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.choose_strategy import choose_strategy
 from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.errors import InputError, TargetError
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.verification.error_bounds import SPIKE_TOLERANCE, ErrorBudget
@@ -120,7 +121,7 @@ def test_the_report_says_what_was_compared(network):
 
 def test_what_chooses_is_not_what_reports():
     """A model that carries recordings, or whose input is a fingertip's, compiles to one program whatever is played."""
-    network = hybrid(2, channels=78, steps=30, fingertips=1)
+    network = hybrid(2, channels=78, steps=30, sensor=neutouch())
     first, second = (
         lc.compile(network, events=recordings(network, samples=2, seed=seed), diagnosis=False) for seed in (0, 1)
     )

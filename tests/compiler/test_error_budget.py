@@ -60,7 +60,7 @@ def leaky(seed, *, size=6, channels=5, steps=40, scale=1.0, rule=">", delays=Tru
         channels=channels,
         steps=steps,
         step_seconds=None,
-        fingertips=None,
+        sensor=None,
         views=(InputView("events", "time", channels),),
         populations=(population("first"), population("second")),
         projections=(
@@ -84,7 +84,7 @@ def on_grid(seed=0, *, size=4, channels=3, steps=30):
         channels=channels,
         steps=steps,
         step_seconds=None,
-        fingertips=None,
+        sensor=None,
         views=(InputView("events", "time", channels),),
         populations=(Population("only", "time", size, neuron),),
         projections=(ChipProjection("events", "only", mantissa, 0, 8, signs="mixed"),),

@@ -27,7 +27,7 @@ def two_outputs() -> Network:
         channels=8,
         steps=6,
         step_seconds=None,
-        fingertips=None,
+        sensor=None,
         views=(InputView("touch", "time", 8),),
         populations=tuple(
             Population(name, "time", 3, Cuba.of(3, decay_v=0.5, threshold=40.0 * size)) for name, size in sizes.items()

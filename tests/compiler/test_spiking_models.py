@@ -7,7 +7,8 @@ import pytest
 import torch
 
 import hw_model as hw
-from locsnn_compile.data.sensor import parse_location_order
+from locsnn_compile.data.orders import location_order
+from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.data.taxel_graph import taxel_graph
 from locsnn_compile.errors import TargetError
 from locsnn_compile.frontends.checkpoint import network_of
@@ -30,11 +31,11 @@ BACKWARDS = ",".join(str(taxel) for taxel in range(39, 0, -1))
 def trained(name: str, fingertips: int = 1, *, order: str = "loop", graph: str = "manual") -> TouchModel:
     """A network with random weights under which every population spikes, in float64."""
     structure = ARCHITECTURES[name]
-    order_name, taxels = parse_location_order(order) if "location" in structure.branches else (None, None)
-    edges = taxel_graph(graph, neighbours=3, nearer_mm=3.0)
+    order_name, taxels = location_order(order, neutouch()) if "location" in structure.branches else (None, None)
+    edges = taxel_graph(graph, neutouch(), neighbours=3, nearer_mm=3.0)
     description = NetworkDescription(
         name,
-        InputLayout(fingertips=fingertips, steps=STEPS, step_seconds=0.02),
+        InputLayout(neutouch(fingertips), steps=STEPS, step_seconds=0.02),
         classes=5,
         hidden=9,
         graph=GraphParameters(graph, edges, features=4, step_features=3) if structure.graph else None,
@@ -104,10 +105,10 @@ def test_graph_networks_of_the_published_size_fit_a_chip(name: str, cores: int, 
     order = ("loop", tuple(range(1, 40))) if name == "hybrid-graph" else (None, None)
     description = NetworkDescription(
         name,
-        InputLayout(fingertips=fingertips, steps=325, step_seconds=0.02),
+        InputLayout(neutouch(fingertips), steps=325, step_seconds=0.02),
         classes=36,
         hidden=128,
-        graph=GraphParameters("manual", taxel_graph("manual", neighbours=3, nearer_mm=3.0)),
+        graph=GraphParameters("manual", taxel_graph("manual", neutouch(), neighbours=3, nearer_mm=3.0)),
         location_order=order[0],
         location_taxels=order[1],
     )

@@ -6,13 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from locsnn_compile.data.sensor import (
-    LOCATION_ORDERS,
-    TAXEL_COORDINATES_MM,
-    TAXELS,
-    channel_walk,
-    parse_location_order,
-)
+from locsnn_compile.data.orders import channel_walk, location_order
+from locsnn_compile.data.sensor import LOCATION_ORDERS, TAXEL_COORDINATES_MM, TAXELS, neutouch
 from locsnn_compile.errors import InputError
 
 
@@ -32,13 +27,13 @@ def test_coordinates_are_those_of_a_symmetric_fingertip() -> None:
 @settings(max_examples=30, deadline=None)
 def test_walk_is_channel_pairs_in_order(order: list[int], fingertips: int) -> None:
     expected = [78 * f + c for f in range(fingertips) for p in order for c in (2 * p - 2, 2 * p - 1)]
-    walk = channel_walk(order, fingertips)
+    walk = channel_walk(order, neutouch(fingertips))
     assert walk.tolist() == expected
     assert not walk.flags.writeable
 
 
 def test_loop_is_the_identity() -> None:
-    assert channel_walk(LOCATION_ORDERS["loop"], 2).tolist() == list(range(156))
+    assert channel_walk(LOCATION_ORDERS["loop"], neutouch(2)).tolist() == list(range(156))
 
 
 LOOP = list(range(1, 40))
@@ -59,7 +54,7 @@ LOOP = list(range(1, 40))
         ),
         pytest.param(
             [*LOOP[:-1], 40],
-            "location order: entry 39 is not a taxel of the fingertip (got 40 against 1..39). "
+            "location order: entry 39 is not a taxel of the sensor (got 40 against 1..39). "
             "Give every taxel from 1 to 39 exactly once.",
             id="out of range",
         ),
@@ -72,7 +67,7 @@ LOOP = list(range(1, 40))
 )
 def test_orders_that_are_none(order: list[int], message: str) -> None:
     with pytest.raises(InputError) as caught:
-        channel_walk(order, 1)
+        channel_walk(order, neutouch(1))
     assert str(caught.value) == message
 
 
@@ -86,7 +81,7 @@ def test_orders_that_are_none(order: list[int], message: str) -> None:
     ],
 )
 def test_orders_by_text(text: str, expected: tuple[str, tuple[int, ...]]) -> None:
-    assert parse_location_order(text) == expected
+    assert location_order(text, neutouch()) == expected
 
 
 @pytest.mark.parametrize(
@@ -94,16 +89,18 @@ def test_orders_by_text(text: str, expected: tuple[str, tuple[int, ...]]) -> Non
     [
         pytest.param("wohrl", "location order: 'wohrl' is not known. Did you mean 'whorl'?", id="misspelt"),
         pytest.param(
-            "spiral", "location order: 'spiral' is not known. Choose one of: arch, loop, whorl.", id="unknown"
+            "radial",
+            "location order: 'radial' is not known. Choose one of: arch, hilbert, loop, raster, snake, spiral, tour, whorl.",
+            id="unknown",
         ),
         pytest.param(
             "1,2,x",
-            "location order: entry 3 is not a taxel number (got 'x'). Give the taxels 1 to 39 separated by commas.",
+            "location order: entry 3 is not a taxel number (got 'x'). Give taxels separated by commas.",
             id="no number",
         ),
     ],
 )
 def test_texts_that_are_no_order(text: str, message: str) -> None:
     with pytest.raises(InputError) as caught:
-        parse_location_order(text)
+        location_order(text, neutouch())
     assert str(caught.value) == message

@@ -8,6 +8,7 @@ import pytest
 from distributed import Client, LocalCluster
 
 from locsnn_compile.cli.main import main
+from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.explore.point import Figures, Point
 from locsnn_compile.models.checkpoint import save_checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
@@ -19,7 +20,9 @@ STEPS = 40
 @pytest.fixture(scope="session")
 def model(tmp_path_factory):
     """A time branch of random weights that spikes on random events."""
-    description = NetworkDescription("tactile-snn", InputLayout(1, STEPS, 0.02), classes=3, hidden=6, name="small")
+    description = NetworkDescription(
+        "tactile-snn", InputLayout(neutouch(1), STEPS, 0.02), classes=3, hidden=6, name="small"
+    )
     r = np.random.default_rng(0)
     weights = {name: r.normal(0.5, 2.0, shape).astype(np.float32) for name, shape in description.weight_shapes.items()}
     path = tmp_path_factory.mktemp("model") / "small.pt"

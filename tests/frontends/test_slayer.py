@@ -9,7 +9,8 @@ from slayer_files import LOIHI, SRM, kernel, srm_layer, write
 
 import hw_model as hw
 import locsnn_compile as lc
-from locsnn_compile.data.sensor import LOCATION_ORDERS, channel_walk
+from locsnn_compile.data.orders import channel_walk
+from locsnn_compile.data.sensor import LOCATION_ORDERS, neutouch
 from locsnn_compile.network.neurons import alpha_taps
 from locsnn_compile.network.projections import values_of
 from locsnn_compile.network.text import network_text
@@ -78,7 +79,7 @@ def test_the_authors_hybrid_walks_its_location_order(order, tmp_path):
     network = lc.load(*write(tmp_path, named, steps=steps, **more))
     assert [p.name for p in network.populations] == ["fc1", "fc2", "locationFc1", "locationFc2"]
     given = spikes(156, steps)
-    walk = channel_walk(LOCATION_ORDERS[order or "loop"], 2)
+    walk = channel_walk(LOCATION_ORDERS[order or "loop"], neutouch(2))
     hidden = srm_layer(named["locationFc1"], given[:, walk].T)
     found = evaluate(network, given[None]).spikes
     np.testing.assert_array_equal(found["locationFc1"][0], hidden)

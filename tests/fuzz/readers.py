@@ -28,7 +28,7 @@ import hw_model as hw  # noqa: E402
 import locsnn_compile as lc  # noqa: E402
 from locsnn_compile.cli import diff  # noqa: E402
 from locsnn_compile.data import Recordings, read_recordings, synthetic_touches, write_recordings  # noqa: E402
-from locsnn_compile.data.sensor import LOCATION_ORDERS  # noqa: E402
+from locsnn_compile.data.sensor import LOCATION_ORDERS, neutouch  # noqa: E402
 from locsnn_compile.errors import InputError  # noqa: E402
 from locsnn_compile.models.checkpoint import save_checkpoint  # noqa: E402
 from locsnn_compile.models.description import InputLayout, NetworkDescription  # noqa: E402
@@ -53,7 +53,7 @@ class Reader:
 
 
 def checkpoints(folder):
-    layout = InputLayout(fingertips=1, steps=6, step_seconds=0.02)
+    layout = InputLayout(neutouch(1), steps=6, step_seconds=0.02)
     order = {"location_order": "arch", "location_taxels": LOCATION_ORDERS["arch"]}
     description = NetworkDescription("hybrid", layout, classes=3, hidden=4, name="small", **order)
     spikes = (np.random.default_rng(0).random((2, 6, 78)) < 0.2).astype(np.uint8)

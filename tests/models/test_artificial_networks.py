@@ -7,8 +7,8 @@ import pytest
 import torch
 from scipy.optimize import linear_sum_assignment
 
-from locsnn_compile.data.frame import FRAME_OF_TAXELS, frame_cells
-from locsnn_compile.data.sensor import TAXEL_COORDINATES_MM
+from locsnn_compile.data.frame import frame_cells
+from locsnn_compile.data.sensor import FRAME_OF_TAXELS, TAXEL_COORDINATES_MM, SensorLayout, neutouch
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.ann import Cnn3d
 from locsnn_compile.models.description import InputLayout, NetworkDescription
@@ -16,7 +16,7 @@ from locsnn_compile.models.networks import build_network
 
 
 def description(architecture: str, fingertips: int = 1, steps: int = 30) -> NetworkDescription:
-    layout = InputLayout(fingertips=fingertips, steps=steps, step_seconds=0.02)
+    layout = InputLayout(neutouch(fingertips), steps=steps, step_seconds=0.02)
     return NetworkDescription(architecture, layout, classes=5, hidden=7)
 
 
@@ -93,8 +93,8 @@ def test_every_taxel_has_the_cell_that_costs_least() -> None:
     cells = np.array([(x, y) for y in rows for x in columns])
     distance = ((np.array(TAXEL_COORDINATES_MM)[:, None] - cells) ** 2).sum(axis=2)
     least = distance[linear_sum_assignment(distance)].sum()
-    assert distance[np.arange(39), frame_cells()].sum() == pytest.approx(least, rel=1e-12)
-    assert len(set(frame_cells().tolist())) == 39
+    assert distance[np.arange(39), frame_cells(neutouch())].sum() == pytest.approx(least, rel=1e-12)
+    assert len(set(frame_cells(neutouch()).tolist())) == 39
 
 
 def test_recordings_that_are_too_short() -> None:
@@ -106,11 +106,11 @@ def test_recordings_that_are_too_short() -> None:
     )
 
 
-def test_frames_are_those_of_one_sensor() -> None:
-    layout = InputLayout(fingertips=1, steps=30, step_seconds=0.02, taxels=12, polarities=1)
+def test_frames_need_a_grid() -> None:
+    layout = InputLayout(SensorLayout("12 channels", 12), steps=30, step_seconds=0.02)
     with pytest.raises(InputError) as caught:
         NetworkDescription("cnn-3d", layout, classes=5)
     assert str(caught.value) == (
-        "architecture 'cnn-3d': its frames are those of one sensor (12 taxels of 1 polarities against 39 of 2). "
-        "Take another network."
+        "network 'cnn-3d': its frames need a grid of at least 5 x 5 taxels (sensor '12 channels'). "
+        "Give --grid WxH of the sensor, or take another network."
     )

@@ -17,7 +17,7 @@ import pytest
 import torch
 
 from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.data.sensor import LOCATION_ORDERS
+from locsnn_compile.data.sensor import LOCATION_ORDERS, neutouch
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import save_checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
@@ -26,7 +26,7 @@ from locsnn_compile.models.networks import build_network
 
 DESCRIPTION = NetworkDescription(
     "hybrid",
-    InputLayout(fingertips=1, steps=9, step_seconds=0.02),
+    InputLayout(neutouch(1), steps=9, step_seconds=0.02),
     classes=3,
     hidden=4,
     location_order="arch",
@@ -138,6 +138,15 @@ def drop(*keys: str) -> Callable[[Path], None]:
     return edit(change)
 
 
+def swap_sizes(sensor: object) -> Callable[[Path], None]:
+    """Say the input by a sensor, as files of any but NeuTouch do."""
+
+    def change(values: dict[str, Any]) -> None:
+        values["input"] = {"steps": 9, "step_seconds": 0.02, "sensor": sensor}
+
+    return edit(change)
+
+
 def bad_weight(value: float) -> Callable[[Path], None]:
     def change(values: dict[str, Any]) -> None:
         values["weights"]["location_hidden"][2, 5] = value
@@ -223,6 +232,12 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
     ("missing neuron entry", drop("neuron", "theta"), f"entry 'neuron.theta' is missing. {AGAIN}"),
     ("unknown entry", put("hiden", value=3), "entry 'hiden' is not known. Did you mean 'hidden'?"),
     ("wrong type", put("neuron", "tau_sr", value="10"), f"entry 'neuron.tau_sr' must be a number (got str). {AGAIN}"),
+    (
+        "a sensor and sizes of another",
+        put("input", "sensor", value={"name": "x", "taxels": 39, "polarities": 2}),
+        "entry 'input.fingertips' is not known. Choose one of: sensor, step_seconds, steps.",
+    ),
+    ("a sensor of text", swap_sizes("glove"), f"entry 'input.sensor' must be a dict (got str). {AGAIN}"),
     ("truth value", put("classes", value=True), f"entry 'classes' must be a whole number (got bool). {AGAIN}"),
     ("name with a path", put("name", value="../x"), f"entry 'name' is not a plain name (got '../x'). {AGAIN}"),
     (
@@ -260,6 +275,16 @@ BAD_INSIDE: list[tuple[str, Callable[[Path], object], str]] = [
         "Correct the description.",
     ),
     (
+        "sizes of no sensor",
+        put("input", "taxels", value=0),
+        "sensor 'channels': its taxels are out of range (got 0 against 1..4096). Correct the layout of the sensor.",
+    ),
+    (
+        "a sensor that contradicts itself",
+        swap_sizes({"name": "grid", "taxels": 7, "columns": 2}),
+        "sensor 'grid': its last row is not full (7 taxels). Correct the layout of the sensor.",
+    ),
+    (
         "repeated taxel",
         put("location_order", "taxels", value=[1, 2, 2, *TAXELS[3:]]),
         "location order: taxel 2 is repeated at entry 3. Give every taxel from 1 to 39 exactly once.",
@@ -272,14 +297,14 @@ BAD_INSIDE: list[tuple[str, Callable[[Path], object], str]] = [
     (
         "taxel out of range",
         put("location_order", "taxels", value=[0, *TAXELS[1:]]),
-        "location order: entry 1 is not a taxel of the fingertip (got 0 against 1..39). "
+        "location order: entry 1 is not a taxel of the sensor (got 0 against 1..39). "
         "Give every taxel from 1 to 39 exactly once.",
     ),
     (
         "no order",
         put("location_order", value=None),
         "architecture 'hybrid': its location branch needs a location order. "
-        "Give one of: arch, loop, whorl, or a list of taxel numbers.",
+        "Give its name, such as loop or snake, or a list of taxel numbers.",
     ),
     (
         "NaN weight",

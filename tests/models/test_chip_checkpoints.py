@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 import torch
 
-from locsnn_compile.data.sensor import parse_location_order
+from locsnn_compile.data.orders import location_order
+from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import save_checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
@@ -20,9 +21,15 @@ from locsnn_compile.models.networks import build_network
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm
 
 AGAIN = "Write it again with 'locsnn train'."
-ORDER, TAXELS = parse_location_order("loop")
+ORDER, TAXELS = location_order("loop", neutouch())
 DESCRIPTION = NetworkDescription(
-    "hybrid", InputLayout(1, 12, 0.02), classes=3, hidden=4, location_order=ORDER, location_taxels=TAXELS, name="small"
+    "hybrid",
+    InputLayout(neutouch(1), 12, 0.02),
+    classes=3,
+    hidden=4,
+    location_order=ORDER,
+    location_taxels=TAXELS,
+    name="small",
 )
 POPULATION = {"exponent": 1, "weight_bits": 4, "scale": 41984.1, "unit": 0.0125}
 

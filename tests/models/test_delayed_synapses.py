@@ -16,6 +16,7 @@ import locsnn_compile as lc
 from locsnn_compile.baselines.operations import network_additions
 from locsnn_compile.cli.main import main
 from locsnn_compile.data import write_recordings
+from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import save_checkpoint
@@ -28,7 +29,7 @@ from locsnn_compile.training.config import TrainingConfig
 from locsnn_compile.training.export import export_checkpoint
 from locsnn_compile.training.train import train
 
-LAYOUT = InputLayout(fingertips=1, steps=60, step_seconds=0.02)
+LAYOUT = InputLayout(neutouch(1), steps=60, step_seconds=0.02)
 DELAYS = (0, 7, 30)
 RECORDINGS = synthetic_touches(6, steps=60, classes=3, seed=4)
 

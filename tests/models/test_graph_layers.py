@@ -11,8 +11,8 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from locsnn_compile.data.sensor import LOCATION_ORDERS, TAXEL_COORDINATES_MM
-from locsnn_compile.data.taxel_graph import CENTRE, GRAPHS, taxel_graph
+from locsnn_compile.data.sensor import LOCATION_ORDERS, TAXEL_COORDINATES_MM, neutouch
+from locsnn_compile.data.taxel_graph import GRAPHS, taxel_graph
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.branch_graph import BranchGraph, branch_graph, hop_matrix, spread_weights, step_edges
 from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription
@@ -23,7 +23,7 @@ SEEDS = st.integers(0, 2**31)
 
 
 def edges_of(kind: str, neighbours: int = 3, nearer_mm: float = 3.0) -> tuple[tuple[int, int], ...]:
-    return taxel_graph(kind, neighbours=neighbours, nearer_mm=nearer_mm)
+    return taxel_graph(kind, neutouch(), neighbours=neighbours, nearer_mm=nearer_mm)
 
 
 def length_mm(edge: tuple[int, int]) -> float:
@@ -64,7 +64,6 @@ def test_the_tree_is_minimal_and_all_near_pairs_come_with_it() -> None:
     assert sum(map(length_mm, tree)) == pytest.approx(least, rel=1e-12)
     near = {edge for edge in combinations(range(1, 40), 2) if length_mm(edge) < 2.5}
     assert set(edges_of("tree", nearer_mm=2.5)) == near | set(tree)
-    assert TAXEL_COORDINATES_MM[CENTRE - 1] == (0, 0)
 
 
 def test_a_graph_that_is_not_known() -> None:
@@ -140,7 +139,7 @@ def test_layer_and_its_gradient_equal_those_of_the_spread_weights(
 def description(fingertips: int) -> NetworkDescription:
     return NetworkDescription(
         "hybrid-graph",
-        InputLayout(fingertips=fingertips, steps=7, step_seconds=0.02),
+        InputLayout(neutouch(fingertips), steps=7, step_seconds=0.02),
         classes=3,
         hidden=4,
         graph=GraphParameters("manual", edges_of("manual"), features=5, step_features=2),
@@ -203,7 +202,7 @@ def test_graphs_that_do_not_hold(values: dict[str, object], message: str) -> Non
     with pytest.raises(InputError) as caught:
         NetworkDescription(
             "tactile-sgnet",
-            InputLayout(fingertips=1, steps=7, step_seconds=0.02),
+            InputLayout(neutouch(1), steps=7, step_seconds=0.02),
             classes=3,
             graph=GraphParameters(**{**good, **values}),  # type: ignore[arg-type]
         )

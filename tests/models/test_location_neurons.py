@@ -13,6 +13,7 @@ import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.cli.main import main
 from locsnn_compile.data import write_recordings
+from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import save_checkpoint
@@ -27,7 +28,7 @@ from locsnn_compile.training.describe import describe, fixed_by
 from locsnn_compile.training.export import export_checkpoint
 from locsnn_compile.training.train import train
 
-LAYOUT = InputLayout(fingertips=1, steps=60, step_seconds=0.02)
+LAYOUT = InputLayout(neutouch(1), steps=60, step_seconds=0.02)
 RECORDINGS = synthetic_touches(6, steps=60, classes=3, seed=4)
 OWN = NeuronParameters(theta=4.0, tau_sr=3.0, tau_ref=2.0)
 DELAYS = (0, 5, 33)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import torch
 
-from locsnn_compile.data.sensor import parse_location_order
+from locsnn_compile.data.orders import location_order
+from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, NeuronParameters
 from locsnn_compile.models.networks import build_network
 
@@ -20,7 +21,7 @@ def visits(order: str, fingertips: int) -> list[int]:
     """Return the channel of each location: both polarities of a taxel, all taxels of a fingertip, then the next one."""
     found = []
     for fingertip in range(fingertips):
-        for taxel in parse_location_order(order)[1]:
+        for taxel in location_order(order, neutouch())[1]:
             for polarity in range(2):
                 found.append(78 * fingertip + 2 * (taxel - 1) + polarity)
     return found
@@ -65,8 +66,8 @@ def integrate_and_fire(x: np.ndarray, weight: np.ndarray, places: list[int]) -> 
     ids=["LSRM", "LLIF"],
 )
 def test_a_location_branch_is_its_sum_of_kernels(name, expected, scale, order, fingertips):
-    order_name, taxels = parse_location_order(order)
-    layout = InputLayout(fingertips=fingertips, steps=STEPS, step_seconds=0.02)
+    order_name, taxels = location_order(order, neutouch())
+    layout = InputLayout(neutouch(fingertips), steps=STEPS, step_seconds=0.02)
     description = NetworkDescription(
         name, layout, classes=3, hidden=HIDDEN, location_order=order_name, location_taxels=taxels
     )

@@ -9,6 +9,7 @@ import torch
 from torch import nn
 
 from locsnn_compile.baselines.operations import ann_counts
+from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.networks import build_network
@@ -16,7 +17,7 @@ from locsnn_compile.models.operation_counter import count_operations
 
 
 def network(name: str, fingertips: int, steps: int, classes: int) -> nn.Module:
-    layout = InputLayout(fingertips=fingertips, steps=steps, step_seconds=0.02)
+    layout = InputLayout(neutouch(fingertips), steps=steps, step_seconds=0.02)
     return build_network(NetworkDescription(name, layout, classes=classes, hidden=32))
 
 
@@ -35,14 +36,14 @@ def network(name: str, fingertips: int, steps: int, classes: int) -> nn.Module:
 def test_published_operations(name: str, steps: int, classes: int, operations: int) -> None:
     counts = count_operations(network(name, 2, steps, classes), torch.zeros(1, steps, 156))
     assert counts.operations == operations
-    assert counts == ann_counts(name, fingertips=2, steps=steps, classes=classes)
+    assert counts == ann_counts(name, sensor=neutouch(2), steps=steps, classes=classes)
 
 
 @pytest.mark.parametrize("name", ["cnn-3d", "gru-mlp"])
 @pytest.mark.parametrize(("fingertips", "steps", "classes"), [(1, 250, 36), (1, 23, 2), (3, 60, 5)])
 def test_counting_modules_is_the_formula(name: str, fingertips: int, steps: int, classes: int) -> None:
     counts = count_operations(network(name, fingertips, steps, classes), torch.zeros(1, steps, 78 * fingertips))
-    assert counts == ann_counts(name, fingertips=fingertips, steps=steps, classes=classes)
+    assert counts == ann_counts(name, sensor=neutouch(fingertips), steps=steps, classes=classes)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from locsnn_compile.data.sensor import LOCATION_ORDERS
+from locsnn_compile.data.sensor import LOCATION_ORDERS, neutouch
 from locsnn_compile.data.taxel_graph import taxel_graph
 from locsnn_compile.data.tensors import Tensor
 from locsnn_compile.data.torch_file import load_plain
@@ -29,10 +29,10 @@ OTHERS = [name for name, structure in ARCHITECTURES.items() if structure.neurons
 def description(name: str) -> NetworkDescription:
     structure = ARCHITECTURES[name]
     located = "location" in structure.branches
-    edges = taxel_graph("tree", neighbours=3, nearer_mm=2.0)
+    edges = taxel_graph("tree", neutouch(), neighbours=3, nearer_mm=2.0)
     return NetworkDescription(
         name,
-        InputLayout(fingertips=1, steps=24, step_seconds=0.02),
+        InputLayout(neutouch(1), steps=24, step_seconds=0.02),
         classes=3,
         hidden=4,
         neuron=LifParameters(0.3, 0.6, 0.4) if structure.neurons == "lif" else None,

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 import torch
 
-from locsnn_compile.data.sensor import LOCATION_ORDERS, channel_walk
+from locsnn_compile.data.orders import channel_walk
+from locsnn_compile.data.sensor import LOCATION_ORDERS, neutouch
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.description import InputLayout, NetworkDescription, NeuronParameters
 from locsnn_compile.models.networks import TouchNetwork, build_network
 from locsnn_compile.models.srm import SRMLayer
 
-LAYOUT = InputLayout(fingertips=1, steps=30, step_seconds=0.02)
+LAYOUT = InputLayout(neutouch(1), steps=30, step_seconds=0.02)
 
 
 def description(architecture: str, layout: InputLayout = LAYOUT, order: str = "whorl") -> NetworkDescription:
@@ -75,7 +76,7 @@ def test_hybrid_is_both_branches_side_by_side() -> None:
 def test_location_branch_steps_over_the_walk() -> None:
     network = build_network(description("location-tactile-snn"), seed=2)
     x = recording(samples=1)
-    walk = channel_walk(LOCATION_ORDERS["whorl"], 1)
+    walk = channel_walk(LOCATION_ORDERS["whorl"], neutouch(1))
     layer = SRMLayer(30, 7, NeuronParameters(), generator=torch.Generator())
     layer.weight = network.get_submodule("location_hidden").weight
     by_hand = torch.stack([x[0, :, channel] for channel in walk]).unsqueeze(0)
@@ -83,7 +84,7 @@ def test_location_branch_steps_over_the_walk() -> None:
 
 
 def test_two_fingertips_walk_one_after_the_other() -> None:
-    layout = InputLayout(fingertips=2, steps=12, step_seconds=0.02)
+    layout = InputLayout(neutouch(2), steps=12, step_seconds=0.02)
     spikes = build_network(description("hybrid", layout, "arch"))(recording(layout, 2))
     assert tuple(spikes["location_output"].shape) == (2, 156, 5)
 
@@ -128,7 +129,7 @@ def test_weights_of_another_shape_are_refused() -> None:
         pytest.param(
             {"location_taxels": None},
             "architecture 'hybrid': its location branch needs a location order. "
-            "Give one of: arch, loop, whorl, or a list of taxel numbers.",
+            "Give its name, such as loop or snake, or a list of taxel numbers.",
             id="no order",
         ),
         pytest.param(
@@ -185,8 +186,15 @@ def test_descriptions_that_do_not_hold(values: dict[str, object], message: str) 
         ),
         pytest.param(
             InputLayout,
-            {"fingertips": 100, "steps": 10, "step_seconds": 0.02},
-            "input channels: it must be a whole number in range (got 7800 against 1..4096). Correct the description.",
+            {"sensor": neutouch(), "steps": 0, "step_seconds": 0.02},
+            "input 'steps': it must be a whole number in range (got 0 against 1..20000). Correct the description.",
+            id="no steps",
+        ),
+        pytest.param(
+            neutouch,
+            {"fingertips": 100},
+            "sensor 'neutouch': its channels are out of range (got 7800 against 1..4096). "
+            "Correct the layout of the sensor.",
             id="too many channels",
         ),
     ],
@@ -196,7 +204,7 @@ def test_parameters_that_do_not_hold(kind: type, values: dict[str, object], mess
 
 
 def test_a_long_recording_runs_through_float_layers() -> None:
-    layout = InputLayout(fingertips=1, steps=5000, step_seconds=0.02)
+    layout = InputLayout(neutouch(1), steps=5000, step_seconds=0.02)
     network = TouchNetwork(description("tactile-snn", layout), initial_scale=10.0)
     spikes = network(torch.ones(1, 5000, layout.channels))["time_hidden"]
     assert spikes.shape == (1, 5000, network.description.hidden)

@@ -15,6 +15,7 @@ import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.cli.main import main
 from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.data.write import write_recordings
 from locsnn_compile.errors import InputError
@@ -31,7 +32,7 @@ ORDER = tuple(range(39, 0, -1))
 
 
 def described(steps: int = 12, fingertips: int = 1, windows: WindowParameters | None = None) -> NetworkDescription:
-    layout = InputLayout(fingertips=fingertips, steps=steps, step_seconds=0.02)
+    layout = InputLayout(neutouch(fingertips), steps=steps, step_seconds=0.02)
     neuron = windows or WindowParameters(steps=4, stride=2, levels=(1, 3))
     return NetworkDescription("window-snn", layout, 3, neuron=neuron, location_order="own", location_taxels=ORDER)
 

@@ -14,6 +14,7 @@ import pytest
 import locsnn_compile as lc
 from locsnn_compile.cli.compile import main
 from locsnn_compile.data.recordings import Binned, Origin, Recordings
+from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.frontends.synthetic_input import synthetic_recordings
 from locsnn_compile.models.checkpoint import save_checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
@@ -47,7 +48,9 @@ def played(origin: Origin = "given", step_seconds: float | None = None, steps: i
 
 
 def saved(path: Path, *, step_seconds: float | None = 0.02, **more: Any) -> Path:
-    description = NetworkDescription("tactile-snn", InputLayout(1, 40, step_seconds), classes=3, hidden=4, name="small")
+    description = NetworkDescription(
+        "tactile-snn", InputLayout(neutouch(1), 40, step_seconds), classes=3, hidden=4, name="small"
+    )
     weights = {name: np.abs(w) for name, w in build_network(description, seed=1).weights().items()}
     save_checkpoint(path, description, weights, **more)
     return path

@@ -19,6 +19,7 @@ import locsnn_compile as lc
 from locsnn_compile.api import CompiledModel
 from locsnn_compile.cli.compile import main
 from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.models.checkpoint import save_checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.report.figures.document import report_document
@@ -32,7 +33,9 @@ GROUNDS = Grounds(0.02, "given", ())
 
 def checkpoint(path: Path, **weights: float) -> Path:
     """A time branch of random weights; those of the populations named are all equal."""
-    described = NetworkDescription("tactile-snn", InputLayout(1, STEPS, 0.02), classes=3, hidden=6, name=path.stem)
+    described = NetworkDescription(
+        "tactile-snn", InputLayout(neutouch(1), STEPS, 0.02), classes=3, hidden=6, name=path.stem
+    )
     r = np.random.default_rng(0)
     drawn = {name: r.normal(0.5, 2.0, shape).astype(np.float32) for name, shape in described.weight_shapes.items()}
     held = {name: np.full_like(array, weights.get(name, 0.0)) for name, array in drawn.items()}

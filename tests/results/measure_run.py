@@ -78,7 +78,7 @@ def measure(path: Path, dataset: Dataset, test: Recordings) -> dict[str, Any]:
         "test_accuracy": training["test_accuracy"],
         "test_recordings": len(test),
         "steps": test.spikes.shape[1],
-        "fingertips": checkpoint.description.input.fingertips,
+        "fingertips": checkpoint.description.input.sensor.surfaces,
         "classes": checkpoint.description.classes,
     }
     return found | _on_chip(path, dataset, test) if checkpoint.description.structure.spiking else found

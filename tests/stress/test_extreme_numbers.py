@@ -28,7 +28,7 @@ WITHIN = "against 1e-100 to 1e+100). Give it in other units."
 def one(neuron, weight=1.0):
     """A neuron behind one input."""
     return Network(
-        name="one", channels=1, steps=30, step_seconds=None, fingertips=None,
+        name="one", channels=1, steps=30, step_seconds=None, sensor=None,
         views=(InputView("touch", "time", 1),),
         populations=(Population("n", "time", 1, neuron),),
         projections=(Projection("touch", "n", matrix([[weight]], np.float64)),),

@@ -9,6 +9,7 @@ import pytest
 
 from locsnn_compile.cli.main import main
 from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.networks import build_network
@@ -139,7 +140,7 @@ def test_networks_without_weights_are_silent(name: str, words: str) -> None:
     location = {"location_order": "loop", "location_taxels": tuple(range(1, 40))}
     described = NetworkDescription(
         name,
-        InputLayout(fingertips=1, steps=24, step_seconds=None),
+        InputLayout(neutouch(1), steps=24, step_seconds=None),
         classes=3,
         hidden=4,
         **(location if name in ("hybrid-lif", "window-snn") else {}),  # type: ignore[arg-type]

@@ -160,14 +160,15 @@ def test_learning_rates() -> None:
         pytest.param(
             Recordings(np.zeros((1, 5, 80)), np.zeros(1), None, "x.npy"),
             {},
-            "recordings 'x.npy': their channels are not those of whole fingertips "
-            "(80 channels against multiples of 78). Give recordings of one or two NeuTouch fingertips.",
+            "recordings 'x.npy': their channels are not those of sensor 'neutouch' (80 against 78). Say which sensor it "
+            "was: --grid WxH, with --polarities 1 or 2, --channels N, or --layout FILE.",
             id="other sensor",
         ),
         pytest.param(
             Recordings(np.zeros((1, 5, 78)), np.zeros(1), None, "x.npy"),
-            {"order": "spiral"},
-            "location order: 'spiral' is not known. Choose one of: arch, loop, whorl.",
+            {"order": "radial"},
+            "location order: 'radial' is not known. "
+            "Choose one of: arch, hilbert, loop, raster, snake, spiral, tour, whorl.",
             id="unknown order",
         ),
         pytest.param(

@@ -74,7 +74,6 @@ def load_lava_dl(path: Path) -> Network:
         channels=lines,
         steps=steps,
         step_seconds=seconds,
-        fingertips=None,
         views=tuple(built.views),
         populations=tuple(built.populations),
         projections=tuple(built.projections),

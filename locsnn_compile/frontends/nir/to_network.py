@@ -71,7 +71,6 @@ def load_nir(
         channels=channels,
         steps=STEPS,
         step_seconds=known,
-        fingertips=None,
         views=(view,),
         populations=tuple(populations),
         projections=tuple(projections),

@@ -21,7 +21,8 @@ import numpy as np
 
 from hw_model.arithmetic.arrays import FloatArray
 from hw_model.mapping.graph import Axis, Readout
-from locsnn_compile.data.sensor import channel_walk, parse_location_order
+from locsnn_compile.data.orders import channel_walk, location_order
+from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.data.tensors import FLOATS, Tensor
 from locsnn_compile.data.torch_file import load_plain, read_bytes
 from locsnn_compile.errors import InputError, check_most, did_you_mean
@@ -136,7 +137,6 @@ def load_slayer(path: Path, config: Path, kernels: str | None = None) -> Network
         channels=channels,
         steps=steps,
         step_seconds=seconds,
-        fingertips=None,
         views=tuple(views),
         populations=tuple(populations),
         projections=tuple(projections),
@@ -170,7 +170,7 @@ def _walk(order: str, channels: int | None, where: str) -> tuple[Any, int]:
                 where, f"order {order[:40]!r} is one of fingertips", measured=f"{count} channels", fix="Take loop."
             )
         return np.arange(count), count
-    return channel_walk(parse_location_order(order)[1], fingertips), count
+    return channel_walk(location_order(order, neutouch())[1], neutouch(fingertips)), count
 
 
 def _stated(

@@ -177,19 +177,19 @@ def _core_use(program: ChipProgram, core: Core) -> Document:
 
 
 def _ann_comparison(network: Network, match: Match, own_pj: float, synaptic_ops: float) -> Document:
-    """The published comparison, at this network's input size; empty where the input is not a fingertip's.
+    """The published comparison, at this network's input size; empty where the sensor is not known.
 
     ``ratio`` is to the float network's operations on paper, ``chip_ratio`` to the program's synaptic operations; None
     where there are none.
     """
-    if network.fingertips is None:
+    if network.sensor is None:
         return {}
     own = _published(network, match)["operations"]
     found = {}
     for name in ANN_NAMES:
         try:
-            counted = ann_counts(name, fingertips=network.fingertips, steps=network.steps, classes=network.classes)
-        except hw.InputError:  # the recording is too short for that network's kernels: nothing to compare with
+            counted = ann_counts(name, sensor=network.sensor, steps=network.steps, classes=network.classes)
+        except hw.InputError:  # no frames, or a recording too short for that network's kernels: nothing to compare with
             continue
         energies = ann_energy_pj(counted)
         found[name] = {

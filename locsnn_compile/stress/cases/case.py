@@ -118,7 +118,6 @@ def network_of(
         channels=channels,
         steps=steps,
         step_seconds=None,
-        fingertips=None,
         views=(InputView(TOUCH, "time", channels),),
         populations=(Population(POPULATION, "time", size, neuron),),
         projections=(projection,),

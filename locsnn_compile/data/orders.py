@@ -1,0 +1,145 @@
+"""In which order a location network walks the taxels of a surface: by its numbers, by where they lie, or by a file."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from hw_model.arithmetic.arrays import FloatArray, IntArray
+from locsnn_compile.data.sensor import LOCATION_ORDERS, SensorLayout
+from locsnn_compile.data.torch_file import read_bytes
+from locsnn_compile.errors import InputError, did_you_mean
+
+_WHERE = "location order"
+Places = FloatArray
+Walk = IntArray
+
+
+def raster(places: Places) -> Walk:
+    """Row by row from the lowest y, each from the lowest x."""
+    found: Walk = np.lexsort((places[:, 0], places[:, 1]))
+    return found
+
+
+def snake(places: Places) -> Walk:
+    """Row by row, every other row backwards."""
+    rows = np.unique(places[:, 1], return_inverse=True)[1].reshape(-1)
+    return raster(np.stack([np.where(rows % 2 == 0, 1, -1) * places[:, 0], rows], axis=1))
+
+
+def spiral(places: Places) -> Walk:
+    """From the middle outwards, ring by ring; a ring is as wide as neighbours are apart, and square like a grid's."""
+    from_middle = places - (places.min(axis=0) + places.max(axis=0)) / 2
+    rings = np.floor(np.abs(from_middle).max(axis=1) / _pitch(places) + 1e-9)
+    return raster(np.stack([np.arctan2(from_middle[:, 1], from_middle[:, 0]), rings], axis=1))
+
+
+def hilbert(places: Places) -> Walk:
+    """Along a Hilbert curve over the square round the sensor: what is near on the walk is near on the sensor."""
+    side = 1 << 10
+    span = max(float(np.ptp(places, axis=0).max()), 1e-12)
+    x, y = ((places - places.min(axis=0)) / span * (side - 1)).astype(np.int64).T
+    along = np.zeros(len(places), dtype=np.int64)
+    # The usual descent from the largest quarter to the smallest, each turned as the curve enters it.
+    while side := side // 2:
+        right, up = (x & side) > 0, (y & side) > 0
+        along += side * side * ((3 * right) ^ up)
+        turned = ~up & right
+        x, y = np.where(turned, side - 1 - (x & (side - 1)), x), np.where(turned, side - 1 - (y & (side - 1)), y)
+        x, y = np.where(up, x, y), np.where(up, y, x)
+    return np.argsort(along, kind="stable")
+
+
+def tour(places: Places) -> Walk:
+    """From taxel 1 always on to the nearest that is left, of equally near ones to that of the lowest number."""
+    left, walk = np.ones(len(places), dtype=np.bool_), [0]
+    for _ in range(len(places) - 1):
+        left[walk[-1]] = False
+        far = np.square(places - places[walk[-1]]).sum(axis=1).round(9)
+        walk.append(int(np.argmin(np.where(left, far, np.inf))))
+    return np.array(walk)
+
+
+def _pitch(places: Places) -> float:
+    """Return how far apart neighbours are in the middle of all taxels; 1 of a single one."""
+    if len(places) < 2:
+        return 1.0
+    far = np.abs(places[:, np.newaxis] - places).max(axis=2)
+    return float(np.median((far + np.diag(np.full(len(places), np.inf))).min(axis=1)))
+
+
+BY_PLACE: dict[str, Callable[[Places], Walk]] = {walk.__name__: walk for walk in (raster, snake, spiral, hilbert, tour)}
+ORDERS = (*LOCATION_ORDERS, *BY_PLACE)
+"""Names of orders: ``loop`` goes by the taxels' numbers, ``arch`` and ``whorl`` are published for NeuTouch."""
+
+
+def location_order(text: str, layout: SensorLayout) -> tuple[str, tuple[int, ...]]:
+    """Return (name, 1-based taxel numbers) of an order's name, or of a comma list of numbers, named ``custom``.
+
+    Raises ``InputError`` for an unknown name, one that this layout has no places for, and numbers that are no
+    permutation of its taxels.
+    """
+    if text == "loop":
+        return text, tuple(range(1, layout.taxels + 1))
+    if text in BY_PLACE:
+        places = layout.needed_places(f"location order {text!r}")
+        return text, tuple((1 + BY_PLACE[text](places)).tolist())
+    if text in LOCATION_ORDERS and layout.is_neutouch:
+        return text, LOCATION_ORDERS[text]
+    if text in LOCATION_ORDERS:
+        what = "it is a walk over the 39 taxels of a NeuTouch fingertip"
+        fix = f"Take one of: loop, {', '.join(BY_PLACE)}."
+        raise InputError(f"location order {text!r}", what, measured=f"sensor {layout.name!r}", fix=fix)
+    if "," not in text:
+        raise InputError(_WHERE, f"{text!r} is not known", fix=did_you_mean(text, ORDERS))
+    order: list[int] = []
+    for entry in map(str.strip, text.split(",")):
+        if not (entry.isascii() and entry.isdigit() and len(entry) <= 6):
+            what, fix = f"entry {len(order) + 1} is not a taxel number", "Give taxels separated by commas."
+            raise InputError(_WHERE, what, measured=f"got {entry[:40]!r}", fix=fix)
+        order.append(int(entry))
+    check_location_taxels(order, layout.taxels)
+    return "custom", tuple(order)
+
+
+def order_text(text: str) -> str:
+    """Return an order as it is, or, of what ends in ``.txt`` or ``.csv``, the numbers in that file as a comma list.
+
+    They are separated by blanks, commas or lines. Raises ``InputError`` for a file that cannot be read.
+    """
+    path = Path(text)
+    if path.suffix not in (".txt", ".csv"):
+        return text
+    return ",".join(read_bytes(path, f"{_WHERE} {path.name!r}").decode("ascii", "replace").replace(",", " ").split())
+
+
+def channel_walk(order: Sequence[int], layout: SensorLayout) -> Walk:
+    """Return the walk (channels,): position -> channel, read-only.
+
+    Taxel p of the order contributes channels polarities * (p - 1), ... in that order; surfaces follow one another.
+    Raises ``InputError`` naming the first taxel that is out of range, repeated or missing.
+    """
+    check_location_taxels(order, layout.taxels)
+    channels = np.arange(layout.channels, dtype=np.int64).reshape(layout.surfaces, layout.taxels, layout.polarities)
+    walk = channels[:, np.asarray(order, dtype=np.int64) - 1].reshape(-1)
+    walk.setflags(write=False)
+    return walk
+
+
+def check_location_taxels(taxels: Sequence[int], count: int) -> None:
+    """Refuse an order that is not a permutation of the taxels 1..``count`` of a surface.
+
+    Raises ``InputError`` that names the first number out of range, repeated or missing.
+    """
+    fix = f"Give every taxel from 1 to {count} exactly once."
+    seen: set[int] = set()
+    for position, taxel in enumerate(taxels, start=1):
+        if type(taxel) is not int or not 1 <= taxel <= count:
+            what = f"entry {position} is not a taxel of the sensor"
+            raise InputError(_WHERE, what, measured=f"got {taxel!r} against 1..{count}", fix=fix)
+        if taxel in seen:
+            raise InputError(_WHERE, f"taxel {taxel} is repeated at entry {position}", fix=fix)
+        seen.add(taxel)
+    if missing := [taxel for taxel in range(1, count + 1) if taxel not in seen]:
+        measured = f"{len(seen)} of {count} taxels given"
+        raise InputError(_WHERE, f"taxel {missing[0]} is missing", measured=measured, fix=fix)
