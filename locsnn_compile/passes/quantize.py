@@ -165,16 +165,8 @@ def _nearest(p: Projection, scaled: Scaled, grid: WeightGrid) -> ChipProjection:
     """Round a projection onto the grid of its format, magnitudes and signs apart."""
     values = values_of(p.weights)
     factor = of_target(p.weights, scaled.gain * scaled.scale / (64 * 2**scaled.exponent))
-    mantissa = np.sign(values).astype(np.int64) * grid.round(np.abs(values) * factor)
-    return ChipProjection(
-        p.source,
-        p.target,
-        with_values(p.weights, mantissa),
-        scaled.exponent,
-        grid.weight_bits,
-        signs="apart",
-        delay=p.delay,
-    )
+    mantissa = with_values(p.weights, np.sign(values).astype(np.int64) * grid.round(np.abs(values) * factor))
+    return ChipProjection(p.source, p.target, mantissa, scaled.exponent, grid.weight_bits, delay=p.delay)
 
 
 def _zeros(parts: list[ChipProjection]) -> int:

@@ -13,21 +13,11 @@ import numpy as np
 from hw_model.arithmetic.arrays import FloatArray, IntArray
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_EXPONENTS, WeightGrid
 from hw_model.description.chip import Chip
-from locsnn_compile.errors import TargetError
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm, Refractory
 from locsnn_compile.network.neurons import Cuba, SoftCuba
 from locsnn_compile.network.projections import Projection, row_sums
 from locsnn_compile.passes.kernels import keeps, rounded_decays
-from locsnn_compile.passes.rounding.task import (
-    HEADROOM,
-    Scaled,
-    Task,
-    check_threshold,
-    exponent_and_threshold,
-    exponent_holding,
-    largest_charge,
-    own_grid,
-)
+from locsnn_compile.passes.rounding.task import Scaled, Task, checked_scale, exponent_holding, largest_charge, own_grid
 
 
 def quantize_cuba(neuron: Cuba, task: Task) -> Scaled:
@@ -50,10 +40,11 @@ def quantize_cuba(neuron: Cuba, task: Task) -> Scaled:
     bias_max = ((1 << chip.registers.bias_mantissa_bits) - 1) << chip.registers.bias_exponent_max
     lossless = 0.0 if bounded else grid.high / max(heaviest, 1e-9)
     mantissa_max = int(min(chip.registers.threshold_mantissa_max, max(room, lossless)))
-    _check_bias(strongest, bias_max / 128, where)
+    if strongest > bias_max / 128:
+        measured = f"one bias reaches {strongest:.6g} thresholds against {bias_max / 128:.0f}"
+        raise task.no_scale("largest bias", measured, "Train with smaller biases, or a higher threshold.")
     cap = int(min(bias_max / strongest / 64 - 1, mantissa_max)) if strongest else mantissa_max
-    exponent, threshold = exponent_and_threshold(heaviest, grid, chip, cap, over, 1 if bounded else HEADROOM)
-    check_threshold(threshold, heaviest, grid, chip, over, where)
+    exponent, threshold = checked_scale(task, heaviest, cap, over, bounded=bounded)
     scale = (64 * threshold + over) / neuron.threshold
     bias_mantissa, bias_exponent = _bias(bias * scale, chip)
     made = ChipCuba.of(
@@ -92,17 +83,6 @@ def _room(neuron: Cuba, incoming: Sequence[Projection], chip: Chip) -> float:
     )
 
 
-def _check_bias(strongest: float, limit: float, where: str) -> None:
-    """Refuse biases, the largest given in thresholds, beside which no threshold mantissa of 1 or more is left."""
-    if strongest > limit:
-        raise TargetError(
-            where,
-            "no scale holds both the threshold and the largest bias",
-            measured=f"one bias reaches {strongest:.6g} thresholds against {limit:.0f}",
-            fix="Train with smaller biases, or a higher threshold.",
-        )
-
-
 def _bias(values: FloatArray, chip: Chip) -> tuple[IntArray, IntArray]:
     """Round to mantissas (n,) times powers of two, the smallest that hold them."""
     most = (1 << chip.registers.bias_mantissa_bits) - 1
@@ -115,16 +95,15 @@ def _bias(values: FloatArray, chip: Chip) -> tuple[IntArray, IntArray]:
 
 def quantize_soft(neuron: SoftCuba, task: Task) -> Scaled:
     """Return the neurons in integers, one threshold mantissa for all."""
-    chip, grid, where = task.chip, task.grid, task.where
-    decay_u, decay_v, gain = rounded_decays(neuron, where)
+    chip = task.chip
+    decay_u, decay_v, gain = rounded_decays(neuron, task.where)
     heaviest = float((task.largest * gain / neuron.threshold).max())
     deepest = float((neuron.drop / neuron.threshold).max())
     own, coarse = own_grid(chip), _coarse(own_grid(chip))
     # The largest charge that a coarse and a fine self-synapse hold exactly, in units of the threshold mantissa.
     held = (own.high // own.step << coarse) + (1 << coarse) - 1
     cap = int(min(held, largest_charge(chip)) / max(deepest, 1.0))
-    exponent, threshold = exponent_and_threshold(heaviest, grid, chip, cap, 0)
-    check_threshold(threshold, heaviest, grid, chip, 0, where)
+    exponent, threshold = checked_scale(task, heaviest, cap, 0)
     drop = np.rint(threshold * neuron.drop / neuron.threshold).astype(np.int64)
     made = ChipSrm(decay_u, decay_v, np.full(len(drop), threshold), _taps(drop, decay_u, own))
     return Scaled(made, 64 * threshold / neuron.threshold, gain, exponent)

@@ -52,6 +52,11 @@ class Task(Frozen, eq=False):
         """How errors name it."""
         return f"population {self.population.name!r}"
 
+    def no_scale(self, other: str, measured: str, fix: str) -> TargetError:
+        """Return the error of neurons for which no threshold mantissa of 1 or more is left."""
+        what = f"no scale holds both the threshold and the {other}"
+        return TargetError(self.where, what, measured=measured, fix=fix)
+
     @property
     def largest(self) -> FloatArray:
         """The largest weight onto each neuron, (n,)."""
@@ -108,7 +113,7 @@ def exponent_holding(largest: float, grid: WeightGrid) -> int:
 
 
 def exponent_and_threshold(
-    heaviest: float, grid: WeightGrid, chip: Chip, cap: int, over: int, headroom: int = HEADROOM
+    heaviest: float, grid: WeightGrid, chip: Chip, cap: int, over: int, headroom: int
 ) -> tuple[int, int]:
     """Return weight exponent and largest threshold mantissa: all weight bits in use, then most of the register.
 
@@ -132,13 +137,15 @@ def exponent_and_threshold(
     return min(0, exponent_holding(heaviest * (cap + over / 64), grid)), cap
 
 
-def check_threshold(threshold: int, heaviest: float, grid: WeightGrid, chip: Chip, over: int, where: str) -> None:
-    """Refuse a threshold mantissa of less than 1: then a weight is heavier than the grid's largest beside it."""
+def checked_scale(task: Task, heaviest: float, cap: int, over: int, *, bounded: bool = False) -> tuple[int, int]:
+    """Return what :func:`exponent_and_threshold` does for a task; ``bounded``: potentials stay below the threshold.
+
+    Refuses a threshold mantissa of less than 1: then a weight is heavier than the grid's largest beside it.
+    """
+    chip, grid, headroom = task.chip, task.grid, 1 if bounded else HEADROOM
+    exponent, threshold = exponent_and_threshold(heaviest, grid, chip, cap, over, headroom)
     if threshold < 1:
         most = min(grid.high * 2.0 ** WEIGHT_EXPONENTS[-1], heaviest_weight(chip)) / (1 + over / 64)
-        raise TargetError(
-            where,
-            "no scale holds both the threshold and the largest weight",
-            measured=f"one weight reaches {heaviest:.3g} thresholds against {most:.0f}",
-            fix="Train with smaller weights, or a higher threshold.",
-        )
+        measured = f"one weight reaches {heaviest:.3g} thresholds against {most:.0f}"
+        raise task.no_scale("largest weight", measured, "Train with smaller weights, or a higher threshold.")
+    return exponent, threshold

@@ -8,10 +8,8 @@ scales, the one with which its potential errs least on the calibration recording
 import numpy as np
 
 from hw_model.arithmetic.arrays import BoolArray, FloatArray, IntArray
-from hw_model.values import Frozen
 from locsnn_compile.network.chip_neurons import ChipSrm, Refractory, integers
 from locsnn_compile.network.neurons import SrmAlpha
-from locsnn_compile.network.projections import ChipProjection
 from locsnn_compile.network.projections import charge as charge_of
 from locsnn_compile.passes.rounding.drive import Drive, drive_of
 from locsnn_compile.passes.rounding.grades import Grades, coarsest, grades_for, in_grades, nearest, shares
@@ -46,11 +44,8 @@ class _Task(Task, eq=False):
 def fine_srm(neuron: SrmAlpha, known: Task, plain: Scaled) -> Rounded | None:
     """Return neurons and weights, given the plain integers of a strategy; None where there is nothing to round for."""
     made, rounding = plain.neuron, known.rounding
-    if (
-        known.calibration is None
-        or not (rounding.error_aware or rounding.scaled_apart)
-        or not isinstance(made, ChipSrm)
-    ):
+    asked = rounding.error_aware or rounding.scaled_apart
+    if known.calibration is None or not asked or not isinstance(made, ChipSrm):
         return None
     decays = (int(made.decay_u[0]), int(made.decay_v[0]))
     drive = drive_of(neuron, known.incoming, decays, float(plain.gain[0]), known.calibration)
@@ -59,8 +54,10 @@ def fine_srm(neuron: SrmAlpha, known: Task, plain: Scaled) -> Rounded | None:
     task = _Task(**vars(known), neuron=neuron, drive=drive)
     if rounding.scaled_apart and made.refractory.decay is not None:
         made = _scaled_apart(task, made)
-    rounded = _rounded(task, made, BEAM)
-    return Scaled(made, _scale(task, made), plain.gain, plain.exponent), _projections(task, rounded)
+    quanta, grade, split, grades = _rounded(task, made, BEAM)
+    columns = zip(task.incoming, *(np.split(part, _ends(task), axis=1) for part in (quanta, grade, split)), strict=True)
+    projections = [in_grades(p, q, g, two, grades, made.dendrites) for p, q, g, two in columns]
+    return Scaled(made, _scale(task, made), plain.gain, plain.exponent), projections
 
 
 def _scale(task: _Task, made: ChipSrm) -> FloatArray:
@@ -70,27 +67,24 @@ def _scale(task: _Task, made: ChipSrm) -> FloatArray:
 
 def _scaled_apart(task: _Task, made: ChipSrm) -> ChipSrm:
     """Return the neurons each at the scale with which its potential errs least; the plain scale is always allowed."""
-    assert made.refractory.decay is not None
     share, dendrites = of_a_dendrite(task.neuron, made.dendrites), made.dendrites
     wanted = np.append(SCALES * _largest_threshold(task, share, dendrites), made.threshold[0])
     thresholds, mantissas, exponent = srm_dendrite.whole_mantissas(share, wanted, own_grid(task.chip))
-    decays = (int(made.decay_u[0]), int(made.decay_v[0]), int(made.refractory.decay[0]))
     size = task.population.size
-    candidates = _at(np.repeat(thresholds, size), np.repeat(mantissas, size), exponent, decays, dendrites)
+    candidates = _at(made, np.repeat(thresholds, size), np.repeat(mantissas, size), exponent)
     errors = _errors(task, candidates, len(thresholds))
     errors[:-1][thresholds[:-1, None] > dendrites * _threshold_limits(task)] = np.inf
     best = errors.argmin(axis=0)
-    return _at(thresholds[best], mantissas[best], exponent, decays, dendrites)
+    return _at(made, thresholds[best], mantissas[best], exponent)
 
 
-def _at(
-    thresholds: IntArray, mantissas: IntArray, exponent: int, decays: tuple[int, int, int], dendrites: int
-) -> ChipSrm:
-    """Return neurons with these threshold and refractory mantissas, (n,)."""
-    size = len(thresholds)
-    u, v, own, threshold, mantissa = (integers(value, size) for value in (*decays, thresholds, mantissas))
-    taps = Refractory(integers(0, 1), mantissa[None], integers(exponent, 1), own)
-    return ChipSrm(u, v, threshold, taps, dendrites)
+def _at(made: ChipSrm, thresholds: IntArray, mantissas: IntArray, exponent: int) -> ChipSrm:
+    """Return so many such neurons, with these threshold and refractory mantissas, (n,)."""
+    assert made.refractory.decay is not None
+    size, decays = len(thresholds), (made.decay_u, made.decay_v, made.refractory.decay)
+    u, v, own = (integers(decay[0], size) for decay in decays)
+    taps = Refractory(integers(0, 1), integers(mantissas, size)[None], integers(exponent, 1), own)
+    return ChipSrm(u, v, integers(thresholds, size), taps, made.dendrites)
 
 
 def _largest_threshold(task: _Task, share: SrmAlpha, dendrites: int) -> float:
@@ -124,7 +118,7 @@ def _errors(task: _Task, candidates: ChipSrm, count: int) -> FloatArray:
     """
     calibration, theta = task.calibration, task.neuron.theta
     scale = _scale(task, candidates)
-    quanta = _rounded(task, candidates, BEAM_TO_COMPARE).quanta
+    quanta, *_ = _rounded(task, candidates, BEAM_TO_COMPARE)
     # The weights of all neurons, dendrite by dendrite.
     weights = np.concatenate(shares(64 * quanta, candidates.dendrites, 64))
     columns = np.split(weights, _ends(task), axis=1)
@@ -146,18 +140,11 @@ def _errors(task: _Task, candidates: ChipSrm, count: int) -> FloatArray:
     return error.reshape(count, -1)
 
 
-class _Quanta(Frozen, eq=False):
-    """Weights in quanta (k, n), onto so many dendrites together; the grade of each share, and which are split."""
+def _rounded(task: _Task, made: ChipSrm, beam: int) -> tuple[IntArray, IntArray, BoolArray, Grades]:
+    """Round the ideal weights onto neurons: those of the population, or these several times over.
 
-    quanta: IntArray
-    dendrites: int
-    grade: IntArray
-    split: BoolArray
-    grades: Grades
-
-
-def _rounded(task: _Task, made: ChipSrm, beam: int) -> _Quanta:
-    """Round the ideal weights onto neurons: those of the population, or these several times over."""
+    Returns quanta (k, n) onto all dendrites together, the grade of a dendrite's share, what is split, and all grades.
+    """
     scale = _scale(task, made)
     times = len(scale) // task.population.size
     ideal = np.tile(task.drive.ideal, (times, 1)) * scale[:, None] / 64
@@ -172,7 +159,7 @@ def _rounded(task: _Task, made: ChipSrm, beam: int) -> _Quanta:
         quanta = round_together(task.drive.metric, ideal, step, most, beam)
     else:
         quanta = nearest(ideal, step, most)
-    return _Quanta(quanta, made.dendrites, grade, split, grades)
+    return quanta, grade, split, grades
 
 
 def _worth_splitting(task: _Task, grades: Grades, grade: IntArray, present: BoolArray) -> BoolArray:
@@ -184,16 +171,6 @@ def _worth_splitting(task: _Task, grades: Grades, grade: IntArray, present: Bool
     chosen = np.zeros(value.shape, dtype=np.bool_)
     chosen.flat[np.argsort(-value, axis=None, kind="stable")[:count]] = True
     return chosen & (value > 0)
-
-
-def _projections(task: _Task, rounded: _Quanta) -> list[list[ChipProjection]]:
-    made, start = [], 0
-    for p in task.incoming:
-        here = slice(start, start + p.weights.shape[1])
-        parts = (rounded.quanta[:, here], rounded.grade[:, here], rounded.split[:, here])
-        made.append(in_grades(p, *parts, rounded.grades, rounded.dendrites))
-        start = here.stop
-    return made
 
 
 def _ends(task: _Task) -> IntArray:

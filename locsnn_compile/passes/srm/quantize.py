@@ -12,11 +12,10 @@ from typing import Protocol
 import numpy as np
 
 from hw_model.description.chip import Chip
-from locsnn_compile.errors import TargetError
 from locsnn_compile.network.chip_neurons import ChipNeuron, ChipSrm, integers
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.passes.kernels import alpha_kernel, fitted_decays
-from locsnn_compile.passes.rounding.task import Scaled, Task, check_threshold, exponent_and_threshold, heaviest_weight
+from locsnn_compile.passes.rounding.task import Scaled, Task, checked_scale, heaviest_weight
 from locsnn_compile.passes.srm import delay_line, dendrite, reset
 from locsnn_compile.strategies import STRATEGIES
 
@@ -50,7 +49,7 @@ def quantize_srm(neuron: SrmAlpha, task: Task) -> Scaled:
 
     Where decays are to be fitted, two instead of one, where the strategy can have them: taps are made for one.
     """
-    size, chip, grid, strategy, where = task.population.size, task.chip, task.grid, task.strategy, task.where
+    size, chip, strategy, where = task.population.size, task.chip, task.strategy, task.where
     layout, dendrites = LAYOUTS[strategy], STRATEGIES[strategy].dendrites
     mantissa_max = chip.registers.threshold_mantissa_max
     decay, gain, _ = alpha_kernel(neuron.tau_sr, f"{where}: tau_sr")
@@ -58,10 +57,11 @@ def quantize_srm(neuron: SrmAlpha, task: Task) -> Scaled:
     share = of_a_dendrite(neuron, dendrites)
     own = layout.heaviest_charge(share, decay, chip, where)
     most_own = heaviest_weight(chip)
-    _check_own(own, most_own, where)
+    if own > most_own / 2:
+        measured = f"an own spike weighs {own:.3g} thresholds against {most_own / 2:.0f}"
+        raise task.no_scale("refractory kernel", measured, "Use a smaller scale_ref, or strategy reset.")
     cap = int(min(most_own / own - 1, mantissa_max)) if own else mantissa_max
-    exponent, most = exponent_and_threshold(heaviest, grid, chip, cap, 1)
-    check_threshold(most, heaviest, grid, chip, 1, where)
+    exponent, most = checked_scale(task, heaviest, cap, 1)
     candidates = range(most, max(1, math.ceil(SCALE_SLACK * most)) - 1, -1)
     made = layout.lay_out(share, size, decay, candidates, chip, where)
     if isinstance(made, ChipSrm):
@@ -76,14 +76,3 @@ def quantize_srm(neuron: SrmAlpha, task: Task) -> Scaled:
 def of_a_dendrite(neuron: SrmAlpha, dendrites: int) -> SrmAlpha:
     """Return a neuron whose own spikes do what they do in each of so many refractory dendrites."""
     return replace(neuron, scale_ref=neuron.scale_ref / dendrites)
-
-
-def _check_own(own: float, heaviest: float, where: str) -> None:
-    """Refuse own charges, the largest given in thresholds, beside which no threshold mantissa of 1 or more is left."""
-    if own > heaviest / 2:
-        raise TargetError(
-            where,
-            "no scale holds both the threshold and the refractory kernel",
-            measured=f"an own spike weighs {own:.3g} thresholds against {heaviest / 2:.0f}",
-            fix="Use a smaller scale_ref, or strategy reset.",
-        )
