@@ -2,9 +2,12 @@
 
 import math
 
+import nir
 import numpy as np
 import pytest
+from nir_graphs import DT, chain, lif, linear
 from scipy import sparse
+from test_nir import load
 
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.nir.graph import NirNode
@@ -85,3 +88,27 @@ def test_a_constant_goes_through_what_follows():
     assert signal.constant.tolist() == [5.5, 8.5]
     assert signal.scaled(np.array([3.0, 0.5])).constant.tolist() == [16.5, 4.25]
     assert signal.delayed(np.array([1, 0])).constant.tolist() == [5.5, 8.5]
+
+
+RNG = np.random.default_rng(2)
+
+
+@pytest.mark.parametrize(("delay", "measured"), [(2.3, "2.3"), (2.02, "2.02"), (-1.0, "-1")])
+def test_delays_between_steps_are_refused(delay, measured, tmp_path):
+    graph = chain((3,), ("d", nir.Delay(np.full(3, delay * DT))), ("w", linear(RNG, 3, 3)), ("n", lif(RNG, 3)))
+    with pytest.raises(InputError) as caught:
+        load(graph, tmp_path)
+    assert str(caught.value) == (
+        "model 'graph.nir', node 'd': a delay is not a whole number of steps "
+        f"({measured} steps of 0.001 s). Give another --dt."
+    )
+
+
+def test_potentials_count_from_where_the_deepest_readout_begins(tmp_path):
+    one = np.ones(2)
+    readout = nir.LI(tau=0.01 * one, r=one, v_leak=0 * one)
+    nodes = {"input": nir.Input(np.array([3])), "w": linear(RNG, 2, 3), "near": readout, "lif": lif(RNG, 2)}
+    nodes |= {"w2": linear(RNG, 2, 2), "far": readout, "output": nir.Output(np.array([2]))}
+    edges = [("input", "w"), ("w", "near"), ("w", "lif"), ("lif", "w2"), ("w2", "far"), ("near", "output")]
+    network = load(nir.NIRGraph(nodes, [*edges, ("far", "output")], type_check=False), tmp_path)
+    assert (network.readout.populations, network.readout.potentials_from) == (("near", "far"), 2)

@@ -145,7 +145,7 @@ def _in_order(flat: FlatGraph) -> list[str]:
 def _depths(flat: FlatGraph) -> dict[str, int]:
     """Return how many projections lie between an input and every neuron, at least; 1 where none leads there."""
     far = _far(flat, lambda target: int(flat.nodes[target].kind in NEURONS))
-    return {name: max(far.get(name, 1), 1) for name in flat.named(*NEURONS)}
+    return {name: far.get(name, 1) for name in flat.named(*NEURONS)}
 
 
 def _far(flat: FlatGraph, step: Callable[[str], int]) -> dict[str, int]:
