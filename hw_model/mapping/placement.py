@@ -86,7 +86,7 @@ def place_cores(graph: CompartmentGraph, chip: Chip) -> PlacedGraph:
                 raise _too_many_targets(placed, name)
             most_neurons[name] = neurons
     if placed.cores > chip.cores:
-        raise _too_many_cores(placed, incoming)
+        raise _too_many_cores(placed, incoming, most_neurons)
     check_placed(placed)
     return placed
 
@@ -150,22 +150,25 @@ def _slices(core: int, pieces: list[Piece]) -> Iterator[Slice]:
 def _crowded_by_output(placed: PlacedGraph) -> dict[str, int]:
     """Return the populations of cores with too many output axons, and how many neurons of each fit a core.
 
-    Of several on one core it is the one with the most that gives way.
+    Of several on one core it is the one with the most that gives way; where not one neuron of it fits next to the
+    others, each is to have cores of its own.
     """
     limit = placed.chip.limits.output_axons_per_core
-    core_of, every = placed.core_of_source(), np.concatenate(placed.axons)
-    reached = np.bincount(every[core_of[every] >= 0], minlength=len(core_of))
+    reached = np.bincount(np.concatenate(placed.axons), minlength=sum(node.size for node in placed.graph.nodes))
     output_axons: dict[int, dict[Slice, int]] = {}
     for piece in placed.slices:
         output_axons.setdefault(piece.core, {})[piece] = int(reached[placed.sources_of(piece)].sum())
     crowded: dict[str, int] = {}
     for on_core in output_axons.values():
-        total = sum(on_core.values())
-        if total > limit:
-            piece = max(on_core, key=lambda piece: on_core[piece])
-            left = max(0, limit - total + on_core[piece])
-            fewer = min(piece.size - 1, piece.size * left // on_core[piece])
-            crowded[piece.group] = min(crowded.get(piece.group, fewer), fewer)
+        over = sum(on_core.values()) - limit
+        if over <= 0:
+            continue
+        largest = max(on_core, key=lambda piece: on_core[piece])
+        fewer = {largest: largest.size * (on_core[largest] - over) // on_core[largest]}
+        if fewer[largest] < 1:
+            fewer = {piece: min(piece.size, piece.size * limit // n) for piece, n in on_core.items() if n}
+        for piece, neurons in fewer.items():
+            crowded[piece.group] = min(crowded.get(piece.group, neurons), neurons)
     return crowded
 
 
@@ -180,7 +183,7 @@ def _too_large(neuron: Piece, chip: Chip) -> TargetError:
     )
 
 
-def _too_many_cores(placed: PlacedGraph, incoming: tuple[FanIn, ...]) -> TargetError:
+def _too_many_cores(placed: PlacedGraph, incoming: tuple[FanIn, ...], most_neurons: Mapping[str, int]) -> TargetError:
     """Say how many chips would do, and, where narrower weights alone would, the most bits that do."""
     graph, chip = placed.graph, placed.chip
     chips = -(-placed.cores // chip.limits.cores_per_chip)
@@ -188,7 +191,7 @@ def _too_many_cores(placed: PlacedGraph, incoming: tuple[FanIn, ...]) -> TargetE
     widest = max((p.format.weight_bits for p in incoming), default=1)
     for bits in sorted((b for b in WEIGHT_BITS if b < widest), reverse=True):
         narrow = [replace(p, format=replace(p.format, weight_bits=min(bits, p.format.weight_bits))) for p in incoming]
-        if _fill(graph, chip, narrow, {}).cores <= chip.cores:
+        if _fill(graph, chip, narrow, most_neurons).cores <= chip.cores:
             fix += f", or use {bits} weight bits"
             break
     return TargetError(

@@ -202,3 +202,63 @@ def test_input_axons_of_two_populations_add_up():
         builder.connect(x, builder.add_compartments(name, 5, threshold=1), 2 * np.eye(5))
     cores = [[(piece.group, piece.size) for piece in core.slices] for core in builder.build().cores]
     assert cores == [[("first", 5), ("second", 3)], [("second", 2)]]
+
+
+def test_formats_of_two_populations_add_up():
+    """Two exponents each, and two of three formats are the same: the third is one too many."""
+    builder = hw.ProgramBuilder(replace(CHIP, limits=replace(CHIP.limits, synapse_formats_per_core=2)))
+    x = builder.add_input("x", 1)
+    for name, exponents in (("first", (0, 1)), ("second", (1, 0)), ("third", (0, 2))):
+        n = builder.add_compartments(name, 3, threshold=1)
+        for exponent in exponents:
+            builder.connect(x, n, np.full((3, 1), 2), exponent=exponent)
+    cores = [[(piece.group, piece.size) for piece in core.slices] for core in builder.build().cores]
+    assert cores == [[("first", 3), ("second", 3)], [("third", 3)]]
+
+
+def test_synapses_of_one_format_share_a_list():
+    """Of two projections from one line, which reach a target each: 10 + 2 * 19 bits are one word, dense lists two."""
+    words = {}
+    for name, (first, second) in {"one each": ([2, 0], [0, 2]), "both": ([2, 2], [2, 2])}.items():
+        builder = hw.ProgramBuilder(CHIP)
+        x, n = builder.add_input("x", 1), builder.add_compartments("n", 2, threshold=1)
+        for weights in (first, second):
+            builder.connect(x, n, np.array(weights)[:, None])
+        words[name] = builder.build().cores[0].axons.synapse_words
+    assert words == {"one each": 1, "both": 2}
+
+
+@pytest.mark.parametrize(
+    ("output_axons", "cores"),
+    [
+        (12, [[("a", 4), ("b", 2)]]),
+        (9, [[("a", 2)], [("a", 2)], [("b", 2), ("out", 4)]]),
+        (5, [[("a", 2)], [("a", 2)], [("b", 2)], [("out", 6)]]),
+        (2, [[("a", 1)]] * 4 + [[("b", 1)]] * 2),
+    ],
+    ids=["just enough", "the largest gives way", "each by itself", "one a core"],
+)
+def test_populations_with_too_many_output_axons_give_way(output_axons, cores):
+    program = six_senders(output_axons_per_core=output_axons)
+    assert [[(piece.group, piece.size) for piece in core.slices] for core in program.cores][: len(cores)] == cores
+
+
+def test_narrower_weights_are_no_way_out_of_too_many_output_axons():
+    with pytest.raises(hw.TargetError) as caught:
+        six_senders(output_axons_per_core=9, cores_per_chip=3)
+    assert str(caught.value) == (
+        "network 'program': 5 cores are needed (loihi-sim has 3 on 1 chip). "
+        "Give a chip file with chips: 2, if the board has as many."
+    )
+
+
+def six_senders(**limits):
+    """Six neurons that reach two cores each, eight axons of one population and four of another."""
+    limits = replace(CHIP.limits, compartments_per_core=6, **limits)
+    builder = hw.ProgramBuilder(replace(CHIP, limits=limits))
+    x = builder.add_input("x", 1)
+    a, b, out = (builder.add_compartments(name, size, threshold=1) for name, size in (("a", 4), ("b", 2), ("out", 12)))
+    for group, size in ((a, 4), (b, 2)):
+        builder.connect(x, group, np.full((size, 1), 2))
+        builder.connect(group, out, np.full((12, size), 2))
+    return builder.build()

@@ -1,4 +1,4 @@
-"""A plugin of pytest for mutants: the packages are the tree's own, and a failing example is not made smaller."""
+"""A plugin of pytest for mutants: the packages are the tree's own, examples are the same every time and not made smaller."""
 
 from pathlib import Path
 
@@ -10,6 +10,7 @@ settings.register_profile(
     phases=[Phase.explicit, Phase.generate],
     suppress_health_check=list(HealthCheck),
     deadline=None,
+    derandomize=True,
     database=None,
 )
 settings.load_profile("mutants")
