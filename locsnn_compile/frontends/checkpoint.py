@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -13,49 +14,70 @@ from locsnn_compile.errors import TargetError
 from locsnn_compile.models.branch_graph import branch_graph, spread_weights
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.description import LifParameters
-from locsnn_compile.models.windows import BIAS, WEIGHT
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import Cuba, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Projection, matrix, row_sums
 
-Parts = tuple[Sequence[InputView], Sequence[Population], Sequence[Projection | ChipProjection], Readout]
-"""Views, populations, projections and readout of a network."""
 LAYERS = 2
 """Steps from an event to the outputs."""
 UNREACHED = 1.1
 """The threshold of an output, as a multiple of all that can come at once: it never spikes, rounded weights or not."""
 
 
-def window_parts(checkpoint: Checkpoint) -> Parts:
-    """Return the parts of the network of a checkpoint of ``window-snn``."""
+VIEW_NAMES: dict[Axis, str] = {"time": "touch", "location": "touch_transposed"}
+
+
+@dataclass
+class _Parts:
+    """What a network is made of so far; ``outputs``: the first step whose potentials count, None where spikes do."""
+
+    views: list[InputView] = field(default_factory=list)
+    populations: list[Population] = field(default_factory=list)
+    projections: list[Projection | ChipProjection] = field(default_factory=list)
+    outputs: dict[str, int | None] = field(default_factory=dict)
+
+    @property
+    def readout(self) -> Readout:
+        """All outputs, added as they are."""
+        first = tuple(self.outputs.values())
+        return Readout(tuple(self.outputs), (1.0,) * len(first), first[0] if len(set(first)) == 1 else first)
+
+
+def _add_windows(parts: _Parts, checkpoint: Checkpoint) -> None:
+    """Add the branch that counts events in windows; next to others it has a phase of its own."""
     description = checkpoint.description
+    branch, (weight, offset) = description.structure.window_branch, description.window_names
+    phase = "" if branch == "location" else branch
     layout, windows = description.input, description.windows
     lines = layout.channels * layout.steps
-    view = InputView("touch_transposed", "location", lines, description.walk, together=layout.channels, silence=LAYERS)
+    view = InputView(
+        "touch_windows" if phase else VIEW_NAMES["location"],
+        "location",
+        lines,
+        description.walk,
+        together=layout.channels,
+        silence=LAYERS,
+        own_phase=phase,
+    )
     synapses = windows.synapses(layout.steps, layout.channels)
     levels = np.tile(np.array(windows.levels, dtype=np.float64), synapses.shape[0] // len(windows.levels))
-    hidden = Population(
-        "location_hidden", "location", len(levels), Cuba.of(len(levels), decay_v=1.0, threshold=levels - 0.5)
-    )
-    weights = checkpoint.weights[WEIGHT].astype(np.float64)
-    populations: list[Population] = [hidden]
-    projections: list[Projection | ChipProjection] = [
-        Projection(view.name, hidden.name, matrix(synapses, np.float64)),
-    ]
-    outputs = description.populations("location")[1:]
+    first, *outputs = description.populations(branch)
+    counting = Cuba.of(len(levels), decay_v=1.0, threshold=levels - 0.5)
+    hidden = Population(first, "location", len(levels), counting, own_phase=phase)
+    weights = checkpoint.weights[weight].astype(np.float64)
+    parts.views.append(view)
+    parts.populations.append(hidden)
+    parts.projections.append(Projection(view.name, hidden.name, matrix(synapses, np.float64)))
     # A share for each, so that none has to hold it all.
-    bias = checkpoint.weights[BIAS].astype(np.float64) / len(outputs)
+    bias = checkpoint.weights[offset].astype(np.float64) / len(outputs)
     for name, part in zip(outputs, description.output_parts, strict=True):
         heard = np.zeros_like(weights)
         heard[:, part] = weights[:, part]
-        projections.append(Projection(hidden.name, name, matrix(sparse.csr_array(heard), np.float64)))
+        parts.projections.append(Projection(hidden.name, name, matrix(sparse.csr_array(heard), np.float64)))
         most = float(row_sums(heard).max() + np.abs(bias).max())
         neuron = Cuba.of(len(bias), decay_v=1.0, threshold=UNREACHED * most if most > 0 else 1.0, bias=bias)
-        populations.append(Population(name, "location", len(bias), neuron))
-    return (view,), populations, projections, Readout(outputs, (1.0,) * len(outputs), potentials_from=LAYERS)
-
-
-VIEW_NAMES: dict[Axis, str] = {"time": "touch", "location": "touch_transposed"}
+        parts.populations.append(Population(name, "location", len(bias), neuron, own_phase=phase))
+        parts.outputs[name] = LAYERS
 
 
 def network_of(checkpoint: Checkpoint) -> Network:
@@ -70,8 +92,10 @@ def network_of(checkpoint: Checkpoint) -> Network:
             f"a {description.architecture!r} has no spiking neurons, so no chip program can be made of it",
             fix="Train a spiking network; of this one, operations are counted only.",
         )
-    windows = description.structure.neurons == "windows"
-    views, populations, projections, readout = window_parts(checkpoint) if windows else _branches(checkpoint)
+    parts = _Parts()
+    _add_branches(parts, checkpoint)
+    if description.structure.window_branch:
+        _add_windows(parts, checkpoint)
     layout = description.input
     return Network(
         name=description.name,
@@ -82,10 +106,10 @@ def network_of(checkpoint: Checkpoint) -> Network:
         event_threshold=layout.event_threshold,
         psi=_psi(checkpoint),
         class_names=description.class_names,
-        views=tuple(views),
-        populations=tuple(populations),
-        projections=tuple(projections),
-        readout=readout,
+        views=tuple(parts.views),
+        populations=tuple(parts.populations),
+        projections=tuple(parts.projections),
+        readout=parts.readout,
         sha256=checkpoint.sha256,
         recordings=checkpoint.recordings,
     )
@@ -97,22 +121,19 @@ def _psi(checkpoint: Checkpoint) -> float | None:
     return float(psi) if isinstance(psi, int | float) and 0 <= psi < math.inf else None
 
 
-def _branches(checkpoint: Checkpoint) -> Parts:
-    """Return the parts of every branch, one after the other."""
+def _add_branches(parts: _Parts, checkpoint: Checkpoint) -> None:
+    """Add every branch that spikes, one after the other."""
     description = checkpoint.description
-    views, populations = [], []
-    projections: list[Projection | ChipProjection] = []
     for axis in VIEW_NAMES:
-        if axis not in description.branches:
+        if axis not in description.branches or axis == description.structure.window_branch:
             continue
         view = _view(axis, checkpoint)
-        views.append(view)
+        parts.views.append(view)
         for source, target in pairwise((view.name, *description.populations(axis))):
             population, onto = _layer(checkpoint, axis, source, target)
-            populations.append(population)
-            projections.extend(onto)
-    outputs = tuple(f"{view.axis}_output" for view in views)
-    return views, populations, projections, Readout(outputs, (1.0,) * len(outputs))
+            parts.populations.append(population)
+            parts.projections.extend(onto)
+        parts.outputs[f"{axis}_output"] = None
 
 
 def _layer(

@@ -10,17 +10,24 @@ class Architecture(Frozen):
 
     ``branches``: its step axes, in population order; none for an artificial network. ``neurons``: spike response
     (``srm``) or leaky integrate-and-fire (``lif``) ones, those that count in ``windows``, or none that spike.
-    ``graph``: whether the first layer of a branch is a graph convolution.
+    ``graph``: whether the first layer of a branch is a graph convolution. ``window_branch``: the branch whose neurons
+    count in windows, if there is one; its output is potentials.
     """
 
     branches: tuple[str, ...]
     neurons: Literal["srm", "lif", "windows", "none"]
     graph: bool = False
+    window_branch: str = ""
 
     @property
     def spiking(self) -> bool:
         """Whether its neurons spike, so that it can be compiled."""
         return self.neurons != "none"
+
+    @property
+    def learns_integers(self) -> bool:
+        """Whether it can be trained on a chip's integers."""
+        return self.neurons == "srm" and not self.window_branch
 
 
 ARCHITECTURES: dict[str, Architecture] = {
@@ -32,11 +39,12 @@ ARCHITECTURES: dict[str, Architecture] = {
     "hybrid-lif": Architecture(("time", "location"), "lif"),
     "tactile-sgnet": Architecture(("time",), "lif", graph=True),
     "hybrid-graph": Architecture(("time", "location"), "lif", graph=True),
-    "window-snn": Architecture(("location",), "windows"),
+    "window-snn": Architecture(("location",), "windows", window_branch="location"),
+    "hybrid-window": Architecture(("time", "location", "window"), "srm", window_branch="window"),
     "gru-mlp": Architecture((), "none"),
     "cnn-3d": Architecture((), "none"),
 }
 """Name of a network -> its structure. Source: Kang et al., IJCNN 2022; TactileSGNet: Gu et al., IROS 2020.
 
-``window-snn`` is ours.
+``window-snn`` is ours, and ``hybrid-window`` is ``hybrid`` with its windows as a third branch.
 """

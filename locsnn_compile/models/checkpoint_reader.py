@@ -32,7 +32,7 @@ _KEYS: dict[str, tuple[type, ...]] = {
 }
 _OPTIONAL: dict[str, tuple[type, ...]] = {
     **dict.fromkeys(("delays", "location_delays", "class_names"), (list,)),
-    "location_neuron": (dict,),
+    **dict.fromkeys(("location_neuron", "window"), (dict,)),
 }
 
 
@@ -89,6 +89,7 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
             delays=tuple(values.get("delays", (0,))),
             location_delays=tuple(values.get("location_delays", (0,))),
             class_names=tuple(values["class_names"]) if "class_names" in values else None,
+            window=_window(where, values.get("window")),
         )
     except InputError as error:
         place = error.where if error.where.startswith(where) else f"{where}, {error.where}"
@@ -152,8 +153,18 @@ def _neuron(where: str, entry: dict[Any, Any], *, srm: bool) -> Neuron | None:
         return None
     kind = NeuronParameters if srm else WindowParameters if "levels" in entry else LifParameters
     _check_keys(where, "neuron.", entry, field_kinds(kind))
-    values: dict[str, Any] = {key: tuple(value) if key == "levels" else value for key, value in entry.items()}
-    return kind(**values)
+    return kind(**_tuples(entry))
+
+
+def _window(where: str, entry: dict[Any, Any] | None) -> WindowParameters | None:
+    if entry is None:
+        return None
+    _check_keys(where, "window.", entry, field_kinds(WindowParameters))
+    return WindowParameters(**_tuples(entry))
+
+
+def _tuples(entry: dict[Any, Any]) -> dict[str, Any]:
+    return {key: tuple(value) if isinstance(value, list) else value for key, value in entry.items()}
 
 
 def _graph(where: str, entry: dict[Any, Any] | None) -> GraphParameters | None:

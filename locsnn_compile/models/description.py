@@ -17,7 +17,7 @@ from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
 from locsnn_compile.models.graph_parameters import GraphParameters
 from locsnn_compile.models.plain_checks import is_number, require, require_count, require_positive, rises
-from locsnn_compile.models.windows import BIAS, MAX_WINDOW_NEURONS, WEIGHT, WindowParameters, output_parts
+from locsnn_compile.models.windows import MAX_WINDOW_NEURONS, WindowParameters, output_parts
 
 #: Largest sizes accepted anywhere: a few times what any published tactile recording needs.
 MAX_UNITS = 4_096
@@ -125,6 +125,8 @@ class NetworkDescription(Frozen):
     class_names: tuple[str, ...] | None = None
     location_neuron: Neuron | None = None
     location_delays: tuple[int, ...] = (0,)
+    window: WindowParameters | None = None
+    """Windows of a branch next to those of its neurons."""
 
     def __post_init__(self) -> None:
         if self.architecture not in ARCHITECTURES:
@@ -135,7 +137,7 @@ class NetworkDescription(Frozen):
             )
         self._check_parts()
         self._check_delays()
-        if self.structure.neurons == "windows":
+        if self.structure.window_branch:
             require_count("window neurons", sum(self._hidden_of_taxel), MAX_WINDOW_NEURONS)
         require_count("classes", self.classes, MAX_UNITS)
         require_count("hidden", self.hidden, MAX_UNITS)
@@ -158,13 +160,17 @@ class NetworkDescription(Frozen):
     def _check_parts(self) -> None:
         """Refuse a neuron and a graph that the architecture has not."""
         kind = _NEURONS[self.structure.neurons]
+        windows = WindowParameters if self.structure.window_branch and kind is not WindowParameters else None
         if self.neuron is None and kind is not None:
             object.__setattr__(self, "neuron", kind())
         location = "location" in self.branches and kind is not WindowParameters and self.location_neuron is not None
+        if self.window is None and windows is not None:
+            object.__setattr__(self, "window", windows())
         for what, got, wanted in (
             ("neuron", self.neuron, kind),
             ("location neuron", self.location_neuron, kind if location else None),
             ("graph", self.graph, GraphParameters if self.structure.graph else None),
+            ("window", self.window, windows),
         ):
             if type(got) is not (wanted or type(None)):
                 raise self._refused(
@@ -213,7 +219,7 @@ class NetworkDescription(Frozen):
 
     @property
     def branches(self) -> tuple[str, ...]:
-        """The step axes of the network: ``time``, ``location`` or both; none of an artificial network."""
+        """The branches of the network: ``time``, ``location``, ``window``; none of an artificial network."""
         return self.structure.branches
 
     def neuron_of(self, name: str) -> Neuron | None:
@@ -230,34 +236,41 @@ class NetworkDescription(Frozen):
         if not isinstance(neuron, NeuronParameters):
             raise self._refused(
                 "it has no spike response neurons",
-                fix=f"Take one of: {', '.join(name for name, a in ARCHITECTURES.items() if a.neurons == 'srm')}.",
+                fix=f"Take one of: {', '.join(name for name, a in ARCHITECTURES.items() if a.learns_integers)}.",
             )
         return neuron
 
     @property
     def windows(self) -> WindowParameters:
-        """The windows of a network of windows."""
-        assert isinstance(self.neuron, WindowParameters)
-        return self.neuron
+        """The windows of a network that has a branch of them."""
+        found = self.neuron if self.window is None else self.window
+        assert isinstance(found, WindowParameters)
+        return found
+
+    @property
+    def window_names(self) -> tuple[str, str]:
+        """Names of the weights (classes, hidden neurons) and of the bias (classes,) of the output of windows."""
+        output = f"{self.structure.window_branch}_output"
+        return output, f"{output}_bias"
 
     @property
     def _hidden_of_taxel(self) -> list[int]:
-        """Hidden neurons of a network of windows that hear each taxel of the walk."""
+        """Hidden neurons of the windows that hear each taxel of the walk."""
         sensor = self.input.sensor
         return [sensor.polarities * self.windows.of_channel(self.input.steps)] * (sensor.surfaces * sensor.taxels)
 
     @property
     def output_parts(self) -> list[slice]:
-        """The hidden neurons of a network of windows that each of its output populations hears."""
+        """The hidden neurons of the windows that each of their output populations hears."""
         return output_parts(self._hidden_of_taxel)
 
     def populations(self, branch: str) -> tuple[str, ...]:
         """Return the names of a branch's populations, in evaluation order; the last one is the output.
 
-        A network of windows has as many outputs as can hear all of its hidden neurons; their potentials are added.
+        A branch of windows has as many outputs as can hear all of its hidden neurons; their potentials are added.
         """
-        if self.structure.neurons == "windows":
-            return "location_hidden", *(f"location_output_{1 + i}" for i in range(len(self.output_parts)))
+        if branch == self.structure.window_branch:
+            return f"{branch}_hidden", *(f"{branch}_output_{1 + i}" for i in range(len(self.output_parts)))
         layers = ("graph", "hidden", "hidden_2", "output") if self.structure.graph else ("hidden", "output")
         return tuple(f"{branch}_{layer}" for layer in layers)
 
@@ -288,10 +301,12 @@ class NetworkDescription(Frozen):
                 classes=self.classes,
                 hidden=self.hidden,
             )
-        if self.structure.neurons == "windows":
-            return {WEIGHT: (self.classes, sum(self._hidden_of_taxel)), BIAS: (self.classes,)}
         shapes: dict[str, tuple[int, ...]] = {}
         for branch in self.branches:
+            if branch == self.structure.window_branch:
+                sizes = (self.classes, sum(self._hidden_of_taxel)), (self.classes,)
+                shapes |= zip(self.window_names, sizes, strict=True)
+                continue
             names = self.populations(branch)
             lines = self.input.channels if branch == "time" else self.input.steps
             if self.graph is not None:

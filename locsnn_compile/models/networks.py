@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from hw_model.arithmetic.arrays import IntArray
+from hw_model.arithmetic.arrays import AnyArray, ByteArray, IntArray
 from locsnn_compile.models.ann import ArtificialNetwork, Cnn3d, GruMlp
 from locsnn_compile.models.branch_graph import branch_graph
 from locsnn_compile.models.chip_entry import ChipNumbers
@@ -46,7 +47,9 @@ class TouchNetwork(TouchModel):
         walk = description.walk if "location" in description.branches else np.zeros(0, dtype=np.int64)
         self.register_buffer("walk", torch.from_numpy(walk.copy()), persistent=False)
         self._walks_in_order = np.array_equal(walk, np.arange(description.input.channels))
-        for branch in description.branches:
+        self._branches = [branch for branch in description.branches if branch != description.structure.window_branch]
+        self.names = [name for branch in self._branches for name in description.populations(branch)]
+        for branch in self._branches:
             for name in description.populations(branch):
                 self.add_module(name, self._make(name, branch, generator, initial_scale))
 
@@ -79,7 +82,7 @@ class TouchNetwork(TouchModel):
         """Return the output spikes of every population for ``x`` (batch, steps, channels)."""
         self.check_shape(x)
         spikes: dict[str, Tensor] = {}
-        for branch in self.description.branches:
+        for branch in self._branches:
             stream = x if branch == "time" else self._transposed(x)
             for name in self.description.populations(branch):
                 stream = self.layer(name)(delayed(stream, self.description.delays_onto(name)))
@@ -92,7 +95,7 @@ class TouchNetwork(TouchModel):
 
     def scores(self, activity: Mapping[str, Tensor]) -> dict[str, Tensor]:
         """Return spikes a class, (batch, classes), of the output of every branch."""
-        return {branch: activity[f"{branch}_output"].sum(dim=1) for branch in self.description.branches}
+        return {branch: activity[f"{branch}_output"].sum(dim=1) for branch in self._branches}
 
     def hidden_spikes(self, activity: Mapping[str, Tensor]) -> list[Tensor]:
         """Return the spikes of every population but the outputs."""
@@ -113,8 +116,46 @@ class TouchNetwork(TouchModel):
 
     def mantissas(self) -> dict[str, IntArray]:
         """Return the mantissas [out, in] by population name, of a network on the chip's integers."""
-        layers = {name: self.layer(name) for name in self.description.weight_shapes}
+        layers = {name: self.layer(name) for name in self.names}
         return {name: layer.mantissas() for name, layer in layers.items() if isinstance(layer, ChipLayer)}
+
+
+class HybridWindow(TouchModel):
+    """``hybrid-window``: two branches that spike, and the potentials of a third that counts events in windows."""
+
+    def __init__(self, description: NetworkDescription, *, seed: int, initial_scale: float) -> None:
+        super().__init__(description)
+        self.spiking = TouchNetwork(description, seed=seed, initial_scale=initial_scale)
+        self.windows = WindowNetwork(description)
+
+    def weight(self, name: str) -> nn.Parameter:
+        """Return the weights of a name, as they are learned."""
+        return (self.windows if name in self.windows.names else self.spiking).weight(name)
+
+    def begin(self, spikes: ByteArray) -> None:
+        """Take what the windows must know of the recordings (samples, steps, channels)."""
+        self.windows.begin(spikes)
+
+    def forward(self, x: Tensor) -> dict[str, Tensor]:
+        """Return the output spikes of every population that spikes, and the potentials of the windows."""
+        return {**self.spiking(x), **self.windows(x)}
+
+    def scores(self, activity: Mapping[str, Tensor]) -> dict[str, Tensor]:
+        """Return spikes a class of two branches, and potentials of the third, (batch, classes)."""
+        return self.spiking.scores(activity) | self.windows.scores(activity)
+
+    def hidden_spikes(self, activity: Mapping[str, Tensor]) -> list[Tensor]:
+        """Return the spikes of the hidden populations that learn."""
+        return self.spiking.hidden_spikes(activity)
+
+    def weights(self) -> dict[str, NDArray[np.float32]]:
+        """Return copies of the weights by name, the bias as the kept network has it."""
+        return self.spiking.weights() | self.windows.weights()
+
+    def load_weights(self, weights: Mapping[str, AnyArray]) -> None:
+        """Take weights by name; ``InputError`` where a name or shape does not fit."""
+        self.spiking.load_weights(weights)
+        self.windows.load_weights(weights)
 
 
 def delayed(x: Tensor, delays: Sequence[int]) -> Tensor:
@@ -144,4 +185,6 @@ def build_network(
         return ARTIFICIAL[description.architecture](description, seed=seed)
     if description.structure.neurons == "windows":
         return WindowNetwork(description)
+    if description.structure.window_branch:
+        return HybridWindow(description, seed=seed, initial_scale=initial_scale)
     return TouchNetwork(description, seed=seed, initial_scale=initial_scale, chip=chip)

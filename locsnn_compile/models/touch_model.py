@@ -1,7 +1,7 @@
 """What every network that learns from touch recordings has in common."""
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import torch
@@ -15,11 +15,15 @@ from locsnn_compile.models.description import NetworkDescription
 
 
 class TouchModel(nn.Module):
-    """A network by its description; ``chip`` holds the numbers of one that runs on a chip's integers."""
+    """A network by its description; ``chip`` holds the numbers of one that runs on a chip's integers.
+
+    ``names``: its weights, or those of a branch of it.
+    """
 
     def __init__(self, description: NetworkDescription, chip: ChipNumbers | None = None) -> None:
         super().__init__()
         self.description, self.chip = description, chip
+        self.names: Sequence[str] = tuple(description.weight_shapes)
         self._kept: dict[str, Tensor] = {}
 
     @abstractmethod
@@ -58,7 +62,7 @@ class TouchModel(nn.Module):
 
     def prune(self, share: float) -> None:
         """Set a ``share`` 0..1 of each population's weights, the smallest, to 0; :meth:`hold` keeps them there."""
-        for name in self.description.weight_shapes:
+        for name in self.names:
             weight = self.weight(name).detach()
             order = weight.abs().flatten().argsort(stable=True)
             kept = torch.ones(weight.numel(), dtype=torch.bool, device=weight.device)
@@ -81,14 +85,11 @@ class TouchModel(nn.Module):
 
     def weights(self) -> dict[str, NDArray[np.float32]]:
         """Return copies of the weights by name."""
-        return {
-            name: self.weight(name).detach().to(torch.float32).cpu().numpy().copy()
-            for name in self.description.weight_shapes
-        }
+        return {name: self.weight(name).detach().to(torch.float32).cpu().numpy().copy() for name in self.names}
 
     def load_weights(self, weights: Mapping[str, AnyArray]) -> None:
         """Take weights by name; ``InputError`` where a name or shape does not fit."""
-        for name in self.description.weight_shapes:
+        for name in self.names:
             self.description.check_shape(name, weights, "Give the weights of a network of this description.")
             with torch.no_grad():
                 self.weight(name).copy_(torch.from_numpy(np.array(weights[name])))

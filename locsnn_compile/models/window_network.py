@@ -19,13 +19,12 @@ from torch import Tensor, nn
 from hw_model.arithmetic.arrays import AnyArray, ByteArray
 from locsnn_compile.models.description import NetworkDescription
 from locsnn_compile.models.touch_model import TouchModel
-from locsnn_compile.models.windows import BIAS, WEIGHT
 
 
 class WindowNetwork(TouchModel):
     """``window-snn``: hidden neurons of :class:`~locsnn_compile.models.windows.WindowParameters`, output potentials.
 
-    Weights start at 0, so that no seed is in them.
+    Or that branch of a network that has others. Weights start at 0, so that no seed is in them.
     """
 
     walk: Tensor
@@ -37,14 +36,15 @@ class WindowNetwork(TouchModel):
         layout, self.windows = description.input, description.windows
         self.register_buffer("walk", torch.from_numpy(description.walk.copy()), persistent=False)
         self.register_buffer("starts", torch.from_numpy(self.windows.starts(layout.steps)), persistent=False)
-        classes, hidden = description.weight_shapes[WEIGHT]
+        self.names = description.window_names
+        classes, hidden = description.weight_shapes[self.names[0]]
         self.output = nn.Parameter(torch.zeros(classes, hidden))
         self.bias = nn.Parameter(torch.zeros(classes))
         self.register_buffer("usual", torch.zeros(hidden))
 
     def weight(self, name: str) -> nn.Parameter:
         """Return a parameter as it is learned."""
-        return self.output if name == WEIGHT else self.bias
+        return self.output if name == self.names[0] else self.bias
 
     def begin(self, spikes: ByteArray) -> None:
         """Take the mean of every hidden spike over recordings (samples, steps, channels); scores stay as they are."""
@@ -59,28 +59,28 @@ class WindowNetwork(TouchModel):
 
     def hidden(self, x: Tensor) -> Tensor:
         """Return the spikes (batch, hidden) of the hidden neurons for ``x`` (batch, steps, channels)."""
-        events = torch.nn.functional.pad(x.index_select(2, self.walk).cumsum(dim=1), (0, 0, 1, 0))
+        events = torch.nn.functional.pad(x.cumsum(dim=1), (0, 0, 1, 0))
         counted = events.index_select(1, self.starts + self.windows.steps) - events.index_select(1, self.starts)
         levels = torch.tensor(self.windows.levels, dtype=x.dtype, device=x.device)
-        spikes = counted.transpose(1, 2).unsqueeze(-1) >= levels
+        spikes = counted.index_select(2, self.walk).transpose(1, 2).unsqueeze(-1) >= levels
         return spikes.to(x.dtype).reshape(len(x), -1)
 
     def forward(self, x: Tensor) -> dict[str, Tensor]:
         """Return the potentials (batch, classes) of the output for ``x`` (batch, steps, channels)."""
         self.check_shape(x)
-        return {WEIGHT: torch.nn.functional.linear(self.hidden(x) - self.usual, self.output, self.bias)}
+        return {self.names[0]: torch.nn.functional.linear(self.hidden(x) - self.usual, self.output, self.bias)}
 
     def scores(self, activity: Mapping[str, Tensor]) -> dict[str, Tensor]:
         """Return the potentials of the output."""
-        return {"location": activity[WEIGHT]}
+        return {self.description.structure.window_branch: activity[self.names[0]]}
 
     def weights(self) -> dict[str, NDArray[np.float32]]:
         """Return copies of the weights by name, the bias as the kept network has it."""
         with torch.no_grad():
             bias = self.bias.double() - self.output.double() @ self.usual.double()
         return {
-            WEIGHT: self.output.detach().to(torch.float32).cpu().numpy().copy(),
-            BIAS: bias.to(torch.float32).cpu().numpy(),
+            self.names[0]: self.output.detach().to(torch.float32).cpu().numpy().copy(),
+            self.names[1]: bias.to(torch.float32).cpu().numpy(),
         }
 
     def load_weights(self, weights: Mapping[str, AnyArray]) -> None:

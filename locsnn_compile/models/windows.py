@@ -15,8 +15,6 @@ from hw_model.values import Frozen
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.plain_checks import is_whole, require, rises
 
-WEIGHT, BIAS = "location_output", "location_output_bias"
-"""Names of the weights (classes, hidden neurons) and of the bias (classes,)."""
 HEARD_BY_OUTPUT = 1_024
 """Hidden neurons that an output hears, if it hears several taxels.
 

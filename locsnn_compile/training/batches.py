@@ -117,9 +117,9 @@ def shift_in_time(spikes: Spikes, largest: int, rng: np.random.Generator, parts:
         return spikes
     batch, steps, channels = spikes.shape
     by = rng.integers(-largest, largest, size=(batch, parts), endpoint=True)
-    row, step, channel = spikes.nonzero()
-    step = step + by[row, channel * parts // channels]
-    inside = (step >= 0) & (step < steps)
+    places = np.flatnonzero(spikes != 0)
+    shift = by[places // (steps * channels), places % channels * parts // channels]
+    step = places // channels % steps + shift
     moved = np.zeros_like(spikes)
-    moved[row[inside], step[inside], channel[inside]] = 1
+    moved.reshape(-1)[(places + shift * channels)[(step >= 0) & (step < steps)]] = 1
     return moved

@@ -58,7 +58,8 @@ class Range(NamedTuple):
 class TrainingConfig(Shown, eq=True):
     """A training run, but for its data.
 
-    - ``location_weight`` is lambda of the weighted loss. ``loss`` spike-count uses ``target_right`` and
+    - ``location_weight`` is lambda of the weighted loss. ``branch_loss``: this share of the loss is the mean of those
+      that each branch has by itself. ``loss`` spike-count uses ``target_right`` and
       ``target_wrong`` (spikes a recording), cross-entropy uses ``count_scale``, ``label_smoothing``, and
       ``neighbour_smoothing`` of ``class_order``: see :mod:`locsnn_compile.training.loss`.
     - ``class_weights`` balanced: recordings of a rare class count for more in the loss, each class as much as another.
@@ -110,6 +111,7 @@ class TrainingConfig(Shown, eq=True):
     hidden: Annotated[int, Range(1, 4096)] = 32
     loss: Annotated[str, LOSSES] = "cross-entropy"
     location_weight: Annotated[float, Range(0.0, 1e3)] = 1.0
+    branch_loss: Annotated[float, Range(0.0, 1.0)] = 0.0
     target_right: Annotated[float, Range(0.0, 1e6)] = 60.0
     target_wrong: Annotated[float, Range(0.0, 1e6)] = 3.0
     count_scale: Annotated[float, Range(1e-6, 1e3)] = 0.1

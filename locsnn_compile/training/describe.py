@@ -47,6 +47,7 @@ def describe(recordings: Recordings, config: TrainingConfig, classes: int, name:
         delays=_whole_numbers("delays", config.delays, "0 20 40 60"),
         location_delays=_whole_numbers("location_delays", config.location_delays, "0 20 40 60"),
         class_names=recordings.class_names,
+        window=_windows(config) if structure.window_branch and structure.neurons != "windows" else None,
     )
 
 
@@ -67,8 +68,7 @@ def _neuron(config: TrainingConfig) -> Neuron | None:
     """Return the constants of the neurons, whose names are those of options."""
     neurons = ARCHITECTURES[config.model].neurons
     if neurons == "windows":
-        levels = _whole_numbers("window_levels", config.window_levels, "1 2")
-        return WindowParameters(config.window_steps, config.window_stride, levels)
+        return _windows(config)
     if neurons == "none":
         return None
     kind = NeuronParameters if neurons == "srm" else LifParameters
@@ -84,6 +84,11 @@ def _location_neuron(config: TrainingConfig) -> Neuron | None:
         return None
     assert isinstance(neuron, NeuronParameters | LifParameters)
     return replace(neuron, **own)
+
+
+def _windows(config: TrainingConfig) -> WindowParameters:
+    levels = _whole_numbers("window_levels", config.window_levels, "1 2")
+    return WindowParameters(config.window_steps, config.window_stride, levels)
 
 
 def _graph(config: TrainingConfig, sensor: SensorLayout) -> GraphParameters:
@@ -104,10 +109,10 @@ def fixed_by(start: NetworkDescription) -> dict[str, Any]:
     found |= {name: " ".join(map(str, getattr(start, name))) for name in ("delays", "location_delays")}
     if start.location_order is not None:
         found["order"] = start.location_order
-    if isinstance(start.neuron, WindowParameters):
-        windows = asdict(start.neuron) | {"levels": " ".join(map(str, start.neuron.levels))}
+    if start.structure.window_branch:
+        windows = asdict(start.windows) | {"levels": " ".join(map(str, start.windows.levels))}
         found |= {f"window_{name}": value for name, value in windows.items()}
-    elif start.neuron is not None:
+    if start.neuron is not None and start.structure.neurons != "windows":
         found |= asdict(start.neuron)
     if (graph := start.graph) is not None:
         found |= {"graph": graph.name} | {key: getattr(graph, key) for key in ("hops", "features", "step_features")}

@@ -39,8 +39,11 @@ class Loss:
 
         ``weights`` (classes,): how much a recording of each class counts; None: all alike.
         """
-        counts = weighted_counts(network.scores(activity), self.config.location_weight)
-        each = self.of_counts(counts, labels)
+        scores, alone = network.scores(activity), self.config.branch_loss
+        each = self.of_counts(weighted_counts(scores, self.config.location_weight), labels)
+        if alone:
+            own = torch.stack([self.of_counts(counts, labels) for counts in scores.values()]).mean(dim=0)
+            each = (1.0 - alone) * each + alone * own
         loss = (each if weights is None else weights[labels] * each).mean()
         if self.config.spike_cost:
             hidden = [spikes.sum(dim=1).mean() for spikes in network.hidden_spikes(activity)]
@@ -59,10 +62,12 @@ class Loss:
 
 
 def weighted_counts(branch_counts: Mapping[str, Tensor], location_weight: float) -> Tensor:
-    """Return sum_t o1 + lambda * sum_l o2, (batch, classes); a branch that is alone counts as it is."""
-    if len(branch_counts) == 1:
-        return next(iter(branch_counts.values()))
-    return branch_counts["time"] + location_weight * branch_counts["location"]
+    """Return sum_t o1 + lambda * sum_l o2 + windows, (batch, classes); a branch that is alone counts as it is."""
+    first, *others = branch_counts.items()
+    total = first[1]
+    for branch, counts in others:
+        total = total + (location_weight * counts if branch == "location" else counts)
+    return total
 
 
 def label_shares(config: TrainingConfig, classes: int) -> FloatArray:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import hw_model as hw
-from locsnn_compile.errors import TargetError
+from locsnn_compile.errors import InputError, TargetError
 from locsnn_compile.frontends.checkpoint import network_of
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.chip_entry import TRAINED_BITS, ChipNumbers, ChipPopulation, RegisterWidths
@@ -33,6 +33,9 @@ def chip_numbers(
     Raises ``InputError`` for a chip that is not known, ``TargetError`` for one of wider registers and for a network
     that no scale fits.
     """
+    if description.window is not None:
+        what, fix = "its windows are not trained on a chip's integers", "Train it in float."
+        raise InputError(f"architecture {description.architecture!r}", what, fix=fix)
     chip = hw.chip(config.target)
     registers = _registers(chip)
     _check_limits(chip, config, description)

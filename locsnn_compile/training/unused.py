@@ -33,7 +33,12 @@ _RULES = (
         "the network has no location branch",
         _LEAVE,
     ),
-    _Rule(("location_weight", "psi"), lambda _, a: len(a.branches) == 2, "the network has no second branch", _LEAVE),
+    _Rule(
+        ("location_weight", "branch_loss", "psi"),
+        lambda _, a: len(a.branches) > 1,
+        "the network has no second branch",
+        _LEAVE,
+    ),
     _Rule(("hidden",), lambda _, a: a.neurons != "windows", "events and windows decide the hidden neurons", _LEAVE),
     _Rule(
         ("graph", "neighbours", "nearer_mm", "hops", "features", "step_features"),
@@ -55,7 +60,7 @@ _RULES = (
     ),
     _Rule(
         ("window_steps", "window_stride", "window_levels"),
-        lambda _, a: a.neurons == "windows",
+        lambda _, a: a.window_branch != "",
         "the network has no windows",
         "Choose the model window-snn.",
     ),

@@ -23,8 +23,8 @@ from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
 
 STEPS = 24
-SPIKING = [name for name, a in ARCHITECTURES.items() if a.spiking and a.neurons != "windows"]
-"""All whose outputs spike; ``test_window_network.py`` has the other one."""
+SPIKING = [name for name, a in ARCHITECTURES.items() if a.spiking and not a.window_branch]
+"""All whose outputs spike; ``test_window_network.py`` and ``test_hybrid_window.py`` have the others."""
 BACKWARDS = ",".join(str(taxel) for taxel in range(39, 0, -1))
 
 

@@ -23,12 +23,13 @@ from locsnn_compile.models.checkpoint import save_checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.window_network import WindowNetwork
-from locsnn_compile.models.windows import BIAS, WEIGHT, WindowParameters, output_parts
+from locsnn_compile.models.windows import WindowParameters, output_parts
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.training.config import config_from_mapping
 from locsnn_compile.training.train import train
 
 ORDER = tuple(range(39, 0, -1))
+WEIGHT, BIAS = "location_output", "location_output_bias"
 
 
 def described(steps: int = 12, fingertips: int = 1, windows: WindowParameters | None = None) -> NetworkDescription:

@@ -71,6 +71,24 @@ def test_count_cross_entropy(seed: int, scale: float, smoothing: float) -> None:
     assert float(found) == pytest.approx(expected, rel=1e-10, abs=1e-12)
 
 
+@pytest.mark.parametrize("alone", [0.25, 1.0])
+def test_branches_have_a_share_of_the_loss(alone: float) -> None:
+    time, location, labels = draw(3)
+    branches = {"time": torch.from_numpy(time), "location": torch.from_numpy(location)}
+    y = torch.from_numpy(labels)
+
+    class Two:
+        def scores(self, activity: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+            return activity
+
+    def loss(share: float, given: dict[str, torch.Tensor]) -> float:
+        return float(Loss(TrainingConfig(branch_loss=share), 4)(Two(), given, y))  # type: ignore[arg-type]
+
+    own = [loss(0.0, {name: counts}) for name, counts in branches.items()]
+    wanted = (1 - alone) * loss(0.0, branches) + alone * sum(own) / 2
+    assert loss(alone, branches) == pytest.approx(wanted, rel=1e-9)
+
+
 class Counted:
     """A network whose class scores are counts, as they are."""
 

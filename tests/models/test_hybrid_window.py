@@ -1,0 +1,157 @@
+"""The network of three branches: torch, the float reference and both engines, its file, and how it learns."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+import hw_model as hw
+import locsnn_compile as lc
+from locsnn_compile.cli.main import main
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.sensor import neutouch
+from locsnn_compile.data.synthetic import synthetic_touches
+from locsnn_compile.data.write import write_recordings
+from locsnn_compile.errors import InputError
+from locsnn_compile.models.checkpoint import save_checkpoint
+from locsnn_compile.models.checkpoint_reader import read_checkpoint
+from locsnn_compile.models.description import InputLayout, NetworkDescription
+from locsnn_compile.models.networks import HybridWindow, build_network
+from locsnn_compile.models.windows import WindowParameters
+from locsnn_compile.reference.evaluate import evaluate
+from locsnn_compile.training.config import config_from_mapping
+from locsnn_compile.training.loss import weighted_counts
+from locsnn_compile.training.train import train
+
+ORDER = tuple(range(39, 0, -1))
+
+
+def described(steps: int = 40, hidden: int = 6) -> NetworkDescription:
+    layout, windows = InputLayout(neutouch(1), steps, 0.02), WindowParameters(4, 2, (1, 3))
+    return NetworkDescription("hybrid-window", layout, 3, hidden, None, "own", ORDER, window=windows)
+
+
+def touches(samples: int, steps: int = 40, share: float = 0.2) -> np.ndarray:
+    return (np.random.default_rng(samples).random((samples, steps, 78)) < share).astype(np.uint8)
+
+
+def random_network(description: NetworkDescription) -> HybridWindow:
+    network = build_network(description, seed=1, initial_scale=6.0)
+    assert isinstance(network, HybridWindow)
+    rng = np.random.default_rng(0)
+    shapes = {name: description.weight_shapes[name] for name in description.window_names}
+    network.windows.load_weights({name: rng.normal(size=shape).astype(np.float32) for name, shape in shapes.items()})
+    return network
+
+
+def test_torch_reference_and_both_engines_read_out_one_sum(tmp_path: Path) -> None:
+    description = described()
+    network, x = random_network(description), touches(5)
+    save_checkpoint(tmp_path / "h.pt", description, network.weights())
+    loaded = lc.load(tmp_path / "h.pt")
+    assert [phase.name for phase in loaded.phases] == ["time", "location", "window"]
+    outputs = loaded.readout.populations
+    assert outputs[:3] == ("time_output", "location_output", "window_output_1")
+    assert loaded.readout.potentials_from == (None, None, *(2,) * (len(outputs) - 2))
+    with torch.no_grad():
+        parts = network.double().scores(network(torch.from_numpy(x).double()))
+    assert list(parts) == ["time", "location", "window"]
+    assert all(float(part.abs().sum()) > 0 for part in parts.values())  # every branch has a say
+    wanted = sum(part.numpy() for part in parts.values())
+    assert np.allclose(evaluate(loaded, x).scores, wanted, atol=1e-4)
+    compiled = lc.compile(loaded, strategy="dendrite", events=Recordings(x, None, 0.02, "touches"))
+    fast, plain = hw.simulate(compiled.program, x), hw.simulate(compiled.program, x, engine="reference")
+    on_grid = evaluate(compiled.levels.quantized.on_grid(), x)
+    assert np.array_equal(fast.scores, plain.scores)
+    assert np.array_equal(fast.scores, on_grid.scores)
+    weights = dict(zip(outputs, compiled.program.readout.weights, strict=True))  # type: ignore[union-attr]
+    assert all(weight.is_integer() for weight in weights.values())
+    # A spike of the chip counts what the weight of its branch says: the sum is in units of the window's registers.
+    assert np.abs(np.asarray(fast.scores) / weights["time_output"] - wanted).max() < 0.1 * np.abs(wanted).max()
+
+
+def test_a_branch_alone_predicts_something_else() -> None:
+    description = described()
+    network, x = random_network(description), torch.from_numpy(touches(40)).float()
+    parts = network.scores(network(x))
+    together = network.counts(x).argmax(dim=1)
+    assert all((part.argmax(dim=1) != together).any() for part in parts.values())
+
+
+def test_lambda_weighs_the_location_branch_only() -> None:
+    time, location, window = (torch.full((1, 2), value) for value in (1.0, 10.0, 100.0))
+    found = weighted_counts({"time": time, "location": location, "window": window}, 0.5)
+    assert found.tolist() == [[106.0, 106.0]]
+
+
+def test_its_file_keeps_its_windows(tmp_path: Path) -> None:
+    description = described()
+    weights = random_network(description).weights()
+    save_checkpoint(tmp_path / "h.pt", description, weights)
+    found = read_checkpoint(tmp_path / "h.pt")
+    assert found.description == description
+    assert list(found.weights) == list(description.weight_shapes)
+    assert all(np.array_equal(found.weights[name], weights[name]) for name in weights)
+
+
+@pytest.mark.parametrize(
+    ("window", "message"),
+    [
+        (
+            {"steps": 4, "stride": 2},
+            "checkpoint 'h.pt': entry 'window.levels' is missing. Write it again with 'locsnn train'.",
+        ),
+        (
+            {"steps": 4, "stride": 0, "levels": [1]},
+            "checkpoint 'h.pt', windows 'stride': it must be a whole number of steps (got 0). Give 1 or more.",
+        ),
+    ],
+    ids=["no levels", "no stride"],
+)
+def test_windows_that_are_none(tmp_path: Path, window: dict[str, object], message: str) -> None:
+    description = described()
+    save_checkpoint(tmp_path / "h.pt", description, random_network(description).weights())
+    values = torch.load(tmp_path / "h.pt", weights_only=True)
+    torch.save(values | {"window": window}, tmp_path / "h.pt")
+    with pytest.raises(InputError) as caught:
+        read_checkpoint(tmp_path / "h.pt")
+    assert str(caught.value) == message
+
+
+def test_windows_only_go_with_a_branch_of_them() -> None:
+    layout = InputLayout(neutouch(1), 40, 0.02)
+    with pytest.raises(InputError) as caught:
+        NetworkDescription("hybrid", layout, 3, 6, None, "own", ORDER, window=WindowParameters())
+    assert str(caught.value) == (
+        "architecture 'hybrid': its window is of another kind (WindowParameters against NoneType). Correct the description."
+    )
+
+
+def test_all_three_branches_learn() -> None:
+    made = synthetic_touches(24, steps=40, classes=3, seed=3)
+    config = config_from_mapping({"model": "hybrid-window", "epochs": 4, "validation_fraction": 0.0, "hidden": 6})
+    found = train(made, config)
+    start = build_network(found.network.description, seed=0, initial_scale=config.initial_scale).weights()
+    assert all(not np.array_equal(start[name], weights) for name, weights in found.network.weights().items())
+    assert found.history[-1].loss < found.history[0].loss
+
+
+def test_going_on_from_it_and_training_on_integers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_recordings(tmp_path / "touches.npz", synthetic_touches(9, steps=40, classes=3, seed=1))
+    (tmp_path / "own.yaml").write_text(
+        "model: hybrid-window\nwindow_steps: 8\nwindow_levels: 2 4\ntau_sr: 5.0\nhidden: 4\n"
+    )
+    train_with = ["train", "--data", str(tmp_path / "touches.npz"), "--epochs", "2", "--quiet"]
+    first, second = tmp_path / "first.pt", tmp_path / "second.pt"
+    assert main([*train_with, "--config", str(tmp_path / "own.yaml"), "-o", str(first)]) == 0
+    assert main([*train_with, "--from", str(first), "-o", str(second)]) == 0
+    found = read_checkpoint(second).description
+    assert found.window == WindowParameters(8, 3, (2, 4))
+    assert found.srm("time").tau_sr == 5.0
+    assert main([*train_with, "--from", str(first), "--target", "loihi-sim", "-o", str(second)]) == 2
+    assert capsys.readouterr().err == (
+        "architecture 'hybrid-window': its windows are not trained on a chip's integers. Train it in float.\n"
+    )
