@@ -15,7 +15,7 @@ import locsnn_compile as lc
 from locsnn_compile.cli.compile import main
 from locsnn_compile.data.recordings import Binned, Origin, Recordings
 from locsnn_compile.data.sensor import neutouch
-from locsnn_compile.frontends.synthetic_input import synthetic_recordings
+from locsnn_compile.frontends.parts import synthetic_recordings
 from locsnn_compile.models.checkpoint import save_checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.networks import build_network

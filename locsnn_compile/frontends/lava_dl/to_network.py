@@ -6,9 +6,8 @@ A neuron spikes where v > 64 vThMant, and each layer takes one step. Delays are 
 reads the image (channels, height, width) that the layer before gives, in this order.
 """
 
-import hashlib
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +20,10 @@ from hw_model.mapping.graph import Readout
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.lava_dl.layers import NetFile, NetLayer, export_again, read_net
 from locsnn_compile.frontends.linear_maps import Ints, Shape, Window, check_entries, check_shape, convolution, pooling
-from locsnn_compile.frontends.synthetic_input import synthetic_recordings
+from locsnn_compile.frontends.parts import Parts, eight_bit_signs
 from locsnn_compile.network.chip_neurons import ChipCuba, integers
 from locsnn_compile.network.network import InputView, Network, Population
-from locsnn_compile.network.projections import ChipProjection, Matrix, Signs, matrix, of_source, of_target, values_of
+from locsnn_compile.network.projections import ChipProjection, Matrix, matrix, of_source, of_target, values_of
 
 STEPS = 100
 """Steps of synthetic recordings where the file names no tSample."""
@@ -45,14 +44,11 @@ _REFUSED = {
 
 
 @dataclass(eq=False)
-class _Built:
-    """What the layers so far gave: the last one's name and shape, and the network's parts."""
+class _Built(Parts):
+    """What the layers so far gave: the network's parts, and the last layer's name and shape."""
 
-    source: str
-    shape: Shape | None
-    views: list[InputView] = field(default_factory=list)
-    populations: list[Population] = field(default_factory=list)
-    projections: list[ChipProjection] = field(default_factory=list)
+    source: str = INPUT
+    shape: Shape | None = None
 
 
 def load_lava_dl(path: Path) -> Network:
@@ -62,27 +58,15 @@ def load_lava_dl(path: Path) -> Network:
     """
     where = f"model {path.name!r}"
     file, data = read_net(path, where)
-    built = _Built(INPUT, None)
+    built = _Built()
     for layer in file.layers:
         _add(built, layer, f"{where}, layer {layer.number}")
     if not built.populations:
         raise InputError(where, "it has no layer of neurons", fix="Export a network with a dense or conv layer.")
     lines = built.views[0].lines
     seconds, steps = _simulation(file)
-    return Network(
-        name=path.stem,
-        channels=lines,
-        steps=steps,
-        step_seconds=seconds,
-        views=tuple(built.views),
-        populations=tuple(built.populations),
-        projections=tuple(built.projections),
-        readout=Readout((built.source,), (1.0,), _potentials_from(file, built)),
-        sha256=hashlib.sha256(data).hexdigest(),
-        recordings=synthetic_recordings(lines, steps, seconds),
-        origin=file,
-        any_length=True,
-    )
+    readout = Readout((built.source,), (1.0,), _potentials_from(file, built))
+    return built.network(path, data, lines, steps, seconds, readout, origin=file, any_length=True)
 
 
 def _potentials_from(file: NetFile, built: _Built) -> int | None:
@@ -239,18 +223,8 @@ def _shape(layer: NetLayer, where: str) -> Shape:
 
 
 def _projection(source: str, target: str, mantissa: Matrix, delay: int | IntArray, where: str) -> ChipProjection:
-    values = values_of(mantissa)
-    low, high = (int(values.min(initial=0)), int(values.max(initial=0)))
-    signs: Signs = "mixed"
-    if low < -256 or high > 254 or (values % 2).any():
-        signs = "apart"
-        if max(-low, high) > 255:
-            raise InputError(
-                where,
-                "a weight is out of an 8-bit synapse's range",
-                measured=f"{low}..{high} against -256..254, even, or -255..255",
-                fix="Export it again, with quantised weights.",
-            )
+    fix = "Export it again, with quantised weights."
+    signs = eight_bit_signs(mantissa, where, "-256..254, even, or -255..255", fix)
     return ChipProjection(source, target, mantissa, 0, 8, signs, delay)
 
 

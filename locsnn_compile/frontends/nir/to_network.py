@@ -4,7 +4,6 @@ A spike takes one step from a population to the next, as on the chip, where fram
 step t behind k populations comes at step t + k.
 """
 
-import hashlib
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
@@ -20,7 +19,7 @@ from locsnn_compile.frontends.nir.flat import NEURONS, READOUTS, FlatGraph, flat
 from locsnn_compile.frontends.nir.graph import NirGraph, NirNode, read_nir
 from locsnn_compile.frontends.nir.neurons import DT_SECONDS, Discretisation, Reset, Stated, neurons_of, nir_assumptions
 from locsnn_compile.frontends.nir.signals import Signal, Term
-from locsnn_compile.frontends.synthetic_input import synthetic_recordings
+from locsnn_compile.frontends.parts import Parts
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import Cuba
 from locsnn_compile.network.projections import Projection, matrix
@@ -48,39 +47,24 @@ def load_nir(
     flat = flatten_graph(graph, where)
     view = _input(flat, where)
     signals = _signals(flat, view, seconds, where)
-    populations: list[Population] = []
-    projections: list[Projection] = []
-    depth = _depths(flat)
+    parts, depth = Parts([view]), _depths(flat)
     for found in _in_order(flat):
         place, size = f"{where}, node {found!r}", flat.size(found)
         stated = neurons_of(flat.nodes[found], _arriving(flat, signals, found, place), size, seconds, how, after, place)
-        populations.append(Population(found, "time", size, stated.neuron))
-        projections += _onto(found, stated, depth[found]).projections(found)
-    sources = {projection.source for projection in projections}
-    if BIAS in sources:
-        populations.append(Population(BIAS, "time", 1, Cuba.of(1, decay_v=1.0, threshold=1.0, bias=2.0), helper=True))
+        parts.populations.append(Population(found, "time", size, stated.neuron))
+        parts.projections += _onto(found, stated, depth[found]).projections(found)
+    sources = {projection.source for projection in parts.projections}
+    # Of the second its own spike inhibits it, and that current never decays.
+    for name, decay_u in ((BIAS, 1.0), (START, 0.0)):
+        if name in sources:
+            once = Cuba.of(1, decay_u=decay_u, decay_v=1.0, threshold=1.0, bias=2.0)
+            parts.populations.append(Population(name, "time", 1, once, helper=True))
     if START in sources:
-        # Its own spike inhibits it, and that current never decays.
-        once = Cuba.of(1, decay_u=0.0, decay_v=1.0, threshold=1.0, bias=2.0)
-        populations.append(Population(START, "time", 1, once, helper=True))
-        projections.append(Projection(START, START, matrix(np.array([[-8.0]]), np.float64)))
+        parts.projections.append(Projection(START, START, matrix(np.array([[-8.0]]), np.float64)))
     outputs = _outputs(flat, where)
-    channels = view.lines
-    return Network(
-        name=path.stem,
-        channels=channels,
-        steps=STEPS,
-        step_seconds=known,
-        views=(view,),
-        populations=tuple(populations),
-        projections=tuple(projections),
-        readout=Readout(outputs, (1.0,) * len(outputs), _potentials_from(flat, outputs, depth, where)),
-        sha256=hashlib.sha256(data).hexdigest(),
-        recordings=synthetic_recordings(channels, STEPS, known),
-        any_length=True,
-        origin=graph,
-        assumptions=nir_assumptions(flat, known, reset, discretisation),
-    )
+    readout = Readout(outputs, (1.0,) * len(outputs), _potentials_from(flat, outputs, depth, where))
+    said = nir_assumptions(flat, known, reset, discretisation)
+    return parts.network(path, data, view.lines, STEPS, known, readout, any_length=True, origin=graph, assumptions=said)
 
 
 def _onto(name: str, stated: Stated, depth: int) -> Signal:

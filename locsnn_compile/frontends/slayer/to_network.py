@@ -9,7 +9,6 @@ SRMALPHA layers become float neurons with the full kernels; LOIHI layers integer
 half to even, as slayerPytorch quantises them in every forward pass; each of these takes one step, as there.
 """
 
-import hashlib
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -26,9 +25,9 @@ from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.data.tensors import FLOATS, Tensor
 from locsnn_compile.data.torch_file import load_plain, read_bytes
 from locsnn_compile.errors import InputError, check_most, did_you_mean
+from locsnn_compile.frontends.parts import Parts, eight_bit_signs, touch_fingertips
 from locsnn_compile.frontends.slayer.config import DEFAULT_ORDER, LoihiNeuron, SlayerConfig, axis_of, read_config
 from locsnn_compile.frontends.slayer.layers import check_kernels, cut, dense_layer, listed_layers
-from locsnn_compile.frontends.synthetic_input import synthetic_recordings, touch_fingertips
 from locsnn_compile.models.checkpoint import FORMAT
 from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.network.network import InputView, Network, Population
@@ -109,42 +108,28 @@ def load_slayer(path: Path, config: Path, kernels: str | None = None) -> Network
         _check_chain(chain, where)
     steps = chains["location"][0].weights.shape[1] if "location" in chains else description.steps or STEPS
     channels = chains["time"][0].weights.shape[1] if "time" in chains else None
-    views, populations, projections, outputs = [], [], [], []
+    parts, outputs = Parts(), []
     for axis, chain in chains.items():
         walk = None
         if axis == "location":
             walk, channels = _walk(description.order or DEFAULT_ORDER, channels, where)
-        views.append(InputView(VIEW_NAMES[axis], axis, chain[0].weights.shape[1], walk))
+        parts.views.append(InputView(VIEW_NAMES[axis], axis, chain[0].weights.shape[1], walk))
         source, delays = VIEW_NAMES[axis], None
         for layer in chain:
             population, projection = _stated(layer, axis, source, delays, description, where)
-            populations.append(population)
-            projections.append(projection)
+            parts.populations.append(population)
+            parts.projections.append(projection)
             source, delays = layer.name, layer.delays
         outputs.append(source)
     assert channels is not None  # one chain or the other says it
-    sizes = {p.name: p.size for p in populations}
-    if len({sizes[name] for name in outputs}) > 1:
-        raise InputError(
-            where,
-            "its branches differ in classes",
-            measured=f"{[sizes[n] for n in outputs]}",
-            fix="Train them together.",
-        )
-    seconds = description.ts / 1000
-    return Network(
-        name=path.stem,
-        channels=channels,
-        steps=steps,
-        step_seconds=seconds,
-        views=tuple(views),
-        populations=tuple(populations),
-        projections=tuple(projections),
-        readout=Readout(tuple(outputs), (1.0,) * len(outputs)),
-        sha256=hashlib.sha256(data).hexdigest(),
-        recordings=synthetic_recordings(channels, steps, seconds),
-        any_length="location" not in chains,
-        assumptions=(*tails, *_assumed(layers, chains, description, channels)),
+    sizes = [p.size for p in parts.populations if p.name in outputs]
+    if len(set(sizes)) > 1:
+        raise InputError(where, "its branches differ in classes", measured=f"{sizes}", fix="Train them together.")
+    readout = Readout(tuple(outputs), (1.0,) * len(outputs))
+    said = (*tails, *_assumed(layers, chains, description, channels))
+    any_length = "location" not in chains
+    return parts.network(
+        path, data, channels, steps, description.ts / 1000, readout, any_length=any_length, assumptions=said
     )
 
 
@@ -187,16 +172,10 @@ def _stated(
     if not isinstance(n, LoihiNeuron):
         return Population(layer.name, axis, size, n), Projection(source, layer.name, layer.weights, late)
     mantissa = with_values(layer.weights, (2 * np.rint(values_of(layer.weights) / 2)).astype(np.int64))
-    low, high = int(values_of(mantissa).min(initial=0)), int(values_of(mantissa).max(initial=0))
-    if low < -256 or high > 254:
-        raise InputError(
-            f"{where}, layer {layer.name!r}",
-            "a weight is out of an 8-bit synapse's range",
-            measured=f"{low}..{high} against -256..254",
-            fix="Clamp the weights in training.",
-        )
+    place, fix = f"{where}, layer {layer.name!r}", "Clamp the weights in training."
+    signs = eight_bit_signs(mantissa, place, "-256..254", fix)
     neuron = ChipCuba.of(size, decay_u=n.decay_u, decay_v=n.decay_v, threshold=n.threshold, refractory=n.refractory)
-    projection = ChipProjection(source, layer.name, matrix(mantissa, np.int64), n.weight_exponent, 8, "mixed", late)
+    projection = ChipProjection(source, layer.name, matrix(mantissa, np.int64), n.weight_exponent, 8, signs, late)
     return Population(layer.name, axis, size, neuron), projection
 
 

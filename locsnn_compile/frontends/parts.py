@@ -1,0 +1,70 @@
+"""What a file of another tool becomes: the parts of a network, and what it is checked on, for such files carry none."""
+
+import hashlib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hw_model.mapping.graph import Readout
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.sensor import POLARITIES, TAXELS
+from locsnn_compile.data.synthetic import synthetic_touches
+from locsnn_compile.errors import InputError
+from locsnn_compile.network.network import InputView, Network, Population
+from locsnn_compile.network.projections import ChipProjection, Matrix, Projection, Signs, values_of
+
+SAMPLES = 8
+RATE = 0.05
+"""Share of channels that spike in a step."""
+_MOST = 10_000_000
+_FEWEST_STEPS = 30
+"""A touch that is shorter has no phases to tell apart."""
+
+
+@dataclass(eq=False)
+class Parts:
+    """The parts of a network, as a file is read."""
+
+    views: list[InputView] = field(default_factory=list)
+    populations: list[Population] = field(default_factory=list)
+    projections: list[Projection | ChipProjection] = field(default_factory=list)
+
+    def network(
+        self, path: Path, data: bytes, channels: int, steps: int, seconds: float | None, readout: Readout, **more: Any
+    ) -> Network:
+        """Return the network that the bytes of a file hold, checked on made-up recordings of so many steps."""
+        parts = (tuple(self.views), tuple(self.populations), tuple(self.projections))
+        recordings, digest = synthetic_recordings(channels, steps, seconds), hashlib.sha256(data).hexdigest()
+        more |= {"sha256": digest, "recordings": recordings}
+        return Network(path.stem, channels, steps, *parts, readout, seconds, **more)
+
+
+def eight_bit_signs(mantissa: Matrix, where: str, limits: str, fix: str) -> Signs:
+    """Return in which signs a format of 8 bits holds mantissas; refuse those that none holds."""
+    values = values_of(mantissa)
+    low, high = int(values.min(initial=0)), int(values.max(initial=0))
+    if -256 <= low and high <= 254 and not (values % 2).any():
+        return "mixed"
+    if max(-low, high) > 255:
+        what, measured = "a weight is out of an 8-bit synapse's range", f"{low}..{high} against {limits}"
+        raise InputError(where, what, measured=measured, fix=fix)
+    return "apart"
+
+
+def touch_fingertips(channels: int) -> int | None:
+    """Return how many fingertips have so many channels, one or two; None for other inputs."""
+    return {TAXELS * POLARITIES: 1, 2 * TAXELS * POLARITIES: 2}.get(channels)
+
+
+def synthetic_recordings(channels: int, steps: int, step_seconds: float | None) -> Recordings:
+    """Return synthetic touches for a fingertip's channels, else random spikes; no labels; equal every time."""
+    fingertips = touch_fingertips(channels)
+    if fingertips is not None and steps >= _FEWEST_STEPS:
+        touches = synthetic_touches(SAMPLES, steps=steps, fingertips=fingertips, seed=0)
+        return Recordings(touches.spikes, None, step_seconds, touches.source, touches.origin)
+    samples = int(np.clip(_MOST // (channels * steps), 1, SAMPLES))
+    spikes = np.random.default_rng(0).random((samples, steps, channels), dtype=np.float32) < RATE
+    source = f"synthetic spikes, {RATE:.0%} a step"
+    return Recordings(spikes.astype(np.uint8), None, step_seconds, source, "made up")
