@@ -1,7 +1,7 @@
 """A chip description: register widths, limits, mesh, and named energy and time profiles, read from YAML."""
 
 from collections.abc import Mapping
-from dataclasses import field, fields, replace
+from dataclasses import field, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from hw_model.arithmetic.arrays import IntArray
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS
 from hw_model.description.profile import Profile
 from hw_model.description.read import parse, read_description
-from hw_model.errors import InputError, did_you_mean
+from hw_model.errors import InputError, check_most, did_you_mean
 from hw_model.io.given import checked
 from hw_model.values import Frozen, Shown
 
@@ -192,28 +192,12 @@ def parse_chip(text: str, where: str) -> Chip:
 
 
 def check_chip(chip: Chip, where: str) -> None:
-    """Refuse a description that contradicts itself, or that no simulation here could follow."""
-    for section in (chip.registers, chip.limits, chip.synapse_memory):
-        for item in fields(section):
-            value, (least, most) = getattr(section, item.name), item.metadata["within"]
-            if not least <= value <= most:
-                raise InputError(
-                    f"{where}: {item.name}",
-                    "the model has no such chip",
-                    measured=f"{value} against {least} to {most}",
-                    fix="Correct it.",
-                )
+    """Refuse a description that contradicts itself, or of a board that no simulation here could follow."""
     if chip.clock_ghz == 0:
         raise InputError(
             f"{where}: clock_ghz", "a clock that stands has no cycles", fix="Give more than 0, such as 1.0."
         )
-    if chip.cores > MAX_CORES:
-        raise InputError(
-            f"{where}: chips",
-            "the board is too large",
-            measured=f"{chip.cores} cores against {MAX_CORES}",
-            fix="Correct it.",
-        )
+    check_most(chip.cores, MAX_CORES, f"{where}: chips", "the board is too large", unit="cores", fix="Correct it.")
     mesh = chip.mesh
     if mesh.tiles * mesh.cores_per_tile != chip.limits.cores_per_chip:
         raise InputError(

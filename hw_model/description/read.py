@@ -9,7 +9,7 @@ import yaml
 
 from hw_model.description.counts import BY_CORE, COUNT_NAMES
 from hw_model.description.profile import NotIncluded, Profile, Range
-from hw_model.errors import InputError, did_you_mean
+from hw_model.errors import InputError, check_most, did_you_mean
 from hw_model.io.yaml_text import load_yaml
 from hw_model.values import Frozen
 
@@ -27,14 +27,8 @@ _COUNTED = {"energy_pj": COUNT_NAMES, "bound_pj": COUNT_NAMES, "time_ns": TIMED}
 def read_description(path: Path, what: str, example: str) -> str:
     """Return the text of a file that describes a chip or a profile; ``example``: files that it should be like."""
     try:
-        size = path.stat().st_size
-        if size > MAX_FILE_BYTES:
-            raise InputError(
-                path.name,
-                f"the file is too large for a {what} description",
-                measured=f"{size} bytes against {MAX_FILE_BYTES}",
-                fix=f"Give a {what} file like {example}.",
-            )
+        fix, too_large = f"Give a {what} file like {example}.", f"the file is too large for a {what} description"
+        check_most(path.stat().st_size, MAX_FILE_BYTES, path.name, too_large, unit="bytes", fix=fix)
         return path.read_text("utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(
@@ -80,6 +74,8 @@ class _Reader(Frozen):
             for item in wanted
             if item.name in mapping
         }
+        for item in wanted:
+            self.within(item, read.get(item.name))
         made = cls(**given, **read)
         if isinstance(made, Profile):
             self.check_profile(made)
@@ -111,6 +107,14 @@ class _Reader(Frozen):
         own = hint in (float, Profile)
         return {name: self.value(hint, item, name if own else f"{key}: {name}") for name, item in mapping.items()}
 
+    def within(self, item: Field[Any], value: Any) -> None:
+        """Refuse a number that no simulation here could follow, where the field has a least and a most."""
+        least, most = item.metadata.get("within", (None, None))
+        if value is not None and least is not None and not least <= value <= most:
+            raise self.error(
+                item.name, "the model has no such chip", "Correct it.", f"{value} against {least} to {most}"
+            )
+
     def mapping(self, value: object, key: str) -> dict[str, object]:
         if not isinstance(value, dict) or not all(isinstance(name, str) for name in value):
             raise self.error(key, "not a mapping of names", "Compare it with a chip that ships.")
@@ -128,12 +132,7 @@ class _Reader(Frozen):
             raise self.error(key, f"{value!r} is not a {kind} from 0 up", "Correct it.")
         if value >= LARGEST:
             shown = value if isinstance(value, float) else min(value, 10**300)
-            raise InputError(
-                f"{self.where}: {key}",
-                "the number is too large",
-                measured=f"{shown:.6g} against less than 2^40",
-                fix="Correct it.",
-            )
+            raise self.error(key, "the number is too large", "Correct it.", f"{shown:.6g} against less than 2^40")
         if whole and key not in _MAY_BE_ZERO and value == 0:
             raise self.error(key, "0 leaves nothing to place on", "Give at least 1.")
         return value if whole else float(value)
@@ -173,8 +172,8 @@ class _Reader(Frozen):
             what = "is not counted" if key in _COUNTED else "has no constant"
             raise self.error(key, f"{name!r} {what}", did_you_mean(name, names) if names else "Leave it out.")
 
-    def error(self, key: str, what: str, fix: str) -> InputError:
-        return InputError(f"{self.where}: {key}", what, fix=fix)
+    def error(self, key: str, what: str, fix: str, measured: str = "") -> InputError:
+        return InputError(f"{self.where}: {key}", what, measured=measured, fix=fix)
 
 
 def _optional(item: Field[Any]) -> bool:
