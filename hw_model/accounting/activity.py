@@ -74,10 +74,11 @@ def count_totals(program: ChipProgram, phase: str, played: PhaseInput, trace: Ph
         "transpose_events": played.transpose_events,
         "events_dropped": played.events_dropped,
         "synaptic_ops_after_end": _due_after_end(played, trace.spikes, due_late),
-        "neuron_updates": played.steps * trace.spikes.shape[2],
+        "neuron_updates": (played.stop - played.start) * trace.spikes.shape[2],
         "neuron_updates_active": trace.active.sum(axis=(1, 2), dtype=np.int64),
         **{name: events[:, k] for k, name in enumerate(EVENTS)},
         "skipped_steps": trace.skipped,
+        "aligned_steps": played.aligned_steps,
     }
     table = np.empty((len(trace.sent), len(COUNTED)), dtype=np.int64)
     for k, name in enumerate(COUNTED):
@@ -91,13 +92,14 @@ def count_steps(program: ChipProgram, phase: str, played: PhaseInput, trace: Pha
     pieces, routes = pieces_of(program, phase), routes_of(program, phase)
     lines = len(input_packets)
     from_buffer = _through_buffer(program, phase)
-    found = []
+    step, found = np.arange(played.steps), []
+    runs = (step >= played.start[:, None]) & (step < played.stop[:, None])
     for i in range(len(trace.spikes)):
         sent, played_lines = trace.spikes[i], played.lines(i)
         events = played_lines.astype(np.float64)
         by_piece = {
             "synaptic_ops": _whole(events @ synapses[:lines] + sent.astype(np.float64) @ synapses[lines:]),
-            "neuron_updates": np.broadcast_to(pieces.size, (played.steps, len(pieces.group))),
+            "neuron_updates": runs[i, :, None] * pieces.size,
             "neuron_updates_active": trace.active[i].astype(np.int64),
             "spikes": pieces.of_spikes(sent),
         }
@@ -133,11 +135,12 @@ def _due_after_end(played: PhaseInput, spikes: ByteArray, due_late: IntArray) ->
     lines = sum(played.sizes)
     late = np.zeros(len(spikes), dtype=np.int64)
     for d in range(min(len(due_late), played.steps)):
-        row = played.steps - 1 - d
-        late += spikes[:, row].astype(np.int64) @ due_late[d, lines:]
+        here = np.flatnonzero(played.stop - d > played.start)
+        row = played.stop[here] - 1 - d
+        late[here] += spikes[here, row].astype(np.int64) @ due_late[d, lines:]
         offset = 0
         for events, size in zip(played.events, played.sizes, strict=True):
-            recording, channel = events.at(row)
+            recording, channel = events.at(here, row)
             np.add.at(late, recording, due_late[d, offset + channel])
             offset += size
     return late

@@ -54,7 +54,8 @@ class StepTimes(Frozen, eq=False):
 
     ``work_ns[count]``: what a core works on each operation. ``buffer_ns``: reading the transpose buffer, before the
     core's deliveries. ``mesh_ns``: from leaving a core to arriving at another, 0 on ways that no packet takes;
-    ``used`` tells which are taken. A step ends ``barrier_ns`` after the last core.
+    ``used`` tells which are taken. A step ends ``barrier_ns`` after the last core; ``runs`` (..., steps) tells which
+    are run at all.
     """
 
     routes: Routes
@@ -63,6 +64,7 @@ class StepTimes(Frozen, eq=False):
     mesh_ns: FloatArray
     used: BoolArray
     barrier_ns: float
+    runs: BoolArray
 
     def of(self, counts: tuple[str, ...]) -> FloatArray:
         """Return the work on some operations, (..., steps, cores)."""
@@ -88,7 +90,7 @@ class StepTimes(Frozen, eq=False):
     @property
     def step_ns(self) -> FloatArray:
         """Time of each step, (..., steps)."""
-        step_ns: FloatArray = self.core_ns.max(axis=-1) + self.barrier_ns
+        step_ns: FloatArray = self.core_ns.max(axis=-1) + self.barrier_ns * self.runs
         return step_ns
 
     @property
@@ -155,6 +157,7 @@ def step_times(program: ChipProgram, phase: str, steps: StepActivity, profile: P
         mesh_ns=_mesh_ns(routes, steps.packets, profile),
         used=steps.packets > 0,
         barrier_ns=profile.barrier_ns.ns(len({chip.tile_of(core.slot) for core in cores}), chip.mesh.tiles),
+        runs=np.asarray(steps.by_piece["neuron_updates"].any(axis=-1)),
     )
 
 
@@ -177,7 +180,7 @@ def critical_path(times: StepTimes) -> CriticalPath:
         "buffer": _at(times.buffer_ns, last),
         "deliveries": _at(times.of(DELIVERIES), last),
         "synapses": _at(times.of(SYNAPSES), last),
-        "barrier": np.full(last.shape, times.barrier_ns),
+        "barrier": times.barrier_ns * times.runs,
     }
     assert tuple(parts) == PARTS
     return CriticalPath(last, sender, parts)

@@ -60,7 +60,7 @@ def measure(
 def total_ns(program: ChipProgram, activity: Mapping[str, Sequence[StepActivity]], profile: Profile) -> float:
     """Return the time of all recordings together, where nothing else is asked for."""
     return sum(
-        float((core_ns := times.core_ns.max(axis=-1)).sum() + times.barrier_ns * core_ns.size)
+        float(times.step_ns.sum())
         for part in _parts(activity)
         for phase, items in part.items()
         for times in (cost.step_times(program, phase, stacked(items), profile),)

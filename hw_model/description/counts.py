@@ -46,6 +46,8 @@ class Counts(Sums):
     """Compartment updates in which v was clipped to [vmin, vmax]."""
     skipped_steps: int = 0
     """Steps that an engine did not run because they could not change anything."""
+    aligned_steps: int = 0
+    """Steps of recordings that lie before their start, in phases that begin at the first touch, phase by phase."""
 
     @property
     def neuron_updates_inactive(self) -> int:

@@ -50,7 +50,8 @@ def _run_part(
     except IndexError:
         room = tiles.first_state(layout), tiles.workspace(layout)
     arguments = (
-        *join_lists(played.events, part), layout.nodes, layout.chunks, layout.links, *room, skip,
+        *join_lists(played.events, part), played.start[part], played.stop[part],
+        layout.nodes, layout.chunks, layout.links, *room, skip,
         trace.spikes[part], trace.sent[part], trace.active[part], trace.events[part], trace.skipped[part], kept,
     )  # fmt: skip
     if not loop:
@@ -87,14 +88,14 @@ def join_lists(events: Sequence[EventLists], part: slice) -> tuple[IntArray, Int
 
 @compiled
 def _run(  # type: ignore[no-untyped-def]
-    first, line, nodes, chunks, links, state, work, skip, spikes, sent, active, events, skipped, kept
+    first, line, start, stop, nodes, chunks, links, state, work, skip, spikes, sent, active, events, skipped, kept
 ):
     """Run recordings one after the other, each tile by tile."""
-    steps, tile = spikes.shape[1], len(work.masks)
+    tile = len(work.masks)
     for b in range(len(spikes)):
         tiles.reset(state)
-        for step in range(0, steps, tile):
-            rows = min(tile, steps - step)
+        for step in range(start[b], stop[b], tile):
+            rows = min(tile, stop[b] - step)
             skipped[b] += tiles.run_tile(
                 step, rows, first[b, step:], line, nodes, chunks, links, state, work, skip,
                 spikes[b, step:], sent[b], active[b, step:], b, kept,

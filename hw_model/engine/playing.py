@@ -1,10 +1,10 @@
 """How recordings become spikes on a phase's input lines: as they come, or through the transpose buffer."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import ArrayLike, ByteArray
+from hw_model.arithmetic.arrays import ArrayLike, ByteArray, IntArray
 from hw_model.engine.trace import EventLists, PhaseInput
 from hw_model.errors import InputError
 from hw_model.mapping.graph import Input, Phase
@@ -97,19 +97,33 @@ def play(
     length = phase.steps if phase.steps is not None else (steps if steps is not None else rows)
     played, transposed, dropped = (np.zeros(batch, dtype=np.int64) for _ in range(3))
     inputs = program.inputs_of(phase.name)
+    before, start, stop = np.zeros(batch, dtype=np.int64), np.zeros(batch, dtype=np.int64), np.full(batch, length)
+    if phase.align_events is not None:
+        before = first_touch([streams[name] for name in {item.stream for item in inputs}], phase.align_events)
+        if phase.axis == "time":
+            last = max(length, rows)
+            start = np.where(before < rows, before, last)
+            length, stop = last, np.minimum(start + length, last)
     lists = []
     for item in inputs:
         recorded = streams[item.stream]
         if item.positions is None:
-            lists.append(_fit(recorded, length))
-            played += recorded.until(length)
-            dropped += recorded.until(rows) - recorded.until(length)
+            late = recorded if phase.align_events is None else recorded.between(start, stop)
+            lists.append(_fit(late, length))
+            played += lists[-1].until(length)
         else:
-            turned = player.transpose(recorded, item, length)
-            lists.append(turned)
-            transposed += turned.until(length)
-            dropped += recorded.until(rows) - turned.until(length)
-    return PhaseInput(length, tuple(item.size for item in inputs), tuple(lists), played, transposed, dropped)
+            late = recorded if phase.align_events is None else recorded.moved(before)
+            lists.append(player.transpose(late, item, length))
+            transposed += lists[-1].until(length)
+        dropped += recorded.until(rows) - lists[-1].until(length)
+    sizes = tuple(item.size for item in inputs)
+    return PhaseInput(length, sizes, tuple(lists), played, transposed, dropped, start, stop, before)
+
+
+def first_touch(streams: Sequence[EventLists], events: int) -> IntArray:
+    """Return the first row in which streams have at least so many events together, or the number of rows, (batch,)."""
+    enough = np.sum([np.diff(lists.first, axis=1) for lists in streams], axis=0) >= events
+    return np.asarray((enough.cumsum(axis=1) == 0).sum(axis=1), dtype=np.int64)
 
 
 def _fit(events: EventLists, length: int) -> EventLists:

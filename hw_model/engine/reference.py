@@ -15,7 +15,8 @@ from hw_model.program.chip_program import ChipProgram, Core
 def run_phase(program: ChipProgram, phase: str, played: PhaseInput, windows: dict[Register, Window]) -> PhaseTrace:
     """Run a batch through one phase, recording by recording; keep of the registers what the windows ask for."""
     recordings = [played.lines(b) for b in range(len(played.input_events))]
-    traces = [_run_recording(program, phase, lines, windows) for lines in recordings]
+    spans = zip(played.start.tolist(), played.stop.tolist(), strict=True)
+    traces = [_run_recording(program, phase, *each, windows) for each in zip(recordings, spans, strict=True)]
     spikes = np.stack([trace[0] for trace in traces])
     lines_sent = np.stack([lines.sum(axis=0, dtype=np.int64) for lines in recordings])
     sent = np.concatenate((lines_sent, spikes.sum(axis=1, dtype=np.int64)), axis=1)
@@ -30,9 +31,9 @@ def run_phase(program: ChipProgram, phase: str, played: PhaseInput, windows: dic
 
 
 def _run_recording(
-    program: ChipProgram, phase: str, lines: ByteArray, windows: dict[Register, Window]
+    program: ChipProgram, phase: str, lines: ByteArray, span: tuple[int, int], windows: dict[Register, Window]
 ) -> tuple[ByteArray, IntArray, IntArray, dict[Register, IntArray]]:
-    """Return spikes, active, events and registers of one recording."""
+    """Return spikes, active, events and registers of one recording, which runs from a step to before another."""
     cores = {core.number: _CoreState(core, program) for core in program.cores_of(phase)}
     columns = np.concatenate([program.columns_of_core(core) for core in program.cores_of(phase)])
     routes, first = [], 0
@@ -43,7 +44,7 @@ def _run_recording(
     spikes = np.zeros((steps, len(columns)), dtype=np.uint8)
     active = np.zeros((steps, sum(len(core.slices) for core in program.cores_of(phase))), dtype=np.int64)
     registers = {kind: window.empty(1)[0] for kind, window in windows.items()}
-    for step in range(steps):
+    for step in range(*span):
         for state in cores.values():
             state.update(step)
 

@@ -52,19 +52,32 @@ class EventLists(Frozen, eq=False):
         """Count the events of every recording before a row, (batch,)."""
         return self.first[:, min(rows, self.rows)] - self.first[:, 0]
 
-    def at(self, row: int) -> tuple[IntArray, Int32Array]:
-        """Return the recording and the channel of every spike of a row."""
-        begin, end = self.first[:, row], self.first[:, row + 1]
-        recording = np.repeat(np.arange(len(begin)), end - begin)
+    def at(self, recordings: IntArray, rows: IntArray) -> tuple[IntArray, Int32Array]:
+        """Return the recording and the channel of every spike of a row of each of some recordings."""
+        begin, end = self.first[recordings, rows], self.first[recordings, rows + 1]
+        recording = np.repeat(recordings, end - begin)
         parts = [self.channel[low:high] for low, high in zip(begin.tolist(), end.tolist(), strict=True)]
-        return recording, parts[0] if len(parts) == 1 else np.concatenate(parts)
+        return recording, np.concatenate([self.channel[:0], *parts])
+
+    def between(self, start: IntArray, stop: IntArray) -> "EventLists":
+        """Return the lists without the spikes of rows before ``start`` and from ``stop`` on, (batch,) each."""
+        each = np.arange(len(self.first))
+        ends = (self.first[each, np.minimum(row, self.rows)][:, None] for row in (start, stop))
+        return EventLists(np.clip(self.first, *ends), self.channel)
+
+    def moved(self, rows: IntArray) -> "EventLists":
+        """Return the lists without so many first rows of each recording, (batch,), and as many empty ones behind."""
+        source = np.minimum(np.arange(self.rows + 1) + rows[:, None], self.rows)
+        return EventLists(np.take_along_axis(self.first, source, axis=1), self.channel)
 
 
 class PhaseInput(Frozen, eq=False):
     """Spikes of a phase's input lines, as the buffer leaves them, one :class:`EventLists` of ``steps`` rows an input.
 
     ``sizes``: lines of each input. ``input_events``, ``transpose_events`` and ``events_dropped`` (batch,) count what
-    was played as it came, what went through the transpose buffer, and what lay in rows after the last step.
+    was played as it came, what went through the transpose buffer, and what lay in rows that are not played. Each
+    recording runs from step ``start`` to before step ``stop``, (batch,); ``aligned_steps`` (batch,) are those of the
+    recording before its start.
     """
 
     steps: int
@@ -73,6 +86,9 @@ class PhaseInput(Frozen, eq=False):
     input_events: IntArray
     transpose_events: IntArray
     events_dropped: IntArray
+    start: IntArray
+    stop: IntArray
+    aligned_steps: IntArray
 
     def lines(self, recording: int, start: int = 0) -> ByteArray:
         """Return rows ``start`` and later of a recording, (steps, lines) of 0 and 1, inputs one after the other."""

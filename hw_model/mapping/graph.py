@@ -52,11 +52,17 @@ def _keep(record: object, kept: Callable[[Any], AnyArray], *names: str) -> None:
 
 
 class Phase(Frozen):
-    """One run over one step axis; ``steps`` is None where the recording decides."""
+    """One run over one step axis; ``steps`` is None where the recording decides.
+
+    With ``align_events`` a recording starts at the first step in which its streams have so many events together: what
+    lies before is left out. Over time the phase begins there, and ends after its steps or with the recording; steps
+    before and after are not run, and registers are 0 in them. A transposed phase takes that step for the first row.
+    """
 
     name: str
     axis: Axis
     steps: int | None
+    align_events: int | None = None
 
 
 class Input(Frozen, eq=False):

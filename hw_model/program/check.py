@@ -17,7 +17,7 @@ from hw_model.mapping.graph import AXES
 
 if TYPE_CHECKING:
     from hw_model.description.chip import Chip, Registers
-    from hw_model.mapping.graph import Input
+    from hw_model.mapping.graph import Input, Phase
     from hw_model.program.chip_program import ChipProgram, Core
 
 MAX_STEPS, MAX_LINES = 10_000_000, 10_000_000
@@ -41,6 +41,7 @@ def check_program(program: ChipProgram) -> None:
         ("names", len(set(phases)) == len(phases)),
         ("axes", all(phase.axis in AXES for phase in program.phases)),
         ("steps", all(phase.steps is None or _whole([phase.steps], 1, MAX_STEPS) for phase in program.phases)),
+        ("starts", all(phase.align_events is None or _starts(program, phase) for phase in program.phases)),
     ])  # fmt: skip
     for index, core in enumerate(program.cores):
         _check(f"core {core.number}", _table_rules(index, core, phases, registers))
@@ -59,6 +60,12 @@ def check_program(program: ChipProgram) -> None:
         ])  # fmt: skip
     _check_groups(program)
     _check_ways(program)
+
+
+def _starts(program: ChipProgram, phase: Phase) -> bool:
+    """A phase that starts late is transposed as a whole, or not at all."""
+    kinds = {item.positions is not None for item in program.inputs_of(phase.name)}
+    return kinds == {phase.axis == "location"} and _whole([phase.align_events], 1, MAX_LINES)
 
 
 def _first_lines_fit(item: Input) -> bool:

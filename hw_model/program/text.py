@@ -40,7 +40,9 @@ def compartments_text(graph: CompartmentGraph) -> str:
     def lines() -> Iterator[str]:
         yield f"compartments {graph.name}"
         for phase in graph.phases:
-            yield f"  phase {phase.name}: {phase.steps if phase.steps is not None else 'any'} steps of {phase.axis}"
+            late = "" if phase.align_events is None else f", from the first with {phase.align_events} or more events on"
+            steps = phase.steps if phase.steps is not None else "any"
+            yield f"  phase {phase.name}: {steps} steps of {phase.axis}{late}"
         yield from (_input(item) for item in graph.inputs)
         yield from (_group(group) for group in graph.groups)
         yield from (_synapses(synapses) for synapses in graph.synapses)

@@ -70,7 +70,7 @@ def _document(program: ChipProgram) -> dict[str, Any]:
         "provenance": dict(program.provenance),
         "synapses_pruned": program.synapses_pruned,
         **{name: getattr(program, name) for name in RECORDINGS if getattr(program, name) is not None},
-        "phases": [asdict(phase) for phase in program.phases],
+        "phases": [_given(asdict(phase), "align_events") for phase in program.phases],
         "inputs": [
             {
                 "name": i.name,
@@ -104,6 +104,11 @@ def _document(program: ChipProgram) -> dict[str, Any]:
         ],
         "chip": program.chip.document,
     }
+
+
+def _given(entry: dict[str, Any], optional: str) -> dict[str, Any]:
+    """Return an entry without what may be left out, where it says nothing."""
+    return {key: value for key, value in entry.items() if key != optional or value is not None}
 
 
 def _potentials_from(readout: Readout) -> int | dict[str, int]:

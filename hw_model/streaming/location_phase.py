@@ -110,6 +110,7 @@ class Replay:
 
     def reset(self) -> None:
         """Go back to before the first row."""
+        self._start = 0
         # Registers after a step are read only where a run has written them, and the first run writes all.
         for array in (self._history.charge, self._history.masks, self._history.reached, self._history.spikes):
             array[:] = 0
@@ -117,13 +118,21 @@ class Replay:
         self.push(0, self._silence)
         self._history.run[0] = 0
 
+    def wait(self, rows: ByteArray) -> AnyArray:
+        """Leave rows out that come before the first one that is played, and return what every column gives so far."""
+        self._start += len(rows)
+        return self._add(0, np.zeros_like(rows))
+
     def push(self, before: int, rows: ByteArray) -> AnyArray:
         """Add rows from row ``before`` on, (rows, channels), side by side in memory and writeable.
 
         Return what every column gives so far after each, (rows, columns): its spikes or, if read, largest potential.
         """
+        return self._add(before - self._start, rows)
+
+    def _add(self, time: int, rows: ByteArray) -> AnyArray:
         counts = np.empty((len(rows), self._layout.columns), dtype=np.int64)
-        self._push(before, rows, *self._played, counts)
+        self._push(time, rows, *self._played, counts)
         return counts
 
     @property

@@ -99,6 +99,7 @@ class _Voter:
         self.weight = weight
         self._members = members_of(program, name)
         self._parent = program.joined_to
+        self._starts_late = phase.align_events is not None
         self._safe = all(_cannot_wrap(program, phase.name, member) for member in self._members)
         self._u, self._v = result.u, result.v
         self._steps = self._u[name].shape[1]
@@ -128,8 +129,9 @@ class _Voter:
                 u[name] = decay(u[name], own["decay_u"]) + own["charge"]
                 drive = u[name] + own["bias"] + joined.get(name, 0)
                 voltage = clip(decay(v[name], own["decay_v"]) + drive, own["vmin"], own["vmax"])
-                # A spike, or a refractory step, brings the v of a spiking compartment to 0, which may be higher.
-                v[name] = voltage if parent else np.maximum(voltage, 0)
+                # A spike, or a refractory step, brings the v of a spiking compartment to 0, which may be higher. So
+                # may be the v of any that has not started.
+                v[name] = voltage if parent and not self._starts_late else np.maximum(voltage, 0)
                 joined[parent] = joined.get(parent, 0) + v[name]
             yield voltage
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from hw_model.arithmetic.arrays import ByteArray, FloatArray, IntArray
 from hw_model.engine.layout import fast_layout
-from hw_model.engine.playing import Spikes, read_streams
+from hw_model.engine.playing import Spikes, first_touch, list_events, read_streams
 from hw_model.errors import InputError
 from hw_model.io.given import checked
 from hw_model.mapping.graph import Phase, Readout
@@ -81,7 +81,7 @@ class Session:
         """Forget the recording, and be ready for another."""
         self.steps = 0
         for branch in self._branches:
-            branch.run.reset()
+            branch.reset()
 
     def push(self, spikes: Spikes) -> StepScores:
         """Play further rows, (rows, channels) or (channels,) of 0 and 1, or a mapping of streams to them.
@@ -166,13 +166,25 @@ class _Branch:
             self.run: Replay | Live = Replay(layout, phase.steps or last + 1, inputs, read)
         else:
             self.run = Live(layout, phase.steps, read)
+        self._align = phase.align_events
+        self._started = self._align is None
+
+    def reset(self) -> None:
+        """Forget the recording."""
+        self.run.reset()
+        self._started = self._align is None
 
     def push(self, before: int, streams: dict[str, ByteArray]) -> IntArray:
         """Push rows (1, rows, channels), and return the spikes so far after each, (rows, columns)."""
         given = [streams[name][0] for name in self._streams]
         # A copy, whatever came: loops are compiled anew for what is read-only, or not side by side.
         rows = np.array(given[0] if len(given) == 1 else np.concatenate(given, axis=1), order="C")
-        return self.run.push(before, rows)
+        if self._started or self._align is None:
+            return self.run.push(before, rows)
+        first = int(first_touch([list_events(streams[name]) for name in set(self._streams)], self._align)[0])
+        self._started = first < len(rows)
+        waited = self.run.wait(rows[:first])
+        return np.concatenate((waited, self.run.push(before + first, rows[first:]))) if self._started else waited
 
 
 def _read(readout: Readout | None, columns: Mapping[str, slice]) -> Read:

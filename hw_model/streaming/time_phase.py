@@ -49,7 +49,7 @@ class Live:
             sent=np.zeros(lines + layout.columns, np.int64), active=np.zeros((TILE, layout.pieces), np.int64),
             kept=tiles.Kept(len(read.columns) > 0, tiles.NO_REGISTER, tiles.NO_REGISTER, potential), read=read,
         )  # fmt: skip
-        self._steps, self._columns = steps, layout.columns
+        self._steps, self._columns, self._start = steps, layout.columns, 0
         self._state, self._so_far = tiles.first_state(layout), room.so_far
         self._played = (layout.nodes, layout.chunks, layout.links, self._state, tiles.workspace(layout), room)
         rows, counts = np.zeros((1, lines), dtype=np.uint8), np.zeros((1, layout.columns), dtype=np.int64)
@@ -59,13 +59,19 @@ class Live:
         """Go back to before the first step."""
         tiles.reset(self._state)
         self._so_far[:] = 0
+        self._start = 0
+
+    def wait(self, rows: ByteArray) -> AnyArray:
+        """Leave rows out that come before the first step, and return what every column gives after each: 0."""
+        self._start += len(rows)
+        return np.zeros((len(rows), self._columns), dtype=np.int64)
 
     def push(self, before: int, rows: ByteArray) -> AnyArray:
         """Play rows (rows, lines), side by side in memory and writeable, from step ``before`` on.
 
         Return what every column gives so far after each, (rows, columns): its spikes or, if read, largest potential.
         """
-        lasting = len(rows) if self._steps is None else max(0, min(len(rows), self._steps - before))
+        lasting = len(rows) if self._steps is None else max(0, min(len(rows), self._start + self._steps - before))
         counts = np.empty((len(rows), self._columns), dtype=np.int64)
         self._push(rows, lasting, before, *self._played, counts)
         return counts

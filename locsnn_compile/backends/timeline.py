@@ -40,9 +40,9 @@ def trace_file(played: Played) -> dict[str, bytes]:
         activity = played.result.activity[phase.name][0]
         times = step_times(played.program, phase.name, activity, profile)
         events += _names(played, phase.name, process)
-        for step, core_ns in enumerate(times.core_ns):
+        for step in np.flatnonzero(times.runs).tolist():
             events += _step(played, phase.name, process, step, times, start_ns)
-            start_ns += float(core_ns.max()) + times.barrier_ns
+            start_ns += float(times.step_ns[step])
     about = {
         "program": played.program.name,
         "target": chip.name,

@@ -57,8 +57,24 @@ def _check_readout(network: Network) -> None:
         )
 
 
+def _check_start(view: InputView, network: Network) -> None:
+    """Views of a phase start together; what would work before the touch comes, the chip does not run."""
+    where, events = f"input {view.name!r}", view.align_events
+    if any(other.align_events != events for other in network.views if other.phase == view.phase):
+        raise InputError(where, f"others of the {view.phase} phase start elsewhere", fix="Start them at equal events.")
+    if events is None:
+        return
+    if events < 1:
+        raise InputError(where, "it starts without an event", measured=f"align_events {events}", fix="Give 1 or more.")
+    for p in network.populations:
+        if p.phase == view.phase == "time" and p.neuron.biased.any():
+            what = f"it starts at the first touch, but population {p.name!r} has biases, which act before"
+            raise InputError(where, what, fix="Train without biases, or do not align.")
+
+
 def _check_view(view: InputView, network: Network) -> None:
     where = f"input {view.name!r}"
+    _check_start(view, network)
     if view.axis == "time":
         if view.walk is not None or view.together != 1 or view.silence != 0:
             raise InputError(where, "only a location axis has a location order", fix="Leave it out.")

@@ -16,6 +16,7 @@ from locsnn_compile.data.expected import Expected
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import SensorLayout
 from locsnn_compile.errors import InputError
+from locsnn_compile.network.first_touch import from_first_touch
 from locsnn_compile.network.neurons import Neuron
 from locsnn_compile.network.projections import ChipProjection, Projection
 
@@ -26,6 +27,8 @@ class InputView(Shown):
     On the time axis line c spikes at step t where channel c does. On the location axis channel ``walk[i]`` is visited
     at step ``i // together``: an event of it at time step t spikes on line ``(i % together) * (lines // together) + t``
     there. After the walk follow ``silence`` steps without events, in which the last ones still go through the layers.
+    With ``align_events`` a recording starts at its first step with so many events, and all is left out if it has none:
+    on the time axis the neurons step from there on, on the location axis that step is time step 0.
     """
 
     name: str
@@ -36,6 +39,8 @@ class InputView(Shown):
     silence: int = 0
     own_phase: str = ""
     """The phase in which it is played, where that is not the one of its axis."""
+    align_events: int | None = None
+    """Events in one step at which a recording starts; None: it starts at its first step."""
 
     @property
     def phase(self) -> str:
@@ -62,6 +67,8 @@ class InputView(Shown):
 
     def play(self, recordings: ByteArray) -> ByteArray:
         """Return the lines' spikes, (batch, steps of the axis, lines), of recordings (batch, time steps, channels)."""
+        if self.align_events is not None:
+            recordings = from_first_touch(recordings, self.align_events, moved=self.walk is not None)
         if self.walk is None:
             return recordings
         rows = self.lines // self.together
@@ -150,8 +157,12 @@ class Network(Shown):
     def phases(self) -> tuple[Phase, ...]:
         """One for each step axis and way to play the recording along it, those over time first."""
         axis_of = {population.phase: population.axis for population in self.populations}
+        starts = {view.phase: view.align_events for view in self.views}
         return tuple(
-            Phase(name, axis, self.steps_of(name)) for axis in AXES for name, its in axis_of.items() if its == axis
+            Phase(name, axis, self.steps_of(name), starts.get(name))
+            for axis in AXES
+            for name, its in axis_of.items()
+            if its == axis
         )
 
     @property

@@ -23,6 +23,7 @@ def network_text(network: Network) -> str:
         walk = "" if view.walk is None else f", walk {array_text(view.walk)}"
         walk += "" if view.together == 1 else f", {view.together} together"
         walk += "" if view.silence == 0 else f", {view.silence} steps of silence"
+        walk += "" if view.align_events is None else f", from the first step with {view.align_events} or more events on"
         lines.append(
             f"  input {view.name}: {view.lines} lines over {network.steps_of(view.phase)} {view.axis} steps{walk}"
         )

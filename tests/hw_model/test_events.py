@@ -37,7 +37,7 @@ def test_compiled_lists_equal_those_of_numpy(recordings, lines, seed):
         if t < lines and item.positions[c] < steps:
             played[b, item.positions[c], t + (0 if item.first_lines is None else item.first_lines[c])] += 1
     none = np.zeros(len(recordings), dtype=np.int64)
-    turned = PhaseInput(steps, (item.size,), (found,), none, none, none)
+    turned = PhaseInput(steps, (item.size,), (found,), *(none,) * 6)
     assert all(np.array_equal(turned.lines(b), played[b]) for b in range(len(recordings)))
     for b, row in np.ndindex(len(recordings), steps):  # ascending within a row, as every list
         assert (np.diff(found.channel[found.first[b, row] : found.first[b, row + 1]]) > 0).all()
@@ -60,15 +60,15 @@ def test_lists_hold_the_recording_and_transpose_it(module, recordings):
     events = module.list_events(recordings)
     none = np.zeros(len(recordings), dtype=np.int64)
     steps, channels = recordings.shape[1:]
-    played = PhaseInput(steps, (channels,), (events,), none, none, none)
+    played = PhaseInput(steps, (channels,), (events,), *(none,) * 6)
     item = Input("x", steps, "location", "touch", np.arange(channels)[::-1].copy())
     turned = module.transpose(events, item, channels)
-    transposed = PhaseInput(channels, (steps,), (turned,), none, none, none)
+    transposed = PhaseInput(channels, (steps,), (turned,), *(none,) * 6)
     for b, recording in enumerate(recordings):
         assert np.array_equal(played.lines(b), recording)
         assert np.array_equal(played.lines(b, steps - 1), recording[-1:])
         assert np.array_equal(transposed.lines(b), recording.T[::-1])
-    recording, channel = events.at(steps - 1)
+    recording, channel = events.at(np.arange(len(recordings)), np.full(len(recordings), steps - 1))
     assert np.array_equal(np.stack((recording, channel)), np.nonzero(recordings[:, -1]))
     assert np.array_equal(events.until(steps), recordings.sum(axis=(1, 2)))
 

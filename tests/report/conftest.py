@@ -134,8 +134,8 @@ def excerpt() -> Excerpt:
         first=Divergence(0, "time_output", 3, 41, 10.25, 9.75, 10.0),
         steps={"time": range(39, 43)},
         all_steps={"time": 100},
-        inputs=(SpikeRows("input", "time", 5, np.array([0, 2, 4]), touched, touched, 2),),
-        populations=(SpikeRows("time_output", "time", 36, np.array([1, 3]), reference, chip),),
+        inputs=(SpikeRows("input", "time", "time", 5, np.array([0, 2, 4]), touched, touched, 2),),
+        populations=(SpikeRows("time_output", "time", "time", 36, np.array([1, 3]), reference, chip),),
         populations_left_out=1,
         potential=potential,
     )

@@ -138,11 +138,11 @@ def test_the_largest_excerpt_is_a_small_page(document: dict[str, Any], excerpt: 
     steps = MARKS // NEURONS
     full = np.ones((steps, NEURONS), dtype=np.uint8)
     populations = tuple(
-        SpikeRows(f"layer{i}", "time", 100_000, np.arange(NEURONS), full, 1 - full) for i in range(POPULATIONS)
+        SpikeRows(f"layer{i}", "time", "time", 100_000, np.arange(NEURONS), full, 1 - full) for i in range(POPULATIONS)
     )
     rows = np.ones((MARKS // LINES, LINES), dtype=np.uint8)
     rows = np.pad(rows, ((0, steps - len(rows)), (0, 0)))
-    inputs = (SpikeRows("input", "time", 100_000, np.arange(0, 100_000, 782), rows, rows, 782),)
+    inputs = (SpikeRows("input", "time", "time", 100_000, np.arange(0, 100_000, 782), rows, rows, 782),)
     excerpt = replace(excerpt, first=None, steps={"time": range(steps)}, populations=populations, inputs=inputs)
     assert len(render_html(document, excerpt).encode()) < 1_000_000
     assert steps < STEPS

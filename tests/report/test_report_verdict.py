@@ -109,7 +109,7 @@ def test_notices_are_for_what_limits_the_figures(document: dict[str, Any]) -> No
         "Registers wrapped.",
         "Events were dropped.",
     ]
-    assert notices(document)[1].text == "1 event lay after the last simulated step and never reached the chip."
+    assert notices(document)[1].text == "1 event lay after the last step and never reached the chip."
 
 
 @pytest.mark.parametrize(

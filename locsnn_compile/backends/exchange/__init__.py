@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from locsnn_compile.errors import InputError
+
 if TYPE_CHECKING:
     from locsnn_compile.network.quantized import QuantizedNetwork
 
@@ -13,6 +15,8 @@ def exchange_file(kind: str, quantized: QuantizedNetwork) -> bytes:
 
     Raises ``InputError`` for what the format cannot hold.
     """
+    if any(view.align_events for view in quantized.network.views):
+        raise InputError(f"--emit {kind}", "no such file holds a start at the first touch", fix="Emit without it.")
     if kind == "nir":
         from locsnn_compile.backends.exchange.nir_file import nir_bytes
 

@@ -64,6 +64,7 @@ def report_document(
         "latency": latency_entry(program, match, network.steps, grounds.step_seconds),
         "resources": _resources(program),
         "ann_comparison": _ann_comparison(network, match, energy["per_sample_pj"], counts["synaptic_ops"] / samples),
+        **({"input": _input(match)} if any(view.align_events for view in network.views) else {}),
         "skipped": {
             "steps": counts.skipped_steps,
             "events_dropped": counts.events_dropped,
@@ -80,6 +81,12 @@ def report_document(
         **({"error_budget": budget_entry(diagnosis), "margins": margins_entry(diagnosis)} if diagnosis else {}),
         **({"over_time": over_time_entry(followed, program, grounds.step_seconds)} if followed else {}),
     }
+
+
+def _input(match: Match) -> Document:
+    """Steps of a recording before its start, the mean: in the phase that starts last, and phase by phase."""
+    steps = {phase: counts.aligned_steps / match.samples for phase, counts in match.counts_by_phase.items()}
+    return {"aligned_steps": max(steps.values()), "aligned_steps_by_branch": steps}
 
 
 def _arithmetic(network: Network) -> str:

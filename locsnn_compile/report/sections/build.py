@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.report.content import Bar, Bullets, Document, Paragraph, Section, Table, facts, of, section, table
 from locsnn_compile.report.format import NONE, agreed, any_value, count, energy, memory, plural, share
-from locsnn_compile.report.sections.verdict import fullness
-from locsnn_compile.report.words import limit_words, words
+from locsnn_compile.report.sections.verdict import fullness, outside
+from locsnn_compile.report.words import limit_words, listed, words
 from locsnn_compile.strategies import LAYOUTS
 
 if TYPE_CHECKING:
@@ -46,11 +46,17 @@ def resources(document: Document) -> Section:
 
 def left_out(document: Document) -> Section:
     """Steps skipped, events dropped, synapses and compartments pruned."""
-    found = document["skipped"]
+    found, late = document["skipped"], document.get("input")
+    before = (
+        listed([f"{steps:.1f} ({words(name)})" for name, steps in late["aligned_steps_by_branch"].items()])
+        if late
+        else ""
+    )
     lost = found.get("biases_lost")
     its = facts(
         ("steps skipped", f"{count(found['steps'])} over all recordings, in which nothing could change"),
-        ("events dropped", f"{count(found['events_dropped'])} over all recordings, after the last step"),
+        ("steps before the touch", f"{before} per recording, which starts after them" if late else None),
+        ("events dropped", f"{count(found['events_dropped'])} over all recordings, {outside(document)}"),
         ("binning", found["binning"]["words"] if "binning" in found else None),
         ("synapses pruned", f"{count(found['synapses_pruned'])}, whose weight rounds to 0"),
         ("compartments pruned", count(found["compartments_pruned"])),

@@ -81,6 +81,9 @@ def costs(document: Document) -> Verdict:
         *(Fact("other profile", f"{energy(pj)} with {name}") for name, pj in found["other_profiles_pj"].items()),
         Fact("latency", f"{time(latency)}{real} (profile {document['latency']['profile']})"),
     ]
+    if "input" in document:
+        steps = document["input"]["aligned_steps"]
+        facts.append(Fact("start", f"at the first touch, {steps:.1f} steps into a recording on average"))
     if document["ann_comparison"]:
         facts += [Fact(label, _against_anns(document, *side)) for label, side in _SIDES.items()]
     return Verdict(
@@ -132,12 +135,17 @@ def notices(document: Document) -> tuple[Notice, ...]:
         )
         found.append(Notice("Registers wrapped.", text))
     if dropped:
-        text = f"{plural(dropped, 'event')} lay after the last simulated step and never reached the chip."
+        text = f"{plural(dropped, 'event')} lay {outside(document)} and never reached the chip."
         found.append(Notice("Events were dropped.", text))
     binning = document["skipped"].get("binning")
     if binning and binning["dropped"]:
         found.append(Notice("Binning left events out.", f"{binning['words']}."))
     return tuple(found)
+
+
+def outside(document: Document) -> str:
+    """Return where events lie that are not played."""
+    return "before the start or after the last step" if "input" in document else "after the last step"
 
 
 def pace(latency_ns: float, recording_ns: float) -> str:

@@ -1,0 +1,190 @@
+"""Phases that start at the first touch: both engines, sessions and stops against recordings that are cut by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+from hybrids import random_hybrid
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_early_stop import futures, in_streams
+from test_session import check_every_step
+
+import hw_model as hw
+
+SEEDS = st.integers(0, 2**32 - 1)
+EVENTS = st.sampled_from([None, 1, 1, 2, 3])
+KINDS = ["as drawn", "late", "at the last step", "empty", "longer"]
+PROBE = ("spikes", "u", "v", "potential", "activity")
+
+
+def aligned(program: hw.ChipProgram, time: int | None, location: int | None) -> hw.ChipProgram:
+    """The program with phases that start at so many events."""
+    events = {"time": time, "location": location}
+    return replace(program, phases=tuple(replace(p, align_events=events[p.name]) for p in program.phases))
+
+
+def of_kind(kind: str, recording: np.ndarray, r: np.random.Generator) -> np.ndarray:
+    """A recording that starts late, with its last step or never, or goes on for longer than its program."""
+    if kind == "longer":
+        silent = np.zeros((int(r.integers(0, 60)), recording.shape[1]), dtype=np.uint8)
+        return np.concatenate((silent, recording, recording))
+    first = {"as drawn": 0, "late": int(r.integers(len(recording))), "empty": len(recording)}
+    return recording * (np.arange(len(recording)) >= first.get(kind, len(recording) - 1))[:, None].astype(np.uint8)
+
+
+def start_of(recording: np.ndarray, events: int | None) -> int:
+    """The first step with so many events; the number of steps where there is none."""
+    return 0 if events is None else next((t for t, row in enumerate(recording) if row.sum() >= events), len(recording))
+
+
+def check_phase(program: hw.ChipProgram, found: hw.SimulationResult, recording: np.ndarray, name: str) -> None:
+    """A phase against the phase that starts at once, played the recording from its start on."""
+    (phase,) = (p for p in program.phases if p.name == name)
+    start = start_of(recording, phase.align_events)
+    cut, counts = recording[start:], found.counts_by_phase[name]
+    rows = slice(None)
+    assert counts.aligned_steps == (start if phase.align_events else 0)
+    if phase.align_events and name == "time":
+        cut = cut[: phase.steps]
+        whole = max(phase.steps, len(recording))
+        ran = 0 if start == len(recording) else min(phase.steps, whole - start)
+        rows = slice(start, start + ran)
+        assert counts.neuron_updates == ran * sum(core.compartments for core in program.cores_of(name))
+        for kind in PROBE[:-1]:
+            for group in getattr(found, kind).keys() & program.columns_of(name).keys():
+                array = getattr(found, kind)[group]
+                assert len(array) == whole
+                assert not array[:start].any()
+                assert not array[start + ran :].any()
+        if ran == 0:
+            assert hw.latency(program, {name: found.activity[name][0]}, DAVIES).total_ns == 0
+            assert counts == hw.Counts(aligned_steps=start, events_dropped=int(recording.sum()))
+            return
+        phase = replace(phase, steps=ran)
+    at_once = replace(program, phases=(replace(phase, align_events=None),), readout=None)
+    padded = cut if len(cut) else np.zeros_like(recording[:1])
+    wanted = hw.simulate(at_once, padded, engine="reference", probe=PROBE)
+    for kind in PROBE[:-1]:
+        for group, array in getattr(wanted, kind).items():
+            assert np.array_equal(getattr(found, kind)[group][rows], array), (kind, group)
+    given = wanted.counts_by_phase[name]
+    dropped = int(recording.sum()) - given.input_events - given.transpose_events
+    skipped = {"aligned_steps": counts.aligned_steps, "events_dropped": dropped, "skipped_steps": counts.skipped_steps}
+    assert counts == replace(given, **skipped)
+    if phase.align_events:
+        price = {phase.name: wanted.activity[name][0]}
+        ours = hw.latency(program, {phase.name: found.activity[name][0]}, DAVIES).by_phase_ns
+        assert ours == pytest.approx(hw.latency(at_once, price, DAVIES).by_phase_ns)
+
+
+DAVIES = hw.chip("loihi-sim").profile("davies2018")
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=SEEDS, time=EVENTS, location=EVENTS, kind=st.sampled_from(KINDS), together=st.sampled_from([1, 2]))
+def test_both_engines_play_a_recording_from_its_start_on(seed, time, location, kind, together):
+    program, recording = random_hybrid(seed, together)
+    program = aligned(program, time, location)
+    recording = of_kind(kind, recording, np.random.default_rng(seed))
+    slow = hw.simulate(program, recording, engine="reference", probe=PROBE)
+    for skip in (True, False):
+        fast = hw.simulate(program, recording, probe=PROBE, skip=skip)
+        for which in PROBE[:-1]:
+            for name, array in getattr(slow, which).items():
+                assert np.array_equal(getattr(fast, which)[name], array), (which, name)
+        assert replace(fast.counts, skipped_steps=0) == slow.counts
+        assert fast.events == slow.events
+        assert np.array_equal(fast.scores, slow.scores)
+        for phase, items in slow.activity.items():
+            for name, by_piece in items[0].by_piece.items():
+                assert np.array_equal(fast.activity[phase][0].by_piece[name], by_piece), name
+    for phase in program.phases:
+        check_phase(program, slow, recording, phase.name)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=SEEDS, time=EVENTS, location=EVENTS, kind=st.sampled_from(KINDS[:4]), rows=st.sampled_from([1, 3, 80]))
+def test_sessions_know_the_same_after_every_step(seed, time, location, kind, rows):
+    """The first events decide the start, whatever parts they come in; and once more after a reset."""
+    program, recording = random_hybrid(seed)
+    first = [None, 0, 3, (None, 1), (2, None)][seed % 5]
+    program = replace(aligned(program, time, location), readout=replace(program.readout, potentials_from=first))
+    recording = of_kind(kind, recording, np.random.default_rng(seed))
+    session = hw.Session(program)
+    for _ in range(2):
+        parts = [session.push(recording[at : at + rows]) for at in range(0, len(recording), rows)]
+        spikes, potential = (
+            {name: np.concatenate([getattr(p, kept)[name] for p in parts]) for name in getattr(parts[0], kept)}
+            for kept in ("spikes", "potential")
+        )
+        scores = np.concatenate([part.scores for part in parts])
+        check_every_step(program, recording, hw.StepScores(spikes, potential, scores))
+        session.reset()
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=SEEDS, time=EVENTS, location=EVENTS)
+def test_a_session_waits_for_the_touch_as_long_as_it_takes(seed, time, location):
+    program, recording = random_hybrid(seed)
+    program = aligned(program, time, location)
+    longer = of_kind("longer", recording, np.random.default_rng(seed))
+    assert np.array_equal(hw.Session(program).push(longer).scores[-1], hw.simulate(program, longer).scores)
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=SEEDS, time=EVENTS, location=EVENTS, kind=st.sampled_from(KINDS[:4]))
+def test_no_future_changes_a_proven_winner(seed, time, location, kind):
+    program, recording = random_hybrid(seed)
+    program = in_streams(aligned(program, time, location))
+    program = replace(program, readout=replace(program.readout, potentials_from=(None, 0, 3)[seed % 3]))
+    recording = of_kind(kind, recording, np.random.default_rng(seed))
+    stops = hw.stop_when_proven(program, {"time": recording[None], "location": recording[None]})
+    found = hw.simulate(program, futures(program, recording, int(stops.steps[0]), np.random.default_rng(seed)))
+    assert (found.prediction == stops.prediction[0]).all()
+
+
+def test_a_batch_equals_its_recordings_one_by_one():
+    program, recording = random_hybrid(4)
+    program = aligned(program, 1, 2)
+    r = np.random.default_rng(0)
+    batch = np.stack([of_kind(kind, recording, r) for kind in KINDS[:4]])
+    together = hw.simulate(program, batch)
+    for i, one in enumerate(batch):
+        alone = hw.simulate(program, one)
+        assert together.per_recording[i] == alone.counts
+        assert np.array_equal(together.scores[i], alone.scores)
+
+
+def test_files_keep_the_start_and_say_nothing_without_one(tmp_path):
+    program, recording = random_hybrid(4)
+    for name, its in (("at once", program), ("late", aligned(program, 1, 3))):
+        its.save(tmp_path / name)
+        phases = yaml.safe_load((tmp_path / name / "program.yaml").read_text())["phases"]
+        assert ["align_events" in phase for phase in phases] == [name == "late"] * 2
+        loaded = hw.load_program(tmp_path / name)
+        assert loaded.phases == its.phases
+        assert hw.simulate(loaded, recording).counts == hw.simulate(its, recording).counts
+
+
+@pytest.mark.parametrize("wrong", [0, -1, 1.5, True, "first", [1]])
+def test_files_with_another_start_are_refused(tmp_path, wrong):
+    aligned(random_hybrid(4)[0], 1, 1).save(tmp_path)
+    path = tmp_path / "program.yaml"
+    document = yaml.safe_load(path.read_text())
+    document["phases"][0]["align_events"] = wrong
+    path.write_text(yaml.safe_dump(document))
+    with pytest.raises(hw.InputError) as caught:
+        hw.load_program(tmp_path)
+    assert str(caught.value) == "phases: its starts do not make a program. Compile it again."
+
+
+def test_a_late_phase_is_transposed_as_a_whole_or_not_at_all(tmp_path):
+    program, _ = random_hybrid(4)
+    turned = replace(program.phases[0], axis="location", align_events=1)
+    replace(program, phases=(turned, program.phases[1])).save(tmp_path)
+    with pytest.raises(hw.InputError, match="phases: its starts do not make a program"):
+        hw.load_program(tmp_path)
