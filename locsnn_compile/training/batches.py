@@ -2,8 +2,8 @@
 
 Every draw comes from a generator of (seed, purpose, epoch), so an epoch needs no state but its number. Changes take and
 return spikes (batch, steps, channels), float32, 0 or 1, and draw anew for every recording: taxels come from another
-recording of the class, events are added, events, channels and taxels are dropped, and taxels and recordings move in
-time. What is off draws nothing, so that it does not change what the others draw.
+recording of the class, events are added, events, channels and taxels are dropped, ends are cut, taxels and recordings
+move in time. What is off draws nothing, so that it does not change what the others draw.
 """
 
 from collections.abc import Iterator
@@ -66,6 +66,7 @@ def augmented(spikes: Spikes, config: TrainingConfig, rng: np.random.Generator, 
     spikes = drop_events(spikes, config.event_dropout, rng)
     spikes = drop_channels(spikes, config.channel_dropout, rng)
     spikes = drop_taxels(spikes, config.taxel_dropout, rng, polarities)
+    spikes = cut_end(spikes, config.cut_end, rng)
     spikes = shift_in_time(spikes, config.taxel_shift, rng, parts=spikes.shape[2] // polarities)
     return shift_in_time(spikes, config.time_shift, rng)
 
@@ -106,6 +107,15 @@ def _kept(shape: tuple[int, ...], largest: float, rng: np.random.Generator) -> B
     """Draw what stays of (batch, steps, channels), each recording with a probability to lose of 0..``largest``."""
     probability = rng.random((shape[0], 1, 1), dtype=np.float32) * np.float32(largest)
     return rng.random(shape, dtype=np.float32) >= probability
+
+
+def cut_end(spikes: Spikes, largest: float, rng: np.random.Generator) -> Spikes:
+    """Silence each recording after a step, so that it loses a share of 0..``largest`` of its steps."""
+    if largest == 0:
+        return spikes
+    kept = 1.0 - rng.random((len(spikes), 1, 1), dtype=np.float32) * np.float32(largest)
+    steps = spikes.shape[1]
+    return spikes * (np.arange(steps)[np.newaxis, :, np.newaxis] < np.ceil(kept * steps))
 
 
 def shift_in_time(spikes: Spikes, largest: int, rng: np.random.Generator, parts: int = 1) -> Spikes:

@@ -11,6 +11,7 @@ from locsnn_compile.training.batches import (
     add_events,
     augmented,
     batches,
+    cut_end,
     drop_channels,
     drop_events,
     drop_taxels,
@@ -159,3 +160,15 @@ def test_taxels_are_moved_by_themselves_with_both_polarities() -> None:
     assert (moved[:, :, 0] == moved[:, :, 1]).all()
     assert set(moved.ravel()) == {2, 3, 4, 5, 6}
     assert all(len(set(recording)) > 1 for recording in moved[:, :, 0].tolist())
+
+
+def test_recordings_end_early() -> None:
+    spikes = np.ones((300, 40, 4), dtype=np.float32)
+    cut = cut_end(spikes, 0.5, epoch_generator(0, 1, 1))
+    assert cut.dtype == np.float32
+    assert (np.diff(cut, axis=1) <= 0).all()  # after the end there is silence
+    assert (cut == cut[:, :, :1]).all()
+    ends = cut[:, :, 0].sum(axis=1)
+    assert (ends.min(), ends.max()) == (21, 40)
+    assert ends.mean() == pytest.approx(30.5, abs=0.8)
+    assert cut_end(spikes, 0.0, epoch_generator(0, 1, 1)) is spikes
