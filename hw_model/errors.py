@@ -54,7 +54,7 @@ def check_most(found: int, limit: int, where: str, what: str, *, unit: str = "",
         raise InputError(where, what, measured=f"{found}{unit and f' {unit}'} against {limit}", fix=fix)
 
 
-def check_range(found: int, low: int, high: int, where: str) -> None:
+def check_range(found: float, low: float, high: float, where: str) -> None:
     """Refuse a number that is not from ``low`` to ``high``."""
     if not low <= found <= high:
         measured = f"got {found} against {low}..{high}"

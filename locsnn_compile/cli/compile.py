@@ -121,6 +121,8 @@ def run(args: Namespace) -> int:
     check_matters(network, {option.strip("-").replace("-", "_"): option for option in asked})
     network = with_steps(network, args)
     if args.events is None:
+        for option in given(args, ("--split", "--fold", "--axes")):
+            raise InputError(option, "there are no events to read", fix="Give them with --events.")
         recordings = recordings_for(network, None)
     else:
         recordings = read_recordings(args.events, model=network.expected, **asked_reading(args))

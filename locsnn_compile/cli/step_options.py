@@ -19,11 +19,13 @@ CHUNK = 16
 
 
 def add_step_options(parser: argparse.ArgumentParser, threshold: str = "threshold") -> None:
-    """Add ``--step-seconds``, ``--steps``, ``--axes`` and ``--threshold``, which is kept as ``threshold``."""
+    """Add the options of :func:`asked_reading`; ``--threshold`` is kept as ``threshold``."""
     add = parser.add_argument
     add("--step-seconds", type=float, metavar="X", help="seconds of a step, where nothing says it (events: 0.02)")
     add("--steps", type=int, metavar="N", help="steps of a recording: shorter ones end in silence, longer ones are cut")
     add("--threshold", dest=threshold, type=int, metavar="N", help="events that a bin must exceed to be 1 (default 0)")
+    add("--split", type=float, metavar="X", help="share of each class to test, such as 0.2, where there are no parts")
+    add("--fold", type=int, metavar="K", help="round of --split, or of VT_SNN's train_80_20_K.txt (default 1)")
     add("--axes", metavar="ORDER", help="of arrays, such as samples,steps,channels (default samples,channels,steps)")
 
 
@@ -40,7 +42,7 @@ def add_sensor_options(parser: argparse.ArgumentParser, channels: str, polaritie
 
 def asked_reading(args: argparse.Namespace) -> dict[str, Any]:
     """Return all of these options as ``read_recordings`` takes them."""
-    return asked_steps(args) | {"axes": args.axes}
+    return asked_steps(args) | {"axes": args.axes, "test_share": args.split, "fold": args.fold}
 
 
 def asked_steps(args: argparse.Namespace) -> dict[str, Any]:

@@ -131,7 +131,7 @@ def run(args: argparse.Namespace) -> int:
     found = export_checkpoint(output, result, config, recordings, test, carried=args.recordings, start=start)
     state_path.unlink(missing_ok=True)
     if not args.quiet:
-        print(_summary(output, result, found, test))
+        print(_summary(output, result, found, recordings, test))
     return 0
 
 
@@ -200,7 +200,9 @@ def _config(args: argparse.Namespace, start: Checkpoint | None) -> TrainingConfi
     return fine_tuning_config(config, start.description)
 
 
-def _summary(output: Path, result: TrainingResult, found: IntArray | None, test: Recordings | None) -> str:
+def _summary(
+    output: Path, result: TrainingResult, found: IntArray | None, recordings: Recordings, test: Recordings | None
+) -> str:
     from locsnn_compile.report.format import plural
     from locsnn_compile.training.export import accuracy_of
     from locsnn_compile.training.measure import chance_remarks
@@ -210,6 +212,8 @@ def _summary(output: Path, result: TrainingResult, found: IntArray | None, test:
         lines[0] += f" by validation accuracy {result.validation_accuracy:.3f}"
     if found is not None and test is not None and test.labels is not None:
         accuracy = accuracy_of(found)
+        if recordings.source != test.source:
+            lines += [f"{part.source}: {plural(len(part), 'recording')}" for part in (recordings, test)]
         lines += [f"test accuracy {accuracy:.3f} on {plural(len(test), 'recording')}", *_confusion(found)]
         remarks += chance_remarks(accuracy, test.labels, "of the test part")
     return "\n".join([*lines, *(f"! {remark}" for remark in remarks), f"wrote {output}"])

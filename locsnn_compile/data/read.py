@@ -7,6 +7,7 @@ from hw_model.io.given import checked
 from locsnn_compile.data.archives import PARTS, archive_parts, read_archive
 from locsnn_compile.data.arrays import read_arrays
 from locsnn_compile.data.axes import parse_axes
+from locsnn_compile.data.division import PREPROCESSED, Division
 from locsnn_compile.data.event_stream import MAX_EVENTS, MAX_STEP_SECONDS, MIN_STEP_SECONDS, Binning
 from locsnn_compile.data.expected import OPEN, Expected
 from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS, Recordings
@@ -38,21 +39,25 @@ def read_recordings(
     columns: int | None = None,
     axes: str | None = None,
     sensor: SensorLayout | None = None,
+    test_share: float | None = None,
+    fold: int | None = None,
     model: Expected = OPEN,
 ) -> Recordings:
     """Return the recordings at ``path``, of whatever supported format.
 
     A ``.zip`` or folder of ``.npy`` or files of events, one recording each, or one file of these, or ``.npz`` or
-    ``.pt``. ``split`` is ``train`` or ``test`` of an archive or folder that is so divided (None: ``test``); a single
-    file has no parts. Events are binned as :class:`locsnn_compile.data.event_stream.Binning` says, by the options and
-    by what ``model`` expects. Arrays are bins already, (samples, channels, steps) unless ``axes`` or the file names
-    another order, such as ``samples,steps,channels``; ``step_seconds`` is their width where the file does not say it.
-    ``steps`` of a recording: a shorter one is followed by silence, of a longer one the end is cut; without, all of an
-    archive or folder are as long as the longest. ``sensor`` says ``channels``, ``polarities`` and ``columns`` at once;
-    what has other channels is refused. Every unusable input, and an option that contradicts the model or the file, is
-    one ``InputError``.
+    ``.pt``. ``split`` is ``train`` or ``test`` of an archive or folder that is so divided (None: ``test``); what has no
+    parts is divided by ``test_share`` and ``fold``: see :class:`locsnn_compile.data.division.Division`. Events are
+    binned as :class:`locsnn_compile.data.event_stream.Binning` says, by the options and by what ``model`` expects.
+    Arrays are bins already, (samples, channels, steps) unless ``axes`` or the file names another order, such as
+    ``samples,steps,channels``; ``step_seconds`` is their width where the file does not say it. ``steps`` of a
+    recording: a shorter one is followed by silence, of a longer one the end is cut; without, all of an archive or
+    folder are as long as the longest. ``sensor`` says ``channels``, ``polarities`` and ``columns`` at once; what has
+    other channels is refused. Every unusable input, and an option that contradicts the model or the file, is one
+    ``InputError``.
     """
-    path = Path(path)
+    path = _file_of(Path(path))
+    division = Division(test_share, fold)
     counts = {"threshold": threshold, "polarities": polarities, "columns": columns}
     if sensor is not None:
         channels, polarities, columns = sensor.channels, sensor.polarities, sensor.columns
@@ -62,7 +67,10 @@ def read_recordings(
     _check_options(split, asked)
     said = {name: getattr(asked, name) for name in ("step_seconds", "threshold", "channels", "polarities", "columns")}
     agreed = model.agreed(**said, steps=steps) | {"steps": steps}
-    found = _read(path, split, replace(asked, **agreed, most_steps=model.steps), step_seconds)
+    divided = division.divides(path)
+    found = _read(path, None if divided else split, replace(asked, **agreed, most_steps=model.steps), step_seconds)
+    if divided:
+        found = division.part(found, path, split or "test")
     if found.threshold is None:
         for name in (name for name, value in counts.items() if value is not None):
             raise InputError(name, f"{found.source!r} holds bins and no single events to count", fix="Leave it out.")
@@ -106,13 +114,20 @@ def _check_options(split: str | None, binning: Binning) -> None:
 
 
 @checked
-def recording_parts(path: Path | str) -> tuple[str, ...]:
-    """Return the parts that ``path`` is divided into, of ``train`` and ``test``; empty for a single file."""
-    path = Path(path)
+def recording_parts(path: Path | str, *, test_share: float | None = None) -> tuple[str, ...]:
+    """Return the parts that ``path`` is divided into, of ``train`` and ``test``, by itself or by ``test_share``."""
+    path = _file_of(Path(path))
+    if Division(test_share).divides(path):
+        return PARTS
     if path.is_dir() or path.suffix == ".zip":
         return archive_parts(path)
     _check_file(path)
     return ()
+
+
+def _file_of(path: Path) -> Path:
+    """Return the file of a folder of preprocessed recordings, or the path as it is."""
+    return path / PREPROCESSED if (path / PREPROCESSED).is_file() else path
 
 
 def _check_file(path: Path) -> None:

@@ -21,24 +21,6 @@ def epoch_generator(seed: int, *purpose: int) -> np.random.Generator:
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, *purpose])))
 
 
-def stratified_split(labels: IntArray, fraction: float, seed: int) -> tuple[IntArray, IntArray]:
-    """Return (training, validation) indices, sorted; each class gives ``fraction`` of its recordings,
-    rounded.
-
-    A class gives at least one recording where it has two or more and ``fraction`` is above 0.
-    """
-    rng = epoch_generator(seed, 0)
-    validation: list[IntArray] = [np.zeros(0, dtype=np.int64)]
-    for label in np.unique(labels):
-        members = np.flatnonzero(labels == label)
-        wanted = round(fraction * len(members))
-        if fraction > 0 and len(members) >= 2:
-            wanted = min(max(wanted, 1), len(members) - 1)
-        validation.append(np.sort(rng.permutation(members)[:wanted]))
-    held = np.sort(np.concatenate(validation))
-    return np.setdiff1d(np.arange(len(labels)), held), held
-
-
 def batches(
     spikes: ByteArray,
     labels: IntArray,

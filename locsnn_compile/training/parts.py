@@ -18,7 +18,7 @@ def read_parts(
         own = start.description.input
         sizes = own.step_seconds, own.event_threshold, own.steps, own.channels
         model = Expected("the network to start from", *sizes, start.description.class_names, **own.sensor.event_options)
-    parts = [part for part in ("train", "test") if part in recording_parts(data)]
+    parts = [part for part in ("train", "test") if part in recording_parts(data, test_share=config.split)]
     read = [
         read_recordings(
             data,
@@ -28,6 +28,8 @@ def read_parts(
             steps=config.steps,
             axes=config.axes,
             sensor=config.sensor,
+            test_share=config.split,
+            fold=config.fold,
             model=model,
         )
         for part in (parts if "train" in parts else [None])

@@ -19,6 +19,7 @@ from torch import Tensor
 from hw_model.arithmetic.arrays import IntArray
 from hw_model.io.files import replace_file
 from hw_model.values import Frozen
+from locsnn_compile.data.division import stratified_split
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import Checkpoint
@@ -26,7 +27,7 @@ from locsnn_compile.models.chip_entry import ChipNumbers
 from locsnn_compile.models.description import NetworkDescription
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.models.touch_model import TouchModel
-from locsnn_compile.training.batches import batches, epoch_generator, stratified_split
+from locsnn_compile.training.batches import batches, epoch_generator
 from locsnn_compile.training.config import EpochRecord, Progress, TrainingConfig
 from locsnn_compile.training.describe import check_recordings, describe
 from locsnn_compile.training.loss import Loss

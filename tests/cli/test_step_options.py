@@ -57,7 +57,9 @@ def main(arguments: list[str]) -> int:
 
 
 def options(**given: Any) -> Namespace:
-    return Namespace(**{"step_seconds": None, "steps": None, "threshold": None, "axes": None} | given)
+    return Namespace(
+        **{"step_seconds": None, "steps": None, "threshold": None, "axes": None, "split": None, "fold": None} | given
+    )
 
 
 def test_a_checkpoint_and_its_program_keep_the_steps(slip: Path) -> None:

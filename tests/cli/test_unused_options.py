@@ -61,6 +61,7 @@ REFUSED = [
     ("compile, junit of nothing", f"locsnn-compile {FLOAT} --junit g.xml", "--junit: no gate is asked for. Add one of --min-agreement, --max-spike-error, --max-energy-nj, --max-latency-us, --max-cores."),
     ("compile, a description of a checkpoint", f"locsnn-compile {FLOAT} --config bits.yaml", f"model '{FLOAT}': config was given, but a checkpoint says this itself. Leave config out."),
     ("compile, a step of a checkpoint", f"locsnn-compile {FLOAT} --dt 1e-3", f"model '{FLOAT}': dt was given, but a checkpoint says this itself. Leave dt out."),
+    ("compile, parts of nothing", f"locsnn-compile {FLOAT} --split 0.2", "--split: there are no events to read. Give them with --events."),
     ("explore, bits of integers", f"locsnn explore {GRID} --weight-bits 4 6", f"--weight-bits: it would change nothing: {INTEGERS}. Leave it out."),
     ("explore, calibration of integers", f"locsnn explore {GRID} --calibration d.npz", "--calibration: it would change nothing: no weights of this model are rounded for recordings. Leave it out."),
     ("explore, a part of nothing", f"locsnn explore {FLOAT} --part test", "--part test: there are no events to take it from. Give them with --events."),

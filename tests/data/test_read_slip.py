@@ -111,5 +111,5 @@ def test_slips_train_a_network_of_two_fingertips(tmp_path: Path, monkeypatch: py
     write_slip(tmp_path / "slip")
     assert main(["train", "--data", "slip", "--epochs", "1", "--hidden", "4", "--quiet", "-o", "slip.pt"]) == 0
     found = read_checkpoint("slip.pt").description
-    assert (found.input.fingertips, found.input.steps, found.input.step_seconds) == (2, 150, 0.001)
+    assert (found.input.sensor.surfaces, found.input.steps, found.input.step_seconds) == (2, 150, 0.001)
     assert (found.input.channels, found.classes, found.class_names) == (156, 2, ("stable", "rotate"))

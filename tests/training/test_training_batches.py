@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from locsnn_compile.data.division import stratified_split
 from locsnn_compile.training.batches import (
     add_events,
     augmented,
@@ -18,7 +19,6 @@ from locsnn_compile.training.batches import (
     epoch_generator,
     mix_taxels,
     shift_in_time,
-    stratified_split,
 )
 from locsnn_compile.training.config import TrainingConfig
 

@@ -1,0 +1,215 @@
+"""Sets that their folders do not divide: VT_SNN's rounds of a ``tact.pt``, and a share of every class."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from published import write_preprocessed, write_slip
+
+from locsnn_compile.cli.main import main
+from locsnn_compile.data import Recordings, read_recordings, recording_parts, write_recordings
+from locsnn_compile.data.synthetic import synthetic_touches
+from locsnn_compile.errors import InputError
+from locsnn_compile.models.checkpoint_reader import read_checkpoint
+
+LABELS = [0] * 10 + [1] * 5 + [2]
+"""Of the recordings below: ten, five and one of a class."""
+
+
+def write_single(folder: Path, name: str = "set.npz") -> Path:
+    """Write 16 recordings that tell themselves apart: number k has its only event in channel k."""
+    spikes = np.zeros((16, 40, 78), dtype=np.uint8)
+    spikes[np.arange(16), 3, np.arange(16)] = 1
+    write_recordings(folder / name, Recordings(spikes, np.array(LABELS), 0.02, name))
+    return folder / name
+
+
+def numbers(found: Recordings) -> list[int]:
+    return [int(one.any(axis=0).argmax()) for one in found.spikes]
+
+
+def test_a_share_of_every_class_is_to_test(tmp_path: Path) -> None:
+    path = write_single(tmp_path)
+    train, test, usual = (read_recordings(path, split=part, test_share=0.2) for part in ("train", "test", None))
+    assert sorted(numbers(train) + numbers(test)) == list(range(16))
+    assert test.labels is not None
+    assert np.bincount(test.labels, minlength=3).tolist() == [2, 1, 0]
+    assert [LABELS[number] for number in numbers(test)] == test.labels.tolist()
+    assert numbers(usual) == numbers(test)
+    assert (train.source, test.source) == (
+        "set.npz, train part (split 0.2, round 1)",
+        "set.npz, test part (split 0.2, round 1)",
+    )
+    assert recording_parts(path) == ()
+    assert recording_parts(path, test_share=0.2) == ("train", "test")
+
+
+def test_rounds_take_turns(tmp_path: Path) -> None:
+    path = write_single(tmp_path)
+    tested = [numbers(read_recordings(path, test_share=0.2, fold=fold)) for fold in range(1, 6)]
+    # The one recording of the last class is never to test.
+    assert sorted(number for test in tested for number in test) == list(range(15))
+    assert tested[0] == numbers(read_recordings(path, test_share=0.2))
+
+
+def test_a_folder_without_parts_is_divided(tmp_path: Path) -> None:
+    write_slip(tmp_path / "slip", each=5)
+    train, test = (read_recordings(tmp_path / "slip", split=part, test_share=0.2) for part in ("train", "test"))
+    assert (len(train), len(test), test.class_names) == (8, 2, ("stable", "rotate"))
+
+
+@pytest.mark.parametrize("name", [".", "tact.pt"], ids=["folder", "file"])
+def test_rounds_of_files(name: str, tmp_path: Path) -> None:
+    spikes = write_preprocessed(tmp_path)
+    path = tmp_path / name
+    assert recording_parts(path) == ("train", "test")
+    for fold in (None, 1, 4):
+        chosen = np.arange(20) % 5 == (fold or 1) - 1
+        train, test = (read_recordings(path, split=part, fold=fold) for part in ("train", "test"))
+        assert np.array_equal(test.spikes, spikes[chosen])
+        assert np.array_equal(train.spikes, spikes[~chosen])
+        assert test.labels is not None
+        assert test.labels.tolist() == np.sort(np.arange(20) % 2)[chosen].tolist()
+        assert test.source == f"tact.pt, test part (round {fold or 1} of 5)"
+    assert np.array_equal(read_recordings(path, fold=4).spikes, test.spikes)
+
+
+def test_a_tensor_without_files_of_rows_is_whole(tmp_path: Path) -> None:
+    spikes = write_preprocessed(tmp_path, rounds=0)
+    found = read_recordings(tmp_path / "tact.pt")
+    assert (found.labels, found.source) == (None, "tact.pt")
+    assert np.array_equal(found.spikes, spikes)
+
+
+def divided(folder: Path) -> Path:
+    for part in ("train", "test"):
+        (folder / "set" / part).mkdir(parents=True)
+        np.save(folder / "set" / part / "sample_1_label_0.npy", np.eye(78, 5, dtype=np.uint8))
+    return folder / "set"
+
+
+def unlabelled(folder: Path) -> Path:
+    write_recordings(folder / "set.npz", Recordings(np.ones((2, 3, 78)), None, 0.02, "set.npz"))
+    return folder / "set.npz"
+
+
+def rounds(folder: Path) -> Path:
+    write_preprocessed(folder)
+    return folder
+
+
+FIX = "Write the number of a recording and its class on every line."
+
+
+def rows(text: str) -> Callable[[Path], Path]:
+    def write(folder: Path) -> Path:
+        write_preprocessed(folder)
+        (folder / "test_80_20_1.txt").write_text(text)
+        return folder
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("write", "options", "message"),
+    [
+        pytest.param(
+            divided, {"test_share": 0.2}, "split: 'set' is divided already (into train, test). Leave it out.", id="folders"
+        ),
+        pytest.param(
+            divided, {"fold": 2}, "fold: 'set' is divided already (into train, test). Leave it out.", id="folders, round"
+        ),
+        pytest.param(
+            rounds, {"test_share": 0.2}, "split: 'tact.pt' is divided already (into rounds). Leave it out.", id="files"
+        ),
+        pytest.param(
+            rounds, {"fold": 6}, "fold: 'tact.pt' has no such round (got 6 against 1, 2, 3, 4, 5). Choose one of them.", id="round 6"
+        ),
+        pytest.param(
+            rounds, {"fold": 0}, "fold: 'tact.pt' has no such round (got 0 against 1, 2, 3, 4, 5). Choose one of them.", id="round 0"
+        ),
+        pytest.param(
+            write_single, {"fold": 3, "test_share": 0.5},
+            "fold: 'set.npz' has no such round (got 3 against 1, 2). Choose one of them.", id="round 3 of a half",
+        ),
+        pytest.param(
+            write_single, {"fold": 3},
+            "fold: 'set.npz' has no such round (got 3 against none). "
+            "Add --split with the share of every class that is to test.", id="no rounds",
+        ),
+        pytest.param(
+            write_single, {"test_share": 1.0}, "split: it is out of range (got 1.0 against 0.001..0.9). Correct the number.", id="all"
+        ),
+        pytest.param(
+            write_single, {"test_share": float("nan")},
+            "split: it is out of range (got nan against 0.001..0.9). Correct the number.", id="NaN",
+        ),
+        pytest.param(
+            unlabelled, {"test_share": 0.2},
+            "recordings 'set.npz': they have no labels to divide them by. Give labelled recordings.", id="no labels",
+        ),
+        pytest.param(rows("1 0\n2\n"), {}, f"file 'test_80_20_1.txt': it does not hold two whole numbers per line. {FIX}", id="one number"),
+        pytest.param(rows("1 x\n"), {}, f"file 'test_80_20_1.txt': it does not hold two whole numbers per line. {FIX}", id="a word"),
+        pytest.param(rows(""), {}, f"file 'test_80_20_1.txt': it does not hold two whole numbers per line. {FIX}", id="empty"),
+        pytest.param(rows("20 0\n"), {}, f"file 'test_80_20_1.txt': recording 20 is not there (of 20). {FIX}", id="too high"),
+        pytest.param(rows("-1 0\n"), {}, f"file 'test_80_20_1.txt': recording -1 is not there (of 20). {FIX}", id="negative"),
+        pytest.param(rows("0 0\n1 0\n"), {}, f"file 'test_80_20_1.txt': recording 1 is in the round twice (of 20). {FIX}", id="in both parts"),
+        pytest.param(
+            rows(f"0 {10**30}\n"), {}, "recordings 'tact.pt': its labels are no class numbers (dtype object). "
+            "Give one class number from 0 a recording.", id="absurd class",
+        ),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_divided(
+    write: Callable[[Path], Path], options: dict[str, float], message: str, tmp_path: Path
+) -> None:
+    path = write(tmp_path)
+    with pytest.raises(InputError) as caught:
+        read_recordings(path, **options)  # type: ignore[arg-type]
+    assert str(caught.value).replace(", test part (round 1 of 5)", "") == message
+
+
+def test_the_file_of_the_other_part_is_missing(tmp_path: Path) -> None:
+    write_preprocessed(tmp_path)
+    (tmp_path / "test_80_20_1.txt").unlink()
+    with pytest.raises(InputError) as caught:
+        read_recordings(tmp_path, split="train")
+    assert (
+        str(caught.value) == "file 'test_80_20_1.txt': it cannot be read (No such file or directory). Check the path."
+    )
+
+
+def test_the_commands_agree_on_the_parts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_recordings("motions.npz", synthetic_touches(20, steps=40, fingertips=2, classes=2, seed=3))
+    options = ["--split", "0.2", "--fold", "2"]
+    quick = ["--epochs", "1", "--hidden", "4", "--recordings", "9"]
+    assert main(["train", "--data", "motions.npz", *options, *quick, "-o", "net.pt"]) == 0
+    printed = capsys.readouterr().out
+    assert "motions.npz, train part (split 0.2, round 2): 16 recordings\n" in printed
+    assert "motions.npz, test part (split 0.2, round 2): 4 recordings\ntest accuracy " in printed
+    found = read_checkpoint("net.pt")
+    assert found.description.input.sensor.surfaces == 2
+    assert found.training["dataset"] == "motions.npz, train part (split 0.2, round 2)"
+    assert (found.training["split"], found.training["fold"], found.training["test_recordings"]) == (0.2, 2, 4)
+    test = read_recordings("motions.npz", test_share=0.2, fold=2)
+    assert found.recordings is not None
+    assert np.array_equal(found.recordings.spikes, test.spikes)
+    assert main(["events", "motions.npz", *options, "--part", "train", "--to", "train.npz"]) == 0
+    assert capsys.readouterr().out.startswith("motions.npz, train part (split 0.2, round 2): 16 recordings, 40 steps")
+    assert len(read_recordings("train.npz")) == 16
+
+
+def test_training_takes_a_round_of_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_preprocessed(tmp_path / "preprocessed")
+    Path("fold.yaml").write_text("{epochs: 1, hidden: 4, fold: 3, step_seconds: 0.001}")
+    assert main(["train", "--data", "preprocessed", "--config", "fold.yaml", "--quiet", "-o", "net.pt"]) == 0
+    found = read_checkpoint("net.pt")
+    assert (found.description.input.channels, found.training["test_recordings"]) == (156, 4)
+    assert found.training["dataset"] == "tact.pt, train part (round 3 of 5)"
