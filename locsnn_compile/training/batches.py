@@ -97,7 +97,7 @@ def cut_end(spikes: Spikes, largest: float, rng: np.random.Generator) -> Spikes:
         return spikes
     kept = 1.0 - rng.random((len(spikes), 1, 1), dtype=np.float32) * np.float32(largest)
     steps = spikes.shape[1]
-    return spikes * (np.arange(steps)[np.newaxis, :, np.newaxis] < np.ceil(kept * steps))
+    return np.where(np.arange(steps)[np.newaxis, :, np.newaxis] < np.ceil(kept * steps), spikes, np.float32(0))
 
 
 def shift_in_time(spikes: Spikes, largest: int, rng: np.random.Generator, parts: int = 1) -> Spikes:
