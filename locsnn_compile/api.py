@@ -226,13 +226,8 @@ def recordings_for(network: Network, events: Events | None, labels: ArrayLike | 
         return events
     if isinstance(events, str | Path):
         return read_recordings(events, model=network.expected)
-    array = np.asarray(events)
-    return Recordings(
-        spikes=array,
-        labels=None if labels is None else np.asarray(labels),
-        step_seconds=network.step_seconds,
-        source="array",
-    )
+    given = None if labels is None else np.asarray(labels)
+    return Recordings(np.asarray(events), given, network.step_seconds, "array")
 
 
 def calibration_recordings(network: Network, calibration: str | Path) -> Recordings:
@@ -256,16 +251,7 @@ def _lower(
     ``settled``: the share of split weights is asked for, and not to be chosen.
     """
     if asked.strategy == AUTO or budget.given:
-        choice = choose_strategy(
-            network,
-            chip,
-            asked.weight_bits,
-            calibration,
-            budget,
-            tuple(STRATEGIES) if asked.strategy == AUTO else (asked.strategy,),
-            asked.split_weights if settled else None,
-            spread,
-        )
+        choice = choose_strategy(network, chip, asked, calibration, budget, spread, settled=settled)
         if choice:
             return choice.levels, choice
     fixed = replace(asked, strategy=next(iter(STRATEGIES))) if asked.strategy == AUTO else asked

@@ -19,7 +19,7 @@ from locsnn_compile.passes.rounding.task import FINE
 from locsnn_compile.pipeline import Levels, lower
 from locsnn_compile.reference.evaluate import Calibration, calibrate
 from locsnn_compile.settings import Setting
-from locsnn_compile.strategies import STRATEGIES
+from locsnn_compile.strategies import AUTO, STRATEGIES
 from locsnn_compile.verification.error_bounds import ErrorBudget, Losses, default_budget
 from locsnn_compile.verification.matching import compare
 
@@ -57,30 +57,31 @@ class Choice(Shown):
 def choose_strategy(
     network: Network,
     chip: hw.Chip,
-    weight_bits: int,
+    asked: Setting,
     recordings: Recordings,
     budget: ErrorBudget,
-    strategies: Sequence[str] = tuple(STRATEGIES),
-    split_weights: float | None = None,
     spread: Spread = here,
+    *,
+    settled: bool = False,
 ) -> Choice | None:
     """Take the cheapest setting tried that keeps the budget, or, if none does, the most accurate.
 
-    ``weight_bits`` are the most that are tried; ``split_weights`` a share that is asked for, else the least that
-    keeps the budget. A setting that this chip cannot hold is passed over; if that is all of them, the first
-    ``TargetError`` is raised. Returns None for a network with no float SRM neurons: there is nothing to choose.
+    ``asked``: one strategy or all, the most weight bits that are tried, and a share of split weights, which is what is
+    asked for where it is ``settled``, else the least that keeps the budget. A setting that this chip cannot hold is
+    passed over; if that is all of them, the first ``TargetError`` is raised. Returns None for a network with no float
+    SRM neurons: there is nothing to choose.
     """
     if not network.by_strategy:
         return None
     trial = _Trial(network, chip, recordings, calibrate(network, recordings, chip.registers), spread)
-    firsts = [Setting(strategy, weight_bits, split_weights or 0.0) for strategy in strategies]
+    firsts = [replace(asked, strategy=name) for name in STRATEGIES if asked.strategy in (AUTO, name)]
     usual = [setting for setting in firsts if not STRATEGIES[setting.strategy].last_resort] or firsts
     for setting in usual:
         trial.measure(setting)
     if not trial.candidates:
         raise trial.errors[0]
     if budget.given:
-        shares = SHARES if split_weights is None else (split_weights,)
+        shares = (asked.split_weights,) if settled else SHARES
         _split_more(trial, usual, budget, shares)
         if not any(candidate.keeps(budget) for candidate in trial.candidates.values()):
             _split_more(trial, [setting for setting in firsts if setting not in usual], budget, shares)

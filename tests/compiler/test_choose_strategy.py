@@ -13,6 +13,7 @@ from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.errors import InputError, TargetError
 from locsnn_compile.passes.quantize import quantize
+from locsnn_compile.settings import Setting
 from locsnn_compile.verification.error_bounds import SPIKE_TOLERANCE, ErrorBudget
 
 CHIP = hw.chip("loihi-sim")
@@ -30,7 +31,7 @@ def played(network, seed=0):
 
 @pytest.fixture(scope="module")
 def choose(network):
-    return lambda budget, chip=CHIP: choose_strategy(network, chip, 8, played(network), budget)
+    return lambda budget, chip=CHIP: choose_strategy(network, chip, Setting("auto", 8), played(network), budget)
 
 
 def test_candidates_are_measured_on_the_calibration_recordings(network, choose):
@@ -72,7 +73,7 @@ def test_the_cheapest_within_the_budget_is_taken(choose, budget, taken):
 
 def test_dendrites_are_paired_where_no_other_strategy_keeps_the_budget(network):
     def choose(bound):
-        return choose_strategy(network, CHIP, 2, played(network), ErrorBudget(max_spike_error=bound))
+        return choose_strategy(network, CHIP, Setting("auto", 2), played(network), ErrorBudget(max_spike_error=bound))
 
     usual = min(c.spike_error for c in choose(-1.0).candidates if c.strategy != PAIRED)
     choice = choose(usual - 1e-6)
@@ -91,7 +92,7 @@ def test_where_nothing_keeps_the_budget_the_most_accurate_is_taken(choose):
 def test_a_strategy_that_the_chip_cannot_hold_is_passed_over(network):
     slow = replace(NEURON, tau_ref=40.0)
     patient = replace(network, populations=tuple(replace(p, neuron=slow) for p in network.populations))
-    choice = choose_strategy(patient, CHIP, 8, played(patient), ErrorBudget())
+    choice = choose_strategy(patient, CHIP, Setting("auto", 8), played(patient), ErrorBudget())
     assert [candidate.strategy for candidate in choice.candidates] == ["dendrite", "reset"]
 
 
