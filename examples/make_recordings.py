@@ -13,16 +13,17 @@ from locsnn_compile.data import synthetic_touches, write_recordings
 
 
 def main(folder: Path) -> None:
-    """Write three files of one fingertip each into ``folder``.
+    """Write four files into ``folder``, three of one fingertip and one of two.
 
     ``touches.npz`` (250 steps) and ``touches-long.npz`` (325 steps) have no labels: they are for checking the example
-    networks, whose classes are objects. ``motions.npz`` (100 steps) has the generator's motions as labels: a network
-    can be trained on it.
+    networks, whose classes are objects. ``motions.npz`` (100 steps) and ``two-fingertips.npz`` (60 steps, 156 channels)
+    have the generator's motions as labels: networks can be trained on them.
     """
     for name, samples, steps, seed in (("touches.npz", 8, 250, 1), ("touches-long.npz", 4, 325, 2)):
         touches = synthetic_touches(samples, steps=steps, seed=seed)
         write_recordings(folder / name, replace(touches, labels=None))
     write_recordings(folder / "motions.npz", synthetic_touches(48, steps=100, classes=4, seed=3))
+    write_recordings(folder / "two-fingertips.npz", synthetic_touches(40, steps=60, fingertips=2, classes=4, seed=7))
 
 
 if __name__ == "__main__":

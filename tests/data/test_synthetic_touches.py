@@ -83,6 +83,7 @@ def test_example_recordings_are_what_their_script_makes(tmp_path: Path) -> None:
         ("touches.npz", (8, 250, 78)),
         ("touches-long.npz", (4, 325, 78)),
         ("motions.npz", (48, 100, 78)),
+        ("two-fingertips.npz", (40, 60, 156)),
     ):
         assert (tmp_path / name).read_bytes() == (EXAMPLES / "recordings" / name).read_bytes()
         assert read_recordings(EXAMPLES / "recordings" / name).spikes.shape == shape

@@ -105,6 +105,36 @@ def test_shipped_networks_survive_a_round_trip(tmp_path: Path, name: str) -> Non
     assert all(np.array_equal(again.weights[key], found.weights[key]) for key in found.weights)
 
 
+TWO = ROOT / "examples/recordings/two-fingertips.npz"
+
+
+def test_a_network_of_two_fingertips_ships_with_its_recordings() -> None:
+    found, test = read_checkpoint(model("two-fingertips")), read_recordings(TWO, test_share=0.2)
+    assert (found.description.input.channels, found.description.location_delays) == (156, (0, 4))
+    assert found.recordings is not None
+    assert np.array_equal(found.recordings.spikes, test.spikes)
+    training = config_from_mapping(read_config(ROOT / "examples/configs/two-fingertips-hybrid.yaml"))
+    assert {key: found.training[key] for key in vars(training)} == vars(training)
+    card = model("two-fingertips").with_suffix(".md").read_text(encoding="utf-8")
+    assert "**Everything here is synthetic.**" in card
+    for part in ("validation", "test"):
+        accuracy = found.training[f"{part}_accuracy"]
+        assert re.search(rf"^\| {part} \| \d \| {accuracy:.3f} \|$", card, re.M)
+    command = "locsnn train --data examples/recordings/two-fingertips.npz --config examples/configs/two-fingertips-hybrid.yaml"
+    assert command in card
+    assert command in (ROOT / "docs/how-to/train-a-network.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("strategy", TRAINABLE)
+def test_both_engines_play_two_fingertips_alike(strategy: str) -> None:
+    network, test = load(model("two-fingertips")), read_recordings(TWO, test_share=0.2)
+    program = lower(network, CHIP, 8, strategy).program
+    slow, fast = (hw.simulate(program, test.spikes, engine=engine) for engine in ("reference", "fast"))
+    for name, spikes in slow.spikes.items():
+        assert np.array_equal(fast.spikes[name], spikes), name
+    assert np.array_equal(slow.prediction, test.labels)
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_networks_on_the_chips_integers_are_whole(name: str) -> None:
     found = read_checkpoint(model(f"{name}-hybrid-loihi"))
