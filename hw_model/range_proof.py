@@ -20,12 +20,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import BoolArray, FloatArray, IntArray
 from hw_model.arithmetic.fixed_point import DECAY_ONE
 from hw_model.description.chip import Registers
 from hw_model.io.given import checked
 from hw_model.program.chip_program import ChipProgram, Core
-from hw_model.values import Frozen, Shown
+from hw_model.values import BoolArray, FloatArray, Frozen, IntArray, Shown
 
 PERIODS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 512, 1024, 2048, 4096)
 """Steps between spikes of a source that are tried, shortest first."""

@@ -8,7 +8,6 @@ from typing import Literal, get_args
 import numpy as np
 
 from hw_model.accounting.activity import StepActivity, count_steps, count_totals
-from hw_model.arithmetic.arrays import AnyArray, ByteArray, FloatArray, IntArray
 from hw_model.description.counts import Counts, total
 from hw_model.engine.playing import Player, Spikes, play, read_streams
 from hw_model.engine.probes import KINDS, Kind, PhaseProbes, Probe, hull, read_probes
@@ -17,7 +16,7 @@ from hw_model.errors import InputError, did_you_mean
 from hw_model.io.given import checked
 from hw_model.mapping.graph import largest
 from hw_model.program.chip_program import ChipProgram
-from hw_model.values import Shown
+from hw_model.values import AnyArray, ByteArray, FloatArray, IntArray, Shown
 
 Engine = Literal["fast", "reference"]
 ENGINES: tuple[Engine, ...] = get_args(Engine)

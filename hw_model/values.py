@@ -1,8 +1,19 @@
-"""Values: frozen dataclasses by their base; and what one is in a line, its arrays by their shape."""
+"""Values: frozen dataclasses by their base, arrays by what they hold; and what one is in a line."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any, Self, dataclass_transform
+
+import numpy as np
+from numpy.typing import ArrayLike as ArrayLike
+from numpy.typing import NDArray
+
+AnyArray = NDArray[Any]
+BoolArray = NDArray[np.bool_]
+ByteArray = NDArray[np.uint8]
+FloatArray = NDArray[np.float64]
+Int32Array = NDArray[np.int32]
+IntArray = NDArray[np.int64]
 
 _PLAIN = (str, int, float, type(None))
 _LONGEST, _LONGEST_TEXT, _MOST_ITEMS = 400, 40, 4

@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 
 import hw_model as hw
-from hw_model.arithmetic.arrays import ArrayLike
 from hw_model.io.build_folder import write_build
 from hw_model.io.given import checked
 from hw_model.program.write import program_files
 from hw_model.streaming.session import check_psi
-from hw_model.values import Frozen
+from hw_model.values import ArrayLike, Frozen
 from locsnn_compile.backends import EXCHANGE_KINDS, LEVEL_KINDS
 from locsnn_compile.backends.exchange import exchange_file
 from locsnn_compile.choose_strategy import Choice, choose_strategy, lower_as

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import astuple
+from dataclasses import astuple, dataclass
 from typing import TYPE_CHECKING, Any
 
-from hw_model.values import Frozen
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.strategies import AUTO, STRATEGIES
 
@@ -32,7 +31,8 @@ def has_both_axes(network: Network) -> bool:
     return len({population.axis for population in network.populations}) == 2
 
 
-class Axis(Frozen):
+@dataclass(frozen=True)
+class Axis:
     """One option of the compiler: ``name`` is its keyword in ``compile``, and its option with dashes for underscores.
 
     ``values`` are tried where the option ``matters`` to a network; elsewhere there is only the ``neutral`` one. Others
@@ -84,7 +84,8 @@ AXES = (
 )
 
 
-class Setting(Frozen):
+@dataclass(frozen=True)
+class Setting:
     """How a network is compiled: keyword arguments of ``compile``, one of each axis, in the order of :data:`AXES`."""
 
     strategy: str

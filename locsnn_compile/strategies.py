@@ -3,7 +3,7 @@
 Nothing here imports anything heavy, so that help and completion can say the names.
 """
 
-from hw_model.values import Frozen
+from dataclasses import dataclass
 
 NATIVE = "native"
 """What neurons are that the chip has as they are: they need no strategy."""
@@ -11,7 +11,8 @@ AUTO = "auto"
 """The cheapest strategy that loses no more than it may."""
 
 
-class Strategy(Frozen):
+@dataclass(frozen=True)
+class Strategy:
     """``layout``: a neuron in compartments, in words; it has so many ``dendrites`` of each kind.
 
     ``trainable``: networks can be trained on its integers. A ``last_resort`` costs more than any other, with split

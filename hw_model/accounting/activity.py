@@ -6,12 +6,11 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from hw_model.accounting.mesh_routes import PER_PACKET, Routes, routes_of
-from hw_model.arithmetic.arrays import BoolArray, ByteArray, FloatArray, Int32Array, IntArray
 from hw_model.description.counts import BY_CORE, COUNTED
 from hw_model.engine.trace import EVENTS, PhaseInput, PhaseTrace
 from hw_model.program.chip_program import ChipProgram
 from hw_model.program.pieces import Pieces, pieces_of
-from hw_model.values import Shown
+from hw_model.values import BoolArray, ByteArray, FloatArray, Int32Array, IntArray, Shown
 
 
 class StepActivity(Shown):

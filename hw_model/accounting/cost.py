@@ -15,12 +15,11 @@ import numpy as np
 
 from hw_model.accounting.activity import StepActivity
 from hw_model.accounting.mesh_routes import Routes, routes_of
-from hw_model.arithmetic.arrays import BoolArray, FloatArray, IntArray
 from hw_model.description.counts import Counts
 from hw_model.description.profile import Profile
 from hw_model.io.given import checked
 from hw_model.program.chip_program import ChipProgram
-from hw_model.values import Frozen, Shown
+from hw_model.values import BoolArray, FloatArray, Frozen, IntArray, Shown
 
 UPDATES = ("neuron_updates", "neuron_updates_active", "neuron_updates_inactive")
 SENDING = ("spikes", "axon_packets", "packets_within_tile")

@@ -6,10 +6,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import ByteArray, FloatArray, IntArray
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.program.pieces import pieces_of
-from hw_model.values import Frozen
+from hw_model.values import ByteArray, FloatArray, Frozen, IntArray
 
 Tile = tuple[int, int]
 PER_PACKET = ("axon_packets", "packets_within_tile", "hops_x", "hops_y")

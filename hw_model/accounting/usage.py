@@ -9,10 +9,9 @@ import numpy as np
 
 from hw_model.accounting import cost
 from hw_model.accounting.activity import StepActivity, stacked
-from hw_model.arithmetic.arrays import FloatArray, IntArray
 from hw_model.description.profile import Profile
 from hw_model.program.chip_program import ChipProgram
-from hw_model.values import Sums, added
+from hw_model.values import FloatArray, IntArray, Sums, added
 
 MAX_TOGETHER = 1 << 21
 """Steps times ways that are held at a time."""

@@ -8,9 +8,8 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import BoolArray, FloatArray, IntArray
 from hw_model.errors import InputError, did_you_mean
-from hw_model.values import Frozen
+from hw_model.values import BoolArray, FloatArray, Frozen, IntArray
 
 DECAY_BITS = 12
 """An effective decay is a fraction of 2^12 = 4096: 0 keeps everything, 4096 keeps nothing."""

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import AnyArray, ArrayLike
 from hw_model.errors import InputError
+from hw_model.values import AnyArray, ArrayLike
 
 LARGEST = 1 << 53
 """Magnitudes up to this are the same number in float64 and in int64."""

@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import IntArray
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS
 from hw_model.description.profile import Profile
 from hw_model.description.read import parse, read_description
 from hw_model.errors import InputError, check_most, did_you_mean
 from hw_model.io.given import checked
-from hw_model.values import Frozen, Shown
+from hw_model.values import Frozen, IntArray, Shown
 
 _YAML = (".yaml", ".yml")
 MAX_CORES = 1 << 20

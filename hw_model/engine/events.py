@@ -3,10 +3,10 @@ time."""
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import ByteArray, Int32Array
 from hw_model.engine.compiled import compiled, in_parts, trailing_zeros
 from hw_model.engine.trace import EventLists
 from hw_model.mapping.graph import Input
+from hw_model.values import ByteArray, Int32Array
 
 
 def list_events(recordings: ByteArray) -> EventLists:

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import Int32Array, IntArray
 from hw_model.engine import tiles
 from hw_model.engine.compiled import compiled, entry, in_parts
 from hw_model.engine.layout import CHARGE_WRAPS, FIELDS, LANES, FastLayout, fast_layout
 from hw_model.engine.trace import EVENTS, NOTHING, REGISTERS, EventLists, PhaseInput, PhaseTrace, Register, Window
 from hw_model.program.chip_program import ChipProgram
+from hw_model.values import Int32Array, IntArray
 
 SMALL = 1 << 12
 """Compartments up to which a phase keeps its room, some MiB, for the next recording; making it takes time."""

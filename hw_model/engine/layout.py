@@ -15,12 +15,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from hw_model.arithmetic.arrays import AnyArray, BoolArray, ByteArray, Int32Array, IntArray
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT
 from hw_model.mapping.circles import sources_first
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.program.pieces import Pieces, pieces_of
-from hw_model.values import Frozen
+from hw_model.values import AnyArray, BoolArray, ByteArray, Frozen, Int32Array, IntArray
 
 Lanes = Int32Array | IntArray
 

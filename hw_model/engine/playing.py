@@ -4,12 +4,11 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import ArrayLike, ByteArray, IntArray
 from hw_model.engine.trace import EventLists, PhaseInput
 from hw_model.errors import InputError
 from hw_model.mapping.graph import Input, Phase
 from hw_model.program.chip_program import ChipProgram
-from hw_model.values import Frozen
+from hw_model.values import ArrayLike, ByteArray, Frozen, IntArray
 
 Spikes = ArrayLike | Mapping[str, ArrayLike]
 

@@ -5,11 +5,10 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import AnyArray
 from hw_model.engine.trace import REGISTERS, Register, Window
 from hw_model.errors import InputError, did_you_mean
 from hw_model.program.chip_program import ChipProgram
-from hw_model.values import Frozen
+from hw_model.values import AnyArray, Frozen
 
 Kind = Literal["spikes", "u", "v", "potential", "activity"]
 KINDS: tuple[Kind, ...] = get_args(Kind)

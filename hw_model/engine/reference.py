@@ -6,10 +6,10 @@ step to the accumulator slots of the steps in which their charge is due.
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import ByteArray, IntArray
 from hw_model.arithmetic.fixed_point import clip, decay, wrap
 from hw_model.engine.trace import EVENTS, PhaseInput, PhaseTrace, Register, Window
 from hw_model.program.chip_program import ChipProgram, Core
+from hw_model.values import ByteArray, IntArray
 
 
 def run_phase(program: ChipProgram, phase: str, played: PhaseInput, windows: dict[Register, Window]) -> PhaseTrace:

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import AnyArray
 from hw_model.engine.chunks import add_up, pass_on, update, update_plain
 from hw_model.engine.compiled import absorbed, compiled, inner, trailing_zeros
 from hw_model.engine.layout import BIAS, FIELDS, LANES, MATRIX, PACKED_LIST, POTENTIAL, FastLayout, U, V, aligned
+from hw_model.values import AnyArray
 
 TILE = 64
 """Steps that one block runs before the next does: their charges stay in the cache."""

@@ -9,8 +9,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import ByteArray, Int32Array, IntArray
-from hw_model.values import Frozen
+from hw_model.values import ByteArray, Frozen, Int32Array, IntArray
 
 Register = Literal["u", "v", "potential"]
 REGISTERS: tuple[Register, ...] = get_args(Register)

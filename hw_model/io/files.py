@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import AnyArray
 from hw_model.errors import InputError
 from hw_model.io.given import check_path
 from hw_model.io.partial import locked, partial_path, remove, remove_leftovers, sync
+from hw_model.values import AnyArray
 
 
 def replace_file(path: Path, content: bytes, where: str) -> None:

@@ -13,10 +13,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import ArrayLike, FloatArray, IntArray
 from hw_model.description.chip import Chip
 from hw_model.mapping.circles import sources_first
 from hw_model.mapping.placement import PlacedGraph
+from hw_model.values import ArrayLike, FloatArray, IntArray
 
 MAX_SLOTS = 1024
 """Boards that need more slots than this keep network order: the search takes time with their cube."""

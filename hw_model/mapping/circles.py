@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import ArrayLike
+from hw_model.values import ArrayLike
 
 
 def sources_first(count: int, edges: ArrayLike) -> list[list[int]]:

@@ -9,11 +9,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import IntArray
 from hw_model.description.chip import Chip
 from hw_model.mapping.fan_in import FanIn
 from hw_model.mapping.graph import Compartments
-from hw_model.values import Frozen
+from hw_model.values import Frozen, IntArray
 
 PROFILE = ("decay_u", "decay_v", "refractory", "joined")
 """Parameters of a compartment that its profile holds."""

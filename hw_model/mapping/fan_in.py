@@ -6,11 +6,10 @@ from itertools import combinations
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import AnyArray, IntArray
 from hw_model.arithmetic.fixed_point import SignMode
 from hw_model.description.chip import Chip
 from hw_model.mapping.graph import CompartmentGraph, Synapses, held
-from hw_model.values import Frozen
+from hw_model.values import AnyArray, Frozen, IntArray
 
 
 class SynapseFormat(Frozen, order=True):

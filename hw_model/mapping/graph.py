@@ -10,11 +10,10 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import AnyArray, ArrayLike, FloatArray, IntArray
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_EXPONENTS, SignMode, weight_grid
 from hw_model.description.chip import Chip
 from hw_model.errors import InputError, TargetError
-from hw_model.values import Frozen
+from hw_model.values import AnyArray, ArrayLike, FloatArray, Frozen, IntArray
 
 Axis = Literal["time", "location"]
 AXES: tuple[Axis, ...] = get_args(Axis)

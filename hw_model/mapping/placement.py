@@ -10,14 +10,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import IntArray
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS
 from hw_model.description.chip import Chip
 from hw_model.errors import TargetError
 from hw_model.mapping.core_load import Piece, first_broken, fitting, synapses
 from hw_model.mapping.fan_in import FanIn, fan_in, first_source
 from hw_model.mapping.graph import CompartmentGraph
-from hw_model.values import Frozen
+from hw_model.values import Frozen, IntArray
 
 
 class Slice(Frozen):

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import BoolArray, IntArray
-from hw_model.values import Frozen
+from hw_model.values import BoolArray, Frozen, IntArray
 
 if TYPE_CHECKING:
     from hw_model.description.chip import SynapseMemory

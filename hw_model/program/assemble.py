@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import IntArray
 from hw_model.mapping.core_load import PROFILE
 from hw_model.mapping.graph import CompartmentGraph, Compartments
 from hw_model.mapping.placement import Slice
 from hw_model.mapping.routing import RoutedCore, RoutedGraph
 from hw_model.program.check import check_program
 from hw_model.program.chip_program import ChipProgram, CompartmentProfile, Core
+from hw_model.values import IntArray
 
 
 def assemble(routed: RoutedGraph) -> ChipProgram:

@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from hw_model.arithmetic.arrays import ArrayLike, IntArray
 from hw_model.arithmetic.fixed_point import SignMode
 from hw_model.description.chip import Chip
 from hw_model.errors import InputError, TargetError
@@ -25,7 +24,7 @@ from hw_model.mapping.placement import place_cores
 from hw_model.mapping.routing import route_axons
 from hw_model.program.assemble import assemble
 from hw_model.program.chip_program import ChipProgram
-from hw_model.values import Frozen
+from hw_model.values import ArrayLike, Frozen, IntArray
 
 Ints = int | ArrayLike
 _LARGEST = 1 << 53

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import IntArray
 from hw_model.arithmetic.fixed_point import SIGN_MODES, WEIGHT_EXPONENTS
 from hw_model.errors import InputError
 from hw_model.mapping.graph import AXES
+from hw_model.values import IntArray
 
 if TYPE_CHECKING:
     from hw_model.description.chip import Chip, Registers

@@ -6,14 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import IntArray
 from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT, effective_weight
 from hw_model.description.chip import Chip
 from hw_model.io.given import checked
 from hw_model.mapping.graph import Input, Phase, Readout
 from hw_model.mapping.placement import Slice
 from hw_model.mapping.routing import AxonTables, InputRoute
-from hw_model.values import Frozen, Shown
+from hw_model.values import Frozen, IntArray, Shown
 
 
 class CompartmentProfile(Frozen, order=True):

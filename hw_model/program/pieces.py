@@ -4,9 +4,8 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import ByteArray, IntArray
 from hw_model.program.chip_program import ChipProgram
-from hw_model.values import Frozen
+from hw_model.values import ByteArray, Frozen, IntArray
 
 
 class Pieces(Frozen, eq=False):

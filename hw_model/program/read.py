@@ -14,7 +14,6 @@ from typing import IO, Any
 import numpy as np
 import yaml
 
-from hw_model.arithmetic.arrays import IntArray
 from hw_model.description.chip import parse_chip
 from hw_model.errors import InputError, LocsnnError
 from hw_model.io.folders import finish_writing
@@ -28,6 +27,7 @@ from hw_model.mapping.routing import AxonTables, InputRoute
 from hw_model.program.check import OF_SYNAPSES, check_program
 from hw_model.program.chip_program import ChipProgram, CompartmentProfile, Core
 from hw_model.program.write import AXON_ARRAYS, CORE_ARRAYS, FORMAT, RECORDINGS, ROUTE_ARRAYS, VERSION
+from hw_model.values import IntArray
 
 MAX_FILE_BYTES = 2 << 30
 MAX_ARRAY_BYTES, MAX_PACKING = 3 << 29, 64

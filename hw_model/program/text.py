@@ -8,12 +8,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import AnyArray
 from hw_model.mapping.fan_in import SynapseFormat
 from hw_model.mapping.graph import CompartmentGraph, Compartments, Input, Synapses
 from hw_model.mapping.placement import PlacedGraph
 from hw_model.mapping.routing import RoutedCore, RoutedGraph
 from hw_model.program.chip_program import ChipProgram, Core
+from hw_model.values import AnyArray
 
 WRITTEN_OUT = 16
 """Arrays of at most so many values are written out."""

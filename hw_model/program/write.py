@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import yaml
 
-from hw_model.arithmetic.arrays import IntArray
 from hw_model.errors import InputError
 from hw_model.io.files import npy_bytes, pack_files
 from hw_model.io.folders import replace_entries
 from hw_model.mapping.routing import AxonTables
+from hw_model.values import IntArray
 
 if TYPE_CHECKING:
     from hw_model.mapping.graph import Readout

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from hw_model.accounting.cost import step_times
-from hw_model.arithmetic.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from hw_model.description.counts import BY_CORE, Counts
 from hw_model.engine.compiled import in_parts
 from hw_model.engine.playing import Spikes, read_streams
@@ -18,7 +17,7 @@ from hw_model.program.chip_program import ChipProgram
 from hw_model.simulation import SimulationResult, simulate
 from hw_model.streaming.proof import Proof, members_of
 from hw_model.streaming.session import Session, leads
-from hw_model.values import Shown
+from hw_model.values import BoolArray, ByteArray, FloatArray, IntArray, Shown
 
 
 class Stops(Shown):

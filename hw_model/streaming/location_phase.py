@@ -11,13 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import AnyArray, ByteArray
 from hw_model.engine.chunks import add_up, advance, advance_pair, pass_on
 from hw_model.engine.compiled import absorbed, compiled, entry, inner, trailing_zeros
 from hw_model.engine.layout import BIAS, BLOCKED, FIELDS, LANES, MATRIX, POTENTIAL, REFRACTORY, FastLayout, U
 from hw_model.engine.tiles import form_of, synapse
 from hw_model.mapping.graph import Input
 from hw_model.streaming.time_phase import Read
+from hw_model.values import AnyArray, ByteArray
 
 
 class Visits(NamedTuple):

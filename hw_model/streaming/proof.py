@@ -16,12 +16,12 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from hw_model.accounting.activity import StepActivity
-from hw_model.arithmetic.arrays import BoolArray, IntArray
 from hw_model.arithmetic.fixed_point import clip, decay
 from hw_model.mapping.graph import Phase, Readout
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.range_proof import prove_range
 from hw_model.simulation import SimulationResult
+from hw_model.values import BoolArray, IntArray
 
 
 class Proof:

@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import ByteArray, FloatArray, IntArray
 from hw_model.engine.layout import fast_layout
 from hw_model.engine.playing import Spikes, first_touch, list_events, read_streams
 from hw_model.errors import InputError
@@ -19,7 +18,7 @@ from hw_model.mapping.graph import Phase, Readout
 from hw_model.program.chip_program import ChipProgram
 from hw_model.streaming.location_phase import Replay
 from hw_model.streaming.time_phase import Live, Read
-from hw_model.values import Shown
+from hw_model.values import ByteArray, FloatArray, IntArray, Shown
 
 
 class StepScores(Shown):

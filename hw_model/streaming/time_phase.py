@@ -4,11 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import AnyArray, ByteArray
 from hw_model.engine import tiles
 from hw_model.engine.compiled import absorbed, compiled, entry, inner
 from hw_model.engine.layout import FastLayout
 from hw_model.engine.tiles import TILE
+from hw_model.values import AnyArray, ByteArray
 
 
 class Read(NamedTuple):

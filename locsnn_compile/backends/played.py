@@ -6,13 +6,12 @@ from functools import cached_property
 import numpy as np
 
 import hw_model as hw
-from hw_model.arithmetic.arrays import ByteArray, IntArray
 from hw_model.engine.playing import Player, Spikes, list_events, play, read_streams
 from hw_model.engine.trace import Register
 from hw_model.mapping.graph import Phase
 from hw_model.program.chip_program import Core
 from hw_model.simulation import SimulationResult
-from hw_model.values import Frozen
+from hw_model.values import ByteArray, Frozen, IntArray
 from locsnn_compile.errors import InputError
 
 

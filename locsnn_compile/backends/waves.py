@@ -10,8 +10,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 import hw_model as hw
-from hw_model.arithmetic.arrays import IntArray
-from hw_model.values import Frozen
+from hw_model.values import Frozen, IntArray
 from locsnn_compile.backends.names import unique_names
 from locsnn_compile.backends.played import Played
 from locsnn_compile.errors import InputError, did_you_mean

@@ -10,8 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import ByteArray, IntArray
-from hw_model.values import Frozen
+from hw_model.values import ByteArray, Frozen, IntArray
 from locsnn_compile.baselines.ann_shapes import CONVOLUTIONS, convolved
 from locsnn_compile.data.sensor import SensorLayout, neutouch
 from locsnn_compile.errors import InputError, did_you_mean

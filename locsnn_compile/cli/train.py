@@ -15,7 +15,7 @@ from locsnn_compile.models.architectures import ARCHITECTURES
 from locsnn_compile.strategies import TRAINABLE
 
 if TYPE_CHECKING:
-    from hw_model.arithmetic.arrays import IntArray
+    from hw_model.values import IntArray
     from locsnn_compile.data.recordings import Recordings
     from locsnn_compile.models.checkpoint import Checkpoint
     from locsnn_compile.training.config import EpochRecord, Progress, TrainingConfig

@@ -12,7 +12,7 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import ByteArray
+from hw_model.values import ByteArray
 from locsnn_compile.data.arrays import label_in_name
 from locsnn_compile.data.axes import to_step_major
 from locsnn_compile.data.event_stream import Binning, EventStream, bin_streams

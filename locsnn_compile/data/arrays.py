@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import AnyArray
 from hw_model.io.zip_directory import check_directory, read_entry
+from hw_model.values import AnyArray
 from locsnn_compile.data.axes import Order, parse_axes, to_step_major
 from locsnn_compile.data.event_stream import Binning, bin_streams
 from locsnn_compile.data.expected import same

@@ -7,7 +7,7 @@ from itertools import permutations
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import AnyArray
+from hw_model.values import AnyArray
 from locsnn_compile.data.recordings import MAX_ELEMENTS
 from locsnn_compile.data.sensor import POLARITIES, TAXELS
 from locsnn_compile.errors import InputError, check_most

@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import IntArray
-from hw_model.values import Frozen
+from hw_model.values import Frozen, IntArray
 from locsnn_compile.data.archives import PARTS, archive_parts
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.torch_file import read_bytes

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import AnyArray, ByteArray, FloatArray, IntArray
-from hw_model.values import Frozen
+from hw_model.values import AnyArray, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS, Binned
 from locsnn_compile.errors import InputError, check_most
 

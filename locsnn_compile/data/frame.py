@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import IntArray
+from hw_model.values import IntArray
 from locsnn_compile.data.sensor import FRAME_OF_TAXELS, SensorLayout
 from locsnn_compile.errors import InputError
 

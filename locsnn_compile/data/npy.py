@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import AnyArray
+from hw_model.values import AnyArray
 from locsnn_compile.data.recordings import MAX_ELEMENTS
 from locsnn_compile.errors import InputError
 

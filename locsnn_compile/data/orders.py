@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import FloatArray, IntArray
+from hw_model.values import FloatArray, IntArray
 from locsnn_compile.data.sensor import LOCATION_ORDERS, SensorLayout
 from locsnn_compile.data.torch_file import read_bytes
 from locsnn_compile.errors import InputError, did_you_mean

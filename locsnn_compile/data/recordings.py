@@ -7,8 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from hw_model.arithmetic.arrays import ByteArray, IntArray
-from hw_model.values import Frozen, Shown
+from hw_model.values import ByteArray, Frozen, IntArray, Shown
 from locsnn_compile.errors import InputError, check_most
 
 #: Largest set of recordings accepted, in array elements: four times the largest published tactile set.

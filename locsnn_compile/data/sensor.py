@@ -13,9 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import FloatArray
 from hw_model.io.yaml_text import read_mapping
-from hw_model.values import Frozen
+from hw_model.values import FloatArray, Frozen
 from locsnn_compile.errors import InputError, did_you_mean
 
 #: Most channels of a sensor: a few times what any published tactile sensor has.

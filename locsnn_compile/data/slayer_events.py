@@ -7,7 +7,7 @@ from it on, times are 8,192 microseconds later (Orchard et al. 2015, and their R
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import IntArray
+from hw_model.values import IntArray
 from locsnn_compile.data.event_stream import EventStream
 from locsnn_compile.errors import InputError
 

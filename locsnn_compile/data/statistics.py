@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import BoolArray, IntArray
+from hw_model.values import BoolArray, IntArray
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import POLARITIES, TAXELS, SensorLayout, neutouch
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from hw_model.arithmetic.arrays import AnyArray, IntArray
+from hw_model.values import AnyArray, IntArray
 from locsnn_compile.data.event_stream import EventStream
 from locsnn_compile.errors import InputError
 

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import BoolArray, FloatArray
+from hw_model.values import BoolArray, FloatArray
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Recordings
 from locsnn_compile.data.sensor import TAXEL_COORDINATES_MM, SensorLayout, neutouch
 from locsnn_compile.errors import check_most, check_range

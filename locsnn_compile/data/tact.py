@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import ByteArray, FloatArray, IntArray
+from hw_model.values import ByteArray, FloatArray, IntArray
 from locsnn_compile.data.event_stream import STEP_SECONDS, EventStream
 from locsnn_compile.errors import InputError
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from hw_model.arithmetic.arrays import FloatArray
+from hw_model.values import FloatArray
 from locsnn_compile.data.sensor import MANUAL_EDGES, SensorLayout
 from locsnn_compile.errors import InputError, did_you_mean
 

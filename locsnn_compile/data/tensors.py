@@ -12,8 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import AnyArray
-from hw_model.values import Frozen
+from hw_model.values import AnyArray, Frozen
 from locsnn_compile.data.plain_pickle import RefusedError, filled
 
 MAX_DIMENSIONS, MAX_VALUES = 32, 1 << 59

@@ -5,10 +5,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hw_model.arithmetic.arrays import AnyArray, BoolArray, ByteArray, IntArray
 from hw_model.io.build_folder import check_folder, write_build
 from hw_model.io.files import npy_bytes, pack_arrays, pack_files, replace_file
-from hw_model.values import Frozen
+from hw_model.values import AnyArray, BoolArray, ByteArray, Frozen, IntArray
 from locsnn_compile.data.arrays import label_in_name
 from locsnn_compile.data.event_stream import STEP_SECONDS, recording_events
 from locsnn_compile.data.recordings import Recordings

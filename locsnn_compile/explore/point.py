@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 import hw_model as hw
-from hw_model.arithmetic.arrays import ByteArray
 from hw_model.simulation import Engine
-from hw_model.values import Frozen
+from hw_model.values import ByteArray, Frozen
 from locsnn_compile.api import CompiledModel, compile
 from locsnn_compile.cluster.code import code_version
 from locsnn_compile.errors import InputError, LocsnnError, TargetError

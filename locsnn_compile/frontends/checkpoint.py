@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 from scipy import sparse
 
-from hw_model.arithmetic.arrays import AnyArray
 from hw_model.mapping.graph import Axis, Readout
+from hw_model.values import AnyArray
 from locsnn_compile.errors import TargetError
 from locsnn_compile.models.branch_graph import branch_graph, spread_weights
 from locsnn_compile.models.checkpoint import Checkpoint

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from hw_model.arithmetic.arrays import AnyArray
-from hw_model.values import Frozen
+from hw_model.values import AnyArray, Frozen
 from locsnn_compile.errors import InputError, check_most
 
 Shape = tuple[int, ...]

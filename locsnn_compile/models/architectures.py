@@ -1,11 +1,11 @@
 """The structures of networks that ``locsnn train`` knows, as rows of one table."""
 
+from dataclasses import dataclass
 from typing import Literal
 
-from hw_model.values import Frozen
 
-
-class Architecture(Frozen):
+@dataclass(frozen=True)
+class Architecture:
     """What a network of a name is made of.
 
     ``branches``: its step axes, in population order; none for an artificial network. ``neurons``: spike response

@@ -7,8 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
-from hw_model.arithmetic.arrays import IntArray
-from hw_model.values import Frozen
+from hw_model.values import Frozen, IntArray
 from locsnn_compile.models.description import NetworkDescription
 
 

@@ -37,9 +37,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hw_model.arithmetic.arrays import AnyArray
 from hw_model.io.files import replace_file
-from hw_model.values import Shown
+from hw_model.values import AnyArray, Shown
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.data.torch_writer import torch_bytes

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import AnyArray
+from hw_model.values import AnyArray
 from locsnn_compile.data.recordings import Origin, Recordings
 from locsnn_compile.data.sensor import POLARITIES, TAXELS, SensorLayout, neutouch, parse_layout
 from locsnn_compile.data.tensors import Tensor

@@ -11,8 +11,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hw_model.arithmetic.arrays import AnyArray, ByteArray, Int32Array, IntArray
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT, effective_weight
+from hw_model.values import AnyArray, ByteArray, Int32Array, IntArray
 from locsnn_compile.models.chip_entry import USUAL_REGISTERS, ChipPopulation, RegisterWidths
 from locsnn_compile.models.chip_scan import charge_gradient, register_ends, scan
 from locsnn_compile.models.dense_layer import DenseLayer, to_device, to_host

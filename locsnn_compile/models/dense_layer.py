@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from hw_model.arithmetic.arrays import AnyArray
+from hw_model.values import AnyArray
 from locsnn_compile.models.description import LifParameters, NeuronParameters
 
 #: Weights start uniform in +-INITIAL_SCALE / sqrt(inputs). SLAYER's dense layers start at 10; on validation

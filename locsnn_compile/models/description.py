@@ -6,8 +6,7 @@ Nothing here imports torch, so that the compiler can read descriptions without i
 import math
 from collections.abc import Mapping
 
-from hw_model.arithmetic.arrays import AnyArray, IntArray
-from hw_model.values import Frozen
+from hw_model.values import AnyArray, Frozen, IntArray
 from locsnn_compile.baselines.ann_shapes import ann_shapes
 from locsnn_compile.data.frame import frame_size
 from locsnn_compile.data.orders import channel_walk, check_location_taxels

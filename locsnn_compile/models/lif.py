@@ -22,7 +22,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from hw_model.arithmetic.arrays import AnyArray, FloatArray, IntArray
+from hw_model.values import AnyArray, FloatArray, IntArray
 from locsnn_compile.models.branch_graph import BranchGraph
 from locsnn_compile.models.dense_layer import DenseLayer, to_device, to_host, uniform_weight
 from locsnn_compile.models.description import LifParameters

@@ -13,7 +13,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from hw_model.arithmetic.arrays import AnyArray, ByteArray, IntArray
+from hw_model.values import AnyArray, ByteArray, IntArray
 from locsnn_compile.models.ann import ArtificialNetwork, Cnn3d, GruMlp
 from locsnn_compile.models.branch_graph import branch_graph
 from locsnn_compile.models.chip_entry import ChipNumbers

@@ -15,8 +15,8 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from hw_model.arithmetic.arrays import AnyArray
 from hw_model.engine.compiled import compiled, compiled_with_arrays
+from hw_model.values import AnyArray
 from locsnn_compile.models.dense_layer import DenseLayer, to_device, to_host
 from locsnn_compile.models.description import NeuronParameters
 from locsnn_compile.network.neurons import alpha_recursion

@@ -8,7 +8,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from hw_model.arithmetic.arrays import AnyArray, ByteArray, IntArray
+from hw_model.values import AnyArray, ByteArray, IntArray
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.chip_entry import ChipNumbers
 from locsnn_compile.models.description import NetworkDescription

@@ -16,7 +16,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from hw_model.arithmetic.arrays import AnyArray, ByteArray
+from hw_model.values import AnyArray, ByteArray
 from locsnn_compile.models.description import NetworkDescription
 from locsnn_compile.models.touch_model import TouchModel
 

@@ -10,8 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import sparse
 
-from hw_model.arithmetic.arrays import IntArray
-from hw_model.values import Frozen
+from hw_model.values import Frozen, IntArray
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.plain_checks import is_whole, require, rises
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import AnyArray
+from hw_model.values import AnyArray
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import POSITIVE, Neuron

@@ -12,8 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import ArrayLike, BoolArray, IntArray
-from hw_model.values import Frozen, Shown
+from hw_model.values import ArrayLike, BoolArray, Frozen, IntArray, Shown
 from locsnn_compile.network.neurons import Neuron, Parameter, spread
 from locsnn_compile.network.projections import matrix
 

@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import ByteArray, FloatArray, IntArray
 from hw_model.mapping.graph import AXES, Axis, Phase
 from hw_model.mapping.graph import Readout as Readout
-from hw_model.values import Shown
+from hw_model.values import ByteArray, FloatArray, IntArray, Shown
 from locsnn_compile.data.expected import Expected
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import SensorLayout

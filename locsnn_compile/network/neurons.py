@@ -15,10 +15,9 @@ from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeVar, get_type_h
 import numpy as np
 import numpy.typing as npt
 
-from hw_model.arithmetic.arrays import AnyArray, ArrayLike, BoolArray, FloatArray, IntArray
 from hw_model.arithmetic.whole import whole_numbers
 from hw_model.errors import InputError, did_you_mean
-from hw_model.values import Frozen, Shown
+from hw_model.values import AnyArray, ArrayLike, BoolArray, FloatArray, Frozen, IntArray, Shown
 
 Number = TypeVar("Number", np.float64, np.int64)
 Rule = Literal[">", ">="]

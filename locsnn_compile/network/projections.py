@@ -10,10 +10,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
-from hw_model.arithmetic.arrays import AnyArray, ArrayLike, ByteArray, FloatArray, IntArray
 from hw_model.arithmetic.whole import whole_numbers
 from hw_model.errors import InputError
-from hw_model.values import Frozen, Shown
+from hw_model.values import AnyArray, ArrayLike, ByteArray, FloatArray, Frozen, IntArray, Shown
 
 Values = AnyArray
 Matrix: TypeAlias = Any

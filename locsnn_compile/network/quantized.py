@@ -4,9 +4,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
 
-from hw_model.arithmetic.arrays import FloatArray
 from hw_model.mapping.graph import Readout
-from hw_model.values import Frozen
+from hw_model.values import FloatArray, Frozen
 from locsnn_compile.network.chip_neurons import ChipNeuron
 from locsnn_compile.network.network import Network, Population
 from locsnn_compile.network.projections import ChipProjection

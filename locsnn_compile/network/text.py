@@ -5,9 +5,9 @@ from functools import singledispatch
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import FloatArray, IntArray
 from hw_model.mapping.graph import Axis
 from hw_model.program.text import array_text
+from hw_model.values import FloatArray, IntArray
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm, Refractory
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.neurons import Cuba, Leaky, Neuron, SoftCuba, SrmAlpha

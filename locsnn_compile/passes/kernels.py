@@ -9,8 +9,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import FloatArray, IntArray
 from hw_model.arithmetic.fixed_point import DECAY_ONE
+from hw_model.values import FloatArray, IntArray
 from locsnn_compile.errors import TargetError
 from locsnn_compile.network.neurons import Leaky, alpha_recursion
 

@@ -14,9 +14,9 @@ from functools import partial, singledispatch
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import FloatArray
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_EXPONENTS, WeightGrid, weight_grid
 from hw_model.description.chip import Chip
+from hw_model.values import FloatArray
 from locsnn_compile.errors import InputError, TargetError
 from locsnn_compile.network.chip_neurons import ChipNeuron
 from locsnn_compile.network.network import Network, Population

@@ -11,10 +11,9 @@ from typing import Any, Protocol
 import numpy as np
 
 import hw_model as hw
-from hw_model.arithmetic.arrays import AnyArray, BoolArray, ByteArray, FloatArray, IntArray
 from hw_model.description.chip import Registers
 from hw_model.mapping.circles import sources_first
-from hw_model.values import Frozen
+from hw_model.values import AnyArray, BoolArray, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm

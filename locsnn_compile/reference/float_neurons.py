@@ -5,7 +5,7 @@ from collections import deque
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import BoolArray, FloatArray
+from hw_model.values import BoolArray, FloatArray
 from locsnn_compile.network.neurons import Cuba, SoftCuba, SrmAlpha, alpha_recursion
 
 

@@ -8,8 +8,8 @@ from functools import singledispatch
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import BoolArray, IntArray
 from hw_model.description.chip import Registers
+from hw_model.values import BoolArray, IntArray
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm
 from locsnn_compile.network.projections import ChipProjection, Matrix, values_of, with_values
 

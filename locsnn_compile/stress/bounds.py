@@ -22,8 +22,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import ByteArray, FloatArray
-from hw_model.values import Frozen
+from hw_model.values import ByteArray, FloatArray, Frozen
 from locsnn_compile.network.projections import Matrix, values_of, with_values
 from locsnn_compile.verification.error_budget.numbers import GroupNumbers, Numbers
 

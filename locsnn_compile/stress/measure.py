@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 import hw_model as hw
-from hw_model.arithmetic.arrays import ByteArray, FloatArray
 from hw_model.arithmetic.fixed_point import DECAY_ONE
 from hw_model.simulation import SimulationResult
-from hw_model.values import Frozen
+from hw_model.values import ByteArray, FloatArray, Frozen
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.network.check import check_network
 from locsnn_compile.network.projections import values_of

@@ -13,7 +13,7 @@ from itertools import groupby
 import numpy as np
 
 import hw_model as hw
-from hw_model.arithmetic.arrays import BoolArray, ByteArray
+from hw_model.values import BoolArray, ByteArray
 from locsnn_compile.errors import LocsnnError
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.projections import Projection, charge

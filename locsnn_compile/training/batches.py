@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from hw_model.arithmetic.arrays import BoolArray, ByteArray, IntArray
+from hw_model.values import BoolArray, ByteArray, IntArray
 from locsnn_compile.data.sensor import POLARITIES
 from locsnn_compile.training.config import TrainingConfig
 

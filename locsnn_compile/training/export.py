@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import AnyArray, IntArray
+from hw_model.values import AnyArray, IntArray
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import Checkpoint, Plain, save_checkpoint

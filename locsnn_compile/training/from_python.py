@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import ArrayLike
 from hw_model.io.given import checked
+from hw_model.values import ArrayLike
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.torch_writer import need_torch
 from locsnn_compile.models.checkpoint import Checkpoint

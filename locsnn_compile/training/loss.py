@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hw_model.arithmetic.arrays import FloatArray
+from hw_model.values import FloatArray
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.touch_model import TouchModel
 from locsnn_compile.training.config import TrainingConfig

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hw_model.arithmetic.arrays import ByteArray, FloatArray, IntArray
+from hw_model.values import ByteArray, FloatArray, IntArray
 from locsnn_compile.data.recordings import Recordings, so_many
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.touch_model import TouchModel

@@ -16,9 +16,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from hw_model.arithmetic.arrays import IntArray
 from hw_model.io.files import replace_file
-from hw_model.values import Frozen
+from hw_model.values import Frozen, IntArray
 from locsnn_compile.data.division import stratified_split
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import ByteArray
-from hw_model.values import Shown
+from hw_model.values import ByteArray, Shown
 from locsnn_compile.network.network import Network
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.verification.error_budget.budget import StageErrors, error_budget

@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 import hw_model as hw
-from hw_model.arithmetic.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from hw_model.mapping.graph import Axis
-from hw_model.values import Frozen, Shown
+from hw_model.values import BoolArray, ByteArray, FloatArray, Frozen, IntArray, Shown
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import ReferenceResult, evaluate

@@ -11,11 +11,10 @@ from dataclasses import replace
 import numpy as np
 
 import hw_model as hw
-from hw_model.arithmetic.arrays import AnyArray, BoolArray, ByteArray, FloatArray, IntArray
 from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT
 from hw_model.description.chip import Registers
 from hw_model.mapping.graph import Compartments
-from hw_model.values import Frozen
+from hw_model.values import AnyArray, BoolArray, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.network.network import Population
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import evaluate

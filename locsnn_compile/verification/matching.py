@@ -9,10 +9,9 @@ import numpy as np
 import hw_model as hw
 from hw_model.accounting.cost import Latency
 from hw_model.accounting.usage import PhaseUsage, measure, total_ns
-from hw_model.arithmetic.arrays import ByteArray, IntArray
 from hw_model.description.counts import Counts, total
 from hw_model.description.profile import Range
-from hw_model.values import Frozen, Shown, Sums
+from hw_model.values import ByteArray, Frozen, IntArray, Shown, Sums
 from locsnn_compile.baselines.operations import network_additions
 from locsnn_compile.cluster.spread import Spread, here
 from locsnn_compile.errors import InputError

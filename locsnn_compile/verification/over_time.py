@@ -6,12 +6,11 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 import hw_model as hw
-from hw_model.arithmetic.arrays import ArrayLike, ByteArray, FloatArray, IntArray
 from hw_model.description.counts import total
 from hw_model.engine.compiled import in_parts
 from hw_model.streaming.early_stop import Stops
 from hw_model.streaming.session import check_psi, location_share
-from hw_model.values import Frozen
+from hw_model.values import ArrayLike, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.cluster.spread import Spread, here
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.network import Network

@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from scipy import sparse
 
-from hw_model.arithmetic.arrays import BoolArray
 from hw_model.arithmetic.fixed_point import DECAY_ONE
 from hw_model.program.chip_program import Core
+from hw_model.values import BoolArray
 from locsnn_compile.backends.played import Played
 
 DELAY_MAX = 5

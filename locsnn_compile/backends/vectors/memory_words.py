@@ -4,8 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import ByteArray, IntArray
-from hw_model.values import Frozen
+from hw_model.values import ByteArray, Frozen, IntArray
 
 BitArray = ByteArray
 

@@ -10,13 +10,12 @@ A dense list has no indices: its synapses end on compartments ``base``, ``base +
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import IntArray
 from hw_model.arithmetic.fixed_point import SIGN_MODES, weight_grid
 from hw_model.description.chip import Chip
 from hw_model.mapping.fan_in import SynapseFormat
 from hw_model.mapping.synapse_lists import SynapseLists, synapse_lists
 from hw_model.program.chip_program import Core
-from hw_model.values import Frozen
+from hw_model.values import Frozen, IntArray
 from locsnn_compile.backends.vectors.memory_words import BitArray, Field, Layout, bits_for, bits_of
 from locsnn_compile.errors import InputError
 

@@ -8,11 +8,10 @@ from collections.abc import Iterator
 import numpy as np
 import yaml
 
-from hw_model.arithmetic.arrays import IntArray
 from hw_model.arithmetic.fixed_point import DECAY_BITS, DECAY_ONE, SIGN_MODES, WEIGHT_SHIFT
 from hw_model.description.chip import Chip
 from hw_model.program.chip_program import Core
-from hw_model.values import Frozen
+from hw_model.values import Frozen, IntArray
 from locsnn_compile.backends.names import code_span
 from locsnn_compile.backends.played import Played
 from locsnn_compile.backends.vectors.memory_words import BitArray, Layout, bits_for, bits_of, hex_words

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import AnyArray
+from hw_model.values import AnyArray
 from locsnn_compile.data.torch_file import read_bytes
 from locsnn_compile.errors import InputError, LocsnnError
 from locsnn_compile.frontends.hdf5.safety import library_survives

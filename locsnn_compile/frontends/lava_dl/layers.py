@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import AnyArray, IntArray
-from hw_model.values import Frozen
+from hw_model.values import AnyArray, Frozen, IntArray
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.hdf5.read import Group, open_hdf5
 

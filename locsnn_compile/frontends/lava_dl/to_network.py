@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from hw_model.arithmetic.arrays import IntArray
 from hw_model.arithmetic.fixed_point import DECAY_ONE
 from hw_model.mapping.graph import Readout
+from hw_model.values import IntArray
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.lava_dl.layers import NetFile, NetLayer, export_again, read_net
 from locsnn_compile.frontends.linear_maps import Ints, Shape, Window, check_entries, check_shape, convolution, pooling

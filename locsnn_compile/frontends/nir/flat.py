@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from hw_model.arithmetic.arrays import FloatArray
-from hw_model.values import Frozen
+from hw_model.values import FloatArray, Frozen
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.frontends.linear_maps import Shape, Window, check_entries, check_shape, convolution, pooling
 from locsnn_compile.frontends.nir.graph import Edge, NirGraph, NirNode

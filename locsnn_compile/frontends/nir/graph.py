@@ -12,8 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import AnyArray, FloatArray
-from hw_model.values import Frozen
+from hw_model.values import AnyArray, FloatArray, Frozen
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.frontends.hdf5.read import Group, open_hdf5
 

@@ -30,8 +30,7 @@ from typing import Literal
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import FloatArray
-from hw_model.values import Frozen
+from hw_model.values import FloatArray, Frozen
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.nir.flat import READOUTS, FlatGraph
 from locsnn_compile.frontends.nir.graph import NirNode

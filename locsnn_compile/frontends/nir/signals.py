@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from hw_model.arithmetic.arrays import FloatArray, IntArray
-from hw_model.values import Frozen
+from hw_model.values import FloatArray, Frozen, IntArray
 from locsnn_compile.frontends.linear_maps import product
 from locsnn_compile.network.projections import Matrix, Projection, matrix
 

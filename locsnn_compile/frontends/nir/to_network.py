@@ -12,8 +12,8 @@ from typing import Any, get_args
 import numpy as np
 from scipy import sparse
 
-from hw_model.arithmetic.arrays import FloatArray
 from hw_model.mapping.graph import Readout
+from hw_model.values import FloatArray
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.frontends.nir.flat import NEURONS, READOUTS, FlatGraph, flatten_graph, linear_order, targets_of
 from locsnn_compile.frontends.nir.graph import NirGraph, NirNode, read_nir

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import FloatArray
+from hw_model.values import FloatArray
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.linear_maps import Shape, Window, convolution, pooling
 from locsnn_compile.frontends.slayer.config import LayerEntry, LoihiNeuron, SlayerConfig

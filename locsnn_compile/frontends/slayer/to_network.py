@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import FloatArray
 from hw_model.mapping.graph import Axis, Readout
+from hw_model.values import FloatArray
 from locsnn_compile.data.orders import channel_walk, location_order
 from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.data.tensors import FLOATS, Tensor

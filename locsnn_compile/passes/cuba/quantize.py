@@ -10,9 +10,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import FloatArray, IntArray
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_EXPONENTS, WeightGrid
 from hw_model.description.chip import Chip
+from hw_model.values import FloatArray, IntArray
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm, Refractory
 from locsnn_compile.network.neurons import Cuba, SoftCuba
 from locsnn_compile.network.projections import Projection, row_sums

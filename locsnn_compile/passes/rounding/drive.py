@@ -8,8 +8,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from scipy import sparse
 
-from hw_model.arithmetic.arrays import ByteArray, FloatArray
-from hw_model.values import Frozen
+from hw_model.values import ByteArray, FloatArray, Frozen
 from locsnn_compile.network.neurons import SrmAlpha, alpha_recursion
 from locsnn_compile.network.projections import Projection
 from locsnn_compile.passes.kernels import keeps

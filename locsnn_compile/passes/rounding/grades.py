@@ -10,9 +10,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import BoolArray, FloatArray, IntArray
 from hw_model.arithmetic.fixed_point import WEIGHT_EXPONENTS
-from hw_model.values import Frozen
+from hw_model.values import BoolArray, FloatArray, Frozen, IntArray
 from locsnn_compile.network.chip_neurons import ChipNeuron
 from locsnn_compile.network.projections import ChipProjection, Projection, of_target, values_of, with_values
 from locsnn_compile.passes.rounding.task import Scaled, Task

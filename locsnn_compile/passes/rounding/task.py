@@ -4,10 +4,9 @@ import math
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import FloatArray
 from hw_model.arithmetic.fixed_point import WEIGHT_EXPONENTS, WeightGrid, weight_grid
 from hw_model.description.chip import Chip
-from hw_model.values import Frozen
+from hw_model.values import FloatArray, Frozen
 from locsnn_compile.errors import TargetError
 from locsnn_compile.network.chip_neurons import ChipNeuron
 from locsnn_compile.network.network import Population

@@ -10,8 +10,7 @@ best few of all roundings so far go on (the M-algorithm of sphere decoding).
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import FloatArray, IntArray
-from hw_model.values import Frozen
+from hw_model.values import FloatArray, Frozen, IntArray
 
 CANDIDATES = 256
 """Candidates of all neurons that are worked on at a time, so that they stay in the cache."""

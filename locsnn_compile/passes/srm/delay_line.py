@@ -15,10 +15,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import FloatArray, IntArray
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WeightGrid
 from hw_model.description.chip import Chip
-from hw_model.values import Frozen
+from hw_model.values import FloatArray, Frozen, IntArray
 from locsnn_compile.errors import TargetError
 from locsnn_compile.network.chip_neurons import ChipSrm
 from locsnn_compile.network.neurons import SrmAlpha

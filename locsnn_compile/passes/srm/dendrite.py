@@ -4,9 +4,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import FloatArray, IntArray
 from hw_model.arithmetic.fixed_point import WeightGrid
 from hw_model.description.chip import Chip
+from hw_model.values import FloatArray, IntArray
 from locsnn_compile.network.chip_neurons import ChipSrm
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.passes.kernels import alpha_kernel

@@ -7,7 +7,7 @@ scales, the one with which its potential errs least on the calibration recording
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import BoolArray, FloatArray, IntArray
+from hw_model.values import BoolArray, FloatArray, IntArray
 from locsnn_compile.network.chip_neurons import ChipSrm, Refractory, integers
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.network.projections import charge as charge_of

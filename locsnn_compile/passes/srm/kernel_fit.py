@@ -8,8 +8,8 @@ from functools import singledispatch
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import FloatArray, IntArray
 from hw_model.description.chip import Registers
+from hw_model.values import FloatArray, IntArray
 from locsnn_compile.network.neurons import Cuba, Leaky, Neuron, SoftCuba, SrmAlpha
 from locsnn_compile.network.quantized import KernelFit
 from locsnn_compile.passes.kernels import kernel

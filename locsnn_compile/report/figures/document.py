@@ -4,9 +4,9 @@ from dataclasses import asdict
 from typing import Any
 
 import hw_model as hw
-from hw_model.arithmetic.arrays import AnyArray
 from hw_model.description.counts import Counts, total
 from hw_model.program.chip_program import ChipProgram, Core
+from hw_model.values import AnyArray
 from locsnn_compile.baselines.ann_energy import ANN_ENERGY_SOURCE, ANN_NOT_INCLUDED, ann_energy_pj
 from locsnn_compile.baselines.operations import ANN_NAMES, ann_counts
 from locsnn_compile.network.network import Network

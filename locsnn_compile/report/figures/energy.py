@@ -10,11 +10,11 @@ import numpy as np
 
 import hw_model as hw
 from hw_model.accounting.usage import PhaseUsage
-from hw_model.arithmetic.arrays import FloatArray, IntArray
 from hw_model.description.counts import BY_CORE, Counts, total
 from hw_model.description.profile import Profile
 from hw_model.program.chip_program import ChipProgram
 from hw_model.program.pieces import pieces_of
+from hw_model.values import FloatArray, IntArray
 from locsnn_compile.network.network import Network
 from locsnn_compile.report.content import Document
 from locsnn_compile.report.figures.flat import picked

@@ -3,7 +3,7 @@
 import numpy as np
 
 import hw_model as hw
-from hw_model.arithmetic.arrays import AnyArray
+from hw_model.values import AnyArray
 from locsnn_compile.report.content import Document
 
 

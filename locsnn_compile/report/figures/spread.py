@@ -4,8 +4,8 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import FloatArray
 from hw_model.program.chip_program import ChipProgram, Core
+from hw_model.values import FloatArray
 from locsnn_compile.report.content import Document
 from locsnn_compile.verification.matching import Match
 

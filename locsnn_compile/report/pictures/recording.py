@@ -4,8 +4,8 @@ from xml.etree.ElementTree import SubElement
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import ByteArray, FloatArray
 from hw_model.io.xml_text import xml_file
+from hw_model.values import ByteArray, FloatArray
 from locsnn_compile.report.pictures.chart import sheet, words
 
 SHADES = " ░▒▓█"

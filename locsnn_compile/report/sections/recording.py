@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import ByteArray
+from hw_model.values import ByteArray
 from locsnn_compile.report.content import Curve, Document, Paragraph, Plot, Raster, Section, Strokes, Table, section
 from locsnn_compile.report.format import NONE, count, plural, told_apart
 from locsnn_compile.report.pictures.ticks import step_ticks, value_axis

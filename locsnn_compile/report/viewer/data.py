@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 import hw_model as hw
-from hw_model.arithmetic.arrays import AnyArray, ByteArray, IntArray
+from hw_model.values import AnyArray, ByteArray, IntArray
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import decided, evaluate
 from locsnn_compile.verification.matching import Divergence

@@ -4,7 +4,7 @@ import json
 import re
 from importlib.resources import files
 
-from hw_model.arithmetic.arrays import ByteArray, IntArray
+from hw_model.values import ByteArray, IntArray
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import Document

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import ArrayLike, ByteArray, FloatArray, IntArray
 from hw_model.mapping.graph import Readout
-from hw_model.values import Frozen
+from hw_model.values import ArrayLike, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.network.chip_neurons import ChipNeuron
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import Cuba, Neuron, SrmAlpha

@@ -4,8 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import ByteArray, FloatArray
-from hw_model.values import Frozen
+from hw_model.values import ByteArray, FloatArray, Frozen
 from locsnn_compile.network.neurons import Cuba, SrmAlpha
 from locsnn_compile.strategies import NATIVE, USUAL
 from locsnn_compile.stress.cases.case import NEURONS, SEED, THETA, Case, case_of, lif, random_input, srm, weights

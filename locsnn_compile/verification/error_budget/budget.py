@@ -5,9 +5,8 @@ from dataclasses import field, replace
 from operator import methodcaller
 
 import hw_model as hw
-from hw_model.arithmetic.arrays import ByteArray, FloatArray
 from hw_model.mapping.graph import Readout
-from hw_model.values import Frozen, Sums
+from hw_model.values import ByteArray, FloatArray, Frozen, Sums
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.neurons import Neuron
 from locsnn_compile.pipeline import Levels

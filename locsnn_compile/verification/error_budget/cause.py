@@ -2,8 +2,7 @@
 
 from collections.abc import Mapping
 
-from hw_model.arithmetic.arrays import ByteArray
-from hw_model.values import Frozen
+from hw_model.values import ByteArray, Frozen
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.verification.error_budget.stages import STAGES, Stage, lines_of, phases_of, twin_with, working

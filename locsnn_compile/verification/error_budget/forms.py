@@ -11,8 +11,8 @@ from functools import singledispatch
 
 import numpy as np
 
-from hw_model.arithmetic.arrays import FloatArray
 from hw_model.mapping.graph import CompartmentGraph
+from hw_model.values import FloatArray
 from locsnn_compile.network.neurons import Cuba, Neuron, SoftCuba, SrmAlpha, alpha_recursion
 from locsnn_compile.network.projections import Matrix
 from locsnn_compile.network.quantized import QuantizedPopulation

@@ -7,10 +7,9 @@ what a decay keeps as ``exp(-1 / tau)``, a threshold of theta times the scale.
 import numpy as np
 from scipy import sparse
 
-from hw_model.arithmetic.arrays import FloatArray, IntArray
 from hw_model.arithmetic.fixed_point import DECAY_ONE, effective_weight
 from hw_model.mapping.graph import CompartmentGraph, Compartments
-from hw_model.values import Frozen
+from hw_model.values import FloatArray, Frozen, IntArray
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.projections import Matrix, Projection, by_delay, of_target, values_of, with_values
 from locsnn_compile.passes.kernels import best_gain

@@ -4,9 +4,8 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Literal, get_args
 
-from hw_model.arithmetic.arrays import ByteArray, FloatArray
 from hw_model.description.chip import Registers
-from hw_model.values import Frozen
+from hw_model.values import ByteArray, FloatArray, Frozen
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.projections import values_of
 from locsnn_compile.pipeline import Levels

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from hw_model.arithmetic.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from hw_model.description.chip import Registers
-from hw_model.values import Frozen
+from hw_model.values import BoolArray, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.network.projections import Matrix
 
 
