@@ -58,6 +58,7 @@ def _add_windows(parts: _Parts, checkpoint: Checkpoint) -> None:
         together=layout.channels,
         silence=LAYERS,
         own_phase=phase,
+        align_events=description.align_events,
     )
     synapses = windows.synapses(layout.steps, layout.channels)
     levels = np.tile(np.array(windows.levels, dtype=np.float64), synapses.shape[0] // len(windows.levels))
@@ -178,7 +179,8 @@ def _neuron(checkpoint: Checkpoint, axis: Axis, size: int) -> SrmAlpha | Cuba:
 
 
 def _view(axis: Axis, checkpoint: Checkpoint) -> InputView:
-    layout = checkpoint.description.input
-    if axis == "time":
-        return InputView(VIEW_NAMES[axis], axis, layout.channels)
-    return InputView(VIEW_NAMES[axis], axis, layout.steps, checkpoint.description.walk)
+    description = checkpoint.description
+    lines, walk = description.input.channels, None
+    if axis == "location":
+        lines, walk = description.input.steps, description.walk
+    return InputView(VIEW_NAMES[axis], axis, lines, walk, align_events=description.align_events)

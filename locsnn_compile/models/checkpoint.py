@@ -22,9 +22,9 @@ have any number of axes, and
 is its graph convolutions. Any version may hold ``"delays": [steps, ...]`` of the synapses from the recording onto
 ``time_hidden``, whose weights for each delay then lie side by side, ``"location_delays": [locations, ...]`` of those
 onto ``location_hidden``, ``"location_neuron": {...}``, where the location branch has other constants than ``neuron``,
-``"window": {"steps", "stride", "levels"}`` of a branch that counts in windows next to others, and
-``"class_names": [names]``. In ``input`` there may be the ``event_threshold`` that bins of single events had to
-exceed, and there is, where it is not NeuTouch, the ``sensor`` in place of its sizes: see
+``"window": {"steps", "stride", "levels"}`` of a branch that counts in windows next to others, ``"align_events"`` of the
+step at which recordings start, and ``"class_names": [names]``. In ``input`` there may be the ``event_threshold`` that
+bins of single events had to exceed, and there is, where it is not NeuTouch, the ``sensor`` in place of its sizes: see
 :class:`locsnn_compile.data.sensor.SensorLayout`. Written here, read by
 :mod:`locsnn_compile.models.checkpoint_reader`, which never runs code of the file.
 """
@@ -131,6 +131,8 @@ def save_checkpoint(
         values["location_neuron"] = asdict(description.location_neuron)
     if description.class_names is not None:
         values["class_names"] = list(description.class_names)
+    if description.align_events is not None:
+        values["align_events"] = description.align_events
     if description.window is not None:
         values["window"] = asdict(description.window)
     if not srm:

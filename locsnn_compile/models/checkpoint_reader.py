@@ -33,6 +33,7 @@ _KEYS: dict[str, tuple[type, ...]] = {
 _OPTIONAL: dict[str, tuple[type, ...]] = {
     **dict.fromkeys(("delays", "location_delays", "class_names"), (list,)),
     **dict.fromkeys(("location_neuron", "window"), (dict,)),
+    "align_events": (int,),
 }
 
 
@@ -90,6 +91,7 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
             location_delays=tuple(values.get("location_delays", (0,))),
             class_names=tuple(values["class_names"]) if "class_names" in values else None,
             window=_window(where, values.get("window")),
+            align_events=values.get("align_events"),
         )
     except InputError as error:
         place = error.where if error.where.startswith(where) else f"{where}, {error.where}"

@@ -126,6 +126,8 @@ class NetworkDescription(Frozen):
     location_delays: tuple[int, ...] = (0,)
     window: WindowParameters | None = None
     """Windows of a branch next to those of its neurons."""
+    align_events: int | None = None
+    """Events in one step at which a recording starts; None: it starts at its first step."""
 
     def __post_init__(self) -> None:
         if self.architecture not in ARCHITECTURES:
@@ -140,6 +142,10 @@ class NetworkDescription(Frozen):
             require_count("window neurons", sum(self._hidden_of_taxel), MAX_WINDOW_NEURONS)
         require_count("classes", self.classes, MAX_UNITS)
         require_count("hidden", self.hidden, MAX_UNITS)
+        if self.align_events is not None:
+            require_count("align_events", self.align_events, self.input.channels)
+            if not self.branches:
+                raise self._refused("its recordings start at their first step", fix="Leave align_events out.")
         if self.class_names is not None:
             clean_class_names("classes", self.class_names, self.classes)
             require_count("classes", len(self.class_names), self.classes)

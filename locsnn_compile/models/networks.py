@@ -83,7 +83,8 @@ class TouchNetwork(TouchModel):
         self.check_shape(x)
         spikes: dict[str, Tensor] = {}
         for branch in self._branches:
-            stream = x if branch == "time" else self._transposed(x)
+            stream = self.aligned(x, moved=branch != "time")
+            stream = stream if branch == "time" else self._transposed(stream)
             for name in self.description.populations(branch):
                 stream = self.layer(name)(delayed(stream, self.description.delays_onto(name)))
                 spikes[name] = stream

@@ -12,6 +12,7 @@ from hw_model.values import AnyArray, ByteArray, IntArray
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.chip_entry import ChipNumbers
 from locsnn_compile.models.description import NetworkDescription
+from locsnn_compile.network.first_touch import from_first_touch
 
 
 class TouchModel(nn.Module):
@@ -48,6 +49,11 @@ class TouchModel(nn.Module):
     def counts(self, x: Tensor) -> Tensor:
         """Return class scores (batch, classes) over all branches; the largest is the prediction."""
         return self.total(self(x))
+
+    def aligned(self, x: Tensor, *, moved: bool) -> Tensor:
+        """Return recordings (batch, steps, channels) from where the network starts them; see ``from_first_touch``."""
+        events = self.description.align_events
+        return x if events is None else from_first_touch(x, events, moved=moved)
 
     def check_shape(self, x: Tensor) -> None:
         """Refuse recordings that are not (batch, steps, channels) of the network's input."""

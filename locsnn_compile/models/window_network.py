@@ -59,7 +59,7 @@ class WindowNetwork(TouchModel):
 
     def hidden(self, x: Tensor) -> Tensor:
         """Return the spikes (batch, hidden) of the hidden neurons for ``x`` (batch, steps, channels)."""
-        events = torch.nn.functional.pad(x.cumsum(dim=1), (0, 0, 1, 0))
+        events = torch.nn.functional.pad(self.aligned(x, moved=True).cumsum(dim=1), (0, 0, 1, 0))
         counted = events.index_select(1, self.starts + self.windows.steps) - events.index_select(1, self.starts)
         levels = torch.tensor(self.windows.levels, dtype=x.dtype, device=x.device)
         spikes = counted.index_select(2, self.walk).transpose(1, 2).unsqueeze(-1) >= levels

@@ -84,7 +84,8 @@ class TrainingConfig(Shown, eq=True):
       prediction turns to the location branch, which the checkpoint keeps (None: not said).
     - ``grid`` (columns x rows, such as 16x16), ``channels`` or ``layout`` (a YAML file), with ``polarities`` (of a grid
       2, of channels 1): the sensor, by default NeuTouch; see :class:`locsnn_compile.data.sensor.SensorLayout`.
-      ``axes``: the order of the axes of arrays, where it is not that of files. ``split``: the share of every class
+      ``axes``: the order of the axes of arrays, where it is not that of files. ``align_events``: recordings start at
+      the first step with so many events (None: at their first step). ``split``: the share of every class
       to test on, where recordings have no parts; ``fold``: the round of it, or of files of rows (None: 1).
     - time constants in steps; ``theta`` to ``scale_rho`` are those of spike response neurons, ``decay``, ``threshold``
       and ``window`` those of integrate-and-fire ones. ``location_theta`` to ``location_threshold``: those of the
@@ -151,6 +152,7 @@ class TrainingConfig(Shown, eq=True):
     channels: Annotated[int | None, Range(1, MAX_CHANNELS)] = None
     layout: str | None = None
     axes: str | None = None
+    align_events: Annotated[int | None, Range(1, 20_000)] = None
     split: Annotated[float | None, Range(0.001, 0.9)] = None
     fold: Annotated[int | None, Range(1, 1_000)] = None
     theta: Annotated[float, Range(1e-6, 1e6)] = 10.0

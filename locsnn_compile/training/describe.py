@@ -47,6 +47,7 @@ def describe(recordings: Recordings, config: TrainingConfig, classes: int, name:
         delays=_whole_numbers("delays", config.delays, "0 20 40 60"),
         location_delays=_whole_numbers("location_delays", config.location_delays, "0 20 40 60"),
         class_names=recordings.class_names,
+        align_events=config.align_events,
         window=_windows(config) if structure.window_branch and structure.neurons != "windows" else None,
     )
 
@@ -103,7 +104,7 @@ nothing of it could choose an epoch."""
 
 def fixed_by(start: NetworkDescription) -> dict[str, Any]:
     """Return the options that a network to start from decides."""
-    found: dict[str, Any] = {"model": start.architecture, "hidden": start.hidden}
+    found: dict[str, Any] = {"model": start.architecture, "hidden": start.hidden, "align_events": start.align_events}
     names = (name for kind in LOCATION_CONSTANTS.values() for name in kind)
     found |= {f"location_{name}": getattr(start.location_neuron, name, None) for name in names}
     found |= {name: " ".join(map(str, getattr(start, name))) for name in ("delays", "location_delays")}

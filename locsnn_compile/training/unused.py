@@ -39,6 +39,9 @@ _RULES = (
         "the network has no second branch",
         _LEAVE,
     ),
+    _Rule(
+        ("align_events",), lambda _, a: a.branches != (), "the network reads recordings from their first step", _LEAVE
+    ),
     _Rule(("hidden",), lambda _, a: a.neurons != "windows", "events and windows decide the hidden neurons", _LEAVE),
     _Rule(
         ("graph", "neighbours", "nearer_mm", "hops", "features", "step_features"),

@@ -115,6 +115,7 @@ CHANGES = [
     ("window_steps", {"model": "hybrid"}, {"model": "window-snn"}),
     ("target_right", {}, {"loss": "spike-count"}),
     ("count_scale", {"loss": "spike-count"}, {"loss": "cross-entropy"}),
+    ("align_events", {"model": "gru-mlp"}, {"model": "hybrid"}),
     ("class_order", {"class_order": "0-4"}, {"class_order": "0-4", "neighbour_smoothing": 0.1}),
     ("neighbour_smoothing", {"neighbour_smoothing": 0.1}, {"class_order": "0-4", "neighbour_smoothing": 0.1}),
     ("class_order", {"loss": "spike-count"}, {"class_order": "0-4", "neighbour_smoothing": 0.1}),
