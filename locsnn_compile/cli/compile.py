@@ -59,7 +59,7 @@ def add_options(parser: ArgumentParser) -> None:
     add("--target", default="loihi-sim", metavar="CHIP", help="chip name or chip file (default loihi-sim)")
     add("--profile", metavar="NAME|FILE", help=_PROFILE)
     add("-o", "--output", metavar="DIR", help="folder to write (default build/<model name>)")
-    add("--events", metavar="FILE", help="recordings to check on: .zip, folder, .npy, .npz, .pt, or of events")
+    add("--events", metavar="FILE", help="recordings to check on: .zip, folder, .npy, .npz, .pt, .h5, or of events")
     add("--strategy", default=AUTO, metavar="NAME", help=_STRATEGY)
     add("--calibration", metavar="FILE", help=_CALIBRATION)
     add("--split-weights", type=part, metavar="SHARE", help=_SPLIT)

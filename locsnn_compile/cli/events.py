@@ -33,7 +33,7 @@ _SHOWN_LABELS, _SHOWN_DEAD = 12, 24
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
     add = parser.add_argument
-    add("file", metavar="FILE", help="recordings: .zip, folder, .npy, .npz, .pt, .tact, .bs1, .bs2")
+    add("file", metavar="FILE", help="recordings: .zip, folder, .npy, .npz, .pt, .h5, or of events")
     add("--part", metavar="NAME", help="train or test of a divided archive or folder (default test)")
     add_step_options(parser)
     both = "2, or 1 to put both together (default: of a grid 2, else as the events have it)"

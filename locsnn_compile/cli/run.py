@@ -40,7 +40,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
     add = parser.add_argument
     add("program", metavar="DIR", help="folder that locsnn-compile wrote")
-    add("--events", required=True, metavar="FILE", help="recordings: .zip, folder, .npy, .npz, .pt, or of events")
+    add("--events", required=True, metavar="FILE", help="recordings: .zip, folder, .npy, .npz, .pt, .h5, or of events")
     add("--profile", metavar="NAME|FILE", help="costs to show: a profile of the chip, or a YAML file like one")
     add("--engine", default="fast", metavar="NAME", help="fast or reference (default fast); equal integers")
     add("--stream", action="store_true", help="play step by step; show each change of the prediction, and the pace")

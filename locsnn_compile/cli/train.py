@@ -45,7 +45,7 @@ SHOWN_CLASSES = 20
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
     add = parser.add_argument
-    add("--data", required=True, metavar="FILE", help="recordings: .zip, folder, .npy, .npz, .pt, or of events")
+    add("--data", required=True, metavar="FILE", help="recordings: .zip, folder, .npy, .npz, .pt, .h5, or of events")
     channels = "the sensor has N channels, which lie nowhere (default: NeuTouch, 78 per fingertip)"
     add_sensor_options(parser, channels, "of a taxel: 1 or 2 (default: of a grid 2, of channels 1)")
     add("--model", metavar="NAME", help=f"{', '.join(ARCHITECTURES)} (default hybrid)")

@@ -12,10 +12,11 @@ import numpy as np
 from hw_model.io.zip_directory import check_directory, read_entry
 from hw_model.values import AnyArray
 from locsnn_compile.data.axes import Order, parse_axes, to_step_major
-from locsnn_compile.data.event_stream import Binning, bin_streams
+from locsnn_compile.data.event_stream import Binning, EventStream, bin_streams
 from locsnn_compile.data.expected import same
 from locsnn_compile.data.npy import load_npy
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Recordings
+from locsnn_compile.data.spike_times import HDF5_SUFFIXES, read_hdf5
 from locsnn_compile.data.structured import parse_structured
 from locsnn_compile.data.tensors import Tensor
 from locsnn_compile.data.torch_file import load_plain, read_bytes
@@ -28,29 +29,25 @@ _TEXTS = _BESIDE[2:]
 
 
 def read_arrays(path: Path, binning: Binning, asked_seconds: float | None) -> Recordings:
-    """Return the recordings of a ``.npy``, ``.npz`` or ``.pt`` file; a structured array is one recording of events.
+    """Return the recordings of a ``.npy``, ``.npz``, ``.pt`` or HDF5 file; a structured array is one of events.
 
     Shapes as in :func:`locsnn_compile.data.axes.to_step_major`, or as the entry ``axes`` or ``binning`` says. The
     recordings are the entry ``spikes``, or the only one that is none of ``labels``, ``step_seconds``, ``class_names``
-    and ``axes``; a ``.pt`` may also be the array itself. Labels of a ``.npy`` come from ``<stem>_labels.npy`` beside
-    it, or of one recording from ``_label_<k>`` in its name. The width of a bin is the file's, and ``binning``'s where
-    it does not say it, or where it holds single events. Raises ``InputError`` for anything else, where bins are not
+    and ``axes``; a ``.pt`` may also be the array itself. In HDF5, a group ``spikes`` holds events instead: see
+    :func:`locsnn_compile.data.spike_times.read_hdf5`. Labels of a ``.npy`` come from ``<stem>_labels.npy`` beside it,
+    or of one recording from ``_label_<k>`` in its name. The width of a bin is the file's, and ``binning``'s where it
+    does not say it, or where it holds single events. Raises ``InputError`` for anything else, where bins are not
     ``asked_seconds`` wide, and where the file says another order of axes than ``binning``.
     """
     where = f"file {path.name!r}"
-    entries: Mapping[str, AnyArray]
-    data = read_bytes(path, where)
-    if path.suffix == ".npy":
-        entries = {"spikes": load_npy(data, where)}
-    else:
-        entries = _npz_entries(data, where) if path.suffix == ".npz" else _torch_entries(data, where)
+    entries, streams = _entries(path, where)
     own: float | None = _number(entries["step_seconds"], where) if "step_seconds" in entries else None
-    found = _find_spikes(entries, where)
     binned = None
-    if found.dtype.names is not None:
-        stream, wanted = parse_structured(found, where), binning.step_seconds
+    if streams:
+        wanted = binning.step_seconds
         binning = replace(binning, step_seconds=own if wanted is None else wanted)
-        spikes, own, binned = bin_streams([stream], [where], where, binning)
+        places = [where] if len(streams) == 1 else [f"{where}, recording {i}" for i in range(len(streams))]
+        spikes, own, binned = bin_streams(streams, places, where, binning)
     else:
         if own is not None and asked_seconds is not None and not same(own, asked_seconds):
             raise InputError(
@@ -59,7 +56,8 @@ def read_arrays(path: Path, binning: Binning, asked_seconds: float | None) -> Re
                 measured=f"got {asked_seconds:g} against {own:g}",
                 fix="Leave it out.",
             )
-        spikes = to_step_major(found, where, binning.channels, _order(entries, binning.axes, where))
+        order = _order(entries, binning.axes, where)
+        spikes = to_step_major(_find_spikes(entries, where), where, binning.channels, order)
     labels = entries.get("labels")
     if labels is None:
         labels = labels_beside(path, len(spikes))
@@ -67,6 +65,19 @@ def read_arrays(path: Path, binning: Binning, asked_seconds: float | None) -> Re
     return Recordings(
         spikes, labels, seconds, path.name, binned=binned, class_names=_texts(entries, "class_names", where)
     )
+
+
+def _entries(path: Path, where: str) -> tuple[Mapping[str, AnyArray], list[EventStream]]:
+    """Return the arrays of a file by name, and its recordings where it holds single events."""
+    if path.suffix in HDF5_SUFFIXES:
+        return read_hdf5(path, where)
+    data = read_bytes(path, where)
+    if path.suffix == ".npy":
+        entries = {"spikes": load_npy(data, where)}
+    else:
+        entries = _npz_entries(data, where) if path.suffix == ".npz" else _torch_entries(data, where)
+    found = _find_spikes(entries, where)
+    return entries, [] if found.dtype.names is None else [parse_structured(found, where)]
 
 
 def _order(entries: Mapping[str, AnyArray], asked: Order | None, where: str) -> Order | None:

@@ -7,14 +7,21 @@ import numpy as np
 
 from hw_model.values import AnyArray, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS, Binned
-from locsnn_compile.errors import InputError, check_most
+from locsnn_compile.errors import InputError, check_most, check_range
 
 STEP_SECONDS = 0.02
 MICROSECONDS = 1_000_000
-#: Widths of a time bin that are accepted.
-MIN_STEP_SECONDS, MAX_STEP_SECONDS = 1e-6, 1e3
 #: Most events of one set of recordings.
 MAX_EVENTS = 20_000_000
+_RANGES: dict[str, tuple[float, float]] = {
+    "step_seconds": (1e-6, 1e3),
+    "threshold": (0, MAX_EVENTS),
+    "channels": (1, MAX_ELEMENTS),
+    "steps": (1, MAX_STEPS),
+    "polarities": (1, 2),
+    "columns": (1, 1_000_000),
+}
+"""What options of reading may be."""
 
 
 class Binning(Frozen):
@@ -37,13 +44,19 @@ class Binning(Frozen):
     most_steps: int | None = None
     axes: tuple[str, ...] | None = None
 
+    def check(self) -> None:
+        """Refuse numbers that are out of range."""
+        for name, limits in _RANGES.items():
+            if (value := getattr(self, name)) is not None:
+                check_range(value, *limits, name)
+
 
 class EventStream(Frozen, eq=False):
     """The events of one recording, (events,) each: ``times`` in ticks, ``x``, ``y``, and ``polarity`` 0 or 1.
 
     ``start`` is the tick at which bin 0 begins; ``span_seconds`` how long the recording is, None where it ends with
-    its last event. ``channels`` and ``polarities`` are the format's own, None where it has none. ``step_seconds``: the
-    usual width of its bins.
+    its last event. ``channels``, ``polarities`` and ``columns`` are the format's own, None where it has none.
+    ``step_seconds``: the usual width of its bins.
     """
 
     times: AnyArray
@@ -55,6 +68,7 @@ class EventStream(Frozen, eq=False):
     span_seconds: float | None = None
     channels: int | None = None
     polarities: int | None = None
+    columns: int | None = None
     step_seconds: float = STEP_SECONDS
 
 
@@ -68,8 +82,11 @@ def bin_streams(
     """
     usual = min((one.step_seconds for one in streams), default=STEP_SECONDS)
     width = usual if binning.step_seconds is None else binning.step_seconds
-    _check_sums(where, width, streams)
-    columns = binning.columns or 1 + max((int(one.x.max()) for one in streams if len(one.x)), default=0)
+    binning.check()
+    events = sum(len(one.times) for one in streams)
+    check_most(events, MAX_EVENTS, where, "it has too many events", fix="Give fewer recordings.")
+    widest = [one.columns or 1 + int(one.x.max()) for one in streams if one.columns or len(one.x)]
+    columns = binning.columns or max(widest, default=1)
     both = any(one.polarities == 2 or one.polarity.any() for one in streams)
     polarities = binning.polarities or (2 if both else 1)
     bins = [_bins(one, width) for one in streams]
@@ -93,18 +110,6 @@ def bin_streams(
         below += int(counts[counts <= threshold].sum())
     binned = Binned(threshold, sum(map(len, bins)), outside, below)
     return spikes.reshape(len(streams), steps, channels), width, binned
-
-
-def _check_sums(where: str, width: float, streams: Sequence[EventStream]) -> None:
-    if not MIN_STEP_SECONDS <= width <= MAX_STEP_SECONDS:
-        raise InputError(
-            where,
-            "the width of a bin is out of range",
-            measured=f"{width!r} s against {MIN_STEP_SECONDS:g}..{MAX_STEP_SECONDS:g}",
-            fix="Give the width of a bin in seconds.",
-        )
-    events = sum(len(one.times) for one in streams)
-    check_most(events, MAX_EVENTS, where, "it has too many events", fix="Give fewer recordings.")
 
 
 def _bins(one: EventStream, width_seconds: float) -> FloatArray:

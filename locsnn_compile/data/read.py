@@ -8,22 +8,15 @@ from locsnn_compile.data.archives import PARTS, archive_parts, read_archive
 from locsnn_compile.data.arrays import read_arrays
 from locsnn_compile.data.axes import parse_axes
 from locsnn_compile.data.division import PREPROCESSED, Division
-from locsnn_compile.data.event_stream import MAX_EVENTS, MAX_STEP_SECONDS, MIN_STEP_SECONDS, Binning
+from locsnn_compile.data.event_stream import Binning
 from locsnn_compile.data.expected import OPEN, Expected
-from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS, Recordings
+from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import SensorLayout
+from locsnn_compile.data.spike_times import HDF5_SUFFIXES
 from locsnn_compile.data.streams import EVENT_SUFFIXES
-from locsnn_compile.errors import InputError, check_range, did_you_mean
+from locsnn_compile.errors import InputError, did_you_mean
 
-_SUFFIXES = (".zip", ".npy", ".npz", ".pt", *EVENT_SUFFIXES)
-#: Ranges of the whole numbers that describe how events become bins.
-_RANGES = {
-    "threshold": (0, MAX_EVENTS),
-    "channels": (1, MAX_ELEMENTS),
-    "steps": (1, MAX_STEPS),
-    "polarities": (1, 2),
-    "columns": (1, 1_000_000),
-}
+_SUFFIXES = (".zip", ".npy", ".npz", ".pt", *HDF5_SUFFIXES, *EVENT_SUFFIXES)
 
 
 @checked
@@ -45,12 +38,12 @@ def read_recordings(
 ) -> Recordings:
     """Return the recordings at ``path``, of whatever supported format.
 
-    A ``.zip`` or folder of ``.npy`` or files of events, one recording each, or one file of these, or ``.npz`` or
-    ``.pt``. ``split`` is ``train`` or ``test`` of an archive or folder that is so divided (None: ``test``); what has no
-    parts is divided by ``test_share`` and ``fold``: see :class:`locsnn_compile.data.division.Division`. Events are
-    binned as :class:`locsnn_compile.data.event_stream.Binning` says, by the options and by what ``model`` expects.
-    Arrays are bins already, (samples, channels, steps) unless ``axes`` or the file names another order, such as
-    ``samples,steps,channels``; ``step_seconds`` is their width where the file does not say it. ``steps`` of a
+    A ``.zip`` or folder of ``.npy`` or files of events, one recording each, or one file of these, or ``.npz``,
+    ``.pt`` or HDF5. ``split`` is ``train`` or ``test`` of an archive or folder that is so divided (None: ``test``);
+    what has no parts is divided by ``test_share`` and ``fold``: see :class:`locsnn_compile.data.division.Division`.
+    Events are binned as :class:`locsnn_compile.data.event_stream.Binning` says, by the options and by what ``model``
+    expects. Arrays are bins already, (samples, channels, steps) unless ``axes`` or the file names another order, such
+    as ``samples,steps,channels``; ``step_seconds`` is their width where the file does not say it. ``steps`` of a
     recording: a shorter one is followed by silence, of a longer one the end is cut; without, all of an archive or
     folder are as long as the longest. ``sensor`` says ``channels``, ``polarities`` and ``columns`` at once; what has
     other channels is refused. Every unusable input, and an option that contradicts the model or the file, is one
@@ -64,7 +57,9 @@ def read_recordings(
         counts = {"threshold": threshold}
     order = None if axes is None else parse_axes(axes, "axes")
     asked = Binning(step_seconds, threshold, channels, steps, polarities, columns, axes=order)
-    _check_options(split, asked)
+    asked.check()
+    if split is not None and split not in PARTS:
+        raise InputError("split", f"{split!r} is not known", fix=did_you_mean(split, PARTS))
     said = {name: getattr(asked, name) for name in ("step_seconds", "threshold", "channels", "polarities", "columns")}
     agreed = model.agreed(**said, steps=steps) | {"steps": steps}
     divided = division.divides(path)
@@ -94,23 +89,6 @@ def _read(path: Path, split: str | None, binning: Binning, asked: float | None) 
         if path.suffix not in EVENT_SUFFIXES:
             return read_arrays(path, binning, asked)
     return read_archive(path, split=split, binning=binning)
-
-
-def _check_options(split: str | None, binning: Binning) -> None:
-    if split is not None and split not in PARTS:
-        raise InputError("split", f"{split!r} is not known", fix=did_you_mean(split, PARTS))
-    seconds = binning.step_seconds
-    if seconds is not None and not MIN_STEP_SECONDS <= seconds <= MAX_STEP_SECONDS:
-        raise InputError(
-            "step_seconds",
-            "it is out of range",
-            measured=f"got {seconds!r} against {MIN_STEP_SECONDS:g}..{MAX_STEP_SECONDS:g}",
-            fix="Give the width of a bin in seconds.",
-        )
-    for name, (low, high) in _RANGES.items():
-        value = getattr(binning, name)
-        if value is not None:
-            check_range(value, low, high, name)
 
 
 @checked

@@ -80,7 +80,7 @@ def _kind(path: Path, where: str, *, described: bool) -> str:
         return _SLAYER if described else _CHECKPOINT
     if path.suffix not in (".nir", ".net", ".h5", ".hdf5"):
         raise InputError(where, f"files ending in {path.suffix or 'nothing'!r} are not read", fix=_FORMATS)
-    from locsnn_compile.frontends.hdf5.read import open_hdf5
+    from locsnn_compile.data.hdf5.read import open_hdf5
 
     with open_hdf5(path, where) as (root, _):
         kind = next((kind for name, kind in (("node", _NIR), ("layer", _LAVA_DL)) if name in root), None)

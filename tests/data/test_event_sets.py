@@ -1,13 +1,17 @@
-"""Event data as others have it: N-MNIST's folders of ``.bin``."""
+"""Event data as others have it: N-MNIST's folders of ``.bin``, AEDAT4, and data sets of Tonic."""
 
 from __future__ import annotations
 
+import importlib.util
+import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from locsnn_compile.data import read_recordings, recording_parts
+from locsnn_compile.data import aedat4, event_stream, from_tonic, read_recordings, recording_parts
+from locsnn_compile.data.event_stream import Binning, EventStream, bin_streams
 from locsnn_compile.data.sensor import SensorLayout
 from locsnn_compile.errors import InputError
 
@@ -70,3 +74,159 @@ def test_events_beside_the_grid_are_refused(tmp_path: Path) -> None:
     assert (
         str(caught.value) == "file 'a.bin': an event lies beside the grid (x 33 against 16 columns). Give more columns."
     )
+
+
+class Digits(list):
+    """What a data set of Tonic is to its user: a sequence of (events, label) that says its sensor and its classes."""
+
+    sensor_size = (34, 34, 2)
+    classes = ("zero", "one")
+
+
+FIELDS = np.dtype([("x", np.int16), ("y", np.int16), ("t", np.int64), ("p", bool)])
+
+
+def structured(events: list[tuple[int, int, int, int]]) -> np.ndarray:
+    return np.array([(x, y, t, p) for t, x, y, p in events], dtype=FIELDS)
+
+
+def test_a_data_set_of_tonic_becomes_recordings() -> None:
+    found = from_tonic(Digits([(structured(EVENTS), 1), (structured([]), 0)]), step_seconds=0.02)
+    assert found.spikes.shape == (2, 3, 2 * 34 * 34)
+    assert places(found.spikes[0]) == PLACES
+    assert found.labels is not None
+    assert (found.labels.tolist(), found.class_names, found.source) == ([1, 0], ("zero", "one"), "Digits")
+
+
+@pytest.mark.parametrize(
+    ("dataset", "message"),
+    [
+        pytest.param(Digits(), "data set 'Digits': no events inside. Give a recording with events.", id="empty"),
+        pytest.param(
+            Digits([(structured(EVENTS), "one")]),
+            "data set 'Digits': its labels are not class numbers. Give a target_transform that makes them so.",
+            id="labels",
+        ),
+        pytest.param(
+            Digits([(np.zeros((3, 4)), 1)]),
+            "data set 'Digits', recording 0: its values are no events (2 axes). "
+            "Give the fields t (microseconds), x, y where there is one, and p (0 or 1).",
+            id="frames",
+        ),
+        pytest.param(
+            Digits([(structured([(0, 0, 34, 0)]), 1)]),
+            "data set 'Digits': it has events of channels that are not asked for (channel 2312 against 0..2311). "
+            "Give events of this sensor, or more channels.",
+            id="another sensor",
+        ),
+        pytest.param(
+            Digits([(structured(EVENTS), 2)]),
+            "recordings 'Digits': its class names do not fit its classes (2 different ones against 3). "
+            "Give a name of at most 80 characters for each class, from class 0 on.",
+            id="a class without a name",
+        ),
+    ],
+)
+def test_data_sets_that_are_none(dataset: Digits, message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        from_tonic(dataset)
+    assert str(caught.value) == message
+
+
+def test_tonic_reads_the_same_files(tmp_path: Path) -> None:
+    """Its own reader of N-MNIST, and one of its data sets made of these files, against ours."""
+    pytest.importorskip("tonic")
+    from tonic import Dataset
+    from tonic.io import read_mnist_file
+
+    folder = n_mnist(tmp_path / "N-MNIST")
+    paths = sorted((folder / "Test").glob("*/*.bin"), key=lambda path: int(path.parent.name))
+
+    class OfFiles(Dataset):  # type: ignore[misc]
+        sensor_size = (34, 34, 2)
+        classes = ("0", "3", "10")
+
+        def __init__(self) -> None:
+            super().__init__(str(tmp_path))
+            self.data, self.targets = paths, [0, 1, 2]
+
+        def __getitem__(self, index: int) -> tuple[np.ndarray, int]:
+            return read_mnist_file(paths[index], dtype=FIELDS), self.targets[index]
+
+        def __len__(self) -> int:
+            return len(paths)
+
+        def _check_exists(self) -> bool:
+            return True
+
+    theirs, ours = from_tonic(OfFiles()), read_recordings(folder, sensor=SENSOR)
+    assert np.array_equal(theirs.spikes, ours.spikes)
+    assert theirs.class_names == ours.class_names
+
+
+CAMERA = Path(__file__).with_name("camera.aedat4")
+"""EVENTS of a camera of 34 x 34 pixels, as its own library writes them: see ``write_camera.py``."""
+
+
+@pytest.fixture
+def camera(tmp_path: Path) -> Path:
+    pytest.importorskip("aedat")
+    return Path(shutil.copy(CAMERA, tmp_path / "a.aedat4"))
+
+
+def test_aedat4_as_a_camera_writes_it(camera: Path) -> None:
+    found = read_recordings(camera)
+    assert found.spikes.shape == (1, 3, 2 * 34 * 34)
+    assert places(found.spikes[0]) == PLACES
+
+
+def test_aedat4_of_too_many_events(camera: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in (aedat4, event_stream):
+        monkeypatch.setattr(module, "MAX_EVENTS", 2)
+    with pytest.raises(InputError) as caught:
+        read_recordings(camera)
+    assert str(caught.value) == "file 'a.aedat4': it has too many events (3 against 2). Give fewer recordings."
+
+
+DAMAGED = "file 'a.aedat4': it is damaged, truncated or has no events. Give a whole AEDAT4 file with events."
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        pytest.param(lambda data: data[: len(data) // 2], id="truncated"),
+        pytest.param(lambda data: b"hello", id="another file"),
+        pytest.param(lambda data: data[:100] + bytes(b ^ 0xFF for b in data[100:]), id="a panic of the library"),
+    ],
+)
+def test_aedat4_that_is_damaged(
+    camera: Path, damage: Callable[[bytes], bytes], capfd: pytest.CaptureFixture[str]
+) -> None:
+    camera.write_bytes(damage(camera.read_bytes()))
+    with pytest.raises(InputError) as caught:
+        read_recordings(camera)
+    assert str(caught.value) == DAMAGED
+    assert capfd.readouterr() == ("", "")
+
+
+def test_aedat4_that_takes_too_long(camera: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(aedat4, "_SECONDS", 0.0)
+    with pytest.raises(InputError) as caught:
+        read_recordings(camera)
+    assert str(caught.value) == DAMAGED
+
+
+def test_aedat4_says_which_package_it_needs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    (tmp_path / "a.aedat4").write_bytes(b"")
+    with pytest.raises(InputError) as caught:
+        read_recordings(tmp_path / "a.aedat4")
+    assert str(caught.value) == (
+        "file 'a.aedat4': it needs the package aedat, which is not installed. "
+        "Install it with: pip install 'locsnn-compile[aedat]'."
+    )
+
+
+def test_a_stream_may_say_its_columns() -> None:
+    one = EventStream(*(np.array([value]) for value in (0, 1, 2, 0)), columns=5)
+    assert bin_streams([one], ["a"], "a", Binning())[0].shape == (1, 1, 12)

@@ -137,12 +137,12 @@ def test_what_is_no_recording(tmp_path: Path, text: str, message: str) -> None:
     [
         pytest.param(
             {"step_seconds": 0.0},
-            "step_seconds: it is out of range (got 0.0 against 1e-06..1000). Give the width of a bin in seconds.",
+            "step_seconds: it is out of range (got 0.0 against 1e-06..1000.0). Correct the number.",
             id="no width",
         ),
         pytest.param(
             {"step_seconds": float("nan")},
-            "step_seconds: it is out of range (got nan against 1e-06..1000). Give the width of a bin in seconds.",
+            "step_seconds: it is out of range (got nan against 1e-06..1000.0). Correct the number.",
             id="NaN",
         ),
         pytest.param(

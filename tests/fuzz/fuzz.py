@@ -132,7 +132,7 @@ def table(jobs):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--cases", type=int, default=20_400, help="of all readers together")
+    parser.add_argument("--cases", type=int, default=22_950, help="of all readers together")
     parser.add_argument("--first", type=int, default=0, help="number of the first case of each reader")
     parser.add_argument("--reader", action="append", choices=[reader.name for reader in READERS])
     parser.add_argument("--jobs", type=int, default=2)

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import h5py
 import numpy as np
 import torch
 
@@ -28,7 +29,7 @@ import hw_model as hw  # noqa: E402
 import locsnn_compile as lc  # noqa: E402
 from locsnn_compile.cli import diff  # noqa: E402
 from locsnn_compile.data import Recordings, read_recordings, synthetic_touches, write_recordings  # noqa: E402
-from locsnn_compile.data.sensor import LOCATION_ORDERS, neutouch  # noqa: E402
+from locsnn_compile.data.sensor import LOCATION_ORDERS, neutouch, read_layout  # noqa: E402
 from locsnn_compile.errors import InputError  # noqa: E402
 from locsnn_compile.models.checkpoint import save_checkpoint  # noqa: E402
 from locsnn_compile.models.description import InputLayout, NetworkDescription  # noqa: E402
@@ -166,6 +167,33 @@ def member_folder(folder):
     return ["set/sample_0_label_0.npy", "set/sample_1_label_1.npy"]
 
 
+def spike_times(folder):
+    with h5py.File(folder / "a.h5", "w") as file:
+        for name, top, kind in (("times", 1.0, np.float16), ("units", 78, np.uint16)):
+            rows = file.create_dataset(f"spikes/{name}", (3,), dtype=h5py.vlen_dtype(kind))
+            for index in range(3):
+                rows[index] = np.random.default_rng(index).uniform(0, top, 5).astype(kind)
+        file["labels"], file["extra/keys"] = [0, 1, 0], [b"left", b"right"]
+    with h5py.File(folder / "b.h5", "w") as file:
+        file["spikes"], file["labels"], file["class_names"] = TOUCHES.spikes, [0, 1], ["left", "right"]
+        file["axes"], file["step_seconds"] = "samples,steps,channels", 0.02
+    return ["a.h5", "b.h5"]
+
+
+def class_folders(folder):
+    for name in ("left", "right"):
+        (folder / "set" / name).mkdir(parents=True)
+        write_recordings(folder / f"{name}_label_1.bs2", TOUCHES.subset([1]))
+        (folder / f"{name}_label_1.bs2").rename(folder / "set" / name / "a.bin")
+    return ["set/left/a.bin"]
+
+
+def layouts(folder):
+    lines = ["name: glove", "polarities: 2", "surfaces: 1", "positions: [[0, 0], [1.5, 0], [0, 2]]", "names: [a, b, c]"]
+    (folder / "glove.yaml").write_text("\n".join([*lines, ""]))
+    return ["glove.yaml"]
+
+
 def programs(folder):
     chip = hw.chip("loihi-sim")
     builder = hw.ProgramBuilder(chip)
@@ -266,6 +294,9 @@ READERS = [
     Reader("archive of .bs1", "zip", recordings("a.zip", members="bs1"), read_events),
     Reader("archive of .tact", "zip", recordings("a.zip", members="tact"), read_events),
     Reader("folder", "bytes", member_folder, read_events),
+    Reader("HDF5 recordings", "hdf5", spike_times, read_events),
+    Reader("N-MNIST .bin", "bytes", class_folders, read_events),
+    Reader("layout YAML", "text", layouts, lambda folder, name: read_layout(folder / name)),
     Reader("program.yaml", "text", program_texts, play_program),
     Reader("program.npz", "zip", program_arrays, play_program, mend_checksum),
     Reader("chip file", "text", chip_files, lambda folder, name: hw.chip(folder / name)),

@@ -14,7 +14,7 @@ import pytest
 
 FUZZ = Path(__file__).with_name("fuzz.py")
 PAGE = Path(__file__).parents[2] / "docs/robustness.md"
-CASES = 20_400
+CASES = 22_950
 
 
 def fuzz(*options):

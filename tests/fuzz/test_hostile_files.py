@@ -301,7 +301,7 @@ def test_names_that_never_end_are_cut(tmp_path):
 
 
 def test_hdf5_that_the_library_does_not_come_to_the_end_of(tmp_path, monkeypatch):
-    from locsnn_compile.frontends.hdf5 import probe as hdf5_probe
+    from locsnn_compile.data.hdf5 import probe as hdf5_probe
 
     monkeypatch.setattr(hdf5_probe, "CPU_SECONDS", 1)
     whole = tmp_path / "a.nir"
@@ -325,7 +325,7 @@ def test_a_pool_of_less_than_nothing(tmp_path):
 
 
 def test_a_crash_of_the_library_is_a_damaged_file(tmp_path, monkeypatch):
-    from locsnn_compile.frontends.hdf5 import read as hdf5
+    from locsnn_compile.data.hdf5 import read as hdf5
 
     with h5py.File(tmp_path / "a.nir", "w") as file:
         file["version"] = "1.0"

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from hw_model.values import AnyArray, Frozen, IntArray
+from locsnn_compile.data.hdf5.read import Group, open_hdf5
 from locsnn_compile.errors import InputError
-from locsnn_compile.frontends.hdf5.read import Group, open_hdf5
 
 MAX_LAYERS = 1000
 

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from hw_model.values import AnyArray, FloatArray, Frozen
+from locsnn_compile.data.hdf5.read import Group, open_hdf5
 from locsnn_compile.errors import InputError, did_you_mean
-from locsnn_compile.frontends.hdf5.read import Group, open_hdf5
 
 MAX_NODES = 10_000
 MAX_DEPTH = 16

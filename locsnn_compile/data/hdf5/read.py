@@ -8,13 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.values import AnyArray
+from hw_model.values import AnyArray, FloatArray
+from locsnn_compile.data.hdf5.safety import library_survives
 from locsnn_compile.data.torch_file import read_bytes
-from locsnn_compile.errors import InputError, LocsnnError
-from locsnn_compile.frontends.hdf5.safety import library_survives
+from locsnn_compile.errors import InputError, LocsnnError, check_most
 
 MAX_BYTES = 500_000_000
 """Most that all datasets of a file together may hold once unpacked."""
+MAX_ROWS = 100_000
+"""Most rows of different lengths."""
 MAX_TEXT = 1000
 """Longest text, in characters."""
 
@@ -59,6 +61,22 @@ class Group:
             values = values.astype(np.int64)
         values.setflags(write=False)
         return values
+
+    def rows(self, name: str) -> list[FloatArray]:
+        """Return a dataset of rows of numbers, each of its own length."""
+        import h5py
+
+        found = self._dataset(name)
+        kind = h5py.check_vlen_dtype(found.dtype)
+        if kind is None or kind.kind not in "biuf" or found.ndim != 1:
+            raise InputError(self.where, f"{name!r} does not hold rows of numbers", fix=_WHOLE)
+        check_most(len(found), MAX_ROWS, self.where, f"{name!r} has too many rows", fix="Give fewer recordings.")
+        rows = []
+        for index in range(len(found)):
+            row = found[index].astype(np.float64)
+            self._budget.take(row.nbytes, f"{self.where}: {name!r}")
+            rows.append(row)
+        return rows
 
     def value(self, name: str) -> AnyArray | str:
         """Return a dataset of text or of numbers."""
@@ -135,7 +153,7 @@ class _Budget:
                 where,
                 "the file unpacks to more than is read",
                 measured=f"{amount} bytes more against {self._left} of {MAX_BYTES} left",
-                fix="Give a smaller model.",
+                fix="Give a smaller file.",
             )
         self._left -= amount
 

@@ -1,0 +1,41 @@
+"""AEDAT4, the format of iniVation's cameras, by the package ``aedat``: the first stream of events of a file."""
+
+import importlib.util
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from locsnn_compile.data.event_stream import MAX_EVENTS, EventStream
+from locsnn_compile.data.npy import load_npy
+from locsnn_compile.data.structured import parse_structured
+from locsnn_compile.errors import InputError
+
+_CHILD = Path(__file__).with_name("aedat4_child.py")
+_SECONDS = 300
+
+
+def parse_aedat4(data: bytes, where: str) -> EventStream:
+    """Return the events of the bytes of an ``.aedat4`` file, of two polarities, from its first event on.
+
+    A process of its own reads them, for the package does not survive all damage. Raises ``InputError`` for a file that
+    it cannot read, or not in five minutes, one without events, and where the package is missing.
+    """
+    if importlib.util.find_spec("aedat") is None:
+        fix = "Install it with: pip install 'locsnn-compile[aedat]'."
+        raise InputError(where, "it needs the package aedat, which is not installed", fix=fix)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "a.aedat4"
+        path.write_bytes(data)
+        command = [sys.executable, "-P", str(_CHILD), str(path), str(MAX_EVENTS)]
+        try:
+            done = subprocess.run(command, capture_output=True, timeout=_SECONDS, check=True)
+        except subprocess.SubprocessError:
+            fix = "Give a whole AEDAT4 file with events."
+            raise InputError(where, "it is damaged, truncated or has no events", fix=fix) from None
+    size, array = done.stdout.split(b"\n", maxsplit=1)
+    width, height = map(int, size.split())
+    stream = parse_structured(load_npy(array, where), where)
+    start = float(stream.times.min()) if len(stream.times) else 0.0
+    return replace(stream, start=start, channels=2 * width * height, polarities=2, columns=width)

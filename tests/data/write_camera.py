@@ -1,0 +1,18 @@
+"""Write ``camera.aedat4`` with the library of its cameras: ``pip install dv-processing``, then run this."""
+
+from pathlib import Path
+
+import dv_processing as dv
+
+EVENTS = ((0, 5, 7, True), (20_000, 33, 33, False), (59_999, 0, 0, True))
+"""Microseconds, x, y and polarity, as in ``test_event_sets.py``."""
+START = 1_700_000_000_000_000
+"""Times of cameras are those of the computer's clock."""
+
+if __name__ == "__main__":
+    store = dv.EventStore()
+    for t, x, y, p in EVENTS:
+        store.push_back(START + t, x, y, p)
+    path = str(Path(__file__).with_name("camera.aedat4"))
+    writer = dv.io.MonoCameraWriter(path, dv.io.MonoCameraWriter.EventOnlyConfig("camera", (34, 34)))
+    writer.writeEvents(store)
