@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from networks import hybrid, recordings
+from networks import NEURON, hybrid, recordings, single
 
 import hw_model as hw
 from locsnn_compile.baselines.operations import network_additions
@@ -188,6 +188,12 @@ def test_recordings_that_do_not_fit(levels, shape, message):
     with pytest.raises(InputError) as caught:
         compare(levels.quantized, levels.program, np.zeros(shape, dtype=np.uint8))
     assert str(caught.value) == message
+
+
+@pytest.mark.parametrize("steps", [5, 30], ids=["shorter", "longer"])
+def test_a_network_of_any_length_takes_recordings_as_they_are(steps):
+    endless, given = replace(single(NEURON, steps=20), any_length=True), np.ones((2, steps, 1), dtype=np.uint8)
+    assert endless.fit(given, "array") is given
 
 
 @pytest.mark.parametrize(

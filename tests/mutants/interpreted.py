@@ -10,7 +10,7 @@ from hypothesis import settings
 
 from hw_model.engine import compiled
 
-EXAMPLES = 6
+EXAMPLES = 4
 
 np.seterr(over="ignore")
 for name in ("compiled", "inner", "inlined", "absorbed"):
