@@ -40,7 +40,7 @@ PRELOADED = ("hypothesis.extra.numpy", "networkx", "numba", "pytest", "scipy.spa
 """Imported once: runs of the tests are forks. The packages that are tested are not among them."""
 MEMORY = 8 << 30
 """Bytes that a run with a fault may take: some faults ask for more and more."""
-SECONDS = {False: 60, True: 200}
+SECONDS = {False: 40, True: 200}
 """Seconds of the processor that a run may take: several times those of the longest without a fault, interpreted or not."""
 HELD = re.compile(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", re.MULTILINE)
 
