@@ -2,15 +2,15 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 from scipy import sparse
 
-from hw_model.mapping.graph import Axis, Readout
+from hw_model.mapping.graph import Axis
 from hw_model.values import AnyArray
 from locsnn_compile.errors import TargetError
+from locsnn_compile.frontends.parts import Parts
 from locsnn_compile.models.branch_graph import branch_graph, spread_weights
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.description import LifParameters
@@ -27,23 +27,7 @@ UNREACHED = 1.1
 VIEW_NAMES: dict[Axis, str] = {"time": "touch", "location": "touch_transposed"}
 
 
-@dataclass
-class _Parts:
-    """What a network is made of so far; ``outputs``: the first step whose potentials count, None where spikes do."""
-
-    views: list[InputView] = field(default_factory=list)
-    populations: list[Population] = field(default_factory=list)
-    projections: list[Projection | ChipProjection] = field(default_factory=list)
-    outputs: dict[str, int | None] = field(default_factory=dict)
-
-    @property
-    def readout(self) -> Readout:
-        """All outputs, added as they are."""
-        first = tuple(self.outputs.values())
-        return Readout(tuple(self.outputs), (1.0,) * len(first), first[0] if len(set(first)) == 1 else first)
-
-
-def _add_windows(parts: _Parts, checkpoint: Checkpoint) -> None:
+def _add_windows(parts: Parts, checkpoint: Checkpoint) -> None:
     """Add the branch that counts events in windows; next to others it has a phase of its own."""
     description = checkpoint.description
     branch, (weight, offset) = description.structure.window_branch, description.window_names
@@ -93,12 +77,12 @@ def network_of(checkpoint: Checkpoint) -> Network:
             f"a {description.architecture!r} has no spiking neurons, so no chip program can be made of it",
             fix="Train a spiking network; of this one, operations are counted only.",
         )
-    parts = _Parts()
+    parts = Parts()
     _add_branches(parts, checkpoint)
     if description.structure.window_branch:
         _add_windows(parts, checkpoint)
     layout = description.input
-    return Network(
+    return parts.network(
         name=description.name,
         channels=layout.channels,
         steps=layout.steps,
@@ -107,10 +91,6 @@ def network_of(checkpoint: Checkpoint) -> Network:
         event_threshold=layout.event_threshold,
         psi=_psi(checkpoint),
         class_names=description.class_names,
-        views=tuple(parts.views),
-        populations=tuple(parts.populations),
-        projections=tuple(parts.projections),
-        readout=parts.readout,
         sha256=checkpoint.sha256,
         recordings=checkpoint.recordings,
     )
@@ -122,7 +102,7 @@ def _psi(checkpoint: Checkpoint) -> float | None:
     return float(psi) if isinstance(psi, int | float) and 0 <= psi < math.inf else None
 
 
-def _add_branches(parts: _Parts, checkpoint: Checkpoint) -> None:
+def _add_branches(parts: Parts, checkpoint: Checkpoint) -> None:
     """Add every branch that spikes, one after the other."""
     description = checkpoint.description
     for axis in VIEW_NAMES:

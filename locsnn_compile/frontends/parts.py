@@ -25,20 +25,31 @@ _FEWEST_STEPS = 30
 
 @dataclass(eq=False)
 class Parts:
-    """The parts of a network, as a file is read."""
+    """What a network is made of so far; ``outputs``: the first step whose potentials count, None where spikes do."""
 
     views: list[InputView] = field(default_factory=list)
     populations: list[Population] = field(default_factory=list)
     projections: list[Projection | ChipProjection] = field(default_factory=list)
+    outputs: dict[str, int | None] = field(default_factory=dict)
 
-    def network(
-        self, path: Path, data: bytes, channels: int, steps: int, seconds: float | None, readout: Readout, **more: Any
+    @property
+    def readout(self) -> Readout:
+        """All outputs, added as they are."""
+        first = tuple(self.outputs.values())
+        return Readout(tuple(self.outputs), (1.0,) * len(first), first[0] if len(set(first)) == 1 else first)
+
+    def network(self, **said: Any) -> Network:
+        """Return the network of these parts, and of what else is said of it."""
+        said |= {"views": tuple(self.views), "populations": tuple(self.populations)}
+        return Network(**said, projections=tuple(self.projections), readout=self.readout)
+
+    def network_of_file(
+        self, path: Path, data: bytes, channels: int, steps: int, seconds: float | None, **said: Any
     ) -> Network:
-        """Return the network that the bytes of a file hold, checked on made-up recordings of so many steps."""
-        parts = (tuple(self.views), tuple(self.populations), tuple(self.projections))
+        """Return the network that the bytes of another tool's file hold, checked on made-up recordings."""
+        said |= {"name": path.stem, "channels": channels, "steps": steps, "step_seconds": seconds}
         recordings, digest = synthetic_recordings(channels, steps, seconds), hashlib.sha256(data).hexdigest()
-        more |= {"sha256": digest, "recordings": recordings}
-        return Network(path.stem, channels, steps, *parts, readout, seconds, **more)
+        return self.network(**said, sha256=digest, recordings=recordings)
 
 
 def eight_bit_signs(mantissa: Matrix, where: str, limits: str, fix: str) -> Signs:

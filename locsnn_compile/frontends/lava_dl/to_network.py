@@ -15,7 +15,6 @@ import numpy as np
 from scipy import sparse
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE
-from hw_model.mapping.graph import Readout
 from hw_model.values import IntArray
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.lava_dl.layers import NetFile, NetLayer, export_again, read_net
@@ -65,8 +64,8 @@ def load_lava_dl(path: Path) -> Network:
         raise InputError(where, "it has no layer of neurons", fix="Export a network with a dense or conv layer.")
     lines = built.views[0].lines
     seconds, steps = _simulation(file)
-    readout = Readout((built.source,), (1.0,), _potentials_from(file, built))
-    return built.network(path, data, lines, steps, seconds, readout, origin=file, any_length=True)
+    built.outputs = {built.source: _potentials_from(file, built)}
+    return built.network_of_file(path, data, lines, steps, seconds, origin=file, any_length=True)
 
 
 def _potentials_from(file: NetFile, built: _Built) -> int | None:

@@ -12,7 +12,6 @@ from typing import Any, get_args
 import numpy as np
 from scipy import sparse
 
-from hw_model.mapping.graph import Readout
 from hw_model.values import FloatArray
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.frontends.nir.flat import NEURONS, READOUTS, FlatGraph, flatten_graph, linear_order, targets_of
@@ -62,9 +61,9 @@ def load_nir(
     if START in sources:
         parts.projections.append(Projection(START, START, matrix(np.array([[-8.0]]), np.float64)))
     outputs = _outputs(flat, where)
-    readout = Readout(outputs, (1.0,) * len(outputs), _potentials_from(flat, outputs, depth, where))
-    said = nir_assumptions(flat, known, reset, discretisation)
-    return parts.network(path, data, view.lines, STEPS, known, readout, any_length=True, origin=graph, assumptions=said)
+    parts.outputs = dict.fromkeys(outputs, _potentials_from(flat, outputs, depth, where))
+    said = {"any_length": True, "origin": graph, "assumptions": nir_assumptions(flat, known, reset, discretisation)}
+    return parts.network_of_file(path, data, view.lines, STEPS, known, **said)
 
 
 def _onto(name: str, stated: Stated, depth: int) -> Signal:

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.mapping.graph import Axis, Readout
+from hw_model.mapping.graph import Axis
 from hw_model.values import FloatArray
 from locsnn_compile.data.orders import channel_walk, location_order
 from locsnn_compile.data.sensor import neutouch
@@ -108,7 +108,7 @@ def load_slayer(path: Path, config: Path, kernels: str | None = None) -> Network
         _check_chain(chain, where)
     steps = chains["location"][0].weights.shape[1] if "location" in chains else description.steps or STEPS
     channels = chains["time"][0].weights.shape[1] if "time" in chains else None
-    parts, outputs = Parts(), []
+    parts = Parts()
     for axis, chain in chains.items():
         walk = None
         if axis == "location":
@@ -120,17 +120,16 @@ def load_slayer(path: Path, config: Path, kernels: str | None = None) -> Network
             parts.populations.append(population)
             parts.projections.append(projection)
             source, delays = layer.name, layer.delays
-        outputs.append(source)
+        parts.outputs[source] = None
     assert channels is not None  # one chain or the other says it
-    sizes = [p.size for p in parts.populations if p.name in outputs]
+    sizes = [p.size for p in parts.populations if p.name in parts.outputs]
     if len(set(sizes)) > 1:
         raise InputError(where, "its branches differ in classes", measured=f"{sizes}", fix="Train them together.")
-    readout = Readout(tuple(outputs), (1.0,) * len(outputs))
-    said = (*tails, *_assumed(layers, chains, description, channels))
-    any_length = "location" not in chains
-    return parts.network(
-        path, data, channels, steps, description.ts / 1000, readout, any_length=any_length, assumptions=said
-    )
+    said = {
+        "any_length": "location" not in chains,
+        "assumptions": (*tails, *_assumed(layers, chains, description, channels)),
+    }
+    return parts.network_of_file(path, data, channels, steps, description.ts / 1000, **said)
 
 
 def _assumed(
