@@ -103,7 +103,7 @@ def _rows_of_files(path: Path, fold: int, samples: int) -> list[IntArray]:
         for number, _ in rows:
             if number in taken or not 0 <= number < samples:
                 what = "in the round twice" if number in taken else "not there"
-                raise InputError(where, f"recording {number} is {what}", measured=f"of {samples}", fix=fix)
+                raise InputError(where, f"recording {str(number)[:20]} is {what}", measured=f"of {samples}", fix=fix)
             taken.add(number)
         parts.append(np.array(rows))
     return parts

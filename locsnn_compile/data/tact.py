@@ -81,7 +81,7 @@ def _parse(data: bytes, where: str) -> tuple[IntArray, FloatArray]:
         try:
             polarity, cell, time, *rest = (field.decode("ascii") for field in fields)
             (nanoseconds,) = rest or ("0",)
-            event = (int(polarity), int(cell), float(time) + int(nanoseconds) / 1e9)
+            event = (int(polarity), int(cell), float(time) + float(nanoseconds) / 1e9)
         except ValueError:
             shown = line.decode("ascii", "replace").strip()[:40]
             raise _fault(where, number, "it is no event", f"{shown!r}") from None

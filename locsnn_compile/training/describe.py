@@ -26,6 +26,7 @@ def describe(recordings: Recordings, config: TrainingConfig, classes: int, name:
     order: str | None = None
     taxels: tuple[int, ...] | None = None
     structure = ARCHITECTURES[config.model]
+    neuron, location_neuron = _neuron(config), _neuron(config, location=True)
     if "location" in structure.branches:
         order, taxels = location_order(order_text(config.order), sensor)
     return NetworkDescription(
@@ -38,8 +39,8 @@ def describe(recordings: Recordings, config: TrainingConfig, classes: int, name:
         ),
         classes=classes,
         hidden=config.hidden,
-        neuron=_neuron(config),
-        location_neuron=_location_neuron(config),
+        neuron=neuron,
+        location_neuron=location_neuron if "location" in structure.branches and location_neuron != neuron else None,
         location_order=order,
         location_taxels=taxels,
         name=name,
@@ -65,26 +66,17 @@ def _whole_numbers(option: str, text: str, example: str) -> tuple[int, ...]:
     return tuple(int(part) for part in parts)
 
 
-def _neuron(config: TrainingConfig) -> Neuron | None:
-    """Return the constants of the neurons, whose names are those of options."""
+def _neuron(config: TrainingConfig, *, location: bool = False) -> Neuron | None:
+    """Return the constants of the neurons, whose names are those of options; those of location neurons come first."""
     neurons = ARCHITECTURES[config.model].neurons
     if neurons == "windows":
         return _windows(config)
     if neurons == "none":
         return None
     kind = NeuronParameters if neurons == "srm" else LifParameters
-    return kind(**{item.name: getattr(config, item.name) for item in fields(kind)})
-
-
-def _location_neuron(config: TrainingConfig) -> Neuron | None:
-    """Return the neuron of the location branch; None where no option makes it another one."""
-    neuron, structure = _neuron(config), ARCHITECTURES[config.model]
-    options = {name: getattr(config, f"location_{name}") for name in LOCATION_CONSTANTS.get(structure.neurons, ())}
-    own = {name: value for name, value in options.items() if value is not None}
-    if "location" not in structure.branches or not own:
-        return None
-    assert isinstance(neuron, NeuronParameters | LifParameters)
-    return replace(neuron, **own)
+    values = {item.name: getattr(config, item.name) for item in fields(kind)}
+    own = {name: getattr(config, f"location_{name}") for name in (LOCATION_CONSTANTS[neurons] if location else ())}
+    return kind(**values | {name: value for name, value in own.items() if value is not None})
 
 
 def _windows(config: TrainingConfig) -> WindowParameters:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from published import write_preprocessed, write_slip
 
 from locsnn_compile.cli.main import main
@@ -155,6 +158,9 @@ def rows(text: str) -> Callable[[Path], Path]:
         pytest.param(rows("1 x\n"), {}, f"file 'test_80_20_1.txt': it does not hold two whole numbers per line. {FIX}", id="a word"),
         pytest.param(rows(""), {}, f"file 'test_80_20_1.txt': it does not hold two whole numbers per line. {FIX}", id="empty"),
         pytest.param(rows("20 0\n"), {}, f"file 'test_80_20_1.txt': recording 20 is not there (of 20). {FIX}", id="too high"),
+        pytest.param(
+            rows("9" * 400 + " 0\n"), {}, f"file 'test_80_20_1.txt': recording {'9' * 20} is not there (of 20). {FIX}", id="absurd"
+        ),
         pytest.param(rows("-1 0\n"), {}, f"file 'test_80_20_1.txt': recording -1 is not there (of 20). {FIX}", id="negative"),
         pytest.param(rows("0 0\n1 0\n"), {}, f"file 'test_80_20_1.txt': recording 1 is in the round twice (of 20). {FIX}", id="in both parts"),
         pytest.param(
@@ -170,6 +176,20 @@ def test_what_cannot_be_divided(
     with pytest.raises(InputError) as caught:
         read_recordings(path, **options)  # type: ignore[arg-type]
     assert str(caught.value).replace(", test part (round 1 of 5)", "") == message
+
+
+@given(text=st.text("0123456789 -.\t\nex", max_size=12))
+@settings(max_examples=60, deadline=None)
+def test_any_rows_are_read_or_refused(text: str, tmp_path_factory: pytest.TempPathFactory) -> None:
+    folder = tmp_path_factory.mktemp("rounds")
+    write_recordings(folder / "tact.pt", Recordings(np.ones((3, 4, 156)), None, None, "tact.pt"))
+    (folder / "train_80_20_1.txt").write_text("2 0\n")
+    (folder / "test_80_20_1.txt").write_text(text)
+    with contextlib.suppress(InputError):
+        found = read_recordings(folder)
+        assert found.labels is not None
+        assert 0 < len(found) < 3
+        assert [[int(word) for word in line.split()][1] for line in text.splitlines()] == found.labels.tolist()
 
 
 def test_the_file_of_the_other_part_is_missing(tmp_path: Path) -> None:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from published import REACHING, START, write_slip
 
 from locsnn_compile.cli.main import main
@@ -89,6 +92,16 @@ def test_times_that_are_none(times: str | None, message: str, tmp_path: Path) ->
     with pytest.raises(InputError) as caught:
         read_recordings(tmp_path / "aces_recordings")
     assert str(caught.value) == message
+
+
+@given(times=st.text("0123456789 -.\n", max_size=14), line=st.text("0123456789 -.\nen", max_size=14))
+@settings(max_examples=60, deadline=None)
+def test_any_text_is_read_or_refused(times: str, line: str, tmp_path_factory: pytest.TempPathFactory) -> None:
+    folder = tmp_path_factory.mktemp("slip")
+    (folder / "a.tact").write_text(f"1 1 5 250000000\n{line}\n")
+    (folder / "a.startend").write_text(times)
+    with contextlib.suppress(InputError):
+        assert read_recordings(folder).spikes.shape in ((1, 150, 156), (1, 325, 156))
 
 
 def test_classes_stand_before_the_number_of_a_name(tmp_path: Path) -> None:

@@ -104,7 +104,12 @@ FIX = "Write 'polarity cell_index timestamp_seconds' on it."
         pytest.param(
             "1 1 1 1 1\n", f"file 'a.tact', line 1: it is no event (got '1 1 1 1 1'). {FIX}", id="five fields"
         ),
-        pytest.param("1 1 1 .5\n", f"file 'a.tact', line 1: it is no event (got '1 1 1 .5'). {FIX}", id="nanoseconds"),
+        pytest.param("1 1 1 x\n", f"file 'a.tact', line 1: it is no event (got '1 1 1 x'). {FIX}", id="nanoseconds"),
+        pytest.param(
+            f"1 1 1 {'9' * 400}\n",
+            f"file 'a.tact', line 1: its time is not finite (got inf). {FIX}",
+            id="absurd nanoseconds",
+        ),
         pytest.param("2 1 1\n", f"file 'a.tact', line 1: its polarity is not 1, 0 or -1 (got 2). {FIX}", id="polarity"),
         pytest.param(
             "1 17 1\n",

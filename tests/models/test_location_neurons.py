@@ -102,6 +102,18 @@ def test_both_engines_play_it_alike(own: NetworkDescription, tmp_path: Path) -> 
         assert np.array_equal(fast.spikes[name], spikes), name
 
 
+def test_a_session_says_what_a_simulation_says(tmp_path: Path) -> None:
+    own = description()
+    save_checkpoint(tmp_path / "net.pt", own, build_network(own, seed=3, initial_scale=10.0).weights())
+    program = lc.compile(lc.load(tmp_path / "net.pt"), strategy="dendrite", events=RECORDINGS, diagnosis=False).program
+    recording = RECORDINGS.spikes[0]
+    found = hw.Session(program).push(recording)
+    for step in (20, 59):
+        so_far = np.where(np.arange(60)[:, None] <= step, recording, 0)
+        wanted = hw.simulate(program, so_far[None]).spikes["location_output"][0].sum(axis=0)
+        assert np.array_equal(found.spikes["location_output"][step], wanted)
+
+
 @pytest.mark.parametrize("strategy", TRAINABLE)
 def test_trained_on_the_chip_the_program_spikes_the_same(strategy: str, tmp_path: Path) -> None:
     config = TrainingConfig(
