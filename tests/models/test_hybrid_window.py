@@ -16,7 +16,7 @@ from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.data.write import write_recordings
 from locsnn_compile.errors import InputError
-from locsnn_compile.models.checkpoint import save_checkpoint
+from locsnn_compile.models.checkpoint import Checkpoint, save_checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.networks import HybridWindow, build_network
@@ -25,6 +25,7 @@ from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.training.config import config_from_mapping
 from locsnn_compile.training.loss import weighted_counts
 from locsnn_compile.training.train import train
+from locsnn_compile.verification.over_time import OverTime, over_time
 
 ORDER = tuple(range(39, 0, -1))
 
@@ -71,6 +72,22 @@ def test_torch_reference_and_both_engines_read_out_one_sum(tmp_path: Path) -> No
     assert all(weight.is_integer() for weight in weights.values())
     # A spike of the chip counts what the weight of its branch says: the sum is in units of the window's registers.
     assert np.abs(np.asarray(fast.scores) / weights["time_output"] - wanted).max() < 0.1 * np.abs(wanted).max()
+
+
+def test_a_session_follows_it_and_stops_it_early() -> None:
+    description = described()
+    checkpoint = Checkpoint(description, random_network(description).weights(), None, {}, "")
+    x = touches(4)
+    x[:, 12:] = 0  # a touch that ends early
+    compiled = lc.compile(checkpoint, strategy="reset", events=Recordings(x, np.zeros(4, np.int64), 0.02, "touches"))
+    whole = hw.simulate(compiled.program, x)
+    for one, scores in zip(x, np.asarray(whole.scores), strict=True):
+        assert np.array_equal(hw.Session(compiled.program).push(one).scores[-1], scores)
+    stops = hw.stop_when_proven(compiled.program, x)
+    assert np.array_equal(stops.prediction, np.asarray(whole.prediction))
+    followed = over_time(compiled.levels, x, np.asarray(whole.prediction))
+    assert isinstance(followed, OverTime)
+    assert followed.right["together"][-1] == 1.0
 
 
 def test_a_branch_alone_predicts_something_else() -> None:
