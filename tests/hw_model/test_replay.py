@@ -26,14 +26,28 @@ def neuron(weights, **parameters):
     return build
 
 
-def dendrites(count, weights, soma, times=(1, 1), **parameters):
-    """A soma that only adds up so many dendrites; ``times`` scales the weights of each."""
+def dendrites(count, weights, soma, times=(1, 1, 1), biases=None, **parameters):
+    """A soma that only adds up so many dendrites; ``times`` scales the weights of each, ``biases`` are their own."""
 
     def build(builder, x):
         y = builder.add_compartments("y", 1, **FORGETS, **soma)
         for k in range(count):
-            child = builder.add_compartments(f"d{k}", 1, threshold=0, joined_to=y, **{**FORGETS, **parameters})
+            own = parameters if biases is None else {**parameters, "bias": biases[k]}
+            child = builder.add_compartments(f"d{k}", 1, threshold=0, joined_to=y, **{**FORGETS, **own})
             builder.connect(x, child, times[k] * np.array([weights]), exponent=7)
+
+    return build
+
+
+def chain(weights, soma, **parameters):
+    """A soma that only adds up a dendrite, to which another is joined."""
+
+    def build(builder, x):
+        y = builder.add_compartments("y", 1, **FORGETS, **soma)
+        near = builder.add_compartments("near", 1, threshold=0, joined_to=y, **{**FORGETS, **parameters})
+        far = builder.add_compartments("far", 1, threshold=0, joined_to=near, **{**FORGETS, **parameters})
+        for child, sign in ((near, 1), (far, -1)):
+            builder.connect(x, child, sign * np.array([weights]), exponent=7)
 
     return build
 
@@ -62,6 +76,11 @@ PHASES = {
         2, [250, -60], {"threshold": 30_000, "vmax": 2**21 - 1}, decay_v=2048, vmax=2**21 - 1
     ),
     "a pair that wraps": dendrites(2, [252, -252], {"threshold": 20_000}, **LARGE),
+    "a bias after refractory steps": neuron([40, 20], bias=-64_000, refractory=3, decay_v=512, threshold=100),
+    "three dendrites": dendrites(3, [100, -60], {"threshold": 9000}, times=(1, 1, -1), decay_u=900, decay_v=900),
+    "a dendrite of a dendrite": chain([100, -60], {"threshold": 900}, decay_u=900, decay_v=2000),
+    "a pair, the first biased": dendrites(2, [10, 20], {"threshold": 100}, biases=(-40_960, 0), decay_v=0),
+    "a pair, the second biased": dendrites(2, [10, 20], {"threshold": 100}, biases=(0, -40_960), decay_v=0),
     "a pair with a bias": dendrites(2, [250, -250], {"threshold": 10_000}, bias=-64_000, decay_v=512),
 }
 
@@ -81,6 +100,7 @@ def test_every_row_in_turn_is_the_plain_engine(name):
     program = location_program(PHASES[name])
     recordings = (np.random.default_rng(3).random((12, 2, STEPS)) < 0.5).astype(np.uint8)
     recordings[6:, 1, :6] = 0
+    recordings[11, 1] = np.arange(STEPS) == STEPS - 2
     wanted = hw.simulate(program, recordings, engine="reference").spikes["y"]
     first = hw.simulate(program, recordings * [[1], [0]], engine="reference").spikes["y"]
     session = hw.Session(program)
@@ -90,6 +110,7 @@ def test_every_row_in_turn_is_the_plain_engine(name):
         assert np.array_equal(session.spikes("y"), begun)
         assert session.push(recording[1:]).spikes["y"][0] == whole.sum()
         assert np.array_equal(session.spikes("y"), whole)
+        assert session.push(np.ones((1, STEPS), dtype=np.uint8)).spikes["y"][0] == whole.sum()
     assert 12 < wanted.sum() < wanted.size
     assert not np.array_equal(wanted, first)
 
