@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tracemalloc
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -208,6 +209,32 @@ def test_a_live_program_over_many_rows():
         tracemalloc.stop()
     assert session.steps == len(rows)
     assert held[10_000] - held[5_000] < 4_000
+
+
+@pytest.mark.parametrize(("threshold", "first"), [(300, None), (100_000, 3), (100_000, 66)], ids=["spikes", "3", "66"])
+@pytest.mark.parametrize("cuts", [[], [70], [3, 5, 140]], ids=["at once", "in two", "in four"])
+def test_rows_of_more_than_a_tile(threshold, first, cuts):
+    """Tiles have 64 rows: two inputs, rests in between, and potentials that are largest in the first tile or the last."""
+    builder = hw.ProgramBuilder(CHIP)
+    y = builder.add_compartments("y", 2, decay_u=4096, decay_v=[1000, 2000], threshold=threshold, refractory=2)
+    for name, weights in (("x", [[100], [60]]), ("z", [[-20, 100], [140, -80]])):
+        builder.connect(builder.add_input(name, len(weights[0])), y, weights)
+    builder.read_out(y)
+    program = replace(builder.build(), readout=Readout(("y",), (1.0,), first))
+    r = np.random.default_rng(7)
+    density = np.repeat([0.9, 0.0, 0.3], [50, 40, 60])[:, None]
+    streams = {name: (r.random((150, n)) < density).astype(np.uint8) for name, n in (("x", 1), ("z", 2))}
+    whole = hw.simulate(program, streams, engine="reference", probe=("spikes", "potential"))
+    if first is None:
+        wanted = whole.spikes["y"].cumsum(axis=0, dtype=np.int64)
+    else:
+        wanted = largest_so_far(whole.potential["y"], first)
+    session = hw.Session(program)
+    for _ in range(2):
+        session.reset()
+        parts = [{name: rows[a:b] for name, rows in streams.items()} for a, b in pairwise([0, *cuts, 150])]
+        assert np.array_equal(np.concatenate([session.push(part).scores for part in parts]), wanted[:150])
+    assert len(np.unique(wanted)) > 5
 
 
 def test_a_readout_of_one_branch():
