@@ -80,14 +80,12 @@ def evaluate(
     """
     registers = registers or hw.chip("loihi-sim").registers
     spikes: dict[str, ByteArray] = {view.name: view.play(recordings) for view in network.views}
+    wanted = {p.name for p in network.populations} if potentials else set(network.readout.from_step)
     potential: dict[str, Potentials] = {}
     for together in evaluation_order(network):
-        _evaluate_together(network, together, spikes, potential if potentials else None, registers)
-    read: dict[str, Potentials] = {}
-    for population in network.populations:
-        if population.name in network.readout.from_step:
-            _evaluate_together(network, (population,), dict(spikes), read, registers)
-    return ReferenceResult(spikes, potential, network.readout.scores(spikes, read))
+        _evaluate_together(network, together, spikes, potential, wanted, registers)
+    scores = network.readout.scores(spikes, potential)
+    return ReferenceResult(spikes, potential if potentials else {}, scores)
 
 
 def evaluation_order(network: Network) -> list[tuple[Population, ...]]:
@@ -101,10 +99,11 @@ def _evaluate_together(
     network: Network,
     together: tuple[Population, ...],
     spikes: dict[str, ByteArray],
-    potential: dict[str, Potentials] | None,
+    potential: dict[str, Potentials],
+    wanted: set[str],
     registers: Registers,
 ) -> None:
-    """Step populations that depend on each other; add their spikes, and potentials where they are wanted."""
+    """Step populations that depend on each other; add their spikes, and the potentials of those that are wanted."""
     batch = len(next(iter(spikes.values())))
     steps = next(spikes[view.name].shape[1] for view in network.views if view.phase == together[0].phase)
     names = {population.name for population in together}
@@ -126,7 +125,7 @@ def _evaluate_together(
     state = {p.name: steps_of(p.neuron, batch, p.size, registers) for p in together}
     for p in together:
         spikes[p.name] = np.zeros((batch, steps, p.size), dtype=np.uint8)
-        if potential is not None:
+        if p.name in wanted:
             potential[p.name] = np.empty((batch, steps, p.size), dtype=arriving[p.name].dtype)
     for step in range(steps):
         for source, entrance, delay, weights in inner:
@@ -135,7 +134,7 @@ def _evaluate_together(
         for name in arriving:
             fired, seen = state[name].step(arriving[name][:, step])
             spikes[name][:, step] = fired
-            if potential is not None:
+            if name in wanted:
                 potential[name][:, step] = seen
 
 
