@@ -15,7 +15,7 @@ from locsnn_compile.data.sensor import SensorLayout
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
 from locsnn_compile.models.graph_parameters import GraphParameters
-from locsnn_compile.models.plain_checks import is_number, require, require_count, require_positive, rises
+from locsnn_compile.models.plain_checks import is_number, require, require_count, require_positive, require_rising
 from locsnn_compile.models.windows import MAX_WINDOW_NEURONS, WindowParameters, output_parts
 
 #: Largest sizes accepted anywhere: a few times what any published tactile recording needs.
@@ -195,13 +195,7 @@ class NetworkDescription(Frozen):
         """Refuse delays that no synapse has, and any where there is no layer for them."""
         for name, branch, steps in (("delays", "time", "time steps"), ("location_delays", "location", "locations")):
             delays = getattr(self, name)
-            if not rises(delays, 0, MAX_DELAY):
-                raise InputError(
-                    name,
-                    "they must be whole numbers of steps, each larger than the one before",
-                    measured=f"got {list(delays)!r:.80} against 0..{MAX_DELAY}",
-                    fix="Give, for example, 0 20 40 60.",
-                )
+            require_rising(name, delays, 0, MAX_DELAY, "whole numbers of steps", "Give, for example, 0 20 40 60.")
             dense = branch in self.branches and not self.structure.graph and self.structure.neurons != "windows"
             if delays != (0,) and not dense:
                 raise self._refused(

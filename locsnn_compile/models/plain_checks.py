@@ -74,6 +74,13 @@ def require_count(where: str, value: int, limit: int, least: int = 1) -> None:
         raise InputError(where, "it must be a whole number in range", measured=measured, fix=_CORRECT)
 
 
+def require_rising(where: str, values: Sequence[object], least: int, most: int, what: str, fix: str) -> None:
+    """Raise ``InputError`` for what are not numbers as by :func:`rises`; ``what``: numbers of what."""
+    if not rises(values, least, most):
+        measured = f"got {list(values)!r:.80} against {least}..{most}"
+        raise InputError(where, f"they must be {what}, each larger than the one before", measured=measured, fix=fix)
+
+
 def file_fault(where: str, what: str, measured: str = "") -> InputError:
     """Return the error of a checkpoint that no training wrote so."""
     return InputError(where, what, measured=measured, fix=WRITE_AGAIN)

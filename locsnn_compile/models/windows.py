@@ -11,8 +11,8 @@ import numpy as np
 from scipy import sparse
 
 from hw_model.values import Frozen, IntArray
-from locsnn_compile.errors import InputError
-from locsnn_compile.models.plain_checks import is_whole, require, rises
+from locsnn_compile.errors import InputError, check_most
+from locsnn_compile.models.plain_checks import is_whole, require, require_rising
 
 HEARD_BY_OUTPUT = 1_024
 """Hidden neurons that an output hears, if it hears several taxels.
@@ -41,13 +41,7 @@ class WindowParameters(Frozen):
             value = getattr(self, name)
             holds = is_whole(value) and value >= 1
             require(holds, f"windows {name!r}", "a whole number of steps", value, "Give 1 or more.")
-        if not rises(self.levels, 1, self.steps):
-            raise InputError(
-                "windows 'levels'",
-                "they must be numbers of events, each larger than the one before",
-                measured=f"got {list(self.levels)!r:.80} against 1..{self.steps}",
-                fix="Give, for example, 1 2.",
-            )
+        require_rising("windows 'levels'", self.levels, 1, self.steps, "numbers of events", "Give, for example, 1 2.")
 
     def starts(self, steps: int) -> IntArray:
         """Return the first step of every window of a recording of ``steps``; ``InputError`` where none fits."""
@@ -84,13 +78,8 @@ def output_parts(hidden_of_taxel: Sequence[int] | IntArray) -> list[slice]:
     parts: list[slice] = []
     start = end = 0
     for size in map(int, hidden_of_taxel):
-        if size > AXONS_OF_CORE:
-            raise InputError(
-                "windows",
-                "one taxel has more hidden neurons than an output can hear",
-                measured=f"{size} against {AXONS_OF_CORE}",
-                fix="Take a larger window_stride, or fewer window_levels.",
-            )
+        what, fix = "one taxel has more hidden neurons than an output can hear", "Take a larger window_stride"
+        check_most(size, AXONS_OF_CORE, "windows", what, fix=f"{fix}, or fewer window_levels.")
         if end > start and end + size - start > HEARD_BY_OUTPUT:
             parts.append(slice(start, end))
             start = end
