@@ -14,7 +14,7 @@ import numpy as np
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_BITS, WEIGHT_EXPONENTS, WeightGrid, weight_grid
 from hw_model.values import Frozen
 from locsnn_compile.models.plain_checks import file_fault, is_whole
-from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm, Refractory
 from locsnn_compile.strategies import TRAINABLE
 
 
@@ -169,15 +169,8 @@ def _neuron(strategy: str, size: int, numbers: Mapping[str, int], own: list[list
     # A refractory dendrite has one synapse, if only of weight 0.
     dendrite = strategy == "dendrite"
     mantissa, exponent, delay = np.array(own or ([[0, 0, 0]] if dendrite else []), dtype=np.int64).reshape(-1, 3).T
-    return ChipSrm.with_taps(
-        size,
-        decay=decay,
-        threshold=threshold,
-        mantissa=mantissa,
-        exponent=exponent,
-        delay=delay,
-        refractory_decay=numbers["refractory_decay"] if dendrite else None,
-    )
+    taps = Refractory.of(size, mantissa, exponent, delay, numbers["refractory_decay"] if dendrite else None)
+    return ChipSrm.of(size, decay_u=decay, decay_v=decay, threshold=threshold, refractory=taps)
 
 
 def _mapping(where: str, key: str, entry: object, wanted: Collection[str]) -> Mapping[str, Any]:

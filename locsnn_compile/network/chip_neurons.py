@@ -8,7 +8,7 @@ int64 array (n,).
 """
 
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -91,6 +91,22 @@ class Refractory(Frozen, eq=False):
     exponent: IntArray
     decay: IntArray | None = None
 
+    @classmethod
+    def of(
+        cls,
+        size: int,
+        mantissa: ArrayLike,
+        exponent: ArrayLike,
+        delay: ArrayLike = 0,
+        refractory_decay: ArrayLike | None = None,
+    ) -> "Refractory":
+        """Make those of ``size`` neurons: taps (taps,), or one, their mantissas (taps,) or (taps, size)."""
+        delays, each = np.atleast_1d(delay), np.atleast_1d(mantissa)
+        taps = len(delays)
+        mantissas = matrix(np.broadcast_to(each[:, None] if each.ndim == 1 else each, (taps, size)), np.int64)
+        decay = None if refractory_decay is None else integers(refractory_decay, size)
+        return cls(integers(delays, taps), mantissas, integers(exponent, taps), decay)
+
     def parameters(self, size: int) -> list[Parameter]:
         """Return its arrays."""
         taps = len(self.delay)
@@ -117,25 +133,9 @@ class ChipSrm(Shown, ChipNeuron):
     dendrites: int = 1
 
     @classmethod
-    def with_taps(
-        cls,
-        size: int,
-        *,
-        decay: ArrayLike,
-        threshold: ArrayLike,
-        mantissa: ArrayLike,
-        exponent: ArrayLike,
-        delay: ArrayLike = 0,
-        refractory_decay: ArrayLike | None = None,
-    ) -> "ChipSrm":
-        """Make ``size`` neurons: taps (taps,), or one, their mantissas (taps,) or (taps, size); else as of others."""
-        delays, each = np.atleast_1d(delay), np.atleast_1d(mantissa)
-        mantissas = np.broadcast_to(each[:, None] if each.ndim == 1 else each, (len(delays), size))
-        own = None if refractory_decay is None else integers(refractory_decay, size)
-        refractory = Refractory(
-            integers(delays, len(delays)), matrix(mantissas, np.int64), integers(exponent, len(delays)), own
-        )
-        return cls(integers(decay, size), integers(decay, size), integers(threshold, size), refractory)
+    def with_taps(cls, size: int, *, decay: ArrayLike, threshold: ArrayLike, **taps: Any) -> "ChipSrm":
+        """Make ``size`` neurons of one decay, with taps as :meth:`Refractory.of` makes them."""
+        return cls.of(size, decay_u=decay, decay_v=decay, threshold=threshold, refractory=Refractory.of(size, **taps))
 
     @property
     def strategy(self) -> str:

@@ -119,9 +119,7 @@ def _taps(drop: IntArray, decay_u: IntArray, grid: WeightGrid) -> Refractory:
         if part.any()
     ]
     delay, mantissa, exponent = zip(*rows, strict=True) if rows else ((), np.zeros((0, len(drop))), ())
-    return Refractory(
-        np.array(delay, dtype=np.int64), np.array(mantissa, dtype=np.int64), np.array(exponent, dtype=np.int64)
-    )
+    return Refractory.of(len(drop), mantissa, exponent, delay)
 
 
 def _coarse(grid: WeightGrid) -> int:

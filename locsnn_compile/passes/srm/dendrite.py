@@ -7,7 +7,7 @@ import numpy as np
 from hw_model.arithmetic.fixed_point import WeightGrid
 from hw_model.description.chip import Chip
 from hw_model.values import FloatArray, IntArray
-from locsnn_compile.network.chip_neurons import ChipSrm
+from locsnn_compile.network.chip_neurons import ChipSrm, Refractory
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.passes.kernels import alpha_kernel
 from locsnn_compile.passes.rounding.task import exponent_holding, own_grid
@@ -33,14 +33,8 @@ def lay_out(neuron: SrmAlpha, size: int, decay: int, thresholds: Iterable[int], 
 
     threshold = min(thresholds, key=lambda t: rounded(t)[0])
     _, mantissa, exponent = rounded(threshold)
-    return ChipSrm.with_taps(
-        size,
-        decay=decay,
-        threshold=threshold,
-        refractory_decay=refractory_decay,
-        mantissa=mantissa,
-        exponent=exponent,
-    )
+    own = Refractory.of(size, mantissa, exponent, refractory_decay=refractory_decay)
+    return ChipSrm.of(size, decay_u=decay, decay_v=decay, threshold=threshold, refractory=own)
 
 
 def whole_mantissas(neuron: SrmAlpha, thresholds: FloatArray, grid: WeightGrid) -> tuple[IntArray, IntArray, int]:

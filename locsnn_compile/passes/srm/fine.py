@@ -8,7 +8,7 @@ scales, the one with which its potential errs least on the calibration recording
 import numpy as np
 
 from hw_model.values import BoolArray, FloatArray, IntArray
-from locsnn_compile.network.chip_neurons import ChipSrm, Refractory, integers
+from locsnn_compile.network.chip_neurons import ChipSrm, Refractory
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.network.projections import charge as charge_of
 from locsnn_compile.passes.rounding.drive import Drive, drive_of
@@ -81,10 +81,9 @@ def _scaled_apart(task: _Task, made: ChipSrm) -> ChipSrm:
 def _at(made: ChipSrm, thresholds: IntArray, mantissas: IntArray, exponent: int) -> ChipSrm:
     """Return so many such neurons, with these threshold and refractory mantissas, (n,)."""
     assert made.refractory.decay is not None
-    size, decays = len(thresholds), (made.decay_u, made.decay_v, made.refractory.decay)
-    u, v, own = (integers(decay[0], size) for decay in decays)
-    taps = Refractory(integers(0, 1), integers(mantissas, size)[None], integers(exponent, 1), own)
-    return ChipSrm(u, v, integers(thresholds, size), taps, made.dendrites)
+    size, (u, v) = len(thresholds), (made.decay_u[0], made.decay_v[0])
+    own = Refractory.of(size, mantissas[None], exponent, refractory_decay=made.refractory.decay[0])
+    return ChipSrm.of(size, decay_u=u, decay_v=v, threshold=thresholds, refractory=own, dendrites=made.dendrites)
 
 
 def _largest_threshold(task: _Task, share: SrmAlpha, dendrites: int) -> float:
