@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
-from typing import Any, Self, dataclass_transform
+from typing import Any, Self, TypeVar, dataclass_transform
 
 import numpy as np
 from numpy.typing import ArrayLike as ArrayLike
@@ -14,6 +14,14 @@ ByteArray = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
 Int32Array = NDArray[np.int32]
 IntArray = NDArray[np.int64]
+T = TypeVar("T", bound=np.generic)
+
+
+def sealed(array: NDArray[T]) -> NDArray[T]:
+    """Return an array itself, which nobody can write to any more: frozen dataclasses do not freeze their arrays."""
+    array.setflags(write=False)
+    return array
+
 
 _PLAIN = (str, int, float, type(None))
 _LONGEST, _LONGEST_TEXT, _MOST_ITEMS = 400, 40, 4

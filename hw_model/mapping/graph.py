@@ -13,7 +13,7 @@ import numpy as np
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_EXPONENTS, SignMode, weight_grid
 from hw_model.description.chip import Chip
 from hw_model.errors import InputError, TargetError
-from hw_model.values import AnyArray, ArrayLike, FloatArray, Frozen, IntArray
+from hw_model.values import AnyArray, ArrayLike, FloatArray, Frozen, IntArray, sealed
 
 Axis = Literal["time", "location"]
 AXES: tuple[Axis, ...] = get_args(Axis)
@@ -23,10 +23,8 @@ MOST_CHARGES = 1 << 27
 
 
 def read_only(array: object) -> IntArray:
-    """Return an int64 copy that nobody can write to: frozen dataclasses do not freeze their arrays."""
-    copy = np.array(array, dtype=np.int64)
-    copy.setflags(write=False)
-    return copy
+    """Return an int64 copy that nobody can write to."""
+    return sealed(np.array(array, dtype=np.int64))
 
 
 def held(array: ArrayLike) -> AnyArray:
@@ -38,9 +36,7 @@ def held(array: ArrayLike) -> AnyArray:
     if len(values) and (values == values[0]).all():
         return np.broadcast_to(np.int64(values[0]), values.shape)
     narrow = values.astype(np.int32)
-    copy = narrow if np.array_equal(narrow, values) else values.astype(np.int64)
-    copy.setflags(write=False)
-    return copy
+    return sealed(narrow if np.array_equal(narrow, values) else values.astype(np.int64))
 
 
 def _keep(record: object, kept: Callable[[Any], AnyArray], *names: str) -> None:

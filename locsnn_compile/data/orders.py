@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hw_model.values import FloatArray, IntArray
+from hw_model.values import FloatArray, IntArray, sealed
 from locsnn_compile.data.sensor import LOCATION_ORDERS, SensorLayout
 from locsnn_compile.data.torch_file import read_bytes
 from locsnn_compile.errors import InputError, did_you_mean
@@ -17,8 +17,7 @@ Walk = IntArray
 
 def raster(places: Places) -> Walk:
     """Row by row from the lowest y, each from the lowest x."""
-    found: Walk = np.lexsort((places[:, 0], places[:, 1]))
-    return found
+    return np.lexsort((places[:, 0], places[:, 1]))
 
 
 def snake(places: Places) -> Walk:
@@ -121,9 +120,7 @@ def channel_walk(order: Sequence[int], layout: SensorLayout) -> Walk:
     """
     check_location_taxels(order, layout.taxels)
     channels = np.arange(layout.channels, dtype=np.int64).reshape(layout.surfaces, layout.taxels, layout.polarities)
-    walk = channels[:, np.asarray(order, dtype=np.int64) - 1].reshape(-1)
-    walk.setflags(write=False)
-    return walk
+    return sealed(channels[:, np.asarray(order, dtype=np.int64) - 1].reshape(-1))
 
 
 def check_location_taxels(taxels: Sequence[int], count: int) -> None:

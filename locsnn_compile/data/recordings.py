@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from hw_model.values import ByteArray, Frozen, IntArray, Shown
+from hw_model.values import ByteArray, Frozen, IntArray, Shown, sealed
 from locsnn_compile.errors import InputError, check_most
 
 #: Largest set of recordings accepted, in array elements: four times the largest published tactile set.
@@ -140,9 +140,7 @@ def clean_spikes(where: str, spikes: NDArray[np.generic], first: int = 0) -> Byt
             measured=f"{spikes[sample, step, channel]} at sample {first + sample}, channel {channel}, step {step}",
             fix=fix,
         )
-    clean = np.array(spikes, dtype=np.uint8, order="C")
-    clean.setflags(write=False)
-    return clean
+    return sealed(np.array(spikes, dtype=np.uint8, order="C"))
 
 
 def clean_class_names(where: str, names: Sequence[object], least: int) -> tuple[str, ...]:
@@ -165,6 +163,4 @@ def _clean_labels(where: str, labels: NDArray[np.generic], samples: int) -> IntA
     # Written so that NaN is refused too.
     if not ((values == np.floor(values)) & (values >= 0) & (values <= MAX_LABEL)).all():
         raise InputError(where, "its labels are no class numbers", measured=f"dtype {labels.dtype}", fix=fix)
-    clean = labels.astype(np.int64)
-    clean.setflags(write=False)
-    return clean
+    return sealed(labels.astype(np.int64))

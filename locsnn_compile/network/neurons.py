@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from hw_model.arithmetic.whole import whole_numbers
 from hw_model.errors import InputError, did_you_mean
-from hw_model.values import AnyArray, ArrayLike, BoolArray, FloatArray, Frozen, IntArray, Shown
+from hw_model.values import AnyArray, ArrayLike, BoolArray, FloatArray, Frozen, IntArray, Shown, sealed
 
 Number = TypeVar("Number", np.float64, np.int64)
 Rule = Literal[">", ">="]
@@ -228,6 +228,4 @@ def spread(value: ArrayLike, size: int, dtype: type[Number]) -> npt.NDArray[Numb
         raise InputError(
             "neurons", "a parameter has the wrong shape", measured=measured, fix="Give one number a neuron."
         )
-    array = np.broadcast_to(given, (size,)).astype(dtype)
-    array.setflags(write=False)
-    return array
+    return sealed(np.broadcast_to(given, (size,)).astype(dtype))

@@ -12,7 +12,7 @@ from scipy import sparse
 
 from hw_model.arithmetic.whole import whole_numbers
 from hw_model.errors import InputError
-from hw_model.values import AnyArray, ArrayLike, ByteArray, FloatArray, Frozen, IntArray, Shown
+from hw_model.values import AnyArray, ArrayLike, ByteArray, FloatArray, Frozen, IntArray, Shown, sealed
 
 Values = AnyArray
 Matrix: TypeAlias = Any
@@ -100,9 +100,7 @@ def matrix(given: Any, dtype: npt.DTypeLike) -> Matrix:
         for part in (held.data, held.indices, held.indptr):
             part.setflags(write=False)
         return held
-    array = _of_type(given, dtype)
-    array.setflags(write=False)
-    return array
+    return sealed(_of_type(given, dtype))
 
 
 def held_matrix(given: Any, where: str) -> Matrix:
@@ -130,8 +128,8 @@ def values_of(m: Matrix) -> Values:
 
 def with_values(m: Matrix, values: Values) -> Matrix:
     """Return a matrix of the same connections with other values, shaped as :func:`values_of`; read-only."""
-    values.setflags(write=False)
-    return sparse.csr_array((values, m.indices, m.indptr), shape=m.shape) if sparse.issparse(m) else values
+    held = sealed(values)
+    return sparse.csr_array((held, m.indices, m.indptr), shape=m.shape) if sparse.issparse(m) else held
 
 
 def of_target(m: Matrix, each: ArrayLike) -> Values:

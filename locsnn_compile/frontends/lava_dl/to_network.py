@@ -15,7 +15,7 @@ import numpy as np
 from scipy import sparse
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE
-from hw_model.values import IntArray
+from hw_model.values import IntArray, sealed
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.lava_dl.layers import NetFile, NetLayer, export_again, read_net
 from locsnn_compile.frontends.linear_maps import Ints, Shape, Window, check_entries, check_shape, convolution, pooling
@@ -246,9 +246,7 @@ def _delay(layer: NetLayer, mantissa: Matrix, where: str) -> int | IntArray:
             where, "the delays have the wrong size", f"{delay.size} against {rows} outputs or {columns} inputs"
         )
     each = of_target(mantissa, delay) if delay.size == rows else of_source(mantissa, delay)
-    spread: IntArray = np.broadcast_to(each, values_of(mantissa).shape).astype(np.int64)
-    spread.setflags(write=False)
-    return spread
+    return sealed(np.broadcast_to(each, values_of(mantissa).shape).astype(np.int64))
 
 
 def _neurons(layer: NetLayer, shape: Shape, where: str) -> ChipCuba:

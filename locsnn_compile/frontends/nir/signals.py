@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from hw_model.values import FloatArray, Frozen, IntArray
+from hw_model.values import FloatArray, Frozen, IntArray, sealed
 from locsnn_compile.frontends.linear_maps import product
 from locsnn_compile.network.projections import Matrix, Projection, matrix
 
@@ -86,9 +86,7 @@ def _joined(delays: Mapping[int, Any]) -> list[tuple[Matrix, int | IntArray]]:
     total = matrix(sum(held.values()), np.float64)
     # Delays are written one more than they are, since a sparse sum drops nothing but what was never stored.
     late = matrix(sum((weights != 0) * (delay + 1) for delay, weights in held.items()), np.int64)
-    steps = late.data - 1
-    steps.setflags(write=False)
-    return [(total, steps)]
+    return [(total, sealed(late.data - 1))]
 
 
 def _canonical(weights: Any) -> Any:
