@@ -125,7 +125,11 @@ def run(args: Namespace) -> int:
             raise InputError(option, "there are no events to read", fix="Give them with --events.")
         recordings = recordings_for(network, None)
     else:
-        recordings = read_recordings(args.events, model=network.expected, **asked_reading(args))
+        reading = {"model": network.expected, **asked_reading(args)}
+        recordings = read_recordings(args.events, **reading)
+        if given(args, ("--split", "--fold")) and args.calibration == args.events:
+            # Of what is divided here, one part to choose by and another to check on, as of what is divided already.
+            args.calibration = read_recordings(args.events, split="train", **reading)
     number = recording_of(args.recording, recordings)
     with progress_bar("checking against the float reference", show=not args.quiet) as progress:
         compiled = compile(

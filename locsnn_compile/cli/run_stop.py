@@ -116,7 +116,7 @@ def _calibration(args: argparse.Namespace, program: hw.ChipProgram) -> tuple[Rec
     """Return the recordings to calibrate on, never those that are played, and their part of the archive."""
     from locsnn_compile.data.read import recording_parts
 
-    parts = recording_parts(args.calibrate)
+    parts = recording_parts(args.calibrate, test_share=args.split)
     part = "train" if "train" in parts else None
     if part is None and Path(args.calibrate).resolve() == Path(args.events).resolve():
         raise InputError(

@@ -46,11 +46,13 @@ def write_preprocessed(folder: Path, samples: int = 20, classes: int = 2, rounds
     """Write ``tact.pt`` (samples, 78, 2, 150) and the rows of its rounds; return its bins (samples, 150, 156)."""
     folder.mkdir(parents=True, exist_ok=True)
     touches = synthetic_touches(samples, steps=150, fingertips=2, classes=classes, seed=6, step_seconds=0.001)
-    tensor = torch.tensor(touches.spikes).permute(0, 2, 1).reshape(samples, 78, 2, 150).float()
+    assert touches.labels is not None
+    spikes = touches.spikes[np.argsort(touches.labels, kind="stable")]  # class by class, as published
+    tensor = torch.tensor(spikes).permute(0, 2, 1).reshape(samples, 78, 2, 150).float()
     torch.save(tensor, folder / "tact.pt")
     rows = np.stack([np.arange(samples), np.sort(np.arange(samples) % classes)], axis=1)
     for k in range(1, rounds + 1):
         test = np.arange(samples) % rounds == k - 1
         for part, chosen in (("train", ~test), ("test", test)):
             np.savetxt(folder / f"{part}_80_20_{k}.txt", rows[chosen], fmt="%d", delimiter="\t")
-    return touches.spikes
+    return spikes

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from published import write_preprocessed, write_slip
 
+from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import main
 from locsnn_compile.data import Recordings, read_recordings, recording_parts, write_recordings
 from locsnn_compile.data.synthetic import synthetic_touches
@@ -223,6 +225,27 @@ def test_the_commands_agree_on_the_parts(
     assert main(["events", "motions.npz", *options, "--part", "train", "--to", "train.npz"]) == 0
     assert capsys.readouterr().out.startswith("motions.npz, train part (split 0.2, round 2): 16 recordings, 40 steps")
     assert len(read_recordings("train.npz")) == 16
+
+
+def test_no_part_is_both_checked_and_calibrated_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_preprocessed(tmp_path / "preprocessed")
+    quick = ["--epochs", "1", "--hidden", "4", "--quiet", "--recordings", "0", "-o", "net.pt"]
+    assert main(["train", "--data", "preprocessed", "--fold", "3", *quick]) == 0
+    both = ["--events", "preprocessed", "--calibration", "preprocessed", "--fold", "3"]
+    assert compile_main(["net.pt", *both, "--json", "-o", "out"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["match"]["events_source"] == "tact.pt, test part (round 3 of 5)"
+    assert report["strategy_choice"]["calibration_source"] == "tact.pt, train part (round 3 of 5)"
+    write_single(tmp_path)
+    assert main(["train", "--data", "set.npz", "--split", "0.2", *quick]) == 0
+    assert compile_main(["net.pt", "--quiet", "--strategy", "dendrite", "-o", "out"]) == 0
+    played = ["run", "out", "--events", "set.npz", "--split", "0.2", "--stop", "margin", "--calibrate", "set.npz"]
+    assert main([*played, "--json"]) == 0
+    calibrated = json.loads(capsys.readouterr().out)["stop"]["calibrated_on"]
+    assert (calibrated["source"], calibrated["recordings"]) == ("set.npz, train part (split 0.2, round 1)", 13)
 
 
 def test_training_takes_a_round_of_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
