@@ -46,8 +46,13 @@ _UNREACHED = 1.001
 DT_SECONDS = 1e-4
 """The step by convention: NIR files do not hold one."""
 _IN_SECONDS = ("IF", "LIF", "CubaLIF", "LI", "CubaLI", "Delay")
-_WITH_TAU = ("LIF", "CubaLIF", "LI", "CubaLI")
-_WITH_RESET = ("IF", "LIF", "CubaLIF")
+_WITH_TAU, _WITH_RESET = ("LIF", "CubaLIF", "LI", "CubaLI"), ("IF", "LIF", "CubaLIF")
+_ASSUMED = (
+    (_IN_SECONDS, f"how long a step is: its constants were read in steps of {DT_SECONDS:g} s, the convention (--dt)."),
+    (_WITH_RESET, "how a spike resets: its potential goes to v_reset at once (--reset zero)."),
+    (_WITH_TAU, "how its equations become steps: by Euler's method (--discretisation euler)."),
+)
+"""Of step, reset and discretisation: the nodes that depend on it, and what is taken where nothing says it."""
 
 
 class Stepping(Frozen, eq=False):
@@ -216,26 +221,8 @@ def _unreached(signal: Signal, bias: FloatArray, stepping: Stepping) -> FloatArr
     return np.where(reached > 0, reached, 1.0) * _UNREACHED
 
 
-def nir_assumptions(
-    flat: FlatGraph, dt: float | None, reset: str | None, discretisation: str | None
-) -> tuple[str, ...]:
-    """Return a sentence for each of the three that is None, where a node of the graph depends on it."""
-    rows = (
-        (
-            dt,
-            _IN_SECONDS,
-            f"The NIR graph does not say how long a step is: its constants were read in steps of {DT_SECONDS:g} s, "
-            "the convention (--dt).",
-        ),
-        (
-            reset,
-            _WITH_RESET,
-            "The NIR graph does not say how a spike resets: its potential goes to v_reset at once (--reset zero).",
-        ),
-        (
-            discretisation,
-            _WITH_TAU,
-            "The NIR graph does not say how its equations become steps: by Euler's method (--discretisation euler).",
-        ),
-    )
-    return tuple(sentence for given, kinds, sentence in rows if given is None and flat.named(*kinds))
+def nir_assumptions(flat: FlatGraph, *said: object) -> tuple[str, ...]:
+    """Return a sentence for each of the step, the reset and the discretisation that is None and has its nodes."""
+    rows = zip(said, _ASSUMED, strict=True)
+    found = (sentence for given, (kinds, sentence) in rows if given is None and flat.named(*kinds))
+    return tuple(f"The NIR graph does not say {sentence}" for sentence in found)
