@@ -113,7 +113,7 @@ def test_long_tables_are_files_next_to_the_page(work: Path) -> None:
     written = (work / "results/confusions.csv").read_text(encoding="utf-8")
     assert written.splitlines()[1] == '"Hybrid, lambda 1, loop, Containers",2,2 taken for 1: 2'
     kept = HERE.parents[1] / "docs/results"
-    assert {path.stem for path in kept.iterdir()} == {*TABLES, "tried-hybrid", "tried-windows"}
+    assert {path.stem for path in kept.iterdir()} == {*TABLES, "tried-hybrid", "tried-training", "tried-windows"}
 
 
 def test_commands_are_those_of_locsnn_train() -> None:

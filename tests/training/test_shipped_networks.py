@@ -201,3 +201,42 @@ def test_every_strategy_spikes_as_trained_on_all_recordings(
     for split in ("test", "train"):
         recordings = read_recordings(REAL / f"Ev-{name.title()}.zip", split=split)
         assert mismatches(found, network, recordings)[0] == 0
+
+
+def test_the_best_network_of_containers_is_the_one_of_its_configuration() -> None:
+    found = read_checkpoint(model("containers-best"))
+    assert (found.description.name, found.description.architecture) == ("containers-best", "window-snn")
+    assert found.recordings is None
+    config = vars(config_from_mapping(read_config(ROOT / "examples/configs/containers-window-snn-levels.yaml")))
+    assert config["seed"] == found.training["seed"] == 0  # fixed beforehand, not picked
+    assert {key: found.training[key] for key in config if key in found.training} == {
+        key: value for key, value in config.items() if key in found.training
+    }
+
+
+def test_its_card_agrees_with_it() -> None:
+    training = read_checkpoint(model("containers-best")).training
+    card = model("containers-best").with_suffix(".md").read_text(encoding="utf-8")
+    rows = {int(row[0]): row[1:] for row in re.findall(r"^\| (\d) \| ([\d.]+) \| ([\d.]+) \|$", card, re.M)}
+    assert sorted(rows) == [0, 1, 2, 3, 4]
+    assert rows[0][0] == f"{training['test_accuracy']:.3f}"
+    right = np.array([round(60 * float(test)) for test, _ in rows.values()])
+    assert int(5 * 60 - right.sum()) == 37
+    tests = right / 60
+    assert f"Test: mean {tests.mean():.3f}, sample standard deviation {tests.std(ddof=1):.3f}, over five seeds" in card
+
+
+@on_real_recordings
+def test_the_best_network_of_containers_on_the_chip() -> None:
+    found, network = read_checkpoint(model("containers-best")), load(model("containers-best"))
+    test = read_recordings(REAL / "Ev-Containers.zip", split="test")
+    own = build_network(found.description)
+    own.load_weights(found.weights)
+    with torch.no_grad():
+        in_torch = own.double().counts(torch.from_numpy(test.spikes.copy()).double()).argmax(dim=1).numpy()
+    prediction = np.asarray(hw.simulate(lower(network, CHIP, 8).program, test.spikes).prediction)
+    assert np.array_equal(prediction, in_torch)
+    assert float((prediction == test.labels).mean()) == found.training["test_accuracy"]
+    assert test.labels is not None
+    wrong = prediction != test.labels
+    assert (prediction[wrong] // 5 == test.labels[wrong] // 5).all()  # the container is right, its fill level is not
