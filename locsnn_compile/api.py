@@ -17,8 +17,7 @@ from hw_model.values import ArrayLike, Frozen
 from locsnn_compile.backends import EXCHANGE_KINDS, LEVEL_KINDS
 from locsnn_compile.backends.exchange import exchange_file
 from locsnn_compile.choose_strategy import Choice, choose_strategy, lower_as
-from locsnn_compile.cluster.dask_cluster import spread_over
-from locsnn_compile.cluster.spread import Spread, here
+from locsnn_compile.cluster.spread import Spread, here, spread_over
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.synthetic import synthetic_touches

@@ -1,6 +1,6 @@
 """Count what a batch did in a phase, from its spikes and from what one spike of each source causes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -35,15 +35,18 @@ class StepActivity(Shown):
 
     def count(self, name: str) -> IntArray:
         """Return a count, or one derived from them, (steps, cores)."""
-        if name == "neuron_updates_inactive":
-            return self.by_core["neuron_updates"] - self.by_core["neuron_updates_active"]
-        if name == "hops":
-            return self.by_core["hops_x"] + self.by_core["hops_y"]
         if name == "packets_received":
             arrived = self.input_packets.copy()
             np.add.at(arrived.T, self.routes.target, self.packets.T)
             return arrived
-        return self.by_core[name]
+        return counted(self.by_core, name)
+
+
+def counted(kept: Mapping[str, IntArray], name: str) -> IntArray:
+    """Return one of the counts that are kept, or one derived from them."""
+    if name == "neuron_updates_inactive":
+        return kept["neuron_updates"] - kept["neuron_updates_active"]
+    return kept["hops_x"] + kept["hops_y"] if name == "hops" else kept[name]
 
 
 def stacked(items: Sequence[StepActivity]) -> StepActivity:

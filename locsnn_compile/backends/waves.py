@@ -165,10 +165,7 @@ def _read(program: hw.ChipProgram, probe: str) -> list[Compartment]:
     first = int(match["first"])
     stop = int(match["stop"]) if match["stop"] else first + 1
     if not first < stop <= sizes[group]:
-        raise InputError(
-            f"probe {probe!r}",
-            f"{group!r} has no such compartment",
-            measured=f"{sizes[group]} compartments",
-            fix=f"Count from 0 to {sizes[group] - 1}.",
-        )
+        measured = f"{sizes[group]} compartments"
+        fix = f"Count from 0 to {sizes[group] - 1}."
+        raise InputError(f"probe {probe!r}", f"{group!r} has no such compartment", measured=measured, fix=fix)
     return [Compartment(group, i) for i in range(first, stop)]

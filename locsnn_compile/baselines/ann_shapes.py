@@ -20,12 +20,9 @@ def convolved(steps: int, sensor: SensorLayout) -> list[tuple[int, int, int]]:
     for _, kernel, stride in CONVOLUTIONS:
         size = tuple((n - k) // s + 1 for n, k, s in zip(size, kernel, stride, strict=True))  # type: ignore[assignment]
         if min(size) < 1:
-            raise InputError(
-                "network 'cnn-3d'",
-                "the recording is too short for its two convolutions",
-                measured=f"{steps} steps against at least 23",
-                fix="Take longer recordings.",
-            )
+            what = "the recording is too short for its two convolutions"
+            fix = "Take longer recordings."
+            raise InputError("network 'cnn-3d'", what, measured=f"{steps} steps against at least 23", fix=fix)
         sizes.append(size)
     return sizes
 

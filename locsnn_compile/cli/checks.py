@@ -40,10 +40,7 @@ def recording_of(asked: int | None, recordings: Recordings) -> int:
     """Return the number of the recording that is asked for, by default the first; refuse one that is not there."""
     number = asked or 0
     if not 0 <= number < len(recordings):
-        raise InputError(
-            f"--recording {number}",
-            "there is no such recording",
-            measured=f"{len(recordings)} in {recordings.source}",
-            fix=f"Count from 0 to {len(recordings) - 1}.",
-        )
+        measured = f"{len(recordings)} in {recordings.source}"
+        fix = f"Count from 0 to {len(recordings) - 1}."
+        raise InputError(f"--recording {number}", "there is no such recording", measured=measured, fix=fix)
     return number

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 from locsnn_compile.backends import BENCH_KINDS, BUILD_NAMES, EMIT_KINDS, EMITTED_NAMES, EXCHANGE_KINDS, LEVEL_KINDS
 from locsnn_compile.cli.checks import check_known, check_psi, given, recording_of
 from locsnn_compile.cli.completion import answer_shell
-from locsnn_compile.cli.option_file import HELP as OPTIONS
-from locsnn_compile.cli.shell import EXIT_GATE, Parser, add_common, guarded, progress_bar
+from locsnn_compile.cli.shell import EXIT_GATE, OPTIONS_HELP, Parser, add_common, guarded, progress_bar
 from locsnn_compile.cli.step_options import add_step_options, asked_reading, with_steps
 from locsnn_compile.errors import InputError
+from locsnn_compile.report.figures.flat import picked
 from locsnn_compile.strategies import AUTO, STRATEGIES
 from locsnn_compile.verification.gates import GATES, Gate, check_gates, gates_entry, junit_file
 
@@ -83,7 +83,7 @@ def add_options(parser: ArgumentParser) -> None:
     add("--max-cores", type=int, metavar="N", help="exit 3 if more than N cores are used")
     add("--junit", metavar="FILE", help="write the gates as JUnit XML")
     add("--scheduler", metavar="ADDRESS", help="play the recordings on the Dask cluster of this scheduler")
-    add("--options", metavar="FILE", help=OPTIONS)
+    add("--options", metavar="FILE", help=OPTIONS_HELP)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -109,14 +109,7 @@ def run(args: Namespace) -> int:
     from locsnn_compile.settings import check_matters
     from locsnn_compile.verification.error_bounds import ErrorBudget
 
-    network = load(
-        args.model,
-        config=args.config,
-        dt=args.dt,
-        reset=args.reset,
-        discretisation=args.discretisation,
-        kernels=args.kernels,
-    )
+    network = load(args.model, **picked(args, "config", "dt", "reset", "discretisation", "kernels"))
     asked = given(args, ("--weight-bits", "--split-weights", "--calibration", "--psi"))
     check_matters(network, {option.strip("-").replace("-", "_"): option for option in asked})
     network = with_steps(network, args)
@@ -135,16 +128,10 @@ def run(args: Namespace) -> int:
         compiled = compile(
             network,
             args.target,
-            strategy=args.strategy,
-            weight_bits=args.weight_bits,
             events=recordings,
             progress=progress,
-            calibration=args.calibration,
             budget=ErrorBudget(args.min_agreement, args.max_spike_error),
-            split_weights=args.split_weights,
-            psi=args.psi,
-            profile=args.profile,
-            scheduler=args.scheduler,
+            **picked(args, "strategy", "weight_bits", "calibration", "split_weights", "psi", "profile", "scheduler"),
         )
     gates = check_gates(compiled.report, given(args, GATES))
     compiled = replace(compiled, report=compiled.report | {"gates": gates_entry(gates)})

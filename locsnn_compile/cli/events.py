@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 from locsnn_compile.cli.checks import recording_of
 from locsnn_compile.cli.step_options import add_sensor_options, add_step_options, asked_reading
 from locsnn_compile.errors import InputError
+from locsnn_compile.report.figures.flat import picked
+from locsnn_compile.report.format import plural
 
 if TYPE_CHECKING:
     from locsnn_compile.data.recordings import Recordings
@@ -61,37 +63,21 @@ def run(args: argparse.Namespace) -> int:
     check_places({"FILE": args.file}, [place for place in writes if place[1].suffix])
     laid_out = args.grid is not None or args.layout is not None
     sensor = asked_layout(args.grid, args.polarities, args.channels, args.layout) if laid_out else None
-    recordings = read_recordings(
-        args.file,
-        split=args.part,
-        channels=args.channels,
-        polarities=args.polarities,
-        columns=args.columns,
-        sensor=sensor,
-        **asked_reading(args),
-    )
+    asked = picked(args, "channels", "polarities", "columns") | asked_reading(args)
+    recordings = read_recordings(args.file, split=args.part, sensor=sensor, **asked)
     number = recording_of(args.recording, recordings)
     found = event_statistics(recordings, sensor)
     written = _write(args, recordings, number)
     if args.json:
         print(json.dumps(found, indent=2, allow_nan=False))
         return 0
-    print(
-        "\n".join(
-            [
-                *statistics_lines(found, recordings.binned.words if recordings.binned else None),
-                *_raster(recordings, number),
-                *written,
-            ]
-        )
-    )
+    said = statistics_lines(found, recordings.binned.words if recordings.binned else None)
+    print("\n".join([*said, *_raster(recordings, number), *written]))
     return 0
 
 
 def statistics_lines(found: Mapping[str, Any], binning: str | None) -> list[str]:
     """Return the figures as lines; ``binning`` says what reading left out."""
-    from locsnn_compile.report.format import plural
-
     width, steps, polarity = found["step_seconds"], found["steps"], found["polarity"]
     events, silence, rate = found["events"]["per_recording"], found["silence"], found["rate_hz_per_channel"]
     seconds = "" if width is None else f" of {width:g} s ({steps * width:g} s)"
@@ -125,8 +111,6 @@ def statistics_lines(found: Mapping[str, Any], binning: str | None) -> list[str]
 
 
 def _labels(labels: dict[int, int] | None) -> str:
-    from locsnn_compile.report.format import plural
-
     if labels is None:
         return "none"
     least, most = min(labels.values()), max(labels.values())

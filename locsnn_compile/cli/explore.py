@@ -110,7 +110,7 @@ def _explore(
     from locsnn_compile.api import calibration_recordings
     from locsnn_compile.explore.events import choose_events, report_events, written
     from locsnn_compile.explore.exploration import Exploration
-    from locsnn_compile.explore.study import ModelFile, Study
+    from locsnn_compile.explore.point import ModelFile, Study
     from locsnn_compile.explore.sweep import Store, auto_bounds, sweep
     from locsnn_compile.passes.quantize import weight_bits_of
     from locsnn_compile.verification.error_bounds import ErrorBudget

@@ -6,9 +6,7 @@ import argparse
 import math
 import shutil
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import asdict
+from contextlib import closing, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -16,6 +14,7 @@ import hw_model as hw
 from locsnn_compile.cli.diff import read_report
 from locsnn_compile.cli.shell import progress_bar
 from locsnn_compile.errors import InputError
+from locsnn_compile.report.format import ratio, time
 
 if TYPE_CHECKING:
     from locsnn_compile.data.recordings import Recordings
@@ -40,37 +39,22 @@ class LiveLine:
     def show(self, line: str) -> None:
         """Write a line that the next one replaces, where there is a terminal; else for good."""
         if not self.watched:
-            self._stream.write(f"{line}\n")
+            print(line, file=self._stream)
             return
-        self._stream.write(_CLEAR + line[: shutil.get_terminal_size().columns - 1])
-        self._stream.flush()
+        shown = line[: shutil.get_terminal_size().columns - 1]
+        print(_CLEAR, shown, sep="", end="", file=self._stream, flush=True)
         self._open = True
 
     def say(self, line: str) -> None:
         """Write a line for good."""
         self.close()
-        self._stream.write(f"{line}\n")
-        self._stream.flush()
+        print(line, file=self._stream, flush=True)
 
     def close(self) -> None:
         """Take away the line that would be replaced."""
         if self._open:
-            self._stream.write(_CLEAR)
-            self._stream.flush()
+            print(end=_CLEAR, file=self._stream, flush=True)
             self._open = False
-
-
-@contextmanager
-def live_line(*, quiet: bool) -> Iterator[LiveLine | None]:
-    """Give a line on standard output, and take it away at the end, however that comes; None where it is quiet."""
-    if quiet:
-        yield None
-        return
-    line = LiveLine(sys.stdout)
-    try:
-        yield line
-    finally:
-        line.close()
 
 
 def stream_all(
@@ -86,7 +70,8 @@ def stream_all(
     # The first pushes load compiled code, which is no step's fault.
     stream(hw.Session(program, args.psi), _rows(to_the_end(program, recordings.spikes[:1])))
     found: list[Streamed] = []
-    with live_line(quiet=args.json) as line, progress_bar("streaming", show=args.json) as progress:
+    watched = nullcontext() if args.json else closing(LiveLine(sys.stdout))
+    with watched as line, progress_bar("streaming", show=args.json) as progress:
         for i, row in enumerate(rows):
             played = _rows(to_the_end(program, recordings.spikes[i : i + 1]))
             steps = len(next(iter(played.values())))
@@ -105,9 +90,9 @@ def stream_all(
     return {
         "psi": args.psi,
         "step_seconds": step_seconds,
-        "step_latency_seconds": asdict(latency),
-        "real_time_factor": step_seconds and step_seconds / latency.mean,
-        "worst_real_time_factor": step_seconds and step_seconds / latency.worst,
+        "step_latency_seconds": latency,
+        "real_time_factor": step_seconds and step_seconds / latency["mean"],
+        "worst_real_time_factor": step_seconds and step_seconds / latency["worst"],
         "right_is": "the label" if recordings.labels is not None else "the prediction after the last step",
         "right": right.tolist(),
     }
@@ -115,8 +100,6 @@ def stream_all(
 
 def stream_lines(found: Row) -> list[str]:
     """Return predictions over time and the pace, a line each."""
-    from locsnn_compile.report.format import ratio, time
-
     right, length = found["right"], found["step_seconds"]
     shown = []
     for part in _MOMENTS:

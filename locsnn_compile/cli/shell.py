@@ -1,4 +1,7 @@
-"""What all commands share: how they are added, one-line errors, exit codes, streams, progress bars."""
+"""What all commands share: how they are added, one-line errors, exit codes, streams, progress bars, Ctrl-C at once.
+
+``--options FILE`` has options of a command by their names in a YAML file; those of the command line win.
+"""
 
 from __future__ import annotations
 
@@ -8,16 +11,97 @@ import gc
 import io
 import logging
 import os
+import signal
+import socket
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, NoReturn, Protocol
 
 from locsnn_compile import __version__
-from locsnn_compile.cli.interrupt import EXIT_INTERRUPTED as EXIT_INTERRUPTED
-from locsnn_compile.cli.interrupt import leaving_at_once
-from locsnn_compile.cli.option_file import read_options
-from locsnn_compile.errors import InputError, LocsnnError
+from locsnn_compile.errors import InputError, LocsnnError, did_you_mean
+
+OPTIONS_HELP = "YAML file of this command's options by name; those given here win"
+_OTHERS = ("help", "options", "version")
+
+
+def read_options(parser: argparse.ArgumentParser, path: str) -> dict[str, Any]:
+    """Return the values that a file gives to options of a parser, by their attribute; ``InputError`` for all else."""
+    from hw_model.io.yaml_text import read_mapping
+
+    where = f"options {path!r}"
+    values = read_mapping(Path(path), where, "Give the YAML file of a command's options.")
+    options = {name[2:]: action for name, action in parser._option_string_actions.items() if name.startswith("--")}
+    known = {name: action for name, action in options.items() if name not in _OTHERS}
+    for name in values:
+        if name not in known:
+            raise InputError(where, f"key {str(name)[:60]!r} is not known", fix=did_you_mean(name, known))
+    return {known[name].dest: _value(known[name], value, f"{where}, {name}") for name, value in values.items()}
+
+
+def _value(action: argparse.Action, value: Any, where: str) -> Any:
+    """Return a value as the command line would give it: of the option's type, or a list of such."""
+    if action.nargs == 0:
+        if isinstance(value, bool):
+            return value
+        raise InputError(where, "it must be true or false", measured=f"got {value!r}", fix="Correct the value.")
+    several = isinstance(action, argparse._AppendAction)
+    items = value if several and isinstance(value, list) else [value]
+    kind: Any = action.type or str
+    try:
+        if not {type(one) for one in items} <= {str, int, float}:
+            raise ValueError(value)
+        found = [kind(str(one)) for one in items]
+    except ValueError:
+        got = f"got {value!r}"
+        raise InputError(where, "it is not a value of this option", measured=got, fix="Correct the value.") from None
+    return found if several else found[0]
+
+
+EXIT_INTERRUPTED = 130
+GRACE_SECONDS = 1.0
+"""How long a command may take to leave by itself and tidy up."""
+_SHOW_CURSOR = "\r\x1b[K\x1b[?25h"
+"""What a progress bar has to be followed by where it is cut off."""
+
+
+@contextmanager
+def leaving_at_once() -> Iterator[None]:
+    """See to it that after a Ctrl-C in this context the process ends within :data:`GRACE_SECONDS`.
+
+    Python raises KeyboardInterrupt in the main thread and between its own instructions only, and joins all threads
+    before it exits: a loop of compiled code, here or in a thread, would be waited for. So a thread of its own reads of
+    the signal, and ends the process if it is still there after that time. Files are not written by such loops, and
+    under another name until they are whole.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    ours, pythons = socket.socketpair()
+    pythons.setblocking(False)
+    before = signal.set_wakeup_fd(pythons.fileno(), warn_on_full_buffer=False)
+    left = threading.Event()
+    threading.Thread(target=_watch, args=(ours, left), daemon=True).start()
+    try:
+        yield
+    finally:
+        left.set()
+        signal.set_wakeup_fd(before)
+        pythons.close()  # which ends the watch, unless a signal came before
+
+
+def _watch(ours: socket.socket, left: threading.Event) -> None:
+    with ours:
+        while received := ours.recv(64):
+            if signal.SIGINT in received:
+                time.sleep(GRACE_SECONDS)
+                if not left.is_set():
+                    print(f"{_SHOW_CURSOR if sys.stderr.isatty() else ''}Interrupted.", file=sys.stderr, flush=True)
+                os._exit(EXIT_INTERRUPTED)
+
 
 # Before numpy is there: matrices are small, threads of a busy machine wait for each other, and with one of them results
 # do not hang on the number of cores.

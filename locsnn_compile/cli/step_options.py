@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.errors import InputError
+from locsnn_compile.report.figures.flat import picked
 
 if TYPE_CHECKING:
     import hw_model as hw
@@ -42,12 +43,7 @@ def add_sensor_options(parser: argparse.ArgumentParser, channels: str, polaritie
 
 def asked_reading(args: argparse.Namespace) -> dict[str, Any]:
     """Return all of these options as ``read_recordings`` takes them."""
-    return asked_steps(args) | {"axes": args.axes, "test_share": args.split, "fold": args.fold}
-
-
-def asked_steps(args: argparse.Namespace) -> dict[str, Any]:
-    """Return the options that a model may have, too."""
-    return {"step_seconds": args.step_seconds, "steps": args.steps, "threshold": args.threshold}
+    return picked(args, "step_seconds", "steps", "threshold", "axes", "fold") | {"test_share": args.split}
 
 
 def read_for_program(
@@ -93,7 +89,7 @@ def with_steps(network: Network, args: argparse.Namespace) -> Network:
 
     if args.step_seconds is not None and args.dt is None and isinstance(network.origin, NirGraph):
         raise InputError("--step-seconds", "the neurons of a NIR graph go by its step", fix="Give it as --dt.")
-    found = network.expected.agreed(**asked_steps(args))
+    found = network.expected.agreed(**picked(args, "step_seconds", "steps", "threshold"))
     network = replace(network, step_seconds=found["step_seconds"], event_threshold=found["threshold"])
     if args.steps is None or not network.any_length:
         return network

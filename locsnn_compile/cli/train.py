@@ -158,12 +158,8 @@ def _check_places(args: argparse.Namespace, output: Path) -> None:
                 option, f"{path.name!r} next to it would be replaced, but no training wrote it", fix="Write elsewhere."
             )
     if args.resume and not _state_path(output).exists():
-        raise InputError(
-            "--resume",
-            "there is nothing to go on from",
-            measured=f"no {_state_path(output).name!r}",
-            fix="Train without --resume.",
-        )
+        measured = f"no {_state_path(output).name!r}"
+        raise InputError("--resume", "there is nothing to go on from", measured=measured, fix="Train without --resume.")
 
 
 def _start(args: argparse.Namespace) -> Checkpoint | None:

@@ -1,10 +1,52 @@
-"""A job in parts: what does them gives their results in their order, whoever does them where."""
+"""A job in parts, done here or by workers of a Dask cluster that run the same code; Dask needs the extra ``dask``.
 
+What does the parts gives their results in their order, whoever does them where. Figures are comparable only where the
+same code made them.
+"""
+
+import hashlib
 import pickle
 import zlib
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from functools import lru_cache
+from contextlib import contextmanager
+from functools import cache, lru_cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from types import ModuleType
 from typing import Any, Protocol, TypeVar
+
+import hw_model
+from hw_model.values import Frozen
+from locsnn_compile.errors import InputError
+
+PACKAGE = "locsnn-compile"
+_SUFFIXES = (".py", ".yaml")
+
+
+@cache
+def code_version() -> str:
+    """Return the package's version and a digest of its sources, which also change between versions."""
+    digest = hashlib.sha256()
+    for folder in (Path(hw_model.__file__).parent, Path(__file__).parents[1]):
+        for path in sorted(folder.rglob("*")):
+            if path.suffix in _SUFFIXES:
+                content = path.read_bytes()
+                digest.update(f"{path.relative_to(folder.parent).as_posix()}\n{len(content)}\n".encode() + content)
+    try:
+        number = version(PACKAGE)
+    except PackageNotFoundError:  # run from its sources
+        number = "0"
+    return f"{number}+{digest.hexdigest()[:12]}"
+
+
+def check_code(where: str, code: str) -> None:
+    """Refuse what other code than this has measured."""
+    if code != code_version():
+        measured = f"{code} against {code_version()}"
+        fix = "Install the same one everywhere."
+        raise InputError(where, "another version of locsnn-compile runs there", measured=measured, fix=fix)
+
 
 Part = TypeVar("Part")
 Result = TypeVar("Result")
@@ -36,3 +78,89 @@ def unpacked(content: bytes) -> Any:
 def work_packed(work: bytes, part: bytes) -> Any:
     """Do a part that comes from another process; what both share is unpacked once."""
     return unpacked(work)(unpacked.__wrapped__(part))
+
+
+PATIENCE_SECONDS = 30
+"""For the scheduler to answer, and for its first worker."""
+AHEAD = 2
+"""Parts for each thread of the cluster that are under way: the next one is there when one is done."""
+
+
+class Cluster(Frozen):
+    """A connected ``distributed.Client``; ``where`` is how errors name it."""
+
+    client: Any
+    where: str
+    distributed: ModuleType
+
+    def result(self, future: Any) -> Any:
+        """Return the result of a future; whose worker died is done again by others, and by none after a few times."""
+        try:
+            return future.result()
+        except self.distributed.KilledWorker:
+            fix = "Give them more memory, or fewer recordings."
+            raise InputError(self.where, "its workers keep dying", fix=fix) from None
+        except self.distributed.CancelledError:
+            raise InputError(self.where, "it was lost", fix="Start it and the command again.") from None
+
+    def spread(self, work: Callable[[Part], Result], parts: Iterable[Part], /) -> Iterator[Result]:
+        """Have parts done by the workers, so many at a time; see :class:`locsnn_compile.cluster.spread.Spread`."""
+        # The work goes with every part, not to the workers beforehand, where it would be lost with them.
+        job, waiting = packed(work), deque[Any]()
+        most = AHEAD * max(1, sum(self.client.nthreads().values()))
+        for part in parts:
+            waiting.append(self.client.submit(work_packed, job, packed(part), pure=False))
+            if len(waiting) == most:
+                yield self.result(waiting.popleft())
+        while waiting:
+            yield self.result(waiting.popleft())
+
+
+@contextmanager
+def spread_over(address: str | None) -> Iterator[Spread]:
+    """Give what does the parts of a job: the cluster of a scheduler, or this process where none is named."""
+    if address is None:
+        yield here
+        return
+    with connected(address) as cluster:
+        yield cluster.spread
+
+
+def installed_dask() -> ModuleType:
+    """Return the package; ``InputError`` where it is not installed."""
+    try:
+        import distributed
+    except ImportError:
+        fix = "Install it with: pip install 'locsnn-compile[dask]'"
+        raise InputError("--scheduler", "Dask is not installed", fix=fix) from None
+    return distributed
+
+
+@contextmanager
+def connected(address: str) -> Iterator[Cluster]:
+    """Connect to a scheduler that has at least one worker, all of them with this code."""
+    distributed = installed_dask()
+    where, waited = f"--scheduler {address}", f"within {PATIENCE_SECONDS} s"
+    try:
+        client = distributed.Client(address, timeout=PATIENCE_SECONDS, set_as_default=False)
+    except ValueError as error:
+        raise InputError(
+            where, f"it is not an address: {error}", fix="Give one such as tcp://127.0.0.1:8786."
+        ) from None
+    except OSError:
+        fix = "Start one with: dask scheduler"
+        raise InputError(where, "no scheduler answers", measured=waited, fix=fix) from None
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=PATIENCE_SECONDS)
+        except TimeoutError:
+            fix = f"Start some with: dask worker {address}"
+            raise InputError(where, "it has no workers", measured=waited, fix=fix) from None
+        try:
+            codes = client.run(code_version)
+        except ImportError as error:
+            fix = "Install it there."
+            raise InputError(where, "a worker has no locsnn-compile", measured=str(error), fix=fix) from None
+        for code in codes.values():
+            check_code(where, code)
+        yield Cluster(client, where, distributed)

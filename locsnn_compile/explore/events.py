@@ -55,11 +55,9 @@ def choose_events(network: Network, events: str | None, part: str | None, bound:
         return _bounded(Chosen(touches, len(touches), None, None), bound)
     parts = recording_parts(events)
     if part is None and parts == (REPORTING,):
-        raise InputError(
-            f"events {Path(events).name!r}",
-            "it has only a test part, and no setting may be chosen on that",
-            fix="Give other recordings, or say so with --part test.",
-        )
+        what = "it has only a test part, and no setting may be chosen on that"
+        fix = "Give other recordings, or say so with --part test."
+        raise InputError(f"events {Path(events).name!r}", what, fix=fix)
     taken = part or (CHOOSING if parts else None)
     recordings = read_recordings(events, split=taken, model=network.expected)
     # What is divided means one part as events and another as calibration recordings.

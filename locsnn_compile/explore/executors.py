@@ -11,11 +11,9 @@ from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from multiprocessing import active_children, get_context
 
-from locsnn_compile.cluster.dask_cluster import connected, installed_dask
-from locsnn_compile.cluster.spread import packed, work_packed
+from locsnn_compile.cluster.spread import connected, installed_dask, packed, work_packed
 from locsnn_compile.errors import InputError
-from locsnn_compile.explore.point import Point, measure
-from locsnn_compile.explore.study import Study
+from locsnn_compile.explore.point import Point, Study, measure
 from locsnn_compile.settings import Setting
 
 Points = Generator[Point, None, None]
@@ -64,12 +62,9 @@ def _in_processes(workers: int, study: Study, settings: Sequence[Setting]) -> Po
             attempts = ATTEMPTS
             yield point
     if left:
-        raise InputError(
-            f"--workers {workers}",
-            "its processes die",
-            measured=f"{ATTEMPTS} times in a row, {len(left)} settings left",
-            fix="Give fewer workers, or fewer recordings with --recordings.",
-        )
+        measured = f"{ATTEMPTS} times in a row, {len(left)} settings left"
+        fix = "Give fewer workers, or fewer recordings with --recordings."
+        raise InputError(f"--workers {workers}", "its processes die", measured=measured, fix=fix)
 
 
 def _one_pool(workers: int, job: bytes, settings: Sequence[Setting]) -> Points:

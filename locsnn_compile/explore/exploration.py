@@ -1,18 +1,84 @@
-"""What an exploration found: points, their front, and the recommendation."""
+"""What an exploration found: points, their front, which no other point beats, and the one recommended on it.
+
+Recommended is the cheapest within a budget.
+"""
 
 import shlex
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 
 from hw_model.values import Frozen
 from locsnn_compile.explore.events import Chosen
 from locsnn_compile.explore.executors import Executor
-from locsnn_compile.explore.point import Point
-from locsnn_compile.explore.recommend import Recommendation, on_front, recommend
-from locsnn_compile.explore.study import ModelFile, Study
+from locsnn_compile.explore.point import Figures, ModelFile, Point, Study
 from locsnn_compile.explore.sweep import Progress, Store, sweep
+from locsnn_compile.report.format import agreed, energy, plural, share, time
 from locsnn_compile.settings import Setting, has_srm_neurons
 from locsnn_compile.verification.error_bounds import ErrorBudget
+
+FRONT_RULE = (
+    "A setting is on the front where no other is at least as good in spike error, changed predictions, energy and chip "
+    "time, and better in one of them."
+)
+
+
+OBJECTIVES = ("spike_error", "prediction_error", "energy_pj", "chip_time_ns")
+"""The figures that are to be small."""
+
+
+def beats(one: Figures, other: Figures) -> bool:
+    """Tell whether one is at least as good in every objective, and better in one."""
+    pairs = list(zip(_objectives(one), _objectives(other), strict=True))
+    return all(mine <= its for mine, its in pairs) and any(mine < its for mine, its in pairs)
+
+
+def on_front(figures: Sequence[Figures | None]) -> list[bool]:
+    """Mark those that no other beats; a setting without figures is not on the front, and beats none."""
+    return [
+        mine is not None and not any(other is not None and beats(other, mine) for other in figures) for mine in figures
+    ]
+
+
+def _objectives(figures: Figures) -> list[float]:
+    """Return the figures; 0 where nothing was compared, as both sides did nothing."""
+    return [float(getattr(figures, name) or 0.0) for name in OBJECTIVES]
+
+
+class Recommendation(Frozen):
+    """The point to take, None where no setting keeps the budget; ``why`` is a sentence without its end."""
+
+    taken: Point | None
+    why: str
+
+
+def recommend(points: Sequence[Point], budget: ErrorBudget, *, by_default: bool = False) -> Recommendation:
+    """Take the cheapest of the front that keeps the budget, which may be that of ``auto``. Some point has figures."""
+    marks = on_front([point.figures for point in points])
+    front = [(point, point.figures) for point, mark in zip(points, marks, strict=True) if mark and point.figures]
+    if not budget.given:
+        return Recommendation(
+            None, "nothing was compared: no neuron spikes on these recordings, and all class scores tie"
+        )
+    kept = [pair for pair in front if pair[1].keeps(budget)]
+    bounds = f"{'what auto keeps by default, ' if by_default else ''}{budget.words()}"
+    if not kept:
+        return Recommendation(None, f"no setting keeps {bounds}; {_nearest(front)}")
+    taken, figures = min(kept, key=lambda pair: (pair[1].energy_pj, pair[1].chip_time_ns, pair[1].spike_error or 0.0))
+    of = plural(len(kept), "setting")
+    spent = f"{energy(figures.energy_pj)} and {time(figures.chip_time_ns)} per recording"
+    return Recommendation(taken, f"the least energy, {spent}, of {of} on the front within {bounds}")
+
+
+def _nearest(front: Sequence[tuple[Point, Figures]]) -> str:
+    point, figures = min(front, key=lambda pair: (pair[1].spike_error or 0.0, pair[1].prediction_error or 0.0))
+    if figures.spike_error is None:
+        return "no neuron spikes on these recordings"
+    changed = agreed(figures.prediction_error, "none")
+    return (
+        f"the least spike error is {share(figures.spike_error)}, with {changed} of the predictions changed, by "
+        f"{point.setting}"
+    )
 
 
 class Exploration(Frozen, eq=False):

@@ -9,18 +9,25 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from locsnn_compile.cluster.code import code_version
+from locsnn_compile.cluster.spread import code_version
 from locsnn_compile.explore.events import Chosen
-from locsnn_compile.explore.exploration import Exploration
+from locsnn_compile.explore.exploration import FRONT_RULE, OBJECTIVES, Exploration
 from locsnn_compile.explore.point import Figures, Point
-from locsnn_compile.explore.recommend import FRONT_RULE, OBJECTIVES
 from locsnn_compile.report.figures.flat import csv_bytes
 from locsnn_compile.report.format import NONE, agreed, count, energy, known, plain, share, time
 from locsnn_compile.report.pictures.scatter import Mark, Panel, draw
 from locsnn_compile.settings import AXES, Setting, Value
 
 SCHEMA = "locsnn-explore/1"
-FIGURES = ("spike error", "class error", "accuracy", "energy", "chip time", "synapses")
+COLUMNS: dict[str, Callable[[Figures], str]] = {
+    "spike error": lambda figures: agreed(figures.spike_error),
+    "class error": lambda figures: agreed(figures.prediction_error, "all tie"),
+    "accuracy": lambda figures: known(figures.accuracy, share),
+    "energy": lambda figures: energy(figures.energy_pj),
+    "chip time": lambda figures: time(figures.chip_time_ns),
+    "synapses": lambda figures: count(figures.synapses),
+}
+"""What the terminal shows of a point."""
 X_LABEL = "spikes that differ from the float network's"
 Document = dict[str, Any]
 
@@ -190,7 +197,10 @@ def lines(found: Exploration) -> list[str]:
     profile = next(point.figures.energy_profile for point in found.points if point.figures)
     study = found.study
     first = f"{plain(study.network.name)} on {plain(study.chip.name)}, {plain(found.events.words())}, profile {profile}"
-    return [first, *warnings(found), "", *_table(found), "", *_reported(found), *_recommended(found), *_commands(found)]
+    taken, why = found.recommendation.taken, found.recommendation.why
+    recommended = [f"Recommended: {taken.setting if taken else 'none'}, {why}.", ""]
+    commands = ["Commands of the front:", *(f"  {found.command(setting)}" for setting in found.front)]
+    return [first, *warnings(found), "", *_table(found), "", *_reported(found), *recommended, *commands]
 
 
 def warnings(found: Exploration) -> list[str]:
@@ -200,28 +210,16 @@ def warnings(found: Exploration) -> list[str]:
     return []
 
 
-def figure_cells(figures: Figures) -> list[str]:
-    """Return the cells of :data:`FIGURES`."""
-    return [
-        agreed(figures.spike_error),
-        agreed(figures.prediction_error, "all tie"),
-        known(figures.accuracy, share),
-        energy(figures.energy_pj),
-        time(figures.chip_time_ns),
-        count(figures.synapses),
-    ]
-
-
 def _table(found: Exploration) -> list[str]:
     """Return a row for each point; refused ones come last, each with its reason."""
     engines = found.study.engines
-    rows = [["", *(axis.name.replace("_", " ") for axis in AXES), *FIGURES, *engines]]
+    rows = [["", *(axis.name.replace("_", " ") for axis in AXES), *COLUMNS, *engines]]
     refused = []
     for point, mark in zip(found.points, found.on_front, strict=True):
         if point.figures:
             sign = ">" if point is found.recommendation.taken else "*" if mark else ""
             timings = [time(1e9 * point.timings[name].seconds) for name in engines]
-            rows.append([sign, *map(str, point.setting.values), *figure_cells(point.figures), *timings])
+            rows.append([sign, *map(str, point.setting.values), *_cells(point), *timings])
         elif point.refusal:
             refused.append(f"{point.setting}: {point.refusal.error()}")
     timed = (
@@ -233,21 +231,12 @@ def _table(found: Exploration) -> list[str]:
 def _reported(found: Exploration) -> list[str]:
     if found.reported_on is None:
         return []
-    rows = [["", "front", *FIGURES], *(["", *_reported_row(point)] for point in found.reported)]
+    rows = [["", "front", *COLUMNS], *(["", str(point.setting), *_cells(point)] for point in found.reported)]
     return [f"The front on {plain(found.reported_on.words())}:", *_aligned(rows, 2), ""]
 
 
-def _reported_row(point: Point) -> list[str]:
-    return [str(point.setting), *(figure_cells(point.figures) if point.figures else [NONE] * len(FIGURES))]
-
-
-def _recommended(found: Exploration) -> list[str]:
-    taken, why = found.recommendation.taken, found.recommendation.why
-    return [f"Recommended: {taken.setting if taken else 'none'}, {why}.", ""]
-
-
-def _commands(found: Exploration) -> list[str]:
-    return ["Commands of the front:", *(f"  {found.command(setting)}" for setting in found.front)]
+def _cells(point: Point) -> list[str]:
+    return [shown(point.figures) if point.figures else NONE for shown in COLUMNS.values()]
 
 
 def _aligned(rows: Sequence[Sequence[str]], names: int) -> list[str]:

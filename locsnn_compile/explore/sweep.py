@@ -17,11 +17,10 @@ from typing import Any
 
 from hw_model.io.files import replace_file
 from hw_model.values import Frozen
-from locsnn_compile.cluster.code import check_code, code_version
+from locsnn_compile.cluster.spread import check_code, code_version
 from locsnn_compile.errors import InputError, TargetError
 from locsnn_compile.explore.executors import Executor
-from locsnn_compile.explore.point import Figures, Point, Refusal, Timing
-from locsnn_compile.explore.study import Study
+from locsnn_compile.explore.point import Figures, Point, Refusal, Study, Timing
 from locsnn_compile.passes.quantize import weight_bits_of
 from locsnn_compile.settings import Setting, usual_settings
 from locsnn_compile.verification.error_bounds import ErrorBudget, default_budget
@@ -59,12 +58,9 @@ class Store(Frozen):
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise InputError(
-                f"output {self.folder.name!r}",
-                "the folder cannot be made",
-                measured=error.strerror or "",
-                fix="Choose a folder with -o.",
-            ) from None
+            what = "the folder cannot be made"
+            fix = "Choose a folder with -o."
+            raise InputError(f"output {self.folder.name!r}", what, measured=error.strerror or "", fix=fix) from None
         entry = asdict(point)
         document = {"schema": SCHEMA, "sha256": _digest(entry), "point": entry}
         replace_file(self._path(key), (json.dumps(document, indent=1) + "\n").encode(), where=f"point {key[:12]}")

@@ -22,8 +22,8 @@ from locsnn_compile.strategies import NATIVE
 from locsnn_compile.stress.bounds import SOURCES, error_bound
 from locsnn_compile.stress.cases.case import POPULATION, SEED, Case, random_input
 from locsnn_compile.stress.row import Lost, Measured
+from locsnn_compile.verification.error_budget.budget import STAGES, Phase, Stage, lines_of, phases_of, twin_with
 from locsnn_compile.verification.error_budget.numbers import GroupNumbers, Numbers
-from locsnn_compile.verification.error_budget.stages import STAGES, Phase, Stage, lines_of, phases_of, twin_with
 from locsnn_compile.verification.error_budget.twin import TwinTrace, run_twin
 from locsnn_compile.verification.matching import PopulationMatch
 
@@ -186,12 +186,12 @@ def _odd_one_out(levels: Levels, sides: Sides, recordings: ByteArray, found: Sim
     integers = evaluate(
         levels.quantized.on_grid(), recordings, potentials=True, registers=levels.program.chip.registers
     )
-    spikes, potential = found.spikes[POPULATION], found.potential[POPULATION]
-    if not (np.array_equal(integers.spikes[POPULATION], spikes) and _equal(integers.potential, found.potential)):
-        return "the integer evaluation of the population"
-    twin = sides.free()
-    if not (np.array_equal(twin.spikes[POPULATION], spikes) and np.array_equal(twin.potential[POPULATION], potential)):
-        return "the float64 twin of the compartments"
+    others: dict[str, Any] = {"the integer evaluation of the population": integers}
+    others["the float64 twin of the compartments"] = sides.free()
+    for name, other in others.items():
+        for its, wanted in ((other.spikes, found.spikes), (other.potential, found.potential)):
+            if not np.array_equal(its[POPULATION], wanted[POPULATION]):
+                return name
     first = hw.simulate(levels.program, recordings[:1], probe=PROBES)
     if not _same(first, hw.simulate(levels.program, recordings[:1], engine="reference", probe=PROBES)):
         return "the reference engine"
@@ -200,19 +200,8 @@ def _odd_one_out(levels: Levels, sides: Sides, recordings: ByteArray, found: Sim
     return None
 
 
-def _equal(one: Any, other: Any) -> bool:
-    return np.array_equal(one[POPULATION], other[POPULATION])
-
-
 def _same(one: SimulationResult, other: SimulationResult) -> bool:
     """Compare spikes, registers, counts except for skipped steps, and wraps and clips by population."""
     counted = [{**dict(result.counts), "skipped_steps": 0} for result in (one, other)]
-    return (
-        counted[0] == counted[1]
-        and one.events == other.events
-        and all(
-            np.array_equal(array, getattr(other, kind)[name])
-            for kind in PROBES
-            for name, array in getattr(one, kind).items()
-        )
-    )
+    kept = ((array, getattr(other, kind)[name]) for kind in PROBES for name, array in getattr(one, kind).items())
+    return counted[0] == counted[1] and one.events == other.events and all(np.array_equal(*both) for both in kept)

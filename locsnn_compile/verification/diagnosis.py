@@ -1,15 +1,172 @@
-"""Where the error of a program comes from: its budget, the cause of the first divergence, and the margins."""
+"""Where the error of a program comes from: its budget, the cause of the first divergence, and the margins.
+
+Margins: how near potentials come to their threshold, next to the error of the chip's arithmetic, and how full registers
+get. The error is that of one neuron by itself: both sides are given the float network's spikes, so that no earlier
+difference is carried along. Where it is larger than the distance to the threshold, a spike may change.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
-from hw_model.values import ByteArray, Shown
-from locsnn_compile.network.network import Network
+import hw_model as hw
+from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT
+from hw_model.description.chip import Registers
+from hw_model.mapping.graph import Compartments
+from hw_model.values import AnyArray, BoolArray, ByteArray, FloatArray, Frozen, IntArray, Shown
+from locsnn_compile.network.network import Network, Population
 from locsnn_compile.pipeline import Levels
-from locsnn_compile.verification.error_budget.budget import StageErrors, error_budget
-from locsnn_compile.verification.error_budget.cause import Cause, find_cause
-from locsnn_compile.verification.error_budget.stages import neuron_steps
-from locsnn_compile.verification.margins import Margins, margins
-from locsnn_compile.verification.matching import Divergence, Progress
+from locsnn_compile.reference.evaluate import evaluate
+from locsnn_compile.verification.error_budget.budget import (
+    STAGES,
+    Cause,
+    StageErrors,
+    error_budget,
+    find_cause,
+    lines_of,
+    neuron_steps,
+    phases_of,
+    twin_with,
+)
+from locsnn_compile.verification.error_budget.twin import run_twin
+from locsnn_compile.verification.matching import CHUNK, Divergence, Progress
+
+NEAREST = (0.0001, 0.001, 0.01, 0.1, 0.5)
+"""Shares of the neuron steps, the nearest to threshold first, for which the distance is stated."""
+LARGEST = (0.5, 0.95, 1.0)
+"""Shares of the neuron steps for which the error is stated: the median, what 95 % stay below, the largest."""
+EDGES = np.logspace(-6.0, 1.0, 29)
+"""Ends of the bins of both histograms, in thresholds, four a decade; what lies beyond counts in the last bin there."""
+
+
+class PopulationMargins(Frozen, eq=False):
+    """Distances of potentials to the threshold at every neuron and step, in thresholds, without sign.
+
+    ``nearest[p]``: the distance below which a share p of them lies; ``error[p]`` likewise of the chip's own error.
+    ``within_error``: share of the neuron steps whose distance is no larger than the error there, so that a spike may
+    change; ``decided_otherwise``: share at which one does. Histograms (bins,) are counts; an error of exactly
+    0 is in none of them.
+    """
+
+    neuron_steps: int
+    nearest: Mapping[float, float]
+    error: Mapping[float, float]
+    within_error: float
+    decided_otherwise: float
+    distance_histogram: IntArray
+    error_histogram: IntArray
+
+
+class RegisterUse(Frozen):
+    """Largest magnitudes of a group of compartments on the chip, against what the registers hold."""
+
+    peak_u: int
+    limit_u: int
+    peak_v: int
+    limit_v: int
+    wraps: int
+    clips: int
+
+    @classmethod
+    def unused(cls, group: Compartments, registers: Registers) -> "RegisterUse":
+        """Return what the registers of a group hold, before anything is played."""
+        limit_v = int(min(np.abs(group.vmin).min(), group.vmax.min()))
+        return cls(0, 1 << registers.current_bits, 0, limit_v, 0, 0)
+
+    def after(self, u: IntArray, potential: IntArray, events: Mapping[str, int]) -> "RegisterUse":
+        """Return the use with that of u, of v as the threshold saw it, (batch, steps, n), and counts of both events."""
+        return replace(
+            self,
+            peak_u=max(self.peak_u, int(np.abs(u).max())),
+            peak_v=max(self.peak_v, int(np.abs(potential).max())),
+            wraps=self.wraps + events.get("charge_wraps", 0) + events.get("current_wraps", 0),
+            clips=self.clips + events.get("voltage_clips", 0),
+        )
+
+    @property
+    def share_u(self) -> float:
+        """Largest use of the current register, 0..1."""
+        return self.peak_u / self.limit_u
+
+    @property
+    def share_v(self) -> float:
+        """Largest use of the voltage register, 0..1."""
+        return self.peak_v / self.limit_v
+
+    @property
+    def headroom_bits(self) -> float | None:
+        """By how many doublings the fuller register could still grow; None where nothing ever came."""
+        fullest = max(self.share_u, self.share_v)
+        return math.log2(1.0 / fullest) if fullest else None
+
+
+class Margins(Frozen, eq=False):
+    """Margins of every population, and register use of every group of compartments."""
+
+    populations: Mapping[str, PopulationMargins]
+    registers: Mapping[str, RegisterUse]
+
+
+def margins(levels: Levels, recordings: ByteArray) -> Margins:
+    """Measure margins over recordings (samples, steps, channels), of the network's own steps and channels."""
+    network, registers = levels.network, levels.program.chip.registers
+    watched: dict[str, list[tuple[AnyArray, ...]]] = {p.name: [] for p in network.populations}
+    use = {group.name: RegisterUse.unused(group, registers) for group in levels.compartments.groups}
+    for start in range(0, len(recordings), CHUNK):
+        chunk = recordings[start : start + CHUNK]
+        wanted = evaluate(network, chunk, potentials=True, registers=registers)
+        for phase in phases_of(levels):
+            names = tuple(p.name for p in network.populations if p.phase == phase.name)
+            lines = lines_of(network, phase, chunk)
+            chip = run_twin(twin_with(phase, STAGES), lines, forced=wanted.spikes, potentials=names)
+            for name in names:
+                potential = chip.potential[name] / levels.quantized.population(name).scale
+                otherwise = wanted.spikes[name] != chip.spikes[name]
+                watched[name].append((wanted.potential[name], potential, otherwise))
+        found = hw.simulate(levels.program, chunk, probe=("u", "potential"))
+        for name, before in use.items():
+            use[name] = before.after(found.u[name], found.potential[name], found.events.get(name, {}))
+    return Margins(
+        populations={
+            p.name: _measured(_thresholds(p), *map(np.concatenate, zip(*watched[p.name], strict=True)))
+            for p in network.populations
+        },
+        registers=use,
+    )
+
+
+def _thresholds(population: Population) -> FloatArray:
+    """Return the thresholds (n,), in the units of the potential; one of 0 counts as a weight of 1."""
+    thresholds = population.thresholds
+    return np.where(thresholds == 0, float(1 << WEIGHT_SHIFT), thresholds)
+
+
+def _measured(thresholds: FloatArray, wanted: AnyArray, chip: FloatArray, otherwise: BoolArray) -> PopulationMargins:
+    """Compare both potentials (samples, steps, n) with the thresholds (n,); ``otherwise``: where decisions differ."""
+    distance = (np.abs(wanted - thresholds) / thresholds).ravel()
+    error = (np.abs(chip - wanted) / thresholds).ravel()
+    return PopulationMargins(
+        neuron_steps=len(distance),
+        nearest=_quantiles(distance, NEAREST),
+        error=_quantiles(error, LARGEST),
+        within_error=float(((distance <= error) & (error > 0)).mean()),
+        decided_otherwise=int(otherwise.sum()) / len(distance),
+        distance_histogram=_histogram(distance),
+        error_histogram=_histogram(error[error > 0]),
+    )
+
+
+def _quantiles(values: FloatArray, shares: tuple[float, ...]) -> dict[float, float]:
+    found = np.quantile(values, shares)
+    return {share: float(value) for share, value in zip(shares, found, strict=True)}
+
+
+def _histogram(values: FloatArray) -> IntArray:
+    counts, _ = np.histogram(np.clip(values, EDGES[0], EDGES[-1]), EDGES)
+    return counts.astype(np.int64)
+
 
 SAMPLE = 16
 """Recordings of a report's diagnosis, unless more are asked for: each is evaluated some fifteen times."""

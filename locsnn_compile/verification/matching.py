@@ -212,19 +212,13 @@ def _check_labels(network: Network, labels: IntArray | None, samples: int, sourc
     if labels is None:
         return
     if labels.shape != (samples,):
-        raise InputError(
-            f"labels of {source!r}",
-            "there is not one label per recording",
-            measured=f"{labels.shape} against ({samples},)",
-            fix="Give one class number for every recording.",
-        )
+        measured = f"{labels.shape} against ({samples},)"
+        fix = "Give one class number for every recording."
+        raise InputError(f"labels of {source!r}", "there is not one label per recording", measured=measured, fix=fix)
     if labels.min() < 0 or labels.max() >= network.classes:
-        raise InputError(
-            f"labels of {source!r}",
-            "a label is none of the model's classes",
-            measured=f"{labels.min()}..{labels.max()} against 0..{network.classes - 1}",
-            fix="Check that the events belong to this model.",
-        )
+        measured = f"{labels.min()}..{labels.max()} against 0..{network.classes - 1}"
+        fix = "Check that the events belong to this model."
+        raise InputError(f"labels of {source!r}", "a label is none of the model's classes", measured=measured, fix=fix)
 
 
 def _first_difference(

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -56,20 +57,6 @@ class LeftOut(Frozen):
     reason: str
 
 
-class Savings(Frozen):
-    """Means of a recording until it stops, and of a whole one; energy and latency by a named profile."""
-
-    steps: float
-    all_steps: float
-    synaptic_ops: float
-    all_synaptic_ops: float
-    energy_pj: float
-    all_energy_pj: float
-    latency_ns: float
-    all_latency_ns: float
-    profile: str
-
-
 def over_time(levels: Levels, recordings: ByteArray, labels: IntArray | None, psi: float = PSI) -> OverTime | LeftOut:
     """Follow the predictions of a program over some recordings, evenly spread over those at hand.
 
@@ -102,25 +89,21 @@ def over_time(levels: Levels, recordings: ByteArray, labels: IntArray | None, ps
     )
 
 
-def savings(program: hw.ChipProgram, stops: Stops) -> Savings:
-    """Return what recordings take until their stops; energy and latency by the chip's default profile."""
+def savings(program: hw.ChipProgram, stops: Stops) -> dict[str, Any]:
+    """Return means of a recording until it stops, and of a whole one; energy and latency by the default profile."""
     profile = program.chip.profile(program.chip.default_profile)
     batch = len(stops.steps)
-
-    def energy_pj(counts: hw.Counts) -> float:
-        return sum(hw.energy_pj(counts, profile).values()) / batch
-
-    return Savings(
-        steps=float(stops.steps.mean()),
-        all_steps=float(stops.all_steps),
-        synaptic_ops=stops.counts.synaptic_ops / batch,
-        all_synaptic_ops=stops.all_counts.synaptic_ops / batch,
-        energy_pj=energy_pj(stops.counts),
-        all_energy_pj=energy_pj(stops.all_counts),
-        latency_ns=stops.latency_ns / batch,
-        all_latency_ns=stops.all_latency_ns / batch,
-        profile=program.chip.default_profile,
-    )
+    return {
+        "steps": float(stops.steps.mean()),
+        "all_steps": float(stops.all_steps),
+        "synaptic_ops": stops.counts.synaptic_ops / batch,
+        "all_synaptic_ops": stops.all_counts.synaptic_ops / batch,
+        "energy_pj": sum(hw.energy_pj(stops.counts, profile).values()) / batch,
+        "all_energy_pj": sum(hw.energy_pj(stops.all_counts, profile).values()) / batch,
+        "latency_ns": stops.latency_ns / batch,
+        "all_latency_ns": stops.all_latency_ns / batch,
+        "profile": program.chip.default_profile,
+    }
 
 
 def stop_all(
@@ -231,18 +214,10 @@ def stream(
     return Streamed(prediction[:done], lead[:done], seconds[:done])
 
 
-class StepLatency(Frozen):
-    """Seconds that a step took: on average, what 99 % of the steps took at most, and the longest."""
-
-    mean: float
-    p99: float
-    worst: float
-
-
-def step_latency(streamed: Sequence[Streamed]) -> StepLatency:
-    """Return how long the steps of recordings took."""
+def step_latency(streamed: Sequence[Streamed]) -> dict[str, float]:
+    """Return the seconds of a step: on average, what 99 % of the steps took at most, and the longest."""
     seconds = np.concatenate([one.seconds for one in streamed])
-    return StepLatency(float(seconds.mean()), float(np.quantile(seconds, 0.99)), float(seconds.max()))
+    return {"mean": float(seconds.mean()), "p99": float(np.quantile(seconds, 0.99)), "worst": float(seconds.max())}
 
 
 def right_over_time(streamed: Sequence[Streamed], wanted: ArrayLike, steps: int) -> FloatArray:

@@ -323,8 +323,8 @@ def test_a_recording_that_is_streamed():
     assert silent.changes == []
     assert right_over_time([found, silent], [4, 0], 5).tolist() == [0.5, 1.0, 1.0, 0.5, 1.0]
     latency = step_latency([found, silent])
-    assert (latency.mean, latency.worst) == (2.0, 6.0)
-    assert latency.p99 == np.quantile([1, 1, 1, 1, 6, 2, 2, 2], 0.99)
+    assert (latency["mean"], latency["worst"]) == (2.0, 6.0)
+    assert latency["p99"] == np.quantile([1, 1, 1, 1, 6, 2, 2, 2], 0.99)
 
 
 class Terminal(io.StringIO):

@@ -22,9 +22,14 @@ from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.report.renderers.markdown import render_markdown
 from locsnn_compile.verification.diagnosis import SAMPLE, diagnose, spread_sample
-from locsnn_compile.verification.error_budget.budget import error_budget
-from locsnn_compile.verification.error_budget.cause import find_cause
-from locsnn_compile.verification.error_budget.stages import STAGES, lines_of, phases_of, twin_with
+from locsnn_compile.verification.error_budget.budget import (
+    STAGES,
+    error_budget,
+    find_cause,
+    lines_of,
+    phases_of,
+    twin_with,
+)
 from locsnn_compile.verification.error_budget.twin import run_twin
 from locsnn_compile.verification.matching import compare
 from tests.real_recordings import REAL, on_real_recordings

@@ -9,7 +9,7 @@ from networks import NEURON, hybrid, recordings
 import hw_model as hw
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
-from locsnn_compile.verification.margins import EDGES, RegisterUse, margins
+from locsnn_compile.verification.diagnosis import EDGES, RegisterUse, margins
 
 CHIP = hw.chip("loihi-sim")
 

@@ -13,14 +13,13 @@ from small_model import explore, lasting, narrow, setting, workers_of
 
 import hw_model as hw
 import locsnn_compile as lc
-from locsnn_compile.cluster import code, dask_cluster
+from locsnn_compile.cluster import spread
 from locsnn_compile.cluster.spread import packed, work_packed
 from locsnn_compile.errors import InputError
 from locsnn_compile.explore import executors
 from locsnn_compile.explore.events import choose_events
 from locsnn_compile.explore.executors import here, in_processes, on_dask
-from locsnn_compile.explore.point import measure
-from locsnn_compile.explore.study import Study
+from locsnn_compile.explore.point import Study, measure
 from locsnn_compile.explore.sweep import Store, sweep
 from locsnn_compile.settings import AXES, settings
 
@@ -125,13 +124,13 @@ def test_without_dask_there_is_a_command_to_install_it(model, tmp_path, monkeypa
     ids=["nobody", "no address"],
 )  # fmt: skip
 def test_schedulers_that_do_not_answer(model, address, line, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(dask_cluster, "PATIENCE_SECONDS", 0.2)
+    monkeypatch.setattr(spread, "PATIENCE_SECONDS", 0.2)
     assert explore(model, "--scheduler", address, "-o", tmp_path / "out") == 2
     assert capsys.readouterr() == ("", f"--scheduler {address}: {line}\n")
 
 
 def test_a_cluster_without_workers(study, grid, monkeypatch):
-    monkeypatch.setattr(dask_cluster, "PATIENCE_SECONDS", 0.2)
+    monkeypatch.setattr(spread, "PATIENCE_SECONDS", 0.2)
     with LocalCluster(n_workers=0, dashboard_address=":0", silence_logs=50) as empty:
         address = empty.scheduler_address
         with pytest.raises(InputError) as caught:
@@ -144,11 +143,11 @@ def test_a_cluster_without_workers(study, grid, monkeypatch):
 @pytest.fixture
 def other_code(monkeypatch):
     """This process runs another version than its workers, which it gives."""
-    theirs = code.code_version()
-    code.code_version.cache_clear()
-    monkeypatch.setattr(code, "version", lambda name: "9")
+    theirs = spread.code_version()
+    spread.code_version.cache_clear()
+    monkeypatch.setattr(spread, "version", lambda name: "9")
     yield theirs
-    code.code_version.cache_clear()
+    spread.code_version.cache_clear()
 
 
 def test_workers_with_other_code_are_refused(study, grid, cluster, other_code):
@@ -156,7 +155,7 @@ def test_workers_with_other_code_are_refused(study, grid, cluster, other_code):
     with pytest.raises(InputError) as caught:
         list(on_dask(address)(study, grid))
     wanted = "another version of locsnn-compile runs there ({} against {}). Install the same one everywhere."
-    assert str(caught.value) == f"--scheduler {address}: {wanted.format(other_code, code.code_version())}"
+    assert str(caught.value) == f"--scheduler {address}: {wanted.format(other_code, spread.code_version())}"
 
 
 def test_points_of_other_code_are_not_kept(study, grid, tmp_path):
@@ -166,5 +165,5 @@ def test_points_of_other_code_are_not_kept(study, grid, tmp_path):
     with pytest.raises(InputError) as caught:
         sweep(study, grid[:1], Store(tmp_path), elsewhere)
     wanted = "another version of locsnn-compile runs there (0+old against {}). Install the same one everywhere."
-    assert str(caught.value) == f"setting {grid[0]}: {wanted.format(code.code_version())}"
+    assert str(caught.value) == f"setting {grid[0]}: {wanted.format(spread.code_version())}"
     assert not list(tmp_path.iterdir())

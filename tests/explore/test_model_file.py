@@ -6,7 +6,7 @@ import pytest
 
 import locsnn_compile as lc
 from locsnn_compile.errors import InputError
-from locsnn_compile.explore.study import ModelFile
+from locsnn_compile.explore.point import ModelFile
 
 
 def test_a_checkpoint_needs_nothing_else(model):

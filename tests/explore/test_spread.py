@@ -15,9 +15,8 @@ import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import main
-from locsnn_compile.cluster import dask_cluster
-from locsnn_compile.cluster.dask_cluster import connected, spread_over
-from locsnn_compile.cluster.spread import packed, unpacked
+from locsnn_compile.cluster import spread
+from locsnn_compile.cluster.spread import AHEAD, connected, packed, spread_over, unpacked
 from locsnn_compile.errors import InputError, TargetError
 
 MANY = 70
@@ -84,7 +83,7 @@ def test_no_more_is_taken_than_is_under_way(cluster):
     with spread_over(cluster.scheduler_address) as spread:
         for i, found in enumerate(spread(abs, (taken.append(i) or -i for i in range(40)))):
             assert found == i
-            assert len(taken) <= i + dask_cluster.AHEAD * 2
+            assert len(taken) <= i + AHEAD * 2
     assert len(taken) == 40
 
 
@@ -122,7 +121,7 @@ def commands(build, model, many):
 
 @pytest.mark.parametrize("command", ["run", "compile"])
 def test_a_scheduler_that_does_not_answer(build, model, many, command, monkeypatch, capsys):
-    monkeypatch.setattr(dask_cluster, "PATIENCE_SECONDS", 0.2)
+    monkeypatch.setattr(spread, "PATIENCE_SECONDS", 0.2)
     assert commands(build, model, many)[command]("--scheduler", "tcp://127.0.0.1:9") == 2
     line = "--scheduler tcp://127.0.0.1:9: no scheduler answers (within 0.2 s). Start one with: dask scheduler\n"
     assert capsys.readouterr() == ("", line)

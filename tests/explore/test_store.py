@@ -5,7 +5,7 @@ import json
 import pytest
 from small_model import explore, figures, lasting, point
 
-from locsnn_compile.cluster.code import code_version
+from locsnn_compile.cluster.spread import code_version
 from locsnn_compile.errors import TargetError
 from locsnn_compile.explore import sweep as store_module
 from locsnn_compile.explore.point import Refusal, Timing

@@ -17,7 +17,7 @@ import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.backends import EMIT_KINDS
 from locsnn_compile.reference.evaluate import evaluate
-from locsnn_compile.report.viewer import data
+from locsnn_compile.report.viewer import page as viewer
 from locsnn_compile.report.viewer.page import render_viewer
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "compiler"))
@@ -89,7 +89,7 @@ def test_activity_adds_up_to_the_counts(compiled, page):
 
 def test_what_there_is_no_room_for_is_left_out(compiled, monkeypatch):
     usual = len(page_of(compiled))
-    monkeypatch.setattr(data, "MOST_TEXT", 14_000)
+    monkeypatch.setattr(viewer, "MOST_TEXT", 14_000)
     values = values_of(page_of(compiled).decode())
     assert len(page_of(compiled)) < usual
     first = compiled.match.first_divergence

@@ -11,7 +11,7 @@ from locsnn_compile.pipeline import lower
 from locsnn_compile.stress.bounds import SOURCES, error_bound, state_bound
 from locsnn_compile.stress.cases.case import POPULATION, lif, network_of, random_input, srm, weights
 from locsnn_compile.stress.measure import Sides
-from locsnn_compile.verification.error_budget.stages import STAGES
+from locsnn_compile.verification.error_budget.budget import STAGES
 
 CHIP = hw.chip("loihi-sim")
 

@@ -91,10 +91,7 @@ def _weights(projection: ChipProjection, where: str) -> Any:
     dense = held.toarray() if values_of(held).ndim == 1 else held
     weights = np.floor(dense * 2.0**projection.exponent).astype(np.int64)
     if (weights % 2).any() or weights.min(initial=0) < -256 or weights.max(initial=0) > 254:
-        raise InputError(
-            where,
-            "its weights are not even numbers of 8 bits",
-            measured=f"{weights.min()}..{weights.max()} against -256..254",
-            fix="Compile with --weight-bits 6, or emit another kind.",
-        )
+        measured = f"{weights.min()}..{weights.max()} against -256..254"
+        fix = "Compile with --weight-bits 6, or emit another kind."
+        raise InputError(where, "its weights are not even numbers of 8 bits", measured=measured, fix=fix)
     return weights

@@ -33,11 +33,9 @@ class TileUse(Frozen):
 def priced_by(chip: Chip) -> Profile:
     """Return the profile ``sanafe`` of a chip, or say that it has none that SANA-FE can follow."""
     if PROFILE not in chip.profiles or not set(chip.profiles[PROFILE].energy_pj) <= set(PRICED):
-        raise InputError(
-            f"chip {chip.name}",
-            f"it has no energy profile {PROFILE!r} that prices what SANA-FE counts",
-            fix=f"Copy the profile {PROFILE!r} of loihi-sim into the chip file.",
-        )
+        what = f"it has no energy profile {PROFILE!r} that prices what SANA-FE counts"
+        fix = f"Copy the profile {PROFILE!r} of loihi-sim into the chip file."
+        raise InputError(f"chip {chip.name}", what, fix=fix)
     return chip.profiles[PROFILE]
 
 

@@ -11,7 +11,7 @@ from locsnn_compile.backends.played import Played
 from locsnn_compile.backends.sanafe.architecture import PROFILE, TileUse, architecture, priced_by, tile_number
 from locsnn_compile.backends.sanafe.network import PhaseNetwork
 from locsnn_compile.backends.sanafe.rules import UNIT_SIZE, obstacles, updates
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import check_most
 
 FOLDER = "sanafe"
 PARTS = {
@@ -117,10 +117,5 @@ def _expected(
 
 def _check_units(program: hw.ChipProgram) -> None:
     largest = max(core.compartments for core in program.cores)
-    if largest > UNIT_SIZE:
-        raise InputError(
-            "--emit sanafe",
-            "a core has more compartments than SANA-FE's units hold",
-            measured=f"{largest} against {UNIT_SIZE}",
-            fix="Leave it out for this chip.",
-        )
+    what = "a core has more compartments than SANA-FE's units hold"
+    check_most(largest, UNIT_SIZE, "--emit sanafe", what, fix="Leave it out for this chip.")

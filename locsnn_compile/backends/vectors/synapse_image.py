@@ -70,12 +70,9 @@ def synapse_image(core: Core, chip: Chip) -> SynapseImage:
     lists = synapse_lists(axons.list_start, axons.target, axons.format_index, axons.formats, ends, chip.synapse_memory)
     words = int(lists.words.sum())
     if words != axons.synapse_words:
-        raise InputError(
-            f"core {core.number}",
-            "its synapse lists take other words than the program says",
-            measured=f"{words} against {axons.synapse_words}",
-            fix="Compile the program again.",
-        )
+        what = "its synapse lists take other words than the program says"
+        fix = "Compile the program again."
+        raise InputError(f"core {core.number}", what, measured=f"{words} against {axons.synapse_words}", fix=fix)
     first_word = np.cumsum(lists.words) - lists.words
     first_list = np.searchsorted(lists.axon, np.arange(axons.input_axons + 1))
     first_target = axons.target[lists.order[lists.start]]

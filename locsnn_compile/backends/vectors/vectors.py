@@ -16,7 +16,8 @@ from locsnn_compile.backends.names import code_span
 from locsnn_compile.backends.played import Played
 from locsnn_compile.backends.vectors.memory_words import BitArray, Layout, bits_for, bits_of, hex_words
 from locsnn_compile.backends.vectors.synapse_image import synapse_image, synapse_layouts
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import check_most
+from locsnn_compile.report.figures.flat import picked
 
 FORMAT, VERSION = "locsnn-vectors", 1
 FOLDER = "vectors"
@@ -143,18 +144,12 @@ def _compartments(core: Core, layout: Layout) -> BitArray:
 
 def _core_entry(core: Core, played: Played, files: dict[str, dict[str, object]]) -> dict[str, object]:
     return {
-        "number": core.number,
-        "slot": core.slot,
-        "phase": core.phase,
+        **picked(core, "number", "slot", "phase"),
         "steps": played.steps(core.phase),
         "compartments": core.compartments,
         "input_axons": core.axons.input_axons,
-        "vmin": core.vmin,
-        "vmax": core.vmax,
-        "slices": [
-            {"group": piece.group, "start": piece.start, "stop": piece.stop, "offset": piece.offset}
-            for piece in core.slices
-        ],
+        **picked(core, "vmin", "vmax"),
+        "slices": [picked(piece, "group", "start", "stop", "offset") for piece in core.slices],
         "files": files,
     }
 
@@ -163,16 +158,13 @@ def _arithmetic(chip: Chip) -> dict[str, object]:
     """Return the numbers that the arithmetic of a step needs."""
     registers, memory = chip.registers, chip.synapse_memory
     return {
-        "charge_bits": registers.charge_bits,
-        "current_bits": registers.current_bits,
+        **picked(registers, "charge_bits", "current_bits"),
         "decay_bits": DECAY_BITS,
         "weight_shift": WEIGHT_SHIFT,
         "delay_max": registers.delay_max,
         "sign_modes": list(SIGN_MODES),
         "synapse": ["weight", "delay", "index"],
-        "word_bits": memory.word_bits,
-        "run_length": memory.run_length,
-        "run_header_bits": memory.run_header_bits,
+        **picked(memory, "word_bits", "run_length", "run_header_bits"),
     }
 
 
@@ -187,10 +179,4 @@ def _check_size(played: Played) -> None:
         ("u and v of every compartment and step", values * line, "Emit a shorter recording."),
         ("the words of the synapse memory", bits, "Leave out --emit vectors."),
     ):
-        if size > MAX_BYTES:
-            raise InputError(
-                "--emit vectors",
-                f"{what} would be too much",
-                measured=f"{size} bytes against {MAX_BYTES}",
-                fix=fix,
-            )
+        check_most(size, MAX_BYTES, "--emit vectors", f"{what} would be too much", unit="bytes", fix=fix)

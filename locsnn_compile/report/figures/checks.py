@@ -10,10 +10,8 @@ import numpy as np
 from hw_model.program.chip_program import ChipProgram
 from locsnn_compile.report.content import Document
 from locsnn_compile.report.figures.flat import picked
-from locsnn_compile.verification.diagnosis import Diagnosis
-from locsnn_compile.verification.error_budget.budget import Deviation
-from locsnn_compile.verification.error_budget.cause import Cause
-from locsnn_compile.verification.margins import EDGES, PopulationMargins
+from locsnn_compile.verification.diagnosis import EDGES, Diagnosis, PopulationMargins
+from locsnn_compile.verification.error_budget.budget import Cause, Deviation
 from locsnn_compile.verification.matching import PopulationMatch
 from locsnn_compile.verification.over_time import LeftOut, OverTime, savings
 
@@ -106,7 +104,7 @@ def over_time_entry(found: OverTime | LeftOut, program: ChipProgram, step_second
         "step_seconds": step_seconds,
         "steps": kept.tolist(),
         "right": {name: found.right[name][kept - 1].tolist() for name in _ORDER if name in found.right},
-        "proven_stop": asdict(savings(program, found.proven)),
+        "proven_stop": savings(program, found.proven),
     }
 
 

@@ -13,10 +13,8 @@ from locsnn_compile.network.network import Network
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.report.content import Document
 from locsnn_compile.report.figures.checks import budget_entry, cause_entry, margins_entry, over_time_entry
-from locsnn_compile.report.figures.energy import energy_entry
+from locsnn_compile.report.figures.costs import energy_entry, latency_entry, place
 from locsnn_compile.report.figures.flat import picked
-from locsnn_compile.report.figures.latency import latency_entry
-from locsnn_compile.report.figures.spread import place
 from locsnn_compile.verification.diagnosis import Diagnosis
 from locsnn_compile.verification.grounds import Grounds
 from locsnn_compile.verification.matching import Match, PopulationMatch
@@ -70,7 +68,7 @@ def report_document(
             "events_dropped": counts.events_dropped,
             **({"binning": binned.document() | {"words": binned.words}} if binned else {}),
             "synapses_pruned": program.synapses_pruned,
-            "biases_lost": _biases_lost(levels),
+            "biases_lost": sum(q.biases_lost for q in levels.quantized.populations),
             "compartments_pruned": sum(g.size for g in levels.compartments.groups)
             - sum(core.compartments for core in program.cores),
         },
@@ -142,7 +140,6 @@ def _published(network: Network, match: Match) -> Document:
 
 def _resources(program: ChipProgram) -> Document:
     limits = program.chip.limits
-    word_bits = program.chip.synapse_memory.word_bits
     rows = [_core_use(program, core) for core in program.cores]
     of_core = {
         "compartments": limits.compartments_per_core,
@@ -157,7 +154,7 @@ def _resources(program: ChipProgram) -> Document:
         "cores": len(program.cores),
         "compartments": sum(row["compartments"] for row in rows),
         "synapses": sum(row["synapses"] for row in rows),
-        "synapse_bits": sum(row["synapse_words"] for row in rows) * word_bits,
+        "synapse_bits": sum(row["synapse_words"] for row in rows) * program.chip.synapse_memory.word_bits,
         "axons_in": sum(row["axons_in"] for row in rows),
         "axons_out": sum(row["axons_out"] for row in rows),
         "limits": {
@@ -203,9 +200,7 @@ def _ann_comparison(network: Network, match: Match, own_pj: float, synaptic_ops:
             "operations": counted.operations,
             "ratio": counted.operations / own if own else None,
             "chip_ratio": counted.operations / synaptic_ops if synaptic_ops else None,
-            "macs": counted.macs,
-            "multiplications": counted.multiplications,
-            "additions": counted.additions,
+            **picked(counted, "macs", "multiplications", "additions"),
             "energy_pj": energies,
             "energy_ratio": {arithmetic: pj / own_pj if own_pj else None for arithmetic, pj in energies.items()},
             "energy_source": ANN_ENERGY_SOURCE,
@@ -228,11 +223,6 @@ def _quantization(levels: Levels) -> Document:
         }
         for q in quantized.populations
     }
-
-
-def _biases_lost(levels: Levels) -> int:
-    """Count the biases other than 0 that round to 0."""
-    return sum(q.biases_lost for q in levels.quantized.populations)
 
 
 def _spread(values: AnyArray) -> Any:

@@ -62,7 +62,10 @@ def latency_section(document: Document) -> Section:
             found["critical_paths"],
             ("branch", of("phase", words)),
             ("done last", lambda row: f"core {row['last']}"),
-            ("waited for", _waited_for),
+            (
+                "waited for",
+                lambda row: f"packets of core {row['sender']}" if row["sender"] != row["last"] else "nothing",
+            ),
             ("time", of("ns", time)),
             ("share", of("ns", lambda ns: share(share_of(ns, mean)))),
         ),
@@ -133,10 +136,6 @@ def _parts(found: Document) -> dict[str, dict[str, float]]:
     parts = [part for part, ns in found["by_part_ns"].items() if ns]
     columns = {words(part): {branch: its[part] for branch, its in by_branch.items()} for part in parts}
     return columns | {"all": found["by_branch_ns"]}
-
-
-def _waited_for(row: Document) -> str:
-    return "nothing" if row["sender"] == row["last"] else f"packets of core {row['sender']}"
 
 
 def _cores(cores: list[Document], total: float) -> Table:

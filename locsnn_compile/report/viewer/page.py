@@ -1,15 +1,23 @@
-"""The page itself: data, style, plotting library and script in one file that loads nothing."""
+"""viewer.html: data, style, plotting library and script in one file that loads nothing.
 
+It shows spikes and potentials of both sides, and what the cores did in every step.
+"""
+
+import base64
 import json
 import re
 from importlib.resources import files
+from typing import Any
 
-from hw_model.values import ByteArray, IntArray
+import numpy as np
+
+import hw_model as hw
+from hw_model.values import AnyArray, ByteArray, IntArray
 from locsnn_compile.pipeline import Levels
+from locsnn_compile.reference.evaluate import decided, evaluate
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import Document
 from locsnn_compile.report.renderers.html import text
-from locsnn_compile.report.viewer.data import viewer_values
 from locsnn_compile.verification.matching import Divergence
 
 _PARTS = ("viewer.css", "uPlot.min.css", "uPlot.LICENSE", "uPlot.iife.min.js", "viewer.js")
@@ -29,3 +37,93 @@ def render_viewer(
     given |= {name: room.joinpath(name).read_text("utf-8") for name in _PARTS}
     page = re.sub("@@(.+?)@@", lambda found: given[found[1]], room.joinpath("viewer.html").read_text("utf-8"))
     return page.encode(errors="backslashreplace")
+
+
+RECORDINGS = 10
+"""Recordings of a page."""
+MOST_TEXT = 1_800_000
+"""Letters of the data: with script and library the page stays below 2 MB."""
+QUANTITIES = ("synaptic_ops", "spikes", "packets_received")
+"""What the mesh shows of each core."""
+
+
+def viewer_values(
+    levels: Levels, recordings: ByteArray, labels: IntArray | None, first: Divergence | None
+) -> dict[str, Any]:
+    """Play some of ``recordings`` (samples, steps, channels) to both sides, and return what the page is given.
+
+    They are the one in which the sides ``first`` differ, and the first ones, as many as there is room for. Arrays are
+    texts in base64, little-endian: spikes are numbers ``step * size + neuron``, of the network and of the chip;
+    activity is (steps, cores of the phase) for each of :data:`QUANTITIES`.
+    """
+    network, program = levels.network, levels.program
+    numbers = list(dict.fromkeys([first.recording if first else 0, *range(len(recordings))]))[:RECORDINGS]
+    reference = evaluate(network, recordings[numbers], registers=program.chip.registers)
+    chip = hw.simulate(program, recordings[numbers], probe=("spikes", "activity"))
+    sides = {p.name: (reference.spikes[p.name], chip.spikes[p.name]) for p in network.own_populations}
+    phases = [phase.name for phase in network.phases]
+    views = [view for view in network.views if view.phase in phases]
+    given = sides | {view.name: (reference.spikes[view.name],) * 2 for view in views}
+    rows: list[dict[str, Any]] = [
+        {
+            "number": number,
+            "label": None if labels is None else int(labels[number]),
+            "predictions": [int(decided(scores[i])) for scores in (reference.scores, np.asarray(chip.scores))],
+            "spikes": {name: [_text(np.flatnonzero(side[i]), "u4") for side in both] for name, both in given.items()},
+            "activity": {
+                phase: [_text(steps[i].count(name), "u4") for name in QUANTITIES]
+                for phase, steps in chip.activity.items()
+            },
+        }
+        for i, number in enumerate(numbers)
+    ]
+    while len(rows) > 1 and len(json.dumps(rows)) > MOST_TEXT:
+        rows.pop()
+    differing = {name: (one != other).sum(axis=(0, 1)) for name, (one, other) in sides.items()}
+    if first is not None:
+        differing[first.population][first.neuron] = 1 << 40
+    kept = _kept(levels, differing, (MOST_TEXT - len(json.dumps(rows))) // len(rows))
+    for row in rows:
+        row["potentials"] = _potentials(levels, recordings[[row["number"]]], kept)
+    populations = [
+        {
+            "name": p.name,
+            "axis": p.phase,
+            "size": p.size,
+            "steps": network.steps_of(p.phase),
+            "kept": kept[p.name],
+            "thresholds": p.thresholds[kept[p.name]].tolist(),
+            "cores": [core.number for core in program.cores if any(s.group == p.name for s in core.slices)],
+        }
+        for p in network.own_populations
+    ]
+    inputs = [{"name": v.name, "axis": v.phase, "size": v.lines, "steps": network.steps_of(v.phase)} for v in views]
+    shown = {"recordings": rows, "samples": len(recordings), "populations": populations, "inputs": inputs}
+    shown["phases"] = phases
+    return shown | {"first": first and vars(first), "quantities": QUANTITIES}
+
+
+def _text(values: AnyArray, kind: str) -> str:
+    return base64.b64encode(values.astype(f"<{kind}").tobytes()).decode()
+
+
+def _kept(levels: Levels, differing: dict[str, AnyArray], room: int) -> dict[str, list[int]]:
+    """Return the neurons whose potentials take no more than ``room``: of each population those that differ most."""
+    populations, most = levels.network.own_populations, max(map(len, differing.values()))
+    # Two sides of 2 bytes a step, in base64.
+    while most > 1 and sum(6 * levels.network.steps_of(p.phase) * min(most, p.size) for p in populations) > room:
+        most = most * 3 // 4
+    return {name: sorted(np.argsort(-one, kind="stable")[:most].tolist()) for name, one in differing.items()}
+
+
+def _potentials(levels: Levels, one: ByteArray, kept: dict[str, list[int]]) -> dict[str, dict[str, Any]]:
+    """Keep potentials (2 sides, kept neurons, steps) in the float network's units, in 65,536 grades from ``low`` on."""
+    reference = evaluate(levels.network, one, potentials=True, registers=levels.program.chip.registers).potential
+    chip = hw.simulate(levels.program, one, probe=(hw.Probe("potential", tuple(kept)),)).potential
+    found = {}
+    for name, neurons in kept.items():
+        scale = levels.quantized.population(name).scale[neurons]
+        sides = np.stack([reference[name][0][:, neurons], chip[name][0][:, neurons] / scale]).swapaxes(1, 2)
+        low, grade = float(sides.min()), float(np.ptp(sides)) / 65535 or 1.0
+        found[name] = {"low": low, "grade": grade, "values": _text(np.rint((sides - low) / grade), "u2")}
+    return found

@@ -1,28 +1,125 @@
-"""What each stage alone, all but each, and all together change against the float network, spike by spike."""
+"""Where the difference between float network and chip comes from, stage by stage.
+
+The stages in which a float network becomes a chip program; a twin with any of them as on the chip; what each alone, all
+but each, and all together change, spike by spike; and what each adds to the potential that decided the first spike that
+differs.
+"""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import field, replace
 from operator import methodcaller
+from typing import Literal, get_args
 
 import hw_model as hw
+from hw_model.description.chip import Registers
 from hw_model.mapping.graph import Readout
 from hw_model.values import ByteArray, FloatArray, Frozen, Sums
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.neurons import Neuron
+from locsnn_compile.network.projections import values_of
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import ReferenceResult, decided, evaluate
-from locsnn_compile.verification.error_budget.stages import (
-    STAGES,
-    Phase,
-    Stage,
-    lines_of,
-    neuron_steps,
-    phases_of,
-    twin_with,
-    working,
-)
-from locsnn_compile.verification.error_budget.twin import Twin, run_twins
-from locsnn_compile.verification.matching import PopulationMatch, Progress
+from locsnn_compile.verification.error_budget.forms import forms_of
+from locsnn_compile.verification.error_budget.numbers import GroupNumbers, Numbers, SynapseNumbers
+from locsnn_compile.verification.error_budget.twin import Twin, TwinGroup, TwinSynapses, run_twins
+from locsnn_compile.verification.matching import Divergence, PopulationMatch, Progress
+
+Stage = Literal["kernel", "weights", "decays", "states", "thresholds", "delays", "wraps_clips"]
+"""What is as on the chip, and not exact:
+
+- ``kernel``: the neuron model, where the strategy has another one than the network
+- ``weights``: weights and biases, rounded onto the grid; those of refractory kernels too
+- ``decays``: multiples of 1/4096, and the gain of each kernel is the one that fits best with them
+- ``states``: what a decay leaves of a register is cut to an integer
+- ``thresholds``: a spike where v > 64 * threshold, in place of v >= theta
+- ``delays``: whole steps, as they are in the network already
+- ``wraps_clips``: charge and current wrap, the voltage clips
+"""
+STAGES: tuple[Stage, ...] = get_args(Stage)
+
+
+class Phase(Frozen, eq=False):
+    """The populations of one phase, in exact numbers and in the chip's: by the float neurons, and by the program's."""
+
+    name: str
+    registers: Registers
+    float_neurons: Numbers
+    program_neurons: Numbers
+
+
+def phases_of(levels: Levels) -> tuple[Phase, ...]:
+    """Return every phase of a lowered network."""
+    registers, populations = levels.program.chip.registers, levels.quantized.populations
+    phases = []
+    for phase in levels.network.phases:
+        forms = [forms_of(q.population.neuron, levels, q) for q in populations if q.population.phase == phase.name]
+        numbers = _joined([float_neurons for float_neurons, _ in forms])
+        exact = all(float_neurons is program_neurons for float_neurons, program_neurons in forms)
+        program = numbers if exact else _joined([program_neurons for _, program_neurons in forms])
+        phases.append(Phase(phase.name, registers, numbers, program))
+    return tuple(phases)
+
+
+def _joined(populations: Sequence[Numbers]) -> Numbers:
+    return Numbers(
+        tuple(group for numbers in populations for group in numbers.groups),
+        tuple(synapses for numbers in populations for synapses in numbers.synapses),
+    )
+
+
+def lines_of(network: Network, phase: Phase, recordings: ByteArray) -> dict[str, ByteArray]:
+    """Return the spikes (batch, steps, lines) of the inputs of a phase."""
+    return {view.name: view.play(recordings) for view in network.views if view.phase == phase.name}
+
+
+def neuron_steps(network: Network) -> int:
+    """Return neurons times steps of one recording: what its evaluation takes."""
+    return sum(population.size * network.steps_of(population.phase) for population in network.populations)
+
+
+def twin_with(phase: Phase, stages: Collection[Stage]) -> Twin:
+    """Return the twin of a phase with some stages as on the chip and the others exact."""
+    numbers = phase.program_neurons if "kernel" in stages else phase.float_neurons
+    return Twin(
+        tuple(_group(pair, stages) for pair in numbers.groups),
+        tuple(s for pair in numbers.synapses if values_of((s := _synapses(pair, stages)).weights).any()),
+        phase.registers,
+    )
+
+
+def working(phases: Collection[Phase], stage: Stage) -> bool:
+    """Return whether a stage changes any number of these phases; one that changes none need not be run."""
+    if stage == "kernel":
+        return any(phase.float_neurons is not phase.program_neurons for phase in phases)
+    return stage != "delays"
+
+
+def _group(pair: GroupNumbers, stages: Collection[Stage]) -> TwinGroup:
+    exact, chip = pair.exact, pair.chip
+    decays = chip if "decays" in stages else exact
+    return replace(
+        exact,
+        keep_u=decays.keep_u,
+        keep_v=decays.keep_v,
+        threshold=(chip if "thresholds" in stages else exact).threshold,
+        bias=_bias(pair, stages),
+        truncates=(chip if "states" in stages else exact).truncates,
+        limited=(chip if "wraps_clips" in stages else exact).limited,
+    )
+
+
+def _synapses(pair: SynapseNumbers, stages: Collection[Stage]) -> TwinSynapses:
+    weights = pair.weights(rounded="weights" in stages, chip_decays="decays" in stages)
+    return replace(pair.exact, weights=weights)
+
+
+def _bias(pair: GroupNumbers, stages: Collection[Stage]) -> FloatArray:
+    """Return exact or rounded biases, fitted to exact or rounded decays."""
+    bias = (pair.chip if "weights" in stages else pair.exact).bias
+    if ("weights" in stages) == ("decays" in stages):
+        return bias
+    return bias * pair.bias_ratio if "decays" in stages else bias / pair.bias_ratio
+
 
 NEURON_STEPS_AT_ONCE = 1 << 22
 """Neurons times steps of all variants that are held at a time, so that memory does not grow with the recordings."""
@@ -129,3 +226,55 @@ def _play(
 
 def _different(spikes: Mapping[str, ByteArray], others: Mapping[str, ByteArray]) -> int:
     return sum(int((array != others[name]).sum()) for name, array in spikes.items())
+
+
+class Cause(Frozen, eq=False):
+    """The difference of the two potentials at the first spike that differs, taken apart.
+
+    Until then all spikes are equal, so each stage can be judged by itself: ``moved[stage]`` is how far it alone moves
+    the float potential, in the float network's units, and ``together`` how far all stages do. ``enough`` lists the
+    stages that alone make the neuron decide as the chip does. Stages that change no number are not listed.
+    """
+
+    moved: Mapping[Stage, float]
+    together: float
+    enough: tuple[Stage, ...]
+
+    @property
+    def rest(self) -> float:
+        """What the stages do only in each other's presence."""
+        return self.together - sum(self.moved.values())
+
+    @property
+    def largest(self) -> Stage:
+        """The stage that moves the potential furthest in the direction of the difference."""
+        return max(self.moved, key=lambda stage: self.moved[stage] if self.together >= 0 else -self.moved[stage])
+
+
+def find_cause(levels: Levels, recording: ByteArray, first: Divergence) -> Cause:
+    """Explain the first divergence in ``recording`` (steps, channels), of the network's own steps and channels."""
+    network, phases = levels.network, phases_of(levels)
+    name = next(p.phase for p in network.populations if p.name == first.population)
+    phase = next(phase for phase in phases if phase.name == name)
+    until = slice(0, first.step + 1)
+    lines = {name: played[:, until] for name, played in lines_of(network, phase, recording[None]).items()}
+    reference = evaluate(network, recording[None], registers=phase.registers).spikes
+    equal = {name: spikes[:, until] for name, spikes in reference.items()}
+    scale = float(levels.quantized.population(first.population).scale[first.neuron])
+
+    stages = [stage for stage in STAGES if working(phases, stage)]
+    variants = [(), stages, *([stage] for stage in stages)]
+    twins = [twin_with(phase, variant) for variant in variants]
+    traces = run_twins(twins, lines, forced=equal, potentials=(first.population,))
+    at = (0, first.step, first.neuron)
+    # By variant the potential in float units, and whether the neuron spikes.
+    (exact, _), (chip, fires), *others = (
+        (float(trace.potential[first.population][at]) / scale, bool(trace.spikes[first.population][at]))
+        for trace in traces
+    )
+    alone = dict(zip(stages, others, strict=True))
+    return Cause(
+        moved={stage: potential - exact for stage, (potential, _) in alone.items()},
+        together=chip - exact,
+        enough=tuple(stage for stage, (_, decision) in alone.items() if decision == fires),
+    )

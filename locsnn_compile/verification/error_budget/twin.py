@@ -140,18 +140,13 @@ def run_twins(
                 for late, target, to_columns, weights in others[key] if sent.any() else ():
                     if step + late < steps:
                         target.charge[step + late, :, to_columns] += (weights @ sent.T.astype(np.float64)).T
-    return [
-        TwinTrace(
-            {
-                name: block.spikes_of((number, name))
-                for block in spiking
-                for number, name in block.columns
-                if number == i
-            },
-            {name: kept for (number, name), kept in potential.items() if number == i},
-        )
-        for i in range(len(twins))
-    ]
+    traces = [TwinTrace({}, {}) for _ in twins]
+    for block in spiking:
+        for (i, name), columns in block.columns.items():
+            traces[i].spikes[name] = np.ascontiguousarray(block.spikes[:, :, columns])
+    for (i, name), kept in potential.items():
+        traces[i].potential[name] = kept
+    return traces
 
 
 def _blocks(twins: Sequence[Twin], batch: int, steps: int) -> "list[_Block]":
@@ -199,7 +194,7 @@ class _Block:
         self.charge = np.zeros((steps, batch, ends[-1]))
         self._u, self.v, self.joined = np.zeros((3, batch, ends[-1]))
         self._blocked = np.zeros((batch, ends[-1]), dtype=np.int64)
-        self._spikes = np.zeros((batch, steps, ends[-1] if self.spiking else 0), dtype=np.uint8)
+        self.spikes = np.zeros((batch, steps, ends[-1] if self.spiking else 0), dtype=np.uint8)
 
     def width(self, key: _Key) -> int:
         """Return the size of a group."""
@@ -230,12 +225,8 @@ class _Block:
         fired: BoolArray = self.v >= self._threshold
         if self._blocks:
             fired &= self._blocked == 0
-        self._spikes[:, step] = fired
+        self.spikes[:, step] = fired
         return fired
-
-    def spikes_of(self, key: _Key) -> ByteArray:
-        """Return which compartments of a group reached it, (batch, steps, n)."""
-        return np.ascontiguousarray(self._spikes[:, :, self.columns[key]])
 
     def reset(self, spikes: BoolArray) -> None:
         """Reset what spiked, and count its refractory steps."""
