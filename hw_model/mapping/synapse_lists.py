@@ -4,8 +4,6 @@ A run is of one format. So an axon has a list for each format of its synapses on
 on. A dense list has no index: it ends where its targets do not simply go on, and with each population.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -37,9 +35,9 @@ def synapse_lists(
     list_start: IntArray,
     target: IntArray,
     format_index: IntArray,
-    formats: Sequence[SynapseFormat],
+    formats: "Sequence[SynapseFormat]",
     ends: IntArray,
-    memory: SynapseMemory,
+    memory: "SynapseMemory",
 ) -> SynapseLists:
     """Return the lists of a core; axon j has the synapses ``list_start[j]..list_start[j + 1]``.
 

@@ -1,7 +1,5 @@
 """Checks of options that several commands have; each refusal is one line."""
 
-from __future__ import annotations
-
 import math
 from argparse import Namespace
 from collections.abc import Callable, Iterable
@@ -36,7 +34,7 @@ def check_psi(psi: float | None) -> None:
     check_number("--psi", psi, "it is not a valid rate", lambda x: x >= 0, "Give 0 or more, such as 10.")
 
 
-def recording_of(asked: int | None, recordings: Recordings) -> int:
+def recording_of(asked: int | None, recordings: "Recordings") -> int:
     """Return the number of the recording that is asked for, by default the first; refuse one that is not there."""
     number = asked or 0
     if not 0 <= number < len(recordings):

@@ -1,7 +1,5 @@
 """``locsnn-compile``: a model file in; a checked chip program and its reports out."""
 
-from __future__ import annotations
-
 import math
 import sys
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
@@ -196,7 +194,7 @@ def written_names(emit: Sequence[str]) -> tuple[str, ...]:
     return (*BUILD_NAMES, *((levels | EMITTED_NAMES)[kind] for kind in emit))
 
 
-def _emitted(args: Namespace, compiled: CompiledModel, recordings: Recordings, number: int) -> dict[str, bytes]:
+def _emitted(args: Namespace, compiled: "CompiledModel", recordings: "Recordings", number: int) -> dict[str, bytes]:
     """Return the files for other tools, of the program and of one recording, and the viewer, of several."""
     found: dict[str, bytes] = {}
     if kinds := [kind for kind in BENCH_KINDS if kind in args.emit]:

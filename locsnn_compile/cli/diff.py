@@ -1,7 +1,5 @@
 """``locsnn diff``: what changed from one build to another."""
 
-from __future__ import annotations
-
 import argparse
 import json
 from pathlib import Path
@@ -68,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _build(folder: Path) -> Build:
+def _build(folder: Path) -> "Build":
     import hw_model as hw
     from locsnn_compile.report.figures.program import program_figures
     from locsnn_compile.report.sections.comparison import Build

@@ -1,7 +1,5 @@
 """``locsnn events``: what recordings hold, and recordings in another format."""
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Mapping, Sequence
@@ -124,14 +122,14 @@ def _spread(steps: Mapping[str, float]) -> str:
     return f"{steps['mean']:.1f} steps ({steps['least']} to {steps['most']})"
 
 
-def _raster(recordings: Recordings, index: int) -> Sequence[str]:
+def _raster(recordings: "Recordings", index: int) -> Sequence[str]:
     from locsnn_compile.report.pictures.recording import text_raster
 
     label = "" if recordings.labels is None else f", label {recordings.labels[index]}"
     return [f"recording {index}{label}:", *(f"|{line}|" for line in text_raster(recordings.spikes[index]))]
 
 
-def _write(args: argparse.Namespace, recordings: Recordings, number: int) -> list[str]:
+def _write(args: argparse.Namespace, recordings: "Recordings", number: int) -> list[str]:
     """Write the files asked for; return a line for each, and one that says how to read what a format cannot hold."""
     lines = []
     if args.output is not None:

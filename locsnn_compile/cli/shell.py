@@ -3,8 +3,6 @@
 ``--options FILE`` has options of a command by their names in a YAML file; those of the command line win.
 """
 
-from __future__ import annotations
-
 import argparse
 import errno
 import gc
@@ -150,7 +148,7 @@ class Command(Protocol):
         """Do it; return the exit code."""
 
 
-def add_command(commands: argparse._SubParsersAction[Any], name: str, command: Command) -> None:
+def add_command(commands: "argparse._SubParsersAction[Any]", name: str, command: Command) -> None:
     """Add a command below ``locsnn``."""
     parser = commands.add_parser(
         name,

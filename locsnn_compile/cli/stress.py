@@ -1,7 +1,5 @@
 """``locsnn stress``: what the chip makes of numbers and inputs at the ends of what there is."""
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Sequence
@@ -57,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
     return EXIT_GATE if any(row.verdict == "unexplained" for row in rows) else 0
 
 
-def _print_verdicts(rows: Sequence[Row]) -> None:
+def _print_verdicts(rows: "Sequence[Row]") -> None:
     from locsnn_compile.stress.row import VERDICTS, by_verdict
 
     groups = list(dict.fromkeys(row.case.group for row in rows))

@@ -1,7 +1,5 @@
 """Put the report together: the verdicts, the notices and the sections in the order in which people ask."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING
 
 from locsnn_compile.report.content import Document, Report, Section
@@ -19,7 +17,7 @@ LONGEST_NAME = 120
 """Characters of the model's name in the title; under provenance it stands in full."""
 
 
-def compose(document: Document, excerpt: Excerpt | None = None) -> Report:
+def compose(document: Document, excerpt: "Excerpt | None" = None) -> Report:
     """Return the whole report as content without form; ``excerpt`` is what there is to see of a recording."""
     return Report(
         title=f"{shortened(document['model']['name'], LONGEST_NAME)} on {document['target']}",
@@ -31,7 +29,7 @@ def compose(document: Document, excerpt: Excerpt | None = None) -> Report:
     )
 
 
-def _sections(document: Document, excerpt: Excerpt | None) -> tuple[Section | None, ...]:
+def _sections(document: Document, excerpt: "Excerpt | None") -> tuple[Section | None, ...]:
     return (
         cost.energy_section(document),
         cost.latency_section(document),

@@ -1,13 +1,7 @@
 """File formats out: a compiled model for other tools, one exporter a format."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 from locsnn_compile.errors import InputError
-
-if TYPE_CHECKING:
-    from locsnn_compile.network.quantized import QuantizedNetwork
+from locsnn_compile.network.quantized import QuantizedNetwork
 
 
 def exchange_file(kind: str, quantized: QuantizedNetwork) -> bytes:

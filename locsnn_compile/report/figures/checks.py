@@ -1,22 +1,18 @@
 """What report.json says of the checks beyond the match: where errors come from, predictions over time, settings."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from hw_model.program.chip_program import ChipProgram
+from locsnn_compile.choose_strategy import Choice
 from locsnn_compile.report.content import Document
 from locsnn_compile.report.figures.flat import picked
 from locsnn_compile.verification.diagnosis import EDGES, Diagnosis, PopulationMargins
 from locsnn_compile.verification.error_budget.budget import Cause, Deviation
 from locsnn_compile.verification.matching import PopulationMatch
 from locsnn_compile.verification.over_time import LeftOut, OverTime, savings
-
-if TYPE_CHECKING:
-    from locsnn_compile.choose_strategy import Choice
 
 _REGISTERS = ("peak_u", "share_u", "peak_v", "share_v", "headroom_bits", "wraps", "clips")
 _POINTS = 50

@@ -1,7 +1,5 @@
 """``--emit csv``: the figures and pictures of a report as tables for a spreadsheet or a script."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
@@ -26,7 +24,7 @@ _UNITS = {
 Cell = str | int | float | None
 
 
-def csv_files(document: Document, excerpt: Excerpt | None) -> dict[str, bytes]:
+def csv_files(document: Document, excerpt: "Excerpt | None") -> dict[str, bytes]:
     """Return ``csv/figures.csv`` and, where an excerpt was kept, ``csv/spikes.csv`` and ``csv/potential.csv``."""
     figures = (
         (section, name, _unit(f"{section}.{name}"), value)
@@ -49,7 +47,7 @@ def _unit(key: str) -> str:
     return next((_UNITS[word] for word in words if word in _UNITS), "")
 
 
-def _spikes(excerpt: Excerpt) -> Iterable[tuple[Cell, ...]]:
+def _spikes(excerpt: "Excerpt") -> Iterable[tuple[Cell, ...]]:
     """A row a spike; an input line has its number, or the first of those that share a row, and spikes on both sides."""
     for phase, steps in excerpt.steps.items():
         for item in (*excerpt.inputs, *excerpt.populations):
@@ -59,7 +57,7 @@ def _spikes(excerpt: Excerpt) -> Iterable[tuple[Cell, ...]]:
                     yield item.axis, item.name, steps[int(step)], int(item.numbers[row]), *sides
 
 
-def _potential(excerpt: Excerpt) -> Iterable[tuple[Cell, ...]]:
+def _potential(excerpt: "Excerpt") -> Iterable[tuple[Cell, ...]]:
     shown = excerpt.potential
     for i, (reference, chip) in enumerate(zip(shown.reference.tolist(), shown.chip.tolist(), strict=True)):
         fired = int(shown.reference_spikes[i]), int(shown.chip_spikes[i])

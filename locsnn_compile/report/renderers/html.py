@@ -1,7 +1,5 @@
 """report.html: one page that needs nothing else - no script, no font, no request - and says the verdict first."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from html import escape
 from importlib.resources import files
@@ -29,7 +27,7 @@ MAX_ROWS = 200
 """A table with more of them is cut: a network may have any number of populations, and a program of cores."""
 
 
-def render_html(document: content.Document, excerpt: Excerpt | None = None) -> str:
+def render_html(document: content.Document, excerpt: "Excerpt | None" = None) -> str:
     """Return the page of a report; the same document and excerpt give the same bytes."""
     footer = "Per recording means the mean over the recordings of the check, unless a range is given."
     return render_page(compose(document, excerpt), "locsnn-compile report", footer)

@@ -1,7 +1,5 @@
 """report.md: the report as text that a code host shows as a page; drawings are left to report.html."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -18,7 +16,7 @@ _SPECIAL = re.compile(r"[\\`*\[\]|~#$]|(?<![^\W_])_|_(?![^\W_])")
 """What Markdown may read as markup anywhere in a line; an underscore inside a word is text."""
 
 
-def render_markdown(document: content.Document, excerpt: Excerpt | None = None) -> str:
+def render_markdown(document: content.Document, excerpt: "Excerpt | None" = None) -> str:
     """Return the report as Markdown; the same document and excerpt give the same bytes."""
     report = compose(document, excerpt)
     parts = [f"# {text(report.title)}", text(report.subtitle)]

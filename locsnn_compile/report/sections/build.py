@@ -1,7 +1,5 @@
 """Sections on the program itself: resources, what was left out, rounding, its origin, and the settings compared."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -171,7 +169,7 @@ def settings_compared(choice: Document) -> Table:
     )
 
 
-def unmet_budget(choice: Choice) -> str:
+def unmet_budget(choice: "Choice") -> str:
     """Say in a line what a budget that no setting keeps came to, and a way out."""
     best, bounds = choice.taken, choice.budget
     silent = best.spike_agreement is None or (bounds.min_agreement is not None and best.prediction_agreement is None)
@@ -187,7 +185,7 @@ def unmet_budget(choice: Choice) -> str:
     )
 
 
-def _lost(candidate: Candidate) -> str:
+def _lost(candidate: "Candidate") -> str:
     agreement, error = candidate.prediction_agreement, candidate.spike_error
     predictions = "no prediction compared" if agreement is None else f"prediction agreement {agreement:.4f}"
     return f"{predictions} and {'no spike compared' if error is None else f'{error:.4f} of the spikes different'}"
