@@ -10,8 +10,7 @@ from dataclasses import asdict
 from typing import Any
 
 from locsnn_compile.cluster.spread import code_version
-from locsnn_compile.explore.events import Chosen
-from locsnn_compile.explore.exploration import FRONT_RULE, OBJECTIVES, Exploration
+from locsnn_compile.explore.exploration import FRONT_RULE, OBJECTIVES, Chosen, Exploration
 from locsnn_compile.explore.point import Figures, Point
 from locsnn_compile.report.figures.flat import csv_bytes
 from locsnn_compile.report.format import NONE, agreed, count, energy, known, plain, share, time

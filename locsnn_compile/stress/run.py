@@ -21,8 +21,7 @@ from locsnn_compile.reference.evaluate import steps_of
 from locsnn_compile.report.format import share, short
 from locsnn_compile.stress.bounds import error_bound
 from locsnn_compile.stress.cases import cases
-from locsnn_compile.stress.cases.case import POPULATION, Case
-from locsnn_compile.stress.cases.long_runs import BLOCK, LongRun, long_runs
+from locsnn_compile.stress.cases.case import BLOCK, POPULATION, Case, LongRun, long_runs
 from locsnn_compile.stress.measure import Float, Sides, lowered, measure
 from locsnn_compile.stress.row import TENTH, Drift, Row, judge
 from locsnn_compile.verification.matching import PopulationMatch

@@ -17,8 +17,8 @@ from locsnn_compile.cluster import spread
 from locsnn_compile.cluster.spread import packed, work_packed
 from locsnn_compile.errors import InputError
 from locsnn_compile.explore import executors
-from locsnn_compile.explore.events import choose_events
 from locsnn_compile.explore.executors import here, in_processes, on_dask
+from locsnn_compile.explore.exploration import choose_events
 from locsnn_compile.explore.point import Study, measure
 from locsnn_compile.explore.sweep import Store, sweep
 from locsnn_compile.settings import AXES, settings

@@ -9,7 +9,7 @@ import hw_model as hw
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.report.format import short
 from locsnn_compile.stress import run as drift_module
-from locsnn_compile.stress.cases.long_runs import long_runs
+from locsnn_compile.stress.cases.case import long_runs
 from locsnn_compile.stress.run import long_row, measure_drift, play_float
 from locsnn_compile.verification.matching import PopulationMatch
 

@@ -10,7 +10,7 @@ import hw_model as hw
 from locsnn_compile.cli.main import main
 from locsnn_compile.stress import run as run_module
 from locsnn_compile.stress.cases import GROUPS, LEADS, cases
-from locsnn_compile.stress.cases.long_runs import long_runs
+from locsnn_compile.stress.cases.case import long_runs
 from locsnn_compile.stress.page import BEGIN, END
 from locsnn_compile.stress.run import run_stress
 

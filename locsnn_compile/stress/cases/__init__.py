@@ -4,8 +4,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 from locsnn_compile.stress.cases import neurons, synapses
-from locsnn_compile.stress.cases.case import Case
-from locsnn_compile.stress.cases.long_runs import GROUP, long_runs
+from locsnn_compile.stress.cases.case import GROUP, Case, long_runs
 
 GROUPS: dict[str, Callable[[], Iterable[Case]]] = {
     "time constants": neurons.time_constants,
