@@ -88,14 +88,14 @@ def run(args: argparse.Namespace) -> int:
         print("Stopped. The same command goes on where it was.", file=sys.stderr)
         return EXIT_INTERRUPTED
 
-    from locsnn_compile.explore.result import exploration_files
+    from locsnn_compile.explore.result import exploration_files, lines
 
     files = exploration_files(found)
     write_build(folder, files)
     if args.json:
         sys.stdout.write(files["explore.json"].decode())
     elif not args.quiet:
-        _print(found, folder, list(files))
+        print("\n".join([*lines(found), f"wrote {folder}/: {', '.join(files)}"]))
     if found.recommendation.taken is None and not found.by_default:
         print(f"gate failed: {found.recommendation.why}.", file=sys.stderr)
         return EXIT_GATE
@@ -168,12 +168,3 @@ def _check_options(args: argparse.Namespace, wanted: Mapping[str, Sequence[Value
             raise InputError(f"{option} {value:g}", "it is out of range", fix=f"Give a number from {least} {upper}.")
     if args.workers and args.scheduler:
         raise InputError("--workers", "a scheduler has workers of its own", fix="Leave out --workers or --scheduler.")
-
-
-def _print(found: Exploration, folder: Path, names: Sequence[str]) -> None:
-    """Print a table of all points, the recommendation, and the commands of the front."""
-    from locsnn_compile.explore.result import lines
-
-    for line in lines(found):
-        print(line)
-    print(f"wrote {folder}/: {', '.join(names)}")

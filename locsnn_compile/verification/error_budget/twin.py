@@ -104,7 +104,9 @@ def run_twins(
     for i, s in synapses:
         target, to_columns = home[i, s.target]
         if s.source in lines:
-            charge = _deliver_all(s, sparse_lines[s.source][: batch * (steps - 1 - s.delay)])
+            # Few spikes among many: sparse, whatever the weights are.
+            found = sparse_lines[s.source][: batch * (steps - 1 - s.delay)] @ s.weights.T
+            charge = found.toarray() if sparse.issparse(found) else found
             target.charge[1 + s.delay :, :, to_columns] += charge.reshape(-1, batch, s.weights.shape[0])
         elif s.weights.ndim == 2:
             others[i, s.source].append((1 + s.delay, target, to_columns, s.weights))
@@ -113,7 +115,8 @@ def run_twins(
             _, to, weights = own[block].setdefault((target, s.target), _own_charges(block, target, synapses))
             to[columns] = np.arange(to_columns.start, to_columns.stop)
             weights[s.delay, columns] += s.weights
-    potential = {key: np.empty((batch, steps, home[key][0].width(key))) for key in home if key[1] in potentials}
+    watched = {key: columns for key, (_, columns) in home.items() if key[1] in potentials}
+    potential = {key: np.empty((batch, steps, here.stop - here.start)) for key, here in watched.items()}
     for step in range(steps):
         for block in blocks:
             if block.spiking:
@@ -170,13 +173,6 @@ def _own_charges(block: "_Block", target: "_Block", synapses: Sequence[tuple[int
     return target, np.full(block.v.shape[1], -1), np.zeros((delays, block.v.shape[1]))
 
 
-def _deliver_all(synapses: TwinSynapses, sent: sparse.csr_array) -> FloatArray:
-    """Return the charge (rows, n_target) that few spikes among many (rows, n_source) bring."""
-    found = sent @ synapses.weights.T
-    charge: FloatArray = found.toarray() if sparse.issparse(found) else found
-    return charge
-
-
 class _Block:
     """Registers of groups of one arithmetic, side by side: arrays (batch, n); ``charge`` (steps, batch, n)."""
 
@@ -195,11 +191,6 @@ class _Block:
         self._u, self.v, self.joined = np.zeros((3, batch, ends[-1]))
         self._blocked = np.zeros((batch, ends[-1]), dtype=np.int64)
         self.spikes = np.zeros((batch, steps, ends[-1] if self.spiking else 0), dtype=np.uint8)
-
-    def width(self, key: _Key) -> int:
-        """Return the size of a group."""
-        columns = self.columns[key]
-        return int(columns.stop - columns.start)
 
     def update(self, step: int, registers: Registers) -> None:
         """Accumulate, decay and join; v is then what the threshold sees."""
