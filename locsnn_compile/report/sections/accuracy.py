@@ -105,14 +105,9 @@ def _checked(budget: Document) -> str:
 
 
 def _stages(variants: Document, without: Sequence[str], recordings: int) -> Table:
-    rows = tuple(
-        (
-            name,
-            *equal_spikes(found["spike_agreement"]),
-            count(found["spike_mismatches"]),
-            count(found["predictions_changed"]),
-            left,
-        )
+    keys = ("spike_mismatches", "predictions_changed")
+    rows: tuple[tuple[str | Bar, ...], ...] = tuple(
+        (name, *equal_spikes(found["spike_agreement"]), *(count(found[key]) for key in keys), left)
         for (name, found), left in zip(variants.items(), without, strict=True)
     )
     columns = ("stage", "", "spikes equal", "only on one side", "predictions changed", "equal without it")
@@ -145,14 +140,11 @@ def _kernel_tail(tail: Document) -> str:
 
 def _distances(populations: Document) -> Table:
     shares = list(next(iter(populations.values()))["nearest"])
-    return Table(
-        "Distance of potentials to the threshold, in thresholds",
-        ("population", "neurons times steps", *(f"nearest {100 * float(key):g} %" for key in shares)),
-        tuple(
-            (name, count(one["neuron_steps"]), *(short(one["nearest"][key]) for key in shares))
-            for name, one in populations.items()
-        ),
+    rows = (
+        (name, count(one["neuron_steps"]), *map(short, one["nearest"].values())) for name, one in populations.items()
     )
+    columns = ("population", "neurons times steps", *(f"nearest {100 * float(key):g} %" for key in shares))
+    return Table("Distance of potentials to the threshold, in thresholds", columns, tuple(rows))
 
 
 def _errors(populations: Document) -> Table:

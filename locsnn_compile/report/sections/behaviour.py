@@ -118,16 +118,10 @@ def _ann_energy(document: Document) -> tuple[Block, ...]:
 
 def _populations(document: Document) -> Table:
     match = document["match"]
-    rows = [
-        (
-            name,
-            *equal_spikes(found["spike_agreement"], no_spikes(match, name)),
-            count(found["reference_spikes"]),
-            count(found["chip_spikes"]),
-            count(found["spike_mismatches"]),
-        )
-        for name, found in (*match["by_population"].items(), ("all", match))
-    ]
+    rows = []
+    for name, found in (*match["by_population"].items(), ("all", match)):
+        counts = (count(found[key]) for key in ("reference_spikes", "chip_spikes", "spike_mismatches"))
+        rows.append((name, *equal_spikes(found["spike_agreement"], no_spikes(match, name)), *counts))
     columns = ("population", "", "spikes equal", "float spikes", "chip spikes", "only on one side")
     return Table(f"Spikes over {plural(match['samples'], 'recording')}", columns, tuple(rows), total=True)
 
