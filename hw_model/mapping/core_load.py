@@ -96,7 +96,7 @@ def _limits(pieces: Sequence[Piece], chip: Chip) -> Iterator[Limit]:
     compartments, fix = sum(piece.compartments for piece in pieces), "Join at most {limit} compartments to a neuron."
     yield Limit("compartments", compartments, limits.compartments_per_core, fix)
     sources, words = synapses(pieces, chip)
-    fix = "Prune {over} of its sources, or gather them in a population in between."
+    fix = "Prune {over} of its sources, or gather them in a population in between; a location branch has one per step."
     yield Limit("input axons", len(sources), limits.input_axons_per_core, fix)
     # One neuron alone has lists of one synapse, a word each: fewer bits would not help.
     yield Limit("synapse memory words", words, limits.synapse_words_per_core, "Prune {over} of its {use} synapses.")

@@ -125,7 +125,7 @@ def _spread(steps: Mapping[str, float]) -> str:
 def _raster(recordings: "Recordings", index: int) -> Sequence[str]:
     from locsnn_compile.report.pictures.recording import text_raster
 
-    label = "" if recordings.labels is None else f", label {recordings.labels[index]}"
+    label = "" if recordings.labels is None else f", {recordings.called(recordings.labels[index])}"
     return [f"recording {index}{label}:", *(f"|{line}|" for line in text_raster(recordings.spikes[index]))]
 
 

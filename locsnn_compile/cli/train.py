@@ -38,7 +38,7 @@ once at the end. Beside OUT.pt a log OUT.csv and its picture OUT.svg are written
 """
 
 
-SHOWN_CLASSES = 20
+SHOWN_CLASSES, SHOWN_NAMES = 20, 60
 """Classes up to which the confusion matrix is printed."""
 
 
@@ -210,19 +210,25 @@ def _summary(
         accuracy = accuracy_of(found)
         if recordings.source != test.source:
             lines += [f"{part.source}: {plural(len(part), 'recording')}" for part in (recordings, test)]
-        lines += [f"test accuracy {accuracy:.3f} on {plural(len(test), 'recording')}", *_confusion(found)]
+        lines.append(f"test accuracy {accuracy:.3f} on {plural(len(test), 'recording')}")
+        lines += _confusion(found, test.class_names)
         remarks += chance_remarks(accuracy, test.labels, "of the test part")
     return "\n".join([*lines, *(f"! {remark}" for remark in remarks), f"wrote {output}"])
 
 
-def _confusion(found: IntArray) -> list[str]:
-    """Return the confusion matrix as lines; none where there are too many classes for a terminal."""
-    classes = range(len(found))
+def _confusion(found: IntArray, names: tuple[str, ...] | None = None) -> list[str]:
+    """Return the confusion matrix as lines, with the names of classes where there is room for them.
+
+    There are none where there are too many classes for a terminal.
+    """
     if len(found) > SHOWN_CLASSES:
         return []
-    width = len(str(found.max())) + 2
-    rows = ["".join(f"{n:{width}}" for n in row) for row in (classes, *found.tolist())]
-    return [f"{head:>17}{row}" for head, row in zip(("label \\ predicted", *classes), rows, strict=True)]
+    heads = [str(label) for label in range(len(found))]
+    if names is not None and sum(map(len, names)) < SHOWN_NAMES:
+        heads = list(names)
+    width = max(len(text) for text in (*heads, str(found.max()))) + 2
+    rows = ["".join(f"{n:>{width}}" for n in row) for row in (heads, *found.tolist())]
+    return [f"{head:>17}{row}" for head, row in zip(("label \\ predicted", *heads), rows, strict=True)]
 
 
 def _after_epochs(args: argparse.Namespace, moved: Moved | None) -> Progress:

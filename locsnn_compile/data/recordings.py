@@ -94,6 +94,11 @@ class Recordings(Shown):
     def __len__(self) -> int:
         return len(self.spikes)
 
+    def called(self, label: int) -> str:
+        """Return ``label 1``, or ``label 1 (slide)`` where the class has a name."""
+        names = self.class_names or ()
+        return f"label {label} ({names[label]})" if label < len(names) else f"label {label}"
+
     @property
     def threshold(self) -> int | None:
         """Events that a bin had to exceed to be 1, None where the files hold bins."""

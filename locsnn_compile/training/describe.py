@@ -5,10 +5,10 @@ from dataclasses import asdict, fields, replace
 from typing import Any
 
 from locsnn_compile.data.orders import location_order, order_text
-from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.recordings import MAX_STEPS, Recordings
 from locsnn_compile.data.sensor import POLARITIES, TAXELS, SensorLayout, neutouch
 from locsnn_compile.data.taxel_graph import taxel_graph
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, check_most
 from locsnn_compile.models.architectures import ARCHITECTURES
 from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, Neuron, NeuronParameters
 from locsnn_compile.models.graph_parameters import GraphParameters
@@ -23,6 +23,8 @@ def describe(recordings: Recordings, config: TrainingConfig, classes: int, name:
     channels = recordings.spikes.shape[2]
     sensor = config.sensor or neutouch(max(1, channels // (TAXELS * POLARITIES)))
     sensor.check_channels(channels, f"recordings {recordings.source!r}")
+    steps, fix = recordings.spikes.shape[1], "Cut them with --steps, or take wider bins."
+    check_most(steps, MAX_STEPS, f"recordings {recordings.source!r}", "they are too long", unit="steps", fix=fix)
     order: str | None = None
     taxels: tuple[int, ...] | None = None
     structure = ARCHITECTURES[config.model]
@@ -33,7 +35,7 @@ def describe(recordings: Recordings, config: TrainingConfig, classes: int, name:
         architecture=config.model,
         input=InputLayout(
             sensor=sensor,
-            steps=recordings.spikes.shape[1],
+            steps=steps,
             step_seconds=recordings.step_seconds or config.step_seconds,
             event_threshold=recordings.threshold,
         ),

@@ -18,6 +18,8 @@ _LIKELY = 1.645
 """Standard deviations above chance that 95 % of guesses stay below."""
 _NAMED = 12
 """Labels that are named; more are counted."""
+_UNEVEN = 5
+"""Recordings of the commonest label for one of the rarest, from which on that is said."""
 
 
 def class_weights(config: TrainingConfig, labels: IntArray, classes: int) -> Tensor | None:
@@ -76,21 +78,30 @@ def check_events(recordings: Recordings) -> None:
         )
 
 
-def data_remarks(recordings: Recordings, classes: int) -> list[str]:
-    """Return a sentence each on empty recordings and on labels 0..``classes`` - 1 that nothing to train on has."""
+def data_remarks(recordings: Recordings, classes: int, config: TrainingConfig) -> list[str]:
+    """Return a sentence each on what recordings cannot teach: those without events, labels that are rare or missing."""
     labels = recordings.labels
     assert labels is not None  # the run's own check
     found = []
-    empty = int((~recordings.spikes.any(axis=(1, 2))).sum())
-    if empty:
+    counts = np.bincount(labels, minlength=classes)
+    heard = np.bincount(labels[recordings.spikes.any(axis=(1, 2))], minlength=classes)
+    if empty := len(labels) - int(heard.sum()):
         found.append(f"{empty} of {so_many(len(recordings))} to train on {'has' if empty == 1 else 'have'} no event.")
-    missing = sorted(set(range(classes)) - set(labels.tolist()))
-    if missing:
+    silent = np.flatnonzero((counts > 0) & (heard == 0))
+    found += [f"No recording of {recordings.called(label)} has an event." for label in silent[:_NAMED]]
+    missing = np.flatnonzero(counts == 0)
+    if len(missing):
         more = f" and {len(missing) - _NAMED} more" if len(missing) > _NAMED else ""
         named = ", ".join(map(str, missing[:_NAMED])) + more
         found.append(f"No recording to train on has label {named}: labels count from 0 to {classes - 1} here.")
-    if len(np.unique(labels)) == 1:
-        found.append(f"All recordings to train on have label {labels[0]}: there is nothing to tell apart.")
+    most, least = int(counts.argmax()), int(np.where(counts, counts, len(labels) + 1).argmin())
+    if np.count_nonzero(counts) == 1:
+        found.append(f"All recordings to train on have label {most}: there is nothing to tell apart.")
+    if counts[most] >= _UNEVEN * counts[least] and config.class_weights == "equal":
+        uneven = f"{recordings.called(most)} has {so_many(counts[most])}, {recordings.called(least)} {counts[least]}"
+        found.append(f"To train on, {uneven}: balanced class weights make labels count alike.")
+    if counts[most] == 1 and config.validation_fraction > 0:
+        found.append("Every label has one recording to train on: none was held back, and the last epoch was taken.")
     return found
 
 

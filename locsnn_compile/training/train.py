@@ -118,7 +118,7 @@ def train(
         network = build_network(description, seed=config.seed, chip=chip)
         network.load_state_dict(weights)
         network.snap()
-        remarks = (*data_remarks(recordings, classes), *result_remarks(network, recordings))
+        remarks = (*data_remarks(recordings, classes, config), *result_remarks(network, recordings))
     chosen = [row for row in state.history if row.phase == "select" and row.epoch == state.chosen_epoch]
     return TrainingResult(network, state.chosen_epoch, chosen[0].validation_accuracy, tuple(state.history), remarks)
 

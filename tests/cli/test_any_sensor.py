@@ -257,12 +257,22 @@ def test_labels_with_gaps_and_silence_are_told(capsys: Capture) -> None:
     )
 
 
+def test_recordings_that_are_too_long_are_told_before_training(capsys: Capture) -> None:
+    np.savez("a.npz", spikes=np.ones((2, 4, 20_001), dtype=np.uint8), labels=[0, 1])
+    assert train("a.npz", "--channels", "4") == 2
+    assert capsys.readouterr().err == (
+        "recordings 'a.npz': they are too long (20001 steps against 20000). Cut them with --steps, or take wider bins.\n"
+    )
+
+
 def test_events_shows_places_of_the_sensor(capsys: Capture) -> None:
     spikes = np.zeros((1, 40, 9), dtype=np.uint8)
     spikes[0, 11] = 1
     np.savez("a.npz", spikes=spikes, class_names=NAMES, labels=[2])
     assert locsnn_main(["events", "a.npz", "--grid", "4x5"]) == 0
-    assert "busiest channels  11 (row 2, column 2 falling) 9\n" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "busiest channels  11 (row 2, column 2 falling) 9\n" in printed
+    assert "recording 0, label 2 (twist):\n" in printed
     assert locsnn_main(["events", "a.npz", "--grid", "4x4"]) == 2
     assert "(40 against 32)" in capsys.readouterr().err
 

@@ -39,7 +39,7 @@ LIMIT_ERRORS = [
     ("exponent", {"exponent": 8}, "synapses 'x' -> 'n': the weight exponent is out of range (8 against -8..7). Rescale the weights."),
     ("weight grid", {"weights": [[3, 2]]}, "synapses 'x' -> 'n': weight 3 is not on the grid of 8-bit mixed weights (multiples of 2 in -256..254; 1 of 2 off). Round the weights onto the grid first."),
     ("weight range", {"weights": [[-2, 2]], "sign_mode": "excitatory"}, "synapses 'x' -> 'n': weight -2 is not on the grid of 8-bit excitatory weights (multiples of 1 in 0..255; 1 of 2 off). Round the weights onto the grid first."),
-    ("input axons", {"chip": limited(input_axons_per_core=1)}, "population 'n': 2 input axons of neuron 0 do not fit one core (loihi-sim holds 1). Prune 1 of its sources, or gather them in a population in between."),
+    ("input axons", {"chip": limited(input_axons_per_core=1)}, "population 'n': 2 input axons of neuron 0 do not fit one core (loihi-sim holds 1). Prune 1 of its sources, or gather them in a population in between; a location branch has one per step."),
     ("synapse memory", {"chip": limited(synapse_words_per_core=1)}, "population 'n': 2 synapse memory words of neuron 0 do not fit one core (loihi-sim holds 1). Prune 1 of its 2 synapses."),
     ("joined compartments", {"chip": limited(compartments_per_core=2), "dendrites": 2}, "population 'n': 3 compartments of neuron 0 do not fit one core (loihi-sim holds 2). Join at most 2 compartments to a neuron."),
     ("compartment profiles", {"chip": limited(compartment_profiles_per_core=2), "dendrites": 2}, "population 'n': 3 compartment profiles of neuron 0 do not fit one core (loihi-sim holds 2). Give its joined compartments the same decays."),

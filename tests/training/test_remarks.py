@@ -13,6 +13,7 @@ from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.networks import build_network
+from locsnn_compile.training.config import TrainingConfig
 from locsnn_compile.training.export import carried_rows
 from locsnn_compile.training.measure import chance_remarks, data_remarks, result_remarks
 
@@ -164,10 +165,62 @@ def test_chance_is_what_guesses_reach(right: int, said: bool) -> None:
 
 def test_many_missing_labels_are_counted() -> None:
     recordings = Recordings(np.ones((2, 3, 78)), np.array([0, 40]), None, "a")
-    assert data_remarks(recordings, 41) == [
+    assert data_remarks(recordings, 41, TrainingConfig(validation_fraction=0.0)) == [
         "No recording to train on has label 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12 and 27 more: labels count from 0 to "
         "40 here."
     ]
+
+
+@pytest.mark.parametrize(
+    ("labels", "silent", "options", "remarks"),
+    [
+        pytest.param([0, 1, 2] * 4, [], {}, [], id="nothing to say"),
+        pytest.param(
+            [0, 1, 2] * 4,
+            [1, 4, 7, 10],
+            {},
+            ["4 of 12 recordings to train on have no event.", "No recording of label 1 (slide) has an event."],
+            id="a silent class",
+        ),
+        pytest.param(
+            [0] * 10 + [1] * 5 + [2] * 2,
+            [],
+            {},
+            [
+                "To train on, label 0 (press) has 10 recordings, label 2 (twist) 2: balanced class weights make labels "
+                "count alike."
+            ],
+            id="imbalance",
+        ),
+        pytest.param([0] * 10 + [1] * 5 + [2] * 2, [], {"class_weights": "balanced"}, [], id="balanced"),
+        pytest.param([0] * 9 + [1] * 5 + [2] * 2, [], {}, [], id="less than five to one"),
+        pytest.param(
+            [0, 1, 2],
+            [],
+            {},
+            ["Every label has one recording to train on: none was held back, and the last epoch was taken."],
+            id="one each",
+        ),
+        pytest.param([0, 1, 2], [], {"validation_fraction": 0.0}, [], id="none to hold back"),
+        pytest.param(
+            [1, 1],
+            [],
+            {},
+            [
+                "No recording to train on has label 0, 2: labels count from 0 to 2 here.",
+                "All recordings to train on have label 1: there is nothing to tell apart.",
+            ],
+            id="one label",
+        ),
+    ],
+)
+def test_what_recordings_cannot_teach_is_said(
+    labels: list[int], silent: list[int], options: dict, remarks: list[str]
+) -> None:
+    spikes = np.ones((len(labels), 3, 78))
+    spikes[silent] = 0
+    recordings = Recordings(spikes, np.array(labels), None, "a", class_names=("press", "slide", "twist"))
+    assert data_remarks(recordings, 3, TrainingConfig(**options)) == remarks
 
 
 @pytest.mark.parametrize(

@@ -265,6 +265,28 @@ def test_a_gpu_learns_what_the_processor_learns(name: str) -> None:
     assert np.allclose(*losses, rtol=0.05)
 
 
+@pytest.mark.parametrize(
+    ("names", "lines"),
+    [
+        pytest.param(
+            None, ["label \\ predicted   0   1", "                0  12   0", "                1   3   4"], id="numbers"
+        ),
+        pytest.param(
+            ("press", "slide"),
+            ["label \\ predicted  press  slide", "            press     12      0", "            slide      3      4"],
+            id="names",
+        ),
+        pytest.param(
+            ("p" * 40, "s" * 20),
+            ["label \\ predicted   0   1", "                0  12   0", "                1   3   4"],
+            id="long names",
+        ),
+    ],
+)
+def test_confusions_are_called_by_their_classes(names: tuple[str, ...] | None, lines: list[str]) -> None:
+    assert command._confusion(np.array([[12, 0], [3, 4]]), names) == lines
+
+
 def test_the_confusions_of_many_classes_are_not_printed() -> None:
     assert command._confusion(np.diag(np.full(21, 3))) == []
     assert len(command._confusion(np.diag(np.full(20, 3)))) == 21
