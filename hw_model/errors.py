@@ -7,7 +7,7 @@
 Nothing else is raised on purpose; any other exception is a defect of this project.
 """
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from difflib import get_close_matches
 from functools import partial
 from typing import Any
@@ -59,6 +59,12 @@ def check_range(found: float, low: float, high: float, where: str) -> None:
     if not low <= found <= high:
         measured = f"got {found} against {low}..{high}"
         raise InputError(where, "it is out of range", measured=measured, fix="Correct the number.")
+
+
+def check_known(where: str, what: str, given: object, known: Collection[str], more: str = "") -> None:
+    """Refuse a name that is none of those known; None is none. ``more``: a way out beside them."""
+    if given is not None and given not in known:
+        raise InputError(where, what, fix=did_you_mean(given, known) + more)
 
 
 def did_you_mean(given: object, known: Iterable[str]) -> str:

@@ -12,7 +12,7 @@ from hw_model.description.counts import Counts, total
 from hw_model.engine.playing import Player, Spikes, play, read_streams
 from hw_model.engine.probes import KINDS, Kind, PhaseProbes, Probe, hull, read_probes
 from hw_model.engine.trace import EVENTS, PhaseInput, PhaseTrace, Register, Window
-from hw_model.errors import InputError, did_you_mean
+from hw_model.errors import InputError, check_known
 from hw_model.io.given import checked
 from hw_model.mapping.graph import largest
 from hw_model.program.chip_program import ChipProgram
@@ -87,8 +87,7 @@ def simulate(
     what cannot change anything, which the fast engine does; without it every compartment is updated in every step, and
     nothing but ``skipped_steps`` differs. Bad arguments are an ``InputError``.
     """
-    if engine not in ENGINES:
-        raise InputError(f"engine {engine!r}", "does not exist", fix=did_you_mean(engine, ENGINES))
+    check_known(f"engine {engine!r}", "does not exist", engine, ENGINES)
     if steps is not None and steps < 1:
         raise InputError("steps", "nothing to simulate", measured=f"{steps} against at least 1", fix="Raise steps.")
     probes = read_probes(program, probe)

@@ -21,7 +21,7 @@ from locsnn_compile.cluster.spread import Spread, here, spread_over
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.synthetic import synthetic_touches
-from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.errors import InputError, check_known
 from locsnn_compile.frontends import load
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.network.check import check_network
@@ -141,9 +141,7 @@ def compile(
     else ``events``. ``scheduler``: the address of a Dask cluster that plays the recordings, with the same results.
     Raises ``InputError`` for what cannot be used and ``TargetError`` for a model that the chip cannot hold.
     """
-    known = (AUTO, *STRATEGIES)
-    if strategy not in known:
-        raise InputError(f"strategy {strategy!r}", "unknown lowering strategy", fix=did_you_mean(strategy, known))
+    check_known(f"strategy {strategy!r}", "unknown lowering strategy", strategy, (AUTO, *STRATEGIES))
     chip = hw.chip(target) if profile is None else hw.priced_by(hw.chip(target), profile)
     weight_bits = weight_bits_of(chip, weight_bits)
     _check_share(split_weights)

@@ -8,7 +8,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from hw_model.errors import InputError, did_you_mean
+from hw_model.errors import InputError, check_known
 from hw_model.values import BoolArray, FloatArray, Frozen, IntArray
 
 DECAY_BITS = 12
@@ -88,8 +88,7 @@ def weight_grid(weight_bits: int, sign_mode: SignMode) -> WeightGrid:
             f"no synapse format has {weight_bits} bits",
             fix="Choose one of 1, 2, 3, 4, 5, 6, 8.",
         )
-    if sign_mode not in SIGN_MODES:
-        raise InputError("sign mode", f"{sign_mode!r} does not exist", fix=did_you_mean(sign_mode, SIGN_MODES))
+    check_known("sign mode", f"{sign_mode!r} does not exist", str(sign_mode), SIGN_MODES)
     step = 1 << (9 - weight_bits if sign_mode == "mixed" else 8 - weight_bits)
     low = {"mixed": -256, "excitatory": 0, "inhibitory": step - 256}[sign_mode]
     high = 0 if sign_mode == "inhibitory" else 256 - step

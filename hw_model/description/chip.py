@@ -11,7 +11,7 @@ import numpy as np
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS
 from hw_model.description.profile import Profile
 from hw_model.description.read import parse, read_description
-from hw_model.errors import InputError, check_most, did_you_mean
+from hw_model.errors import InputError, check_known, check_most
 from hw_model.io.given import checked
 from hw_model.values import Frozen, IntArray, Shown
 
@@ -152,12 +152,8 @@ class Chip(Shown, eq=True):
 
     def profile(self, name: str) -> Profile:
         """Return the named profile, or say which exist."""
-        if name not in self.profiles:
-            raise InputError(
-                f"chip {self.name}",
-                f"there is no energy profile {name!r}",
-                fix=did_you_mean(name, self.profiles) + " A profile of your own is a file that ends in .yaml.",
-            )
+        what, more = f"there is no energy profile {name!r}", " A profile of your own is a file that ends in .yaml."
+        check_known(f"chip {self.name}", what, name, self.profiles, more)
         return self.profiles[name]
 
 
@@ -166,12 +162,8 @@ def chip(name_or_path: str | Path) -> Chip:
     """Return a chip by the name of a description that ships, or by the path of a YAML file."""
     text = str(name_or_path)
     if not text.endswith(_YAML):
-        if text not in chip_names():
-            raise InputError(
-                f"target {text!r}",
-                "no chip of this name ships",
-                fix=did_you_mean(text, chip_names()) + " A chip file of your own ends in .yaml.",
-            )
+        more = " A chip file of your own ends in .yaml."
+        check_known(f"target {text!r}", "no chip of this name ships", text, chip_names(), more)
         return parse_chip((files("hw_model") / "chips" / f"{text}.yaml").read_text("utf-8"), where=text)
     path = Path(text)
     return parse_chip(read_description(path, "chip", "those that `locsnn targets` lists"), where=path.name)

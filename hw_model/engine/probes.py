@@ -6,7 +6,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from hw_model.engine.trace import REGISTERS, Register, Window
-from hw_model.errors import InputError, did_you_mean
+from hw_model.errors import InputError, check_known
 from hw_model.program.chip_program import ChipProgram
 from hw_model.values import AnyArray, Frozen
 
@@ -39,15 +39,11 @@ def read_probes(program: ChipProgram, probe: Sequence[Kind | Probe]) -> dict[Kin
     found: dict[Kind, Probe] = {}
     for item in probe:
         one = item if isinstance(item, Probe) else Probe(item)
-        if one.kind not in KINDS:
-            raise InputError(f"probe {one.kind!r}", "does not exist", fix=did_you_mean(one.kind, KINDS))
+        check_known(f"probe {one.kind!r}", "does not exist", str(one.kind), KINDS)
         if one.kind in found:
             raise InputError(f"probe {one.kind!r}", "is asked for twice", fix="List its populations in one probe.")
         for name in one.populations or ():
-            if name not in program.populations:
-                raise InputError(
-                    f"probe {one.kind!r}", f"there is no {name!r}", fix=did_you_mean(name, program.populations)
-                )
+            check_known(f"probe {one.kind!r}", f"there is no {name!r}", str(name), program.populations)
         if one.steps is not None and (one.steps.step != 1 or one.steps.start < 0):
             raise InputError(f"probe {one.kind!r}", "steps must count up by one from 0 or later", fix="Give a range.")
         found[one.kind] = one

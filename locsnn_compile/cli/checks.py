@@ -5,7 +5,7 @@ from argparse import Namespace
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
-from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.errors import InputError
 
 if TYPE_CHECKING:
     from locsnn_compile.data.recordings import Recordings
@@ -15,12 +15,6 @@ def given(args: Namespace, options: Iterable[str]) -> dict[str, Any]:
     """Return the values of those options, as they are typed, that were given."""
     values = {option: getattr(args, option.strip("-").replace("-", "_")) for option in options}
     return {option: value for option, value in values.items() if value is not None}
-
-
-def check_known(where: str, what: str, given: str | None, known: Iterable[str]) -> None:
-    """Refuse a name that is none of those known."""
-    if given is not None and given not in known:
-        raise InputError(where, what, fix=did_you_mean(given, known))
 
 
 def check_number(option: str, value: float | None, what: str, holds: Callable[[float], bool], fix: str) -> None:

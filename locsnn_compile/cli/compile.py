@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.backends import BENCH_KINDS, BUILD_NAMES, EMIT_KINDS, EMITTED_NAMES, EXCHANGE_KINDS, LEVEL_KINDS
-from locsnn_compile.cli.checks import check_known, check_psi, given, recording_of
+from locsnn_compile.cli.checks import check_psi, given, recording_of
 from locsnn_compile.cli.completion import answer_shell
 from locsnn_compile.cli.shell import EXIT_GATE, OPTIONS_HELP, Parser, add_common, guarded, progress_bar
 from locsnn_compile.cli.step_options import add_step_options, asked_reading, with_steps
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, check_known
 from locsnn_compile.report.figures.flat import picked
 from locsnn_compile.strategies import AUTO, STRATEGIES
 from locsnn_compile.verification.gates import GATES, Gate, check_gates, gates_entry, junit_file

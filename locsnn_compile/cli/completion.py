@@ -5,9 +5,9 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from locsnn_compile.backends import EMIT_KINDS
-from locsnn_compile.cli.checks import check_known
 from locsnn_compile.cli.explore import ENGINES, PARTS
 from locsnn_compile.cli.run import STOPS
+from locsnn_compile.errors import check_known
 from locsnn_compile.strategies import AUTO, STRATEGIES
 
 HELP = "print a script that completes commands in your shell"

@@ -14,7 +14,7 @@ from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import SensorLayout
 from locsnn_compile.data.spike_times import HDF5_SUFFIXES
 from locsnn_compile.data.streams import EVENT_SUFFIXES
-from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.errors import InputError, check_known
 
 _SUFFIXES = (".zip", ".npy", ".npz", ".pt", *HDF5_SUFFIXES, *EVENT_SUFFIXES)
 
@@ -58,8 +58,7 @@ def read_recordings(
     order = None if axes is None else parse_axes(axes, "axes")
     asked = Binning(step_seconds, threshold, channels, steps, polarities, columns, axes=order)
     asked.check()
-    if split is not None and split not in PARTS:
-        raise InputError("split", f"{split!r} is not known", fix=did_you_mean(split, PARTS))
+    check_known("split", f"{split!r} is not known", split, PARTS)
     said = {name: getattr(asked, name) for name in ("step_seconds", "threshold", "channels", "polarities", "columns")}
     agreed = model.agreed(**said, steps=steps) | {"steps": steps}
     divided = division.divides(path)

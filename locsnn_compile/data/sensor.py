@@ -15,7 +15,7 @@ import numpy as np
 
 from hw_model.io.yaml_text import read_mapping
 from hw_model.values import FloatArray, Frozen
-from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.errors import InputError, check_known
 
 #: Most channels of a sensor: a few times what any published tactile sensor has.
 MAX_CHANNELS = 4_096
@@ -160,8 +160,7 @@ def parse_layout(document: Mapping[Any, Any], where: str) -> SensorLayout:
         counted = values.get("positions", values.get("names"))
         values.setdefault("taxels", len(counted) if isinstance(counted, list | tuple) else 0)
     for key in {"name": 0, "taxels": 0} | values:
-        if key not in _HOLDS:
-            raise InputError(where, f"entry {str(key)[:40]!r} is not known", fix=did_you_mean(str(key)[:40], _HOLDS))
+        check_known(where, f"entry {str(key)[:40]!r} is not known", str(key)[:40], _HOLDS)
         what, holds = _HOLDS[key]
         if not holds(values.get(key)):
             raise InputError(where, f"{key!r} must be {what}", fix=_FIX)

@@ -10,7 +10,7 @@ from scipy.spatial.distance import cdist
 
 from hw_model.values import FloatArray
 from locsnn_compile.data.sensor import MANUAL_EDGES, SensorLayout
-from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.errors import InputError, check_known
 
 Edges = tuple[tuple[int, int], ...]
 GRAPHS = ("manual", "nearest", "tree")
@@ -24,8 +24,7 @@ def taxel_graph(kind: str, layout: SensorLayout, *, neighbours: int, nearer_mm: 
     and all pairs nearer than ``nearer_mm``, in the unit of the layout. Raises ``InputError`` for another kind, and for
     a sensor that lacks what it needs.
     """
-    if kind not in GRAPHS:
-        raise InputError("taxel graph", f"{kind!r} is not known", fix=did_you_mean(kind, GRAPHS))
+    check_known("taxel graph", f"{kind!r} is not known", str(kind), GRAPHS)
     where = f"taxel graph {kind!r}"
     if kind == "manual":
         if not layout.is_neutouch:

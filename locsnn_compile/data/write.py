@@ -16,7 +16,7 @@ from locsnn_compile.data.slayer_events import COLUMNS, pack_slayer_events
 from locsnn_compile.data.structured import structured_events
 from locsnn_compile.data.tact import CHANNELS, GRASP_SECONDS, tact_text
 from locsnn_compile.data.torch_writer import torch_bytes
-from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.errors import InputError, check_known
 
 MEMBER_KINDS = ("npy", "events", "bs1", "bs2", "tact")
 """What the files of a folder or archive may be; ``events`` are structured arrays in ``.npy`` files."""
@@ -45,10 +45,8 @@ def write_recordings(
     """
     path = Path(path)
     where, suffix = f"file {path.name!r}", path.suffix
-    if suffix and suffix not in SUFFIXES:
-        raise InputError(where, f"files ending in {suffix!r} are not written", fix=did_you_mean(suffix, SUFFIXES))
-    if members not in MEMBER_KINDS:
-        raise InputError("members", f"{members!r} is not known", fix=did_you_mean(members, MEMBER_KINDS))
+    check_known(where, f"files ending in {suffix!r} are not written", suffix or None, SUFFIXES)
+    check_known("members", f"{members!r} is not known", str(members), MEMBER_KINDS)
     if suffix in ("", ".zip"):
         files = _member_files(recordings, members, where)
         if suffix == ".zip":

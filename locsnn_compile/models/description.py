@@ -12,7 +12,7 @@ from locsnn_compile.data.frame import frame_size
 from locsnn_compile.data.orders import channel_walk, check_location_taxels
 from locsnn_compile.data.recordings import MAX_STEPS, clean_class_names
 from locsnn_compile.data.sensor import SensorLayout
-from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.errors import InputError, check_known
 from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
 from locsnn_compile.models.graph_parameters import GraphParameters
 from locsnn_compile.models.plain_checks import is_number, require, require_count, require_positive, require_rising
@@ -130,12 +130,8 @@ class NetworkDescription(Frozen):
     """Events in one step at which a recording starts; None: it starts at its first step."""
 
     def __post_init__(self) -> None:
-        if self.architecture not in ARCHITECTURES:
-            raise InputError(
-                "architecture",
-                f"{self.architecture!r} is not known",
-                fix=did_you_mean(str(self.architecture), ARCHITECTURES),
-            )
+        named = str(self.architecture)
+        check_known("architecture", f"{self.architecture!r} is not known", named, ARCHITECTURES)
         self._check_parts()
         self._check_delays()
         if self.structure.window_branch:

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hw_model.arithmetic.whole import whole_numbers
-from hw_model.errors import InputError, did_you_mean
+from hw_model.errors import InputError, check_known
 from hw_model.values import AnyArray, ArrayLike, BoolArray, FloatArray, Frozen, IntArray, Shown, sealed
 
 Number = TypeVar("Number", np.float64, np.int64)
@@ -81,8 +81,7 @@ class Neuron(ABC):
         values = {**cls.usual, **given}
         where, missing = f"{cls.__name__}.of", [name for name in kinds if kinds[name] and name not in values]
         for name in values:
-            if name not in kinds:
-                raise InputError(where, f"there is no parameter {name!r}", fix=did_you_mean(name, kinds))
+            check_known(where, f"there is no parameter {name!r}", name, kinds)
         if missing:
             raise InputError(where, f"parameter {missing[0]!r} is missing", fix="Give it by its name.")
         return cls(**{k: v if (kind := kinds[k]) is None else spread(v, size, kind) for k, v in values.items()})

@@ -9,7 +9,7 @@ from hw_model.io.yaml_text import read_mapping
 from hw_model.values import Frozen, Shown
 from locsnn_compile.data.sensor import MAX_CHANNELS, SensorLayout, asked_layout
 from locsnn_compile.data.taxel_graph import GRAPHS
-from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.errors import InputError, check_known, did_you_mean
 from locsnn_compile.models.architectures import ARCHITECTURES
 from locsnn_compile.models.plain_checks import KIND_WORDS, field_kinds, is_one_of, is_whole
 from locsnn_compile.strategies import TRAINABLE
@@ -205,8 +205,7 @@ def config_from_mapping(values: Mapping[str, Any], where: str = "training config
     known = field_kinds(TrainingConfig)
     clean: dict[str, Any] = dict(USUAL.get(str(values.get("model")), {}))
     for key, value in values.items():
-        if key not in known:
-            raise InputError(where, f"key {key!r} is not known", fix=did_you_mean(str(key), known))
+        check_known(where, f"key {key!r} is not known", str(key), known)
         clean[key] = float(value) if is_whole(value) and float in known[key] else value
     return TrainingConfig(**clean)
 

@@ -14,7 +14,7 @@ import numpy as np
 from scipy import sparse
 
 from hw_model.values import FloatArray, Frozen
-from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.errors import InputError, check_known
 from locsnn_compile.frontends.linear_maps import Shape, Window, check_entries, check_shape, convolution, pooling
 from locsnn_compile.frontends.nir.graph import Edge, NirGraph, NirNode
 
@@ -91,12 +91,8 @@ def _flat(graph: NirGraph, where: str, prefix: str, *, top: bool = False) -> tup
         edges += inner
     for source, target in graph.edges:
         for end in (source, target):
-            if end not in graph.nodes:
-                raise InputError(
-                    where,
-                    f"the edge {source[:60]!r} -> {target[:60]!r} names a node that does not exist",
-                    fix=did_you_mean(end[:60], graph.nodes),
-                )
+            edge = f"{source[:60]!r} -> {target[:60]!r}"
+            check_known(where, f"the edge {edge} names a node that does not exist", end, graph.nodes)
         edges.append((leave[source], entrance[target]))
     return nodes, edges
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from hw_model.values import AnyArray, FloatArray, Frozen
 from locsnn_compile.data.hdf5.read import Group, open_hdf5
-from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.errors import InputError, check_known
 
 MAX_NODES = 10_000
 MAX_DEPTH = 16
@@ -127,8 +127,7 @@ def _read_node(group: Group, where: str, depth: int, seen: list[int]) -> NirNode
     kind = group.text("type")
     if kind == "NIRGraph":
         return _read_graph(group, where, depth + 1, seen)
-    if kind not in PARAMETERS:
-        raise InputError(where, f"{kind[:60]!r} is not a NIR primitive", fix=did_you_mean(kind[:60], PARAMETERS))
+    check_known(where, f"{kind[:60]!r} is not a NIR primitive", kind[:60], PARAMETERS)
     # Some versions write the input's type as a group; its order is all that the weights behind it need.
     left_out = [name for name in OPTIONAL if name not in group or (name == "input_type" and group.is_group(name))]
     return NirNode(kind, {name: _parameter(group, name) for name in PARAMETERS[kind] if name not in left_out})

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import sparse
 
 from hw_model.values import FloatArray
-from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.errors import InputError, check_known
 from locsnn_compile.frontends.nir.flat import NEURONS, READOUTS, FlatGraph, flatten_graph, linear_order, targets_of
 from locsnn_compile.frontends.nir.graph import NirGraph, NirNode, read_nir
 from locsnn_compile.frontends.nir.neurons import DT_SECONDS, Discretisation, Reset, Stated, neurons_of, nir_assumptions
@@ -88,8 +88,7 @@ def _column(values: FloatArray) -> Any:
 
 def _one_of(name: str, kind: Any, what: str) -> Any:
     """Return a name that is one of a literal type's."""
-    if name not in get_args(kind):
-        raise InputError(f"{what} {name!r}", "is not known", fix=did_you_mean(name, get_args(kind)))
+    check_known(f"{what} {name!r}", "is not known", name, get_args(kind))
     return name
 
 

@@ -24,7 +24,7 @@ from locsnn_compile.data.orders import channel_walk, location_order
 from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.data.tensors import FLOATS, Tensor
 from locsnn_compile.data.torch_file import load_plain, read_bytes
-from locsnn_compile.errors import InputError, check_most, did_you_mean
+from locsnn_compile.errors import InputError, check_known, check_most
 from locsnn_compile.frontends.parts import Parts, eight_bit_signs, touch_fingertips
 from locsnn_compile.frontends.slayer.config import DEFAULT_ORDER, LoihiNeuron, SlayerConfig, axis_of, read_config
 from locsnn_compile.frontends.slayer.layers import check_kernels, cut, dense_layer, listed_layers
@@ -85,8 +85,7 @@ class _Layer:
 
 def load_slayer(path: Path, config: Path, kernels: str | None = None) -> Network:
     """Read a checkpoint and its description, and state their network; ``InputError`` for what cannot be used."""
-    if kernels not in (None, *KERNELS):
-        raise InputError(f"kernels {kernels!r}", "are not known", fix=did_you_mean(str(kernels), KERNELS))
+    check_known(f"kernels {kernels!r}", "are not known", kernels, KERNELS)
     where = f"model {path.name!r}"
     data = read_bytes(path, where)
     held = load_plain(data, where, fix=_FIX)
