@@ -54,6 +54,12 @@ def check_most(found: int, limit: int, where: str, what: str, *, unit: str = "",
         raise InputError(where, what, measured=f"{found}{unit and f' {unit}'} against {limit}", fix=fix)
 
 
+def check_same(found: object, wanted: object, where: str, what: str, *, unit: str = "", fix: str) -> None:
+    """Refuse what was given where something found, of a ``unit``, is not what it should be."""
+    if found != wanted:
+        raise InputError(where, what, measured=f"{found}{unit and f' {unit}'} against {wanted}", fix=fix)
+
+
 def check_range(found: float, low: float, high: float, where: str) -> None:
     """Refuse a number that is not from ``low`` to ``high``."""
     if not low <= found <= high:

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, NoReturn, Protocol
 
 from locsnn_compile import __version__
-from locsnn_compile.errors import InputError, LocsnnError, did_you_mean
+from locsnn_compile.errors import InputError, LocsnnError, check_known
 
 OPTIONS_HELP = "YAML file of this command's options by name; those given here win"
 _OTHERS = ("help", "options", "version")
@@ -35,8 +35,7 @@ def read_options(parser: argparse.ArgumentParser, path: str) -> dict[str, Any]:
     options = {name[2:]: action for name, action in parser._option_string_actions.items() if name.startswith("--")}
     known = {name: action for name, action in options.items() if name not in _OTHERS}
     for name in values:
-        if name not in known:
-            raise InputError(where, f"key {str(name)[:60]!r} is not known", fix=did_you_mean(name, known))
+        check_known(where, f"key {str(name)[:60]!r} is not known", str(name), known)
     return {known[name].dest: _value(known[name], value, f"{where}, {name}") for name, value in values.items()}
 
 

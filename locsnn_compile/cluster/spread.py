@@ -18,7 +18,7 @@ from typing import Any, Protocol, TypeVar
 
 import hw_model
 from hw_model.values import Frozen
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, check_same
 
 PACKAGE = "locsnn-compile"
 _SUFFIXES = (".py", ".yaml")
@@ -42,10 +42,8 @@ def code_version() -> str:
 
 def check_code(where: str, code: str) -> None:
     """Refuse what other code than this has measured."""
-    if code != code_version():
-        measured = f"{code} against {code_version()}"
-        fix = "Install the same one everywhere."
-        raise InputError(where, "another version of locsnn-compile runs there", measured=measured, fix=fix)
+    what, fix = "another version of locsnn-compile runs there", "Install the same one everywhere."
+    check_same(code, code_version(), where, what, fix=fix)
 
 
 Part = TypeVar("Part")

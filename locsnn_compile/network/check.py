@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hw_model.values import AnyArray
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, check_same
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import POSITIVE, Neuron
 from locsnn_compile.network.projections import ChipProjection, Projection, values_of
@@ -152,13 +152,8 @@ def _check_joint(projection: Projection | ChipProjection, ends: _Ends, neurons: 
 
 def _check_values(projection: Projection | ChipProjection, shape: tuple[int, int]) -> None:
     where, weights = projection.where, projection.held
-    if weights.shape != shape:
-        raise InputError(
-            where,
-            "the weights have the wrong shape",
-            measured=f"{weights.shape} against {shape}",
-            fix="Give one row a target and one column a source.",
-        )
+    fix = "Give one row a target and one column a source."
+    check_same(weights.shape, shape, where, "the weights have the wrong shape", fix=fix)
     if not np.isfinite(values_of(weights)).all():
         raise InputError(where, "a weight is not a finite number", fix="Train again, with a lower learning rate.")
     _check_magnitude(where, "a weight", values_of(weights), 0.0)

@@ -17,7 +17,7 @@ from hw_model.mapping.synapse_lists import SynapseLists, synapse_lists
 from hw_model.program.chip_program import Core
 from hw_model.values import Frozen, IntArray
 from locsnn_compile.backends.vectors.memory_words import BitArray, Field, Layout, bits_for, bits_of
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, check_same
 
 
 class SynapseImage(Frozen, eq=False):
@@ -69,10 +69,8 @@ def synapse_image(core: Core, chip: Chip) -> SynapseImage:
     ends = np.array([piece.offset + piece.size for piece in core.slices])
     lists = synapse_lists(axons.list_start, axons.target, axons.format_index, axons.formats, ends, chip.synapse_memory)
     words = int(lists.words.sum())
-    if words != axons.synapse_words:
-        what = "its synapse lists take other words than the program says"
-        fix = "Compile the program again."
-        raise InputError(f"core {core.number}", what, measured=f"{words} against {axons.synapse_words}", fix=fix)
+    what = "its synapse lists take other words than the program says"
+    check_same(words, axons.synapse_words, f"core {core.number}", what, fix="Compile the program again.")
     first_word = np.cumsum(lists.words) - lists.words
     first_list = np.searchsorted(lists.axon, np.arange(axons.input_axons + 1))
     first_target = axons.target[lists.order[lists.start]]

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import sparse
 
 from hw_model.values import FloatArray
-from locsnn_compile.errors import InputError, check_known
+from locsnn_compile.errors import InputError, check_known, check_same
 from locsnn_compile.frontends.nir.flat import NEURONS, READOUTS, FlatGraph, flatten_graph, linear_order, targets_of
 from locsnn_compile.frontends.nir.graph import NirGraph, NirNode, read_nir
 from locsnn_compile.frontends.nir.neurons import DT_SECONDS, Discretisation, Reset, Stated, neurons_of, nir_assumptions
@@ -173,11 +173,10 @@ def _arriving(flat: FlatGraph, signals: dict[str, Signal], name: str, where: str
             f"it takes the potential of {graded[0]!r}, and the chip sends spikes only",
             fix="End the graph at that node, or make it a LIF.",
         )
-    if sources and flat.nodes[name].kind in NEURONS and sizes != {flat.size(name)}:
-        raise InputError(
-            where, "it is given another size", measured=f"{sizes.pop()} against {flat.size(name)}", fix="Correct it."
-        )
-    return Signal.total((signals[source] for source in sources), sizes.pop() if sizes else flat.size(name))
+    size = sizes.pop() if sizes else flat.size(name)
+    if flat.nodes[name].kind in NEURONS:
+        check_same(size, flat.size(name), where, "it is given another size", fix="Correct it.")
+    return Signal.total((signals[source] for source in sources), size)
 
 
 def _passed(flat: FlatGraph, name: str, signal: Signal, dt: float, where: str) -> Signal:
@@ -190,9 +189,7 @@ def _passed(flat: FlatGraph, name: str, signal: Signal, dt: float, where: str) -
     if node.kind == "Delay":
         return signal.delayed(_delay_steps(node, size, dt, where))
     layer = flat.layers[name]
-    if layer.weights.shape[1] != size:
-        measured = f"{size} against {layer.weights.shape[1]}"
-        raise InputError(where, "it is given another size", measured=measured, fix="Correct its weight.")
+    check_same(size, layer.weights.shape[1], where, "it is given another size", fix="Correct its weight.")
     return signal.through(layer.weights, layer.constant, where)
 
 

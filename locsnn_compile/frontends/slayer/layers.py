@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from hw_model.values import FloatArray
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, check_same
 from locsnn_compile.frontends.linear_maps import Shape, Window, convolution, pooling
 from locsnn_compile.frontends.slayer.config import LayerEntry, LoihiNeuron, SlayerConfig
 from locsnn_compile.network.neurons import SrmAlpha, alpha_taps
@@ -42,11 +42,8 @@ def listed_layers(
 ) -> dict[str, tuple[Matrix, int]]:
     """Return the matrix and the channels of every kernel, which are those of the list behind its input, in order."""
     weighted = entries[1:]
-    if len(weighted) != len(kernels):
-        raise InputError(
-            where, "the YAML lists another number of layers", measured=f"{len(weighted)} against {len(kernels)}",
-            fix="List the input and every layer that has weights.",
-        )  # fmt: skip
+    what, fix = "the YAML lists another number of layers", "List the input and every layer that has weights."
+    check_same(len(weighted), len(kernels), where, what, fix=fix)
     width, height, channels = entries[0].numbers
     shape: Shape = (channels, height, width)
     found: dict[str, tuple[Matrix, int]] = {}
@@ -58,10 +55,8 @@ def listed_layers(
 
 def _listed(kernel: FloatArray, entry: LayerEntry, given: Shape, where: str) -> tuple[Matrix, Shape]:
     if entry.kind == "dense":
-        (size,) = entry.numbers
-        if kernel.size != size * math.prod(given):
-            raise _other(kernel, f"{size} x {math.prod(given)}", where)
-        return kernel.reshape(size, -1), (size, 1, 1)
+        (size,), inputs = entry.numbers, math.prod(given)
+        return _shaped(kernel, (size, inputs), f"{size} x {inputs}", where), (size, 1, 1)
     # Of an image of one row, convolutions have kernels of one row.
     flat = given[1] == 1 and entry.kind == "conv"
     side, stride, padding, dilation = entry.numbers[-1], entry.stride, entry.padding, entry.dilation
@@ -69,23 +64,18 @@ def _listed(kernel: FloatArray, entry: LayerEntry, given: Shape, where: str) -> 
     row = (1, 0, 1) if flat else (stride, padding, dilation)
     window = Window((row[0], stride), (row[1], padding), (row[2], dilation))
     if entry.kind == "pool":
-        if kernel.size != math.prod(shape):
-            raise _other(kernel, f"{shape}", where)
         fill = tuple(-n % side for n in given[1:])
-        return pooling(kernel.reshape(shape), given, window, fill=fill, where=where)
+        return pooling(_shaped(kernel, shape, f"{shape}", where), given, window, fill=fill, where=where)
     whole = (entry.numbers[0], given[0] // max(entry.groups, 1), *shape)
-    if kernel.size != math.prod(whole):
-        raise _other(kernel, f"{whole}", where)
-    return convolution(kernel.reshape(whole), given, window, groups=entry.groups, where=where)
+    return convolution(_shaped(kernel, whole, f"{whole}", where), given, window, groups=entry.groups, where=where)
 
 
-def _other(kernel: Any, wanted: str, where: str) -> InputError:
-    return InputError(
-        where,
-        "its weights are not those that the YAML lists",
-        measured=f"{kernel.shape} against {wanted}",
-        fix="Give the YAML that this checkpoint was trained with.",
-    )
+def _shaped(kernel: FloatArray, shape: Shape, wanted: str, where: str) -> FloatArray:
+    """Return weights in a shape; refuse another number of them."""
+    if kernel.size == math.prod(shape):
+        return kernel.reshape(shape)
+    what, fix = "its weights are not those that the YAML lists", "Give the YAML that this checkpoint was trained with."
+    raise InputError(where, what, measured=f"{kernel.shape} against {wanted}", fix=fix)
 
 
 def cut(neuron: SrmAlpha | LoihiNeuron) -> SrmAlpha:

@@ -24,7 +24,7 @@ from locsnn_compile.data.orders import channel_walk, location_order
 from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.data.tensors import FLOATS, Tensor
 from locsnn_compile.data.torch_file import load_plain, read_bytes
-from locsnn_compile.errors import InputError, check_known, check_most
+from locsnn_compile.errors import InputError, check_known, check_most, check_same
 from locsnn_compile.frontends.parts import Parts, eight_bit_signs, touch_fingertips
 from locsnn_compile.frontends.slayer.config import DEFAULT_ORDER, LoihiNeuron, SlayerConfig, axis_of, read_config
 from locsnn_compile.frontends.slayer.layers import check_kernels, cut, dense_layer, listed_layers
@@ -179,13 +179,9 @@ def _stated(
 
 def _check_chain(chain: list[_Layer], where: str) -> None:
     for before, after in pairwise(chain):
-        if after.weights.shape[1] != before.size:
-            raise InputError(
-                f"{where}, layer {after.name!r}",
-                f"it does not follow {before.name!r}",
-                measured=f"{after.weights.shape[1]} inputs against {before.size}",
-                fix="Save the layers of one chain in their order.",
-            )
+        what, fix = f"it does not follow {before.name!r}", "Save the layers of one chain in their order."
+        place, inputs = f"{where}, layer {after.name!r}", after.weights.shape[1]
+        check_same(inputs, before.size, place, what, unit="inputs", fix=fix)
 
 
 def _tensors(held: object, where: str) -> dict[str, Any]:
