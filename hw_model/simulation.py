@@ -97,13 +97,10 @@ def simulate(
     run_phase, player = _engine(engine, skip)
     batch, rows = next(iter(streams.values())).shape[:2]
     if batch == 0 or (rows == 0 and steps is None):
-        raise InputError(
-            "spikes",
-            "nothing to simulate",
-            measured=f"recordings: {batch}, steps: {rows}",
-            fix="Give some recordings and steps.",
-        )
-    together = max(1, MAX_TOGETHER // max(1, _columns(program) * max(steps or rows, *_fixed_steps(program))))
+        measured = f"recordings: {batch}, steps: {rows}"
+        raise InputError("spikes", "nothing to simulate", measured=measured, fix="Give some recordings and steps.")
+    longest = max(steps or rows, *(phase.steps or 1 for phase in program.phases))
+    together = max(1, MAX_TOGETHER // max(1, sum(program.populations.values()) * longest))
 
     kept: dict[Kind, dict[str, list[AnyArray]]] = {kind: {} for kind in KINDS}
     counts: dict[str, list[IntArray]] = {phase.name: [] for phase in program.phases}
@@ -146,17 +143,9 @@ def simulate(
         spikes=result("spikes"), u=result("u"), v=result("v"), potential=result("potential"),
         activity={phase: tuple(items) for phase, items in activity.items()},
         count_tables={phase: np.concatenate(tables) for phase, tables in counts.items()},
-        events={name: _named(found) for name, found in events.items() if found.any()},
+        events={name: dict(zip(EVENTS, found.tolist(), strict=True)) for name, found in events.items() if found.any()},
         scores=None if program.readout is None else (score if batched else score[0]),
     )  # fmt: skip
-
-
-def _columns(program: ChipProgram) -> int:
-    return sum(program.populations.values())
-
-
-def _fixed_steps(program: ChipProgram) -> list[int]:
-    return [phase.steps or 1 for phase in program.phases]
 
 
 def _classes(program: ChipProgram) -> int:
@@ -185,10 +174,6 @@ def _add_events(program: ChipProgram, phase: str, trace: PhaseTrace, events: dic
     found = trace.events.sum(axis=0)
     for name, columns in program.columns_of(phase).items():
         events[name] = events.get(name, np.zeros(len(EVENTS), dtype=np.int64)) + found[:, columns].sum(axis=1)
-
-
-def _named(counts: IntArray) -> dict[str, int]:
-    return {event: int(n) for event, n in zip(EVENTS, counts, strict=True)}
 
 
 def _add_scores(program: ChipProgram, phase: str, trace: PhaseTrace, scores: FloatArray) -> None:

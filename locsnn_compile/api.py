@@ -19,16 +19,17 @@ from locsnn_compile.backends.exchange import exchange_file
 from locsnn_compile.choose_strategy import Choice, choose_strategy, lower_as
 from locsnn_compile.cluster.spread import Spread, here, spread_over
 from locsnn_compile.data.read import read_recordings, recording_parts
-from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.recordings import Recordings, so_many
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.errors import InputError, check_known
 from locsnn_compile.frontends import load
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.network.check import check_network
+from locsnn_compile.network.committee import committee
 from locsnn_compile.network.network import Network
 from locsnn_compile.passes.quantize import weight_bits_of
 from locsnn_compile.pipeline import LEVEL_TEXTS, Levels
-from locsnn_compile.reference.evaluate import calibrate
+from locsnn_compile.reference.evaluate import calibrate, score_spread
 from locsnn_compile.report.figures.checks import choice_document
 from locsnn_compile.report.figures.document import report_document
 from locsnn_compile.report.renderers.csv_files import csv_files
@@ -110,7 +111,7 @@ class CompiledModel(Frozen, eq=False):
 
 @checked
 def compile(
-    network: Network | Checkpoint,
+    network: Network | Checkpoint | Sequence[Network | Checkpoint],
     target: str | Path = "loihi-sim",
     strategy: str = AUTO,
     weight_bits: int | None = None,
@@ -124,8 +125,11 @@ def compile(
     split_weights: float | None = None,
     profile: str | Path | None = None,
     scheduler: str | None = None,
+    weights: Sequence[float] | None = None,
 ) -> CompiledModel:
     """Compile a network, or what ``train`` returned, for a chip and check it against the float reference.
+
+    Several become one program that adds their class scores, by ``weights`` or as :func:`join` weighs them.
 
     ``target``: a chip's name, or the path of a chip YAML. ``profile``: the costs that ``auto`` and the report go by, a
     profile of the chip, by default its first, or the path of a YAML file like one. ``events``: recordings to check on -
@@ -145,6 +149,10 @@ def compile(
     chip = hw.chip(target) if profile is None else hw.priced_by(hw.chip(target), profile)
     weight_bits = weight_bits_of(chip, weight_bits)
     _check_share(split_weights)
+    if isinstance(network, Sequence):
+        network = join([load(one) if isinstance(one, Checkpoint) else one for one in network], weights, calibration)
+    elif weights is not None:
+        raise InputError("weights", "they are for several networks", fix="Leave them out.")
     network = load(network) if isinstance(network, Checkpoint) else network
     check_network(network)
     if psi is not None:
@@ -168,6 +176,32 @@ def compile(
     grounds = grounds_of(network, recordings, calibrated)
     report = report_document(levels, match, grounds, found, followed) | {"strategy_choice": choice_document(choice)}
     return CompiledModel(levels, match, report, choice, excerpt)
+
+
+def join(
+    networks: Sequence[Network], weights: Sequence[float] | None = None, calibration: Events | None = None
+) -> Network:
+    """Return several networks as one that adds their class scores.
+
+    Without ``weights`` the scores of all vary alike on recordings: those of ``calibration``, else those that a network
+    carries; they are added as they are where there are none.
+    """
+    joined = committee(networks, weights or (1.0,) * len(networks))
+    if weights:
+        return joined
+    recordings = joined.recordings
+    if isinstance(calibration, str | Path):
+        recordings = calibration_recordings(joined, calibration)
+    elif calibration is not None:
+        recordings = recordings_for(joined, calibration)
+    if recordings is None:
+        said = "Class scores of the networks are added as they are (--weights)."
+        return replace(joined, assumptions=(*joined.assumptions, said))
+    spreads = [score_spread(network, recordings) or 1.0 for network in networks]
+    found = committee(networks, [spreads[0] / spread for spread in spreads])
+    said = ", ".join(f"{member.name} {member.weight:.4g}" for member in found.members)
+    said = f"Class scores vary alike on {so_many(len(recordings))} of {recordings.source}: weights {said} (--weights)."
+    return replace(found, assumptions=(*found.assumptions, said))
 
 
 @checked

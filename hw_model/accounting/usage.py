@@ -56,14 +56,18 @@ def measure(
     return latencies, reduce(added, usages)
 
 
-def total_ns(program: ChipProgram, activity: Mapping[str, Sequence[StepActivity]], profile: Profile) -> float:
-    """Return the time of all recordings together, where nothing else is asked for."""
-    return sum(
-        float(times.step_ns.sum())
-        for part in _parts(activity)
-        for phase, items in part.items()
-        for times in (cost.step_times(program, phase, stacked(items), profile),)
-    )
+def total_ns(
+    program: ChipProgram, activity: Mapping[str, Sequence[StepActivity]], profile: Profile, part: str = ""
+) -> float:
+    """Return the time of all recordings together, of all cores or of those whose groups begin with ``part``."""
+    total = 0.0
+    for some in _parts(activity):
+        for phase, items in some.items():
+            here = [core.slices[0].group.startswith(part) for core in program.cores_of(phase)]
+            if any(here):
+                times = cost.step_times(program, phase, stacked(items), profile)
+                total += float(times.core_ns[..., here].max(axis=-1).sum() + times.barrier_ns * times.runs.sum())
+    return total
 
 
 def _parts(activity: Mapping[str, Sequence[StepActivity]]) -> Iterator[dict[str, Sequence[StepActivity]]]:

@@ -216,6 +216,12 @@ class CompartmentGraph(Frozen, eq=False):
     synapses_pruned: int = 0
     provenance: dict[str, str] = field(default_factory=dict)
     """Texts that a saved program carries: where it came from and how it was made."""
+    apart: tuple[str, ...] = ()
+    """Parts whose groups, which begin with ``part/``, get cores of their own."""
+
+    def part(self, name: str) -> str:
+        """Return the part that a group belongs to."""
+        return next((part for part in self.apart if name.startswith(f"{part}/")), "")
 
     @property
     def nodes(self) -> tuple[Input | Compartments, ...]:

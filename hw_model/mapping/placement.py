@@ -118,6 +118,8 @@ def _fill(
     for phase in graph.phases:
         cores.append([])
         for whole in populations(graph, phase.name, incoming):
+            if cores[-1] and graph.part(cores[-1][-1].root) != graph.part(whole.root):
+                cores.append([])
             start, most = 0, most_neurons.get(whole.root, whole.stop)
             while start < whole.stop:
                 left = replace(whole, start=start, stop=min(whole.stop, start + most))

@@ -189,12 +189,9 @@ class _Branch:
 def _read(readout: Readout | None, columns: Mapping[str, slice]) -> Read:
     """Return the columns of a phase whose potentials predict."""
     given = {} if readout is None else readout.from_step
-    first = {column: step for name, step in given.items() if name in columns for column in _indices(columns[name])}
+    read = [(columns[name], step) for name, step in given.items() if name in columns]
+    first = {column: step for its, step in read for column in range(its.start, its.stop)}
     return Read(np.array(list(first), dtype=np.int64), np.array(list(first.values()), dtype=np.int64))
-
-
-def _indices(columns: slice) -> range:
-    return range(columns.start, columns.stop)
 
 
 def _length(program: ChipProgram, psi: float | None) -> int:

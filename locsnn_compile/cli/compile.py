@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.backends import BENCH_KINDS, BUILD_NAMES, EMIT_KINDS, EMITTED_NAMES, EXCHANGE_KINDS, LEVEL_KINDS
-from locsnn_compile.cli.checks import check_psi, given, recording_of
+from locsnn_compile.cli.checks import add_weights, check_psi, given, recording_of
 from locsnn_compile.cli.completion import answer_shell
 from locsnn_compile.cli.shell import EXIT_GATE, OPTIONS_HELP, Parser, add_common, guarded, progress_bar
 from locsnn_compile.cli.step_options import add_step_options, asked_reading, with_steps
@@ -53,7 +53,9 @@ def parser() -> Parser:
 def add_options(parser: ArgumentParser) -> None:
     """Add the options of the command."""
     add = parser.add_argument
-    add("model", metavar="MODEL", help="a checkpoint (.pt) of `locsnn train`, a NIR graph (.nir), a lava-dl net (.net)")
+    model = "a checkpoint (.pt) of `locsnn train`, NIR (.nir) or lava-dl (.net); scores of several are added"
+    add("model", nargs="+", metavar="MODEL", help=model)
+    add_weights(parser)
     add("--target", default="loihi-sim", metavar="CHIP", help="chip name or chip file (default loihi-sim)")
     add("--profile", metavar="NAME|FILE", help=_PROFILE)
     add("-o", "--output", metavar="DIR", help="folder to write (default build/<model name>)")
@@ -96,18 +98,21 @@ def run(args: Namespace) -> int:
     _check_options(args)
     from hw_model.io.build_folder import default_folder, write_build
 
-    folder = Path(args.output) if args.output else default_folder(args.model)
+    name = "+".join(Path(model).stem for model in args.model)
+    folder = Path(args.output) if args.output else default_folder(f"{name}.pt")
     _check_places(args, folder)
 
     from hw_model.io.files import replace_file
-    from locsnn_compile.api import compile, recordings_for
+    from locsnn_compile.api import compile, join, recordings_for
     from locsnn_compile.data.read import read_recordings
     from locsnn_compile.frontends import load
     from locsnn_compile.report.sections.build import unmet_budget
     from locsnn_compile.settings import check_matters
     from locsnn_compile.verification.error_bounds import ErrorBudget
 
-    network = load(args.model, **picked(args, "config", "dt", "reset", "discretisation", "kernels"))
+    options = picked(args, "config", "dt", "reset", "discretisation", "kernels")
+    networks = [load(model, **options) for model in args.model]
+    network = join(networks, args.weights, args.calibration) if len(networks) > 1 else networks[0]
     asked = given(args, ("--weight-bits", "--split-weights", "--calibration", "--psi"))
     check_matters(network, {option.strip("-").replace("-", "_"): option for option in asked})
     network = with_steps(network, args)
@@ -167,6 +172,8 @@ def _check_options(args: Namespace) -> None:
         raise InputError(
             "--recording", "nothing emitted is of a single recording", fix=f"Add --emit {' or '.join(OF_RECORDING)}."
         )
+    if args.weights and len(args.model) < 2:
+        raise InputError("--weights", "there is one model, with nothing to weigh it against", fix="Leave it out.")
     if args.probe and "vcd" not in args.emit:
         raise InputError("--probe", "nothing emitted shows a neuron", fix="Add --emit vcd.")
     for option, bound in given(args, GATES).items():
@@ -183,7 +190,7 @@ def _check_places(args: Namespace, folder: Path) -> None:
 
     names = written_names(args.emit)
     check_folder(folder, names)
-    reads = {"MODEL": args.model, **given(args, READ)}
+    reads = {f"MODEL {model!r}" if args.model[1:] else "MODEL": model for model in args.model} | given(args, READ)
     junit = [(f"--junit {args.junit!r}", Path(args.junit))] if args.junit else []
     check_places(reads, junit, [(f"-o {str(folder)!r}", folder / name) for name in names])
 

@@ -3,10 +3,10 @@
 import sys
 from collections.abc import Sequence
 
-from locsnn_compile.cli import compile, completion, diff, events, explore, run, stress, targets, train
+from locsnn_compile.cli import compile, completion, diff, events, explore, pack, run, stress, targets, train
 from locsnn_compile.cli.shell import Parser, add_command, add_common, guarded
 
-COMMANDS = (compile, train, run, events, explore, diff, stress, targets, completion)
+COMMANDS = (compile, train, pack, run, events, explore, diff, stress, targets, completion)
 
 
 def parser() -> Parser:

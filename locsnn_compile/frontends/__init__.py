@@ -1,11 +1,13 @@
 """File formats in: one frontend a format, each giving a checked Network."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from hw_model.io.given import checked
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.network.check import check_network
+from locsnn_compile.network.committee import committee
 from locsnn_compile.network.network import Network
 
 _FORMATS = "Give a checkpoint (.pt) that `locsnn train` wrote, a NIR graph (.nir), or a lava-dl network (.net)."
@@ -33,6 +35,8 @@ def load(
 ) -> Network:
     """Read a model: a checkpoint of ``locsnn train`` or of slayerPytorch, a NIR graph, or a lava-dl network.
 
+    A file of ``locsnn pack`` gives one network of all that it holds.
+
     What ``lc.train`` returned is one, too, without a file. ``.pt`` is a checkpoint, one of slayerPytorch where
     ``config``, its YAML description, is given; HDF5 files are told apart by what they hold. For a NIR graph, ``dt`` is
     the seconds of a step (1e-4 by convention), ``reset`` what a spike does to the potential (``zero``, ``subtract``,
@@ -58,10 +62,15 @@ def load(
         network = load_slayer(path, Path(config), kernels)
     elif kind == _CHECKPOINT:
         from locsnn_compile.frontends.checkpoint import network_of
-        from locsnn_compile.models.checkpoint_reader import read_checkpoint
+        from locsnn_compile.models.pack import read_models
 
         way_out = "Give slayerPytorch's YAML with it (--config FILE.yaml)."
-        network = network_of(model if isinstance(model, Checkpoint) else read_checkpoint(path, state_dict=way_out))
+        held = model if isinstance(model, Checkpoint) else read_models(path, state_dict=way_out)
+        if isinstance(held, Checkpoint):
+            network = network_of(held)
+        else:
+            joined = committee([network_of(member) for member in held.members], held.weights, path.stem)
+            network = replace(joined, sha256=held.sha256)
     elif kind == _NIR:
         from locsnn_compile.frontends.nir.to_network import load_nir
 

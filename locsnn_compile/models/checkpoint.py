@@ -74,8 +74,8 @@ class Checkpoint(Shown):
 
     def save(self, path: Path | str) -> None:
         """Write it to a file, whole or not at all."""
-        kept, how, chip = self.recordings, self.training, self.chip
-        save_checkpoint(path, self.description, self.weights, recordings=kept, training=how, chip=chip)
+        where = f"checkpoint {Path(path).name!r}"
+        replace_file(Path(path), torch_bytes(checkpoint_values(self), where), where)
 
     @property
     def float_weights(self) -> dict[str, NDArray[np.float32]]:
@@ -100,7 +100,13 @@ def save_checkpoint(
     With ``chip`` the weights are mantissas on the grid of its numbers, else floats. Raises ``InputError`` for weights
     that do not fit the description, are not finite or not on the grid, and where the folder cannot be written.
     """
-    path = Path(path)
+    Checkpoint(description, dict(weights), recordings, dict(training or {}), "", chip).save(path)
+
+
+def checkpoint_values(checkpoint: Checkpoint) -> dict[str, Any]:
+    """Return what a file holds, weights as arrays; see :func:`save_checkpoint`."""
+    description, weights = checkpoint.description, checkpoint.weights
+    chip, recordings = checkpoint.chip, checkpoint.recordings
     arrays = {}
     for name in description.weight_shapes:
         description.check_shape(name, weights, "Save the weights of a network of this description.")
@@ -120,7 +126,7 @@ def save_checkpoint(
         "classes": description.classes,
         "weights": arrays,
         "recordings": None if recordings is None else {"spikes": recordings.spikes, "labels": recordings.labels},
-        "training": dict(training or {}),
+        "training": dict(checkpoint.training),
     }
     if chip is not None:
         values["chip"] = chip_entry(chip)
@@ -137,8 +143,7 @@ def save_checkpoint(
         values["window"] = asdict(description.window)
     if not srm:
         values["graph"] = _graph_entry(description.graph)
-    where = f"checkpoint {path.name!r}"
-    replace_file(path, torch_bytes(values, where), where)
+    return values
 
 
 def check_weights(where: str, weights: AnyArray, numbers: ChipPopulation | None) -> None:

@@ -42,13 +42,18 @@ def read_checkpoint(path: Path | str, *, state_dict: str = WRITE_AGAIN) -> Check
 
     ``state_dict`` is the way out to name for one.
     """
-    path = Path(path)
+    values, where, sha256 = read_plain(Path(path), state_dict)
+    return parse_checkpoint(values, where, Path(path).name, sha256)
+
+
+def read_plain(path: Path, state_dict: str) -> tuple[object, str, str]:
+    """Return what a file holds, how messages name it, and its sha256."""
     where = f"checkpoint {path.name!r}"
     data = read_bytes(path, where)
     values = load_plain(data, where, fix=WRITE_AGAIN)
     if _is_state_dict(values):
         raise InputError(where, "it holds tensors and does not say of which network", fix=state_dict)
-    return parse_checkpoint(values, where, path.name, hashlib.sha256(data).hexdigest())
+    return values, where, hashlib.sha256(data).hexdigest()
 
 
 def _is_state_dict(values: object) -> bool:
@@ -69,7 +74,7 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
     more: dict[object, dict[str, tuple[type, ...]]]
     more = {CHIP_VERSION: {"chip": (dict,)}, VERSION: {"graph": (dict, type(None))}}
     optional = {name: kinds for name, kinds in _OPTIONAL.items() if name in values}
-    _check_keys(where, "", values, _KEYS | more.get(version, {}) | optional)
+    check_keys(where, "", values, _KEYS | more.get(version, {}) | optional)
     if version not in (1, *more):
         raise file_fault(where, "its version does not exist", against)
     name = _name(where, "name", values["name"])
@@ -116,7 +121,8 @@ def _seen(values: object) -> str:
     return f"format {values['format']!r}"[:80] if "format" in values else "a dict without a format"
 
 
-def _check_keys(where: str, prefix: str, values: Mapping[Any, Any], known: Mapping[str, tuple[type, ...]]) -> None:
+def check_keys(where: str, prefix: str, values: Mapping[Any, Any], known: Mapping[str, tuple[type, ...]]) -> None:
+    """Refuse entries that are not known, missing, or of another kind."""
     for key in values:
         if key not in known:
             shown = str(key)[:60]
@@ -140,7 +146,7 @@ def _input(where: str, entry: Mapping[str, Any]) -> InputLayout:
     sizes, known = ("taxels", "polarities", "fingertips"), field_kinds(InputLayout)
     lacks = {"event_threshold", "sensor"} - set(entry)
     held: dict[str, tuple[type, ...]] = {"sensor": (dict,)} if "sensor" in entry else dict.fromkeys(sizes, (int,))
-    _check_keys(where, "input.", entry, {key: known[key] for key in known if key not in lacks} | held)
+    check_keys(where, "input.", entry, {key: known[key] for key in known if key not in lacks} | held)
     if "sensor" in entry:
         sensor = parse_layout(entry["sensor"], "input 'sensor'")
     else:
@@ -154,14 +160,14 @@ def _neuron(where: str, entry: dict[Any, Any], *, srm: bool) -> Neuron | None:
     if not entry and not srm:
         return None
     kind = NeuronParameters if srm else WindowParameters if "levels" in entry else LifParameters
-    _check_keys(where, "neuron.", entry, field_kinds(kind))
+    check_keys(where, "neuron.", entry, field_kinds(kind))
     return kind(**_tuples(entry))
 
 
 def _window(where: str, entry: dict[Any, Any] | None) -> WindowParameters | None:
     if entry is None:
         return None
-    _check_keys(where, "window.", entry, field_kinds(WindowParameters))
+    check_keys(where, "window.", entry, field_kinds(WindowParameters))
     return WindowParameters(**_tuples(entry))
 
 
@@ -172,7 +178,7 @@ def _tuples(entry: dict[Any, Any]) -> dict[str, Any]:
 def _graph(where: str, entry: dict[Any, Any] | None) -> GraphParameters | None:
     if entry is None:
         return None
-    _check_keys(where, "graph.", entry, field_kinds(GraphParameters))
+    check_keys(where, "graph.", entry, field_kinds(GraphParameters))
     edges = entry["taxel_edges"]
     if any(not isinstance(edge, list) or len(edge) != 2 for edge in edges):
         raise file_fault(where, "entry 'graph.taxel_edges' must be a list of pairs")
@@ -183,7 +189,7 @@ def _graph(where: str, entry: dict[Any, Any] | None) -> GraphParameters | None:
 def _location_order(where: str, entry: dict[Any, Any] | None) -> tuple[str | None, tuple[int, ...] | None]:
     if entry is None:
         return None, None
-    _check_keys(where, "location_order.", entry, {"name": (str,), "taxels": (list, tuple)})
+    check_keys(where, "location_order.", entry, {"name": (str,), "taxels": (list, tuple)})
     return entry["name"], tuple(entry["taxels"])
 
 
@@ -193,7 +199,7 @@ def _weights(
     """Return float32 weights, or int64 mantissas on the grid of ``chip``."""
     shapes = description.weight_shapes
     kind = "float32" if chip is None else "int16"
-    _check_keys(where, "weights.", entry, dict.fromkeys(shapes, (Tensor,)))
+    check_keys(where, "weights.", entry, dict.fromkeys(shapes, (Tensor,)))
     weights: dict[str, AnyArray] = {}
     for name, shape in shapes.items():
         place, tensor = f"{where}, population {name!r}", entry[name]
@@ -214,7 +220,7 @@ def _recordings(
 ) -> Recordings | None:
     if entry is None:
         return None
-    _check_keys(where, "recordings.", entry, {"spikes": (Tensor,), "labels": (Tensor, type(None))})
+    check_keys(where, "recordings.", entry, {"spikes": (Tensor,), "labels": (Tensor, type(None))})
     spikes, labels, layout = entry["spikes"], entry["labels"], description.input
     place, kinds = f"{where}, recordings", (spikes.dtype, None if labels is None else labels.dtype)
     if spikes.shape[1:] != (layout.steps, layout.channels):

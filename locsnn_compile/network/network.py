@@ -10,7 +10,7 @@ import numpy as np
 
 from hw_model.mapping.graph import AXES, Axis, Phase
 from hw_model.mapping.graph import Readout as Readout
-from hw_model.values import ByteArray, FloatArray, IntArray, Shown
+from hw_model.values import ByteArray, FloatArray, Frozen, IntArray, Shown
 from locsnn_compile.data.expected import Expected
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import SensorLayout
@@ -107,6 +107,14 @@ class Population(Shown):
         return np.broadcast_to(np.asarray(self.neuron.spikes_at, dtype=np.float64), (self.size,))
 
 
+class Member(Frozen):
+    """A network in a committee: its name, the sha256 of its file, and what its class scores are weighed by."""
+
+    name: str
+    sha256: str
+    weight: float
+
+
 class Network(Shown):
     """A trained network: views of one recording, populations, projections and a readout.
 
@@ -141,6 +149,8 @@ class Network(Shown):
     """Of its classes, where they have any."""
     psi: float | None = None
     """How late its time-weighted prediction turns to the location branch; None where nothing says it."""
+    members: tuple[Member, ...] = ()
+    """The networks of a committee, whose populations begin with ``name/``."""
 
     @property
     def own_populations(self) -> tuple[Population, ...]:

@@ -44,6 +44,7 @@ def lower_neurons(quantized: QuantizedNetwork, chip: Chip) -> CompartmentGraph:
         readout=quantized.readout,
         synapses_pruned=quantized.weights_pruned,
         provenance={"model": network.name, "model_sha256": network.sha256, "strategy": quantized.strategy},
+        apart=tuple(member.name for member in network.members),
     )
     check_graph(graph, chip)
     return graph

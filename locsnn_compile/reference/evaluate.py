@@ -143,6 +143,11 @@ def _effective(projection: Projection | ChipProjection) -> Matrix:
     return effective_weights(projection) if isinstance(projection, ChipProjection) else projection.weights
 
 
+def score_spread(network: Network, recordings: Recordings) -> float:
+    """Return how far class scores lie apart on recordings: the mean of their standard deviations."""
+    return float(evaluate(network, network.fit(recordings.spikes, recordings.source)).scores.std(axis=1).mean())
+
+
 SAMPLES = 256
 """Of more recordings, so many are taken, evenly spaced: beyond, agreement on others hardly rises."""
 CHUNK = 16

@@ -89,6 +89,8 @@ class Match(Shown):
     latency_range_ns: Range
     usage: dict[str, PhaseUsage]
     additions: dict[str, int] = field(default_factory=dict)
+    member_ns: dict[str, float] = field(default_factory=dict)
+    """Time of each member of a committee over all recordings, its cores by themselves."""
 
     @property
     def spikes(self) -> PopulationMatch:
@@ -159,6 +161,7 @@ def compare(
         latency_range_ns=(least, most),
         usage=both.usage,
         additions=both.additions,
+        member_ns=both.member_ns,
     )
 
 
@@ -178,6 +181,7 @@ class _Part(Sums, eq=False):
     usage: dict[str, PhaseUsage]
     ends_ns: dict[str, float]
     additions: dict[str, int]
+    member_ns: dict[str, float]
 
 
 def _compare_part(network: Network, program: hw.ChipProgram, numbered: tuple[int, ByteArray]) -> _Part:
@@ -205,6 +209,7 @@ def _compare_part(network: Network, program: hw.ChipProgram, numbered: tuple[int
             if (its := profile.with_times(end))
         },
         additions=network_additions(network, wanted.spikes),
+        member_ns={its.name: total_ns(program, found.activity, profile, f"{its.name}/") for its in network.members},
     )
 
 

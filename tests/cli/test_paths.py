@@ -51,6 +51,8 @@ OPTIONS = {
     "explore --report-on": (f"locsnn explore {MODEL} --report-on BAD.npz", "--report-on"),
     "explore -o": (f"locsnn explore {MODEL} -o BAD", "output"),
     "diff": ("locsnn diff BAD BAD", "build"),
+    "pack": ("locsnn pack BAD.pt -o d.pt", "MODEL"),
+    "pack -o": (f"locsnn pack {MODEL} -o BAD", "--output"),
     "diff --html": ("locsnn diff build build --html BAD.html", "--html"),
     "stress --target": ("locsnn stress --target BAD.yaml", "path"),
     "stress -o": ("locsnn stress -o BAD.md", "-o"),

@@ -9,8 +9,10 @@ def exchange_file(kind: str, quantized: QuantizedNetwork) -> bytes:
 
     Raises ``InputError`` for what the format cannot hold.
     """
-    if any(view.align_events for view in quantized.network.views):
-        raise InputError(f"--emit {kind}", "no such file holds a start at the first touch", fix="Emit without it.")
+    network = quantized.network
+    if network.members or any(view.align_events for view in network.views):
+        what = "a committee" if network.members else "a start at the first touch"
+        raise InputError(f"--emit {kind}", f"no such file holds {what}", fix="Emit without it.")
     if kind == "nir":
         from locsnn_compile.backends.exchange.nir_file import nir_bytes
 

@@ -41,7 +41,7 @@ def report_document(
     energy = energy_entry(program, match, network, grounds.step_seconds)
     return {
         "schema": SCHEMA,
-        "model": {"name": network.name, "sha256": network.sha256},
+        "model": {"name": network.name, "sha256": network.sha256, **_members(levels, match, energy)},
         "target": program.chip.name,
         "strategy": program.provenance["strategy"],
         "weight_bits": levels.quantized.projections[0].weight_bits,
@@ -79,6 +79,17 @@ def report_document(
         **({"error_budget": budget_entry(diagnosis), "margins": margins_entry(diagnosis)} if diagnosis else {}),
         **({"over_time": over_time_entry(followed, program, grounds.step_seconds)} if followed else {}),
     }
+
+
+def _members(levels: Levels, match: Match, energy: Document) -> Document:
+    """Of each network of a committee: cores of its own, the energy of its compartments, its time by itself."""
+    rows = []
+    for member in levels.network.members:
+        cores = [c for c in levels.program.cores if c.slices[0].group.startswith(f"{member.name}/")]
+        its = [found["pj"] for name, found in energy["by_population_pj"].items() if name.startswith(f"{member.name}/")]
+        costs = {"per_sample_pj": sum(its), "per_sample_ns": match.member_ns[member.name] / match.samples}
+        rows.append({**asdict(member), "cores": len(cores), **costs})
+    return {"members": rows} if rows else {}
 
 
 def _input(match: Match) -> Document:

@@ -81,6 +81,9 @@ def costs(document: Document) -> Verdict:
         *(Fact("other profile", f"{energy(pj)} with {name}") for name, pj in found["other_profiles_pj"].items()),
         Fact("latency", f"{time(latency)}{real} (profile {document['latency']['profile']})"),
     ]
+    for member in document["model"].get("members", ()):
+        own = f"{energy(member['per_sample_pj'])}, {time(member['per_sample_ns'])}, {plural(member['cores'], 'core')}"
+        facts.append(Fact(member["name"], f"{own}, class scores times {member['weight']:.4g}"))
     if "input" in document:
         steps = document["input"]["aligned_steps"]
         facts.append(Fact("start", f"at the first touch, {steps:.1f} steps into a recording on average"))

@@ -1,0 +1,44 @@
+"""``locsnn pack``: several checkpoints in one file, whose class scores are added."""
+
+import argparse
+from pathlib import Path
+
+from locsnn_compile.cli.checks import add_weights
+
+HELP = "put several checkpoints into one file, a committee"
+DESCRIPTION = "Put checkpoints of one input into one file, a committee, which adds their class scores."
+EXAMPLE = """\
+example:
+  locsnn pack examples/models/objects-hybrid.pt examples/models/objects-hybrid-loihi.pt -o both.pt --weights 1,2
+
+`locsnn-compile both.pt` then compiles all of them into one program.
+"""
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
+    parser.add_argument("model", nargs="+", metavar="MODEL", help="checkpoints (.pt) of `locsnn train`")
+    parser.add_argument("-o", "--output", required=True, metavar="FILE", help="file to write (.pt)")
+    add_weights(parser)
+    parser.add_argument("--calibration", metavar="FILE", help="recordings to weigh on (default: the models' own)")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Read, weigh and write."""
+    from locsnn_compile.api import join
+    from locsnn_compile.cli.places import check_places
+    from locsnn_compile.data.torch_writer import need_torch
+    from locsnn_compile.frontends.checkpoint import network_of
+    from locsnn_compile.models.checkpoint_reader import read_checkpoint
+    from locsnn_compile.models.pack import Pack
+
+    reads = {f"MODEL {path!r}": path for path in args.model} | {"--calibration": args.calibration}
+    check_places(reads, [("--output", Path(args.output))])
+    need_torch("locsnn pack")
+    checkpoints = tuple(read_checkpoint(path) for path in args.model)
+    joined = join([network_of(checkpoint) for checkpoint in checkpoints], args.weights, args.calibration)
+    Pack(checkpoints, tuple(member.weight for member in joined.members)).save(args.output)
+    for member in joined.members:
+        print(f"{member.name}: weight {member.weight:.6g}")
+    print(f"wrote {args.output}")
+    return 0

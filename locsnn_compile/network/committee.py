@@ -1,0 +1,86 @@
+"""Several networks of one input as one, whose class scores are the weighted sums of theirs."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import fields, replace
+from hashlib import sha256
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from hw_model.mapping.graph import Phase, Readout
+from locsnn_compile.errors import InputError
+from locsnn_compile.network.network import InputView, Member, Network, Population
+from locsnn_compile.network.projections import ChipProjection, Projection
+
+_SHARED = ("channels", "steps", "any_length", "step_seconds", "sensor", "event_threshold", "class_names")
+"""What members must agree on, as far as they say it."""
+
+
+def committee(networks: Sequence[Network], weights: Sequence[float], name: str = "") -> Network:
+    """Join networks; populations become ``member/population``. Equal inputs are shared, and equal phases.
+
+    Phases are equal where name, axis, steps and start are. Raises ``InputError`` for members that disagree, and for
+    weights other than a number above 0 for each.
+    """
+    if len(weights) != len(networks) or not all(np.isfinite(w) and w > 0 for w in weights):
+        measured = f"{', '.join(f'{w:g}' for w in weights)} for {len(networks)} networks"
+        raise InputError("weights", "each network needs one above 0", measured=measured, fix="Give, such as, 1,2.")
+    shared = {key: _shared(key, networks) for key in _SHARED}
+    _shared("classes", networks)
+    phases: dict[Phase, str] = {}
+    views: list[InputView] = []
+    members: list[Member] = []
+    populations: list[Population] = []
+    projections: list[Projection | ChipProjection] = []
+    terms: list[tuple[str, float, int | None]] = []
+    for network, weight in zip(networks, weights, strict=True):
+        member = _free(network.name.replace("/", "_"), [other.name for other in members])
+        members.append(Member(member, network.sha256, float(weight)))
+        phase = {its.name: phases.setdefault(its, _free(its.name, phases.values())) for its in network.phases}
+        new = {p.name: f"{member}/{p.name}" for p in network.populations}
+        for view in network.views:
+            if view.phase in phase:
+                new[view.name] = _input(views, replace(view, own_phase=phase[view.phase]))
+        populations += [replace(p, name=new[p.name], own_phase=phase[p.phase]) for p in network.populations]
+        projections += [replace(p, source=new[p.source], target=new[p.target]) for p in network.projections]
+        read = network.readout.from_step
+        terms += [(new[its], weight * w, read.get(its)) for its, w in network.readout.terms]
+    return Network(
+        name=name or "+".join(member.name for member in members),
+        views=tuple(views),
+        populations=tuple(populations),
+        projections=tuple(projections),
+        readout=Readout(*zip(*terms, strict=True)),
+        sha256=sha256(" ".join(network.sha256 for network in networks).encode()).hexdigest(),
+        recordings=next((network.recordings for network in networks if network.recordings is not None), None),
+        assumptions=tuple(dict.fromkeys(said for network in networks for said in network.assumptions)),
+        psi=networks[0].psi if len({network.psi for network in networks}) == 1 else None,
+        members=tuple(members),
+        **shared,
+    )
+
+
+def _shared(key: str, networks: Sequence[Network]) -> Any:
+    """Return what the networks say of something, None where none does; refuse what differs."""
+    said = [(network.name, value) for network in networks if (value := getattr(network, key)) is not None]
+    for (first, its), (name, value) in pairwise(said):
+        if value != its:
+            what, measured = f"its {key.replace('_', ' ')} differ from those of {first!r}", f"{value} against {its}"
+            raise InputError(f"model {name!r}", what, measured=measured, fix="Join networks of one input.")
+    return said[0][1] if said else None
+
+
+def _free(name: str, taken: Collection[str]) -> str:
+    """Return the name, with a number where it is taken."""
+    return next(free for i in range(1, len(taken) + 2) if (free := name if i == 1 else f"{name}_{i}") not in taken)
+
+
+def _input(views: list[InputView], view: InputView) -> str:
+    """Return the name of the view that plays the same, which is added where there is none."""
+    parts = [field.name for field in fields(view) if field.name != "name"]
+    for other in views:
+        if all(np.array_equal(getattr(view, part), getattr(other, part)) for part in parts):
+            return other.name
+    views.append(replace(view, name=_free(view.name, [other.name for other in views])))
+    return views[-1].name
