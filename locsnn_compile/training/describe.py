@@ -6,7 +6,7 @@ from typing import Any
 
 from locsnn_compile.data.orders import location_order, order_text
 from locsnn_compile.data.recordings import MAX_STEPS, Recordings
-from locsnn_compile.data.sensor import POLARITIES, TAXELS, SensorLayout, neutouch
+from locsnn_compile.data.sensor import POLARITIES, TAXELS, SensorLayout, asked_layout, neutouch
 from locsnn_compile.data.taxel_graph import taxel_graph
 from locsnn_compile.errors import InputError, check_most
 from locsnn_compile.models.architectures import ARCHITECTURES
@@ -116,6 +116,11 @@ def fixed_by(start: NetworkDescription) -> dict[str, Any]:
 
 def check_fits_start(values: Mapping[str, Any], start: NetworkDescription) -> None:
     """Refuse given options that contradict the network to start from with an ``InputError``."""
+    asked = asked_layout(*(values.get(name) for name in ("grid", "polarities", "channels", "layout")))
+    own = start.input.sensor
+    if asked is not None and asked != own:
+        what = "the network to start from has another layout"
+        raise InputError(f"sensor {asked.name!r}", what, measured=f"sensor {own.name!r}", fix="Leave the option out.")
     for name, wanted in fixed_by(start).items():
         if name in values and values[name] != wanted:
             raise InputError(

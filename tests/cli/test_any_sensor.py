@@ -199,6 +199,18 @@ def test_events_with_x_and_y_are_laid_out_as_the_checkpoint_was(capsys: Capture)
     assert locsnn_main(["run", "built", "--events", "e.npy"]) == 0
 
 
+def test_a_network_to_start_from_brings_its_sensor(capsys: Capture) -> None:
+    data = write(GRID)
+    assert train(data, "--grid", "4x5") == 0
+    for options in ((), ("--grid", "4x5")):
+        assert train(data, "--from", "a.pt", *options, output="b.pt") == 0
+        assert read_checkpoint("b.pt").description.input.sensor == GRID
+    assert train(data, "--from", "a.pt", "--grid", "5x4", output="c.pt") == 2
+    assert capsys.readouterr().err == (
+        "sensor 'grid 5x4': the network to start from has another layout (sensor 'grid 4x5'). Leave the option out.\n"
+    )
+
+
 def test_class_names_travel_and_must_agree(capsys: Capture) -> None:
     train(write(GRID), "--grid", "4x5")
     assert read_checkpoint("a.pt").description.class_names == NAMES
