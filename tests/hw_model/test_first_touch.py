@@ -14,6 +14,7 @@ from test_early_stop import futures, in_streams
 from test_session import check_every_step
 
 import hw_model as hw
+from hw_model.accounting.cost import step_times
 
 SEEDS = st.integers(0, 2**32 - 1)
 EVENTS = st.sampled_from([None, 1, 1, 2, 3])
@@ -188,3 +189,13 @@ def test_a_late_phase_is_transposed_as_a_whole_or_not_at_all(tmp_path):
     replace(program, phases=(turned, program.phases[1])).save(tmp_path)
     with pytest.raises(hw.InputError, match="phases: its starts do not make a program"):
         hw.load_program(tmp_path)
+
+
+def test_steps_before_the_touch_take_no_time():
+    program, recording = random_hybrid(4)
+    program = aligned(program, 1, None)
+    late = recording * (np.arange(len(recording)) >= 7)[:, None].astype(np.uint8)
+    activity = hw.simulate(program, late, probe=("activity",)).activity["time"][0]
+    step_ns = step_times(program, "time", activity, DAVIES).step_ns
+    assert step_ns[:7].tolist() == [0] * 7
+    assert (step_ns[7 : len(recording)] > 0).all()
