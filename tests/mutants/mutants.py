@@ -16,7 +16,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from textwrap import dedent
 
@@ -84,6 +84,7 @@ def mutants() -> list[Mutant]:
     ]
 
 
+@cache
 def file_of(test: str, root: Path = ROOT) -> Path:
     """Return the file of tests of that name."""
     found = sorted((root / "tests").rglob(test.split("::")[0]))
