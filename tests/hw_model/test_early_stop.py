@@ -261,6 +261,17 @@ def test_a_batch_stops_as_its_recordings_alone():
     assert [[step] for step in hw.stop_when_proven(program, recordings).steps.tolist()] == alone
 
 
+def test_potentials_of_a_batch_count_to_the_end_of_each_recording_alone():
+    """Class 1 can gain 60 in each step that is left: five of 60 in A, two of 254 in B, are ahead of that."""
+    builder, _ = one_layer([[60, 0, 254], [0, 60, 0]], decay_u=4096, decay_v=0, threshold=100_000)
+    program = by_potentials(builder.build(), 0)
+    recordings = np.zeros((2, 9, 3), dtype=np.uint8)
+    recordings[0, :8, 0] = recordings[1, :2, 2] = 1
+    alone = [hw.stop_when_proven(program, one[None]).steps.tolist() for one in recordings]
+    assert alone == [[5], [3]]
+    assert [[step] for step in hw.stop_when_proven(program, recordings).steps.tolist()] == alone
+
+
 @pytest.mark.parametrize(("winner", "stop"), [(0, 5), (1, 6)], ids=["the first", "the second"])
 def test_a_tie_goes_to_the_first_class(winner, stop):
     """Four spikes against three to come are enough for both; against four, for the first class alone."""

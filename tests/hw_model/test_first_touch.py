@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
-from hybrids import random_hybrid
+from hybrids import CHIP, assembled, in_phase, random_hybrid
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_early_stop import futures, in_streams
@@ -15,6 +15,7 @@ from test_session import check_every_step
 
 import hw_model as hw
 from hw_model.accounting.cost import step_times
+from hw_model.mapping.graph import Readout
 
 SEEDS = st.integers(0, 2**32 - 1)
 EVENTS = st.sampled_from([None, 1, 1, 2, 3])
@@ -199,3 +200,46 @@ def test_steps_before_the_touch_take_no_time():
     step_ns = step_times(program, "time", activity, DAVIES).step_ns
     assert step_ns[:7].tolist() == [0] * 7
     assert (step_ns[7 : len(recording)] > 0).all()
+
+
+def spikes_and_late_potentials(builder: hw.ProgramBuilder) -> hw.ChipProgram:
+    """Class 0 spikes in each of eight steps but the first; potentials of ``b`` in hundredths, from step 10 on, come on top.
+
+    Their phase starts with the first event of its own.
+    """
+    spiking = hw.ProgramBuilder(CHIP)
+    a = spiking.add_compartments("a", 2, decay_u=4096, decay_v=4096, threshold=10)
+    spiking.connect(spiking.add_input("x", 1), a, [[20], [0]])
+    late = in_phase(builder.graph(), "time", 16)
+    late = replace(
+        late,
+        phases=(replace(late.phases[0], name="late", align_events=1),),
+        inputs=tuple(replace(item, phase="late", stream="late") for item in late.inputs),
+        groups=tuple(replace(group, phase="late") for group in late.groups),
+    )
+    readout = Readout(("a", "b"), (1.0, 0.01), (None, 10))
+    return assembled(CHIP, readout, in_phase(spiking.graph(), "time", 8), late)
+
+
+def stop_before_a_touch(builder: hw.ProgramBuilder) -> list[int]:
+    silence = np.zeros((1, 8, 1), dtype=np.uint8)
+    return hw.stop_when_proven(
+        spikes_and_late_potentials(builder), {"touch": silence + 1, "late": silence}
+    ).steps.tolist()
+
+
+def test_a_dendrite_that_has_not_started_has_not_fallen():
+    """It falls from the touch on: until then class 1 may still reach 6 * 64 in hundredths, which seven spikes exceed not."""
+    builder = hw.ProgramBuilder(CHIP)
+    b = builder.add_compartments("b", 2, decay_u=4096, decay_v=4096, threshold=100_000, vmin=-511)
+    builder.add_compartments("d", 2, decay_v=0, threshold=0, bias=[0, -64], vmin=-511, joined_to=b)
+    builder.connect(builder.add_input("z", 1), b, [[0], [6]])
+    assert stop_before_a_touch(builder) == [8]
+
+
+def test_a_potential_is_0_until_the_touch():
+    """Class 1 falls to -511 once it has started. The sixth spike exceeds what class 0 may still lose, 5.11."""
+    builder = hw.ProgramBuilder(CHIP)
+    b = builder.add_compartments("b", 2, decay_u=4096, decay_v=0, threshold=100_000, bias=[0, -64], vmin=-511)
+    builder.connect(builder.add_input("z", 1), b, [[-2], [-2]])
+    assert stop_before_a_touch(builder) == [7]
