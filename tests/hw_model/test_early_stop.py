@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hybrids import CHIP, random_hybrid
+from hybrids import CHIP, assembled, in_phase, random_hybrid
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -270,6 +270,54 @@ def test_potentials_of_a_batch_count_to_the_end_of_each_recording_alone():
     alone = [hw.stop_when_proven(program, one[None]).steps.tolist() for one in recordings]
     assert alone == [[5], [3]]
     assert [[step] for step in hw.stop_when_proven(program, recordings).steps.tolist()] == alone
+
+
+def test_spikes_of_a_batch_count_to_the_end_of_each_recording_alone():
+    """Class 0 leads with four spikes against four to come in A; in B class 1 is pulled down for good in the first step."""
+    builder, _ = one_layer([[60, 0, 0], [0, 32, -254]], decay_u=[4096, 200], decay_v=4096)
+    program = builder.build()
+    recordings = np.zeros((2, 9, 3), dtype=np.uint8)
+    recordings[0, :8, 0] = recordings[1, 0, 2] = 1
+    alone = [hw.stop_when_proven(program, one[None]).steps.tolist() for one in recordings]
+    assert alone == [[5], [2]]
+    assert [[step] for step in hw.stop_when_proven(program, recordings).steps.tolist()] == alone
+
+
+def test_a_potential_that_may_wrap_may_be_the_largest_voltage():
+    """Class 1 has no positive weight at all, but two of its negative ones together wrap to a charge above 0."""
+    builder, _ = one_layer([[60, 0, 0], [0, -254, -254]], decay_u=4096, decay_v=4096, exponent=7, threshold=100_000)
+    recording = np.zeros((1, 8, 3), dtype=np.uint8)
+    recording[0, 0, 0] = 1
+    assert hw.stop_when_proven(by_potentials(builder.build(), 0), recording).steps.tolist() == [8]
+
+
+def test_nothing_is_known_of_a_potential_before_a_step_that_counts():
+    """Class 0 can only fall: when row 2 has left it at 0, no other exceeds it, and not before."""
+    builder, _ = one_layer([[-60], [0]], decay_u=4096, decay_v=4096, threshold=100_000)
+    silence = np.zeros((1, 6, 1), dtype=np.uint8)
+    assert hw.stop_when_proven(by_potentials(builder.build(), 2), silence).steps.tolist() == [3]
+
+
+def test_potentials_stay_0_after_the_end_of_a_recording():
+    """The last event acts in step 3: with nothing to come and nothing kept, all is 0 from step 4 on."""
+    builder, _ = one_layer([[60, 0], [0, 60]], decay_u=4096, decay_v=4096, threshold=100_000)
+    program = by_potentials(builder.build(), 0)
+    program = replace(program, phases=(replace(program.phases[0], steps=40),))
+    recording = np.zeros((1, 3, 2), dtype=np.uint8)
+    recording[0, :, 1] = 1
+    busy = hw.simulate(program, recording, probe=("activity",)).activity["time"][0].by_piece["neuron_updates_active"]
+    rests = 1 + int(busy.any(axis=1).nonzero()[0].max())
+    found = hw.stop_when_proven(program, recording)
+    assert (found.steps.tolist(), found.prediction.tolist(), rests < 8) == ([rests], [1], True)
+
+
+def test_a_buffer_that_is_empty_needs_no_step():
+    """A program of a transposed phase alone: the whole recording is there before it begins."""
+    builder = hw.ProgramBuilder(CHIP)
+    x, y = builder.add_input("x", 3), builder.add_compartments("y", 2, decay_u=4096, decay_v=4096, threshold=10)
+    builder.connect(x, y, [[20, 20, 20], [20, 20, 20]])
+    program = assembled(CHIP, Readout(("y",), (1.0,)), in_phase(builder.graph(), "location", 4, np.arange(4)))
+    assert hw.stop_when_proven(program, np.zeros((1, 3, 4), dtype=np.uint8)).steps.tolist() == [0]
 
 
 @pytest.mark.parametrize(("winner", "stop"), [(0, 5), (1, 6)], ids=["the first", "the second"])
