@@ -15,7 +15,8 @@ if __name__ == "__main__":
     with contextlib.suppress(ImportError):  # Windows has no limits of this kind
         import resource
 
-        resource.setrlimit(resource.RLIMIT_AS, (8 << 30, 8 << 30))
+        resource.setrlimit(resource.RLIMIT_AS, (2 << 30, 2 << 30))
+        resource.setrlimit(resource.RLIMIT_CPU, (10, 10))
     decoder, most = aedat.Decoder(sys.argv[1]), int(sys.argv[2])
     number, stream = next((n, s) for n, s in decoder.id_to_stream().items() if s["type"] == "events")
     packets, count = [], 0
@@ -24,6 +25,8 @@ if __name__ == "__main__":
             packets.append(packet["events"])
             count += len(packets[-1])
     found = np.concatenate(packets)
+    events = np.empty(count, dtype=[(name, "<i8") for name in "txyp"])
+    for name, theirs in zip("txyp", ("t", "x", "y", "on"), strict=True):
+        events[name] = found[theirs]
     sys.stdout.buffer.write(f"{stream['width']} {stream['height']}\n".encode())
-    fields = [found[name].astype(np.int64) for name in ("t", "x", "y", "on")]
-    np.save(sys.stdout.buffer, np.rec.fromarrays(fields, dtype=[(name, "<i8") for name in "txyp"]), allow_pickle=False)
+    np.save(sys.stdout.buffer, events, allow_pickle=False)
