@@ -243,11 +243,9 @@ def recordings_for(network: Network, events: Events | None, labels: ArrayLike | 
         if network.recordings is not None:
             return network.recordings
         if network.sensor is None:
-            raise InputError(
-                f"model {network.name!r}",
-                "carries no recordings, and its input is no known sensor's",
-                fix="Give events.",
-            )
+            what = "carries no recordings, and its input is no known sensor's"
+            fix = "Give events."
+            raise InputError(f"model {network.name!r}", what, fix=fix)
         samples = min(SYNTHETIC_SAMPLES, 1 + SYNTHETIC_VALUES // (network.steps * network.channels))
         touches = synthetic_touches(samples, steps=network.steps, sensor=network.sensor, seed=SYNTHETIC_SEED)
         # Their labels are motions of the generator, not classes of this model.
@@ -289,12 +287,9 @@ def _lower(
     found = {population.strategy for population in levels.quantized.populations}
     # Neurons that have a reset of their own are what ``reset`` makes of others.
     if asked.strategy not in {AUTO, *found} and not (asked.strategy == "reset" and found == {NATIVE}):
-        raise InputError(
-            f"strategy {asked.strategy!r}",
-            "no neuron of this model uses it",
-            measured=f"its neurons are {levels.quantized.strategy}",
-            fix="Leave the strategy out.",
-        )
+        measured = f"its neurons are {levels.quantized.strategy}"
+        fix = "Leave the strategy out."
+        raise InputError(f"strategy {asked.strategy!r}", "no neuron of this model uses it", measured=measured, fix=fix)
     return levels, None
 
 

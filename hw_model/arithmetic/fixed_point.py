@@ -83,11 +83,8 @@ class WeightGrid(Frozen):
 def weight_grid(weight_bits: int, sign_mode: SignMode) -> WeightGrid:
     """Return the grid of a format; a width or sign mode that no format has is an ``InputError``."""
     if weight_bits not in WEIGHT_BITS:
-        raise InputError(
-            "weight bits",
-            f"no synapse format has {weight_bits} bits",
-            fix="Choose one of 1, 2, 3, 4, 5, 6, 8.",
-        )
+        fix = "Choose one of 1, 2, 3, 4, 5, 6, 8."
+        raise InputError("weight bits", f"no synapse format has {weight_bits} bits", fix=fix)
     check_known("sign mode", f"{sign_mode!r} does not exist", str(sign_mode), SIGN_MODES)
     step = 1 << (9 - weight_bits if sign_mode == "mixed" else 8 - weight_bits)
     low = {"mixed": -256, "excitatory": 0, "inhibitory": step - 256}[sign_mode]

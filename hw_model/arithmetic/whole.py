@@ -20,10 +20,7 @@ def whole_numbers(given: ArrayLike) -> AnyArray:
         bad = array[~(fits & (array == np.round(array)))]
         if not bad.size:
             return array.astype(np.int64)
-        raise InputError(
-            "integers of the chip",
-            "a number is not whole, or larger than any register",
-            measured=f"{bad.flat[0]}",
-            fix="Round it onto the chip's grid.",
-        )
+        what = "a number is not whole, or larger than any register"
+        fix = "Round it onto the chip's grid."
+        raise InputError("integers of the chip", what, measured=f"{bad.flat[0]}", fix=fix)
     raise InputError("integers of the chip", "they are not numbers", measured=str(array.dtype), fix="Give integers.")

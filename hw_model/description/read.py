@@ -31,11 +31,8 @@ def read_description(path: Path, what: str, example: str) -> str:
         check_most(path.stat().st_size, MAX_FILE_BYTES, path.name, too_large, unit="bytes", fix=fix)
         return path.read_text("utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(
-            path.name,
-            f"the {what} file cannot be read: {_reason(error)}",
-            fix=f"Give the path of a {what} YAML file.",
-        ) from error
+        fix = f"Give the path of a {what} YAML file."
+        raise InputError(path.name, f"the {what} file cannot be read: {_reason(error)}", fix=fix) from error
 
 
 def parse(cls: type[T], text: str, where: str, key: str, **given: object) -> T:
@@ -44,11 +41,9 @@ def parse(cls: type[T], text: str, where: str, key: str, **given: object) -> T:
         document = load_yaml(text, where)
     except (yaml.YAMLError, ValueError) as error:
         line = getattr(getattr(error, "problem_mark", None), "line", None)
-        raise InputError(
-            where,
-            f"the {key} file is not YAML" + ("" if line is None else f" at line {line + 1}"),
-            fix="Compare it with a chip that ships.",
-        ) from error
+        what = f"the {key} file is not YAML" + ("" if line is None else f" at line {line + 1}")
+        fix = "Compare it with a chip that ships."
+        raise InputError(where, what, fix=fix) from error
     return _Reader(where).build(cls, document, key, **given)
 
 

@@ -32,12 +32,8 @@ def _stream(name: str, given: ArrayLike, channels: int) -> ByteArray:
     array = np.asarray(given)
     where = f"spikes of {name!r}"
     if array.ndim not in (2, 3) or array.shape[-1] != channels:
-        raise InputError(
-            where,
-            "the shape does not fit",
-            measured=f"{array.shape} against (steps, {channels}) or (batch, steps, {channels})",
-            fix="Give one column a channel.",
-        )
+        measured = f"{array.shape} against (steps, {channels}) or (batch, steps, {channels})"
+        raise InputError(where, "the shape does not fit", measured=measured, fix="Give one column a channel.")
     if array.dtype.kind == "u":
         binary = array.size == 0 or bool(array.max() <= 1)
     else:

@@ -30,12 +30,8 @@ def replace_file(path: Path, content: bytes, where: str) -> None:
             sync(partial)
             os.replace(partial, path)
     except OSError as error:
-        raise InputError(
-            where,
-            "it cannot be written",
-            measured=error.strerror or "",
-            fix="Give a file in a folder that exists and can be written.",
-        ) from None
+        fix = "Give a file in a folder that exists and can be written."
+        raise InputError(where, "it cannot be written", measured=error.strerror or "", fix=fix) from None
     finally:
         remove(partial)
 

@@ -295,12 +295,9 @@ def _check_visits(item: Input, phase: Phase) -> None:
     where, lines = f"input {item.name!r}", item.first_lines
     outside = item.positions[(item.positions < 0) | (item.positions >= (phase.steps or np.inf))]
     if len(outside):
-        raise InputError(
-            where,
-            "a channel is visited outside its phase",
-            measured=f"step {outside[0]} of {phase.steps}, counted from 0",
-            fix="Give the phase more steps.",
-        )
+        measured = f"step {outside[0]} of {phase.steps}, counted from 0"
+        fix = "Give the phase more steps."
+        raise InputError(where, "a channel is visited outside its phase", measured=measured, fix=fix)
     if lines is not None and (lines.shape != item.positions.shape or lines.min(initial=0) < 0 or item.rows < 1):
         raise InputError(
             where,
@@ -335,17 +332,12 @@ def _check_group(graph: CompartmentGraph, group: Compartments, chip: Chip) -> No
         return
     parent = next((other for other in graph.groups if other.name == group.joined_to), None)
     if parent is None or parent.phase != group.phase or parent.size != group.size or parent is group:
-        raise InputError(
-            f"compartments {group.name!r}",
-            f"cannot be joined to {group.joined_to!r}",
-            fix="Join to another group of the same size and phase.",
-        )
+        fix = "Join to another group of the same size and phase."
+        raise InputError(f"compartments {group.name!r}", f"cannot be joined to {group.joined_to!r}", fix=fix)
     if any(s.source == group.name for s in graph.synapses):
-        raise InputError(
-            f"compartments {group.name!r}",
-            "joined compartments do not spike, so no synapse can start there",
-            fix=f"Connect from {group.joined_to!r}.",
-        )
+        what = "joined compartments do not spike, so no synapse can start there"
+        fix = f"Connect from {group.joined_to!r}."
+        raise InputError(f"compartments {group.name!r}", what, fix=fix)
 
 
 def _check_range(group: Compartments, name: str, low: int, high: int, fix: str) -> None:
@@ -355,12 +347,8 @@ def _check_range(group: Compartments, name: str, low: int, high: int, fix: str) 
         raise InputError(where, f"{name} has shape {values.shape}, not ({group.size},)", fix="Give one a compartment.")
     bad = np.flatnonzero((values < low) | (values > high))
     if len(bad):
-        raise TargetError(
-            where,
-            f"{name} of compartment {bad[0]} is out of range",
-            measured=f"{values[bad[0]]} against {low}..{high}",
-            fix=fix,
-        )
+        measured = f"{values[bad[0]]} against {low}..{high}"
+        raise TargetError(where, f"{name} of compartment {bad[0]} is out of range", measured=measured, fix=fix)
 
 
 def voltage_minima(chip: Chip) -> list[int]:
@@ -380,11 +368,9 @@ def _check_voltage_limits(group: Compartments, chip: Chip) -> None:
         for value in np.unique(getattr(group, name)).tolist():
             if value not in settings:
                 nearest = min(settings, key=lambda setting: abs(setting - value))
-                raise TargetError(
-                    f"compartments {group.name!r}",
-                    f"{name} {value} is not of the form {formula}",
-                    fix=f"The nearest is {nearest}.",
-                )
+                what = f"{name} {value} is not of the form {formula}"
+                fix = f"The nearest is {nearest}."
+                raise TargetError(f"compartments {group.name!r}", what, fix=fix)
 
 
 def _check_synapses(graph: CompartmentGraph, synapses: Synapses, chip: Chip) -> None:
@@ -406,12 +392,9 @@ def _check_synapses(graph: CompartmentGraph, synapses: Synapses, chip: Chip) -> 
         raise InputError(where, "the synapse arrays differ in length", fix="Give one row a synapse.")
     grid = weight_grid(synapses.weight_bits, synapses.sign_mode)
     if synapses.weight_bits not in chip.registers.weight_bits:
-        raise TargetError(
-            where,
-            f"weights of {synapses.weight_bits} bits are too wide",
-            measured=f"{chip.name} has weight_bits_max {chip.registers.weight_bits_max}",
-            fix="Use narrower weights.",
-        )
+        measured = f"{chip.name} has weight_bits_max {chip.registers.weight_bits_max}"
+        fix = "Use narrower weights."
+        raise TargetError(where, f"weights of {synapses.weight_bits} bits are too wide", measured=measured, fix=fix)
     bad = np.flatnonzero(grid.off_grid(synapses.mantissa))
     if len(bad):
         raise TargetError(
@@ -421,17 +404,10 @@ def _check_synapses(graph: CompartmentGraph, synapses: Synapses, chip: Chip) -> 
             fix="Round the weights onto the grid first.",
         )
     if synapses.exponent not in WEIGHT_EXPONENTS:
-        raise TargetError(
-            where,
-            "the weight exponent is out of range",
-            measured=f"{synapses.exponent} against -8..7",
-            fix="Rescale the weights.",
-        )
+        measured = f"{synapses.exponent} against -8..7"
+        raise TargetError(where, "the weight exponent is out of range", measured=measured, fix="Rescale the weights.")
     delays = synapses.delay[(synapses.delay < 0) | (synapses.delay > chip.registers.delay_max)]
     if len(delays):
-        raise TargetError(
-            where,
-            "a delay is out of range",
-            measured=f"{delays[0]} against 0..{chip.registers.delay_max} steps",
-            fix="Relay the spike through a compartment, or shorten the delay.",
-        )
+        measured = f"{delays[0]} against 0..{chip.registers.delay_max} steps"
+        fix = "Relay the spike through a compartment, or shorten the delay."
+        raise TargetError(where, "a delay is out of range", measured=measured, fix=fix)

@@ -89,11 +89,9 @@ class ProgramBuilder:
         """
         size = int(size)
         if join != "ADD":
-            raise TargetError(
-                f"compartments {name!r}",
-                f"the join operation {join!r} is not modelled: no public source gives its integer timing",
-                fix="Join with ADD.",
-            )
+            what = f"the join operation {join!r} is not modelled: no public source gives its integer timing"
+            fix = "Join with ADD."
+            raise TargetError(f"compartments {name!r}", what, fix=fix)
 
         def column(key: str, value: Ints) -> IntArray:
             return _whole(f"compartments {name!r}", key, value, (size,))
@@ -172,11 +170,8 @@ class ProgramBuilder:
     def graph(self) -> CompartmentGraph:
         """Return what was collected so far as a checked graph, not yet on cores."""
         if not self._inputs or not self._groups:
-            raise InputError(
-                f"program {self._name!r}",
-                "has no input or no compartments",
-                fix="Call add_input and add_compartments first.",
-            )
+            fix = "Call add_input and add_compartments first."
+            raise InputError(f"program {self._name!r}", "has no input or no compartments", fix=fix)
         graph = CompartmentGraph(
             self._name,
             (Phase("time", "time", None),),
@@ -201,12 +196,8 @@ def _whole(where: str, key: str, value: Any, shape: tuple[int, ...]) -> IntArray
         raise InputError(where, f"{key} has values that are not whole numbers", fix="Quantise them first.")
     beyond = array[(array < -_LARGEST) | (array > _LARGEST)]
     if beyond.size:
-        raise InputError(
-            where,
-            f"{key} has values that no register holds",
-            measured=f"{beyond.flat[0]:g}",
-            fix="Quantise them first.",
-        )
+        fix = "Quantise them first."
+        raise InputError(where, f"{key} has values that no register holds", measured=f"{beyond.flat[0]:g}", fix=fix)
     if array.shape not in ((), shape):
         raise _wrong_shape(where, key, array.shape, shape)
     return read_only(np.broadcast_to(array, shape))

@@ -49,12 +49,9 @@ def load_program(folder: str | Path) -> ChipProgram:
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise InputError("program.yaml", "this is not a program", fix="Give the folder that the compiler wrote.")
     if document.get("version") != VERSION:
-        raise InputError(
-            "program.yaml",
-            "the program has another format version",
-            measured=f"{document.get('version')!r} against {VERSION}",
-            fix="Compile it again, or use the release that wrote it.",
-        )
+        measured = f"{document.get('version')!r} against {VERSION}"
+        fix = "Compile it again, or use the release that wrote it."
+        raise InputError("program.yaml", "the program has another format version", measured=measured, fix=fix)
     if hashlib.sha256(npz_bytes).hexdigest() != document.get("arrays_sha256"):
         raise InputError(
             "program.npz", "the checksum differs: it is damaged, or of another program", fix="Compile again."
@@ -112,11 +109,9 @@ def _read(path: Path) -> bytes:
             raise InputError(path.name, "the file is absurdly large", fix="Compile again.")
         return path.read_bytes()
     except OSError as error:
-        raise InputError(
-            f"program {str(path.parent)!r}",
-            f"{path.name} cannot be read: {error.strerror}",
-            fix="Give the folder that the compiler wrote.",
-        ) from error
+        what = f"{path.name} cannot be read: {error.strerror}"
+        fix = "Give the folder that the compiler wrote."
+        raise InputError(f"program {str(path.parent)!r}", what, fix=fix) from error
 
 
 def _program(document: dict[str, Any], arrays: dict[str, IntArray]) -> ChipProgram:

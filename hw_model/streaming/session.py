@@ -153,11 +153,9 @@ class _Branch:
         self._streams = [item.stream for item in inputs]
         positions = [item.positions for item in inputs if item.positions is not None]
         if 0 < len(positions) < len(inputs):
-            raise InputError(
-                f"phase {phase.name!r}",
-                "mixes transposed inputs with inputs that are played as they come, so it cannot run as they arrive",
-                fix="Use simulate.",
-            )
+            what = "mixes transposed inputs with inputs that are played as they come, so it cannot run as they arrive"
+            fix = "Use simulate."
+            raise InputError(f"phase {phase.name!r}", what, fix=fix)
         layout = fast_layout(program, phase.name)
         last = int(max((at.max(initial=0) for at in positions), default=0))
         read = _read(program.readout, self.columns)

@@ -155,12 +155,9 @@ def _check_fits(arrays: list[ByteArray], samples: int, where: str, place: str) -
     steps, channels = max(map(len, arrays)), arrays[0].shape[1]
     last, first = (" x ".join(map(str, one.shape)) for one in (arrays[-1], arrays[0]))
     if arrays[-1].shape[1] != channels:
-        raise InputError(
-            place,
-            "its shape is not that of the other recordings",
-            measured=f"got {last} against {first} steps x channels",
-            fix="Give recordings of one sensor.",
-        )
+        measured = f"got {last} against {first} steps x channels"
+        fix = "Give recordings of one sensor."
+        raise InputError(place, "its shape is not that of the other recordings", measured=measured, fix=fix)
     what, fix = "its recordings are too large together", "Give fewer recordings."
     check_most(samples * steps * channels, MAX_ELEMENTS, where, what, unit="values", fix=fix)
 

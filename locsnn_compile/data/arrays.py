@@ -50,12 +50,9 @@ def read_arrays(path: Path, binning: Binning, asked_seconds: float | None) -> Re
         spikes, own, binned = bin_streams(streams, places, where, binning)
     else:
         if own is not None and asked_seconds is not None and not same(own, asked_seconds):
-            raise InputError(
-                "step_seconds",
-                f"{where} holds bins of another width",
-                measured=f"got {asked_seconds:g} against {own:g}",
-                fix="Leave it out.",
-            )
+            measured = f"got {asked_seconds:g} against {own:g}"
+            fix = "Leave it out."
+            raise InputError("step_seconds", f"{where} holds bins of another width", measured=measured, fix=fix)
         order = _order(entries, binning.axes, where)
         spikes = to_step_major(_find_spikes(entries, where), where, binning.channels, order)
     labels = entries.get("labels")
@@ -119,12 +116,8 @@ def _npz_entries(data: bytes, where: str) -> dict[str, AnyArray]:
             members = archive.infolist()
             unpacked = sum(member.file_size for member in members)
             if unpacked > 8 * MAX_ELEMENTS or len(members) > 100:
-                raise InputError(
-                    where,
-                    "it is too large",
-                    measured=f"{unpacked} bytes in {len(members)} entries",
-                    fix="Give fewer recordings.",
-                )
+                measured = f"{unpacked} bytes in {len(members)} entries"
+                raise InputError(where, "it is too large", measured=measured, fix="Give fewer recordings.")
             names = [member.filename.removesuffix(".npy") for member in members]
             kinds = dict.fromkeys(_TEXTS, "US")
             return {
@@ -178,12 +171,9 @@ def _find_spikes(entries: Mapping[str, AnyArray], where: str) -> AnyArray:
         return entries["spikes"]
     others = [name for name in entries if name not in _BESIDE]
     if len(others) != 1:
-        raise InputError(
-            where,
-            "it is not clear which entry holds the recordings" if others else "no recordings inside",
-            measured=f"entries: {', '.join(sorted(entries)) or 'none'}"[:200],
-            fix="Name the entry 'spikes'.",
-        )
+        what = "it is not clear which entry holds the recordings" if others else "no recordings inside"
+        fix = "Name the entry 'spikes'."
+        raise InputError(where, what, measured=f"entries: {', '.join(sorted(entries)) or 'none'}"[:200], fix=fix)
     return entries[others[0]]
 
 

@@ -79,12 +79,9 @@ def check_axes(array: AnyArray, where: str, channels: int | None = None) -> None
         # Of arrays by taxel, recordings may be as many as taxels, or two: they stay in front.
         in_front = order[0] == "samples" or not {"samples", "taxels"} <= set(order)
         if in_front and _fits(order, array.shape, channels):
-            raise InputError(
-                where,
-                f"its axes look like ({', '.join(order)})",
-                measured=f"{' x '.join(map(str, array.shape))} values",
-                fix=f"Give --axes {','.join(order)}, or transpose it to ({', '.join(wanted)}), as files have it.",
-            )
+            measured = f"{' x '.join(map(str, array.shape))} values"
+            fix = f"Give --axes {','.join(order)}, or transpose it to ({', '.join(wanted)}), as files have it."
+            raise InputError(where, f"its axes look like ({', '.join(order)})", measured=measured, fix=fix)
 
 
 def _fits(order: Order, shape: tuple[int, ...], channels: int | None) -> bool:

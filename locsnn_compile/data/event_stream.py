@@ -136,44 +136,30 @@ def _length(one: EventStream, bins: FloatArray, width_seconds: float, place: str
         beside = "a .startend file beside it, or " if one.ticks_per_second == 1 else ""
         # In bins first: absurd times overflow to infinity there already.
         span = last * width_seconds if math.isinf(last) else float(one.times.max() - one.start) / one.ticks_per_second
-        raise InputError(
-            place,
-            "it lasts too long for its bins",
-            measured=f"{span:g} s in bins of {width_seconds:g} s against {MAX_STEPS} bins",
-            fix=f"Give {beside}wider bins.",
-        )
+        measured = f"{span:g} s in bins of {width_seconds:g} s against {MAX_STEPS} bins"
+        raise InputError(place, "it lasts too long for its bins", measured=measured, fix=f"Give {beside}wider bins.")
     return math.floor(last) + 1
 
 
 def _channels(one: EventStream, columns: int, polarities: int, place: str) -> IntArray:
     if len(one.x) and int(one.x.max()) >= columns:
-        raise InputError(
-            place,
-            "an event lies beside the grid",
-            measured=f"x {int(one.x.max())} against {columns} columns",
-            fix="Give more columns.",
-        )
+        measured = f"x {int(one.x.max())} against {columns} columns"
+        raise InputError(place, "an event lies beside the grid", measured=measured, fix="Give more columns.")
     cells = columns * one.y + one.x
     return cells if polarities == 1 else 2 * cells + one.polarity
 
 
 def _check_sizes(where: str, samples: int, steps: int, channels: int, needed: int) -> None:
     if needed > channels:
-        raise InputError(
-            where,
-            "it has events of channels that are not asked for",
-            measured=f"channel {needed - 1} against 0..{channels - 1}",
-            fix="Give events of this sensor, or more channels.",
-        )
+        measured = f"channel {needed - 1} against 0..{channels - 1}"
+        fix = "Give events of this sensor, or more channels."
+        raise InputError(where, "it has events of channels that are not asked for", measured=measured, fix=fix)
     if steps == 0 or channels == 0:
         raise InputError(where, "no events inside", fix="Give a recording with events.")
     if samples * steps * channels > MAX_ELEMENTS:
-        raise InputError(
-            where,
-            "its recordings are too large together",
-            measured=f"{samples} x {steps} x {channels} values against {MAX_ELEMENTS}",
-            fix="Give fewer recordings, or wider bins.",
-        )
+        measured = f"{samples} x {steps} x {channels} values against {MAX_ELEMENTS}"
+        fix = "Give fewer recordings, or wider bins."
+        raise InputError(where, "its recordings are too large together", measured=measured, fix=fix)
 
 
 def recording_events(spikes: ByteArray, polarities: int, step_seconds: float) -> tuple[IntArray, IntArray, IntArray]:

@@ -30,12 +30,8 @@ def load_npy(data: bytes, where: str, kinds: str = "biuf") -> AnyArray:
     if dtype.kind not in kinds and (dtype.names is None or dtype.hasobject):
         raise InputError(where, "its values are no numbers", measured=f"dtype {dtype}", fix=fix)
     if any(size < 0 for size in shape) or math.prod(shape) * max(1, dtype.itemsize // 8) > MAX_ELEMENTS:
-        raise InputError(
-            where,
-            "its declared shape is too large",
-            measured=f"{'x'.join(str(size) for size in shape)} against {MAX_ELEMENTS} values",
-            fix="Give fewer recordings.",
-        )
+        measured = f"{'x'.join(str(size) for size in shape)} against {MAX_ELEMENTS} values"
+        raise InputError(where, "its declared shape is too large", measured=measured, fix="Give fewer recordings.")
     held, needed = len(data) - stream.tell(), math.prod(shape) * dtype.itemsize
     if held < needed:
         raise InputError(where, "it is truncated", measured=f"{held} of {needed} bytes", fix=fix)

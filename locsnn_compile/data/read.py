@@ -79,12 +79,9 @@ def _read(path: Path, split: str | None, binning: Binning, asked: float | None) 
     if not (path.is_dir() or path.suffix == ".zip"):
         _check_file(path)
         if split is not None:
-            raise InputError(
-                f"file {path.name!r}",
-                f"there is no part {split!r}",
-                measured="a single file is not divided",
-                fix="Leave the part out.",
-            )
+            measured = "a single file is not divided"
+            fix = "Leave the part out."
+            raise InputError(f"file {path.name!r}", f"there is no part {split!r}", measured=measured, fix=fix)
         if path.suffix not in EVENT_SUFFIXES:
             return read_arrays(path, binning, asked)
     return read_archive(path, split=split, binning=binning)
@@ -111,9 +108,5 @@ def _check_file(path: Path) -> None:
     if not path.exists():
         raise InputError(f"file {path.name!r}", "it does not exist", fix="Check the path.")
     if path.suffix not in _SUFFIXES:
-        raise InputError(
-            f"file {path.name!r}",
-            "its kind is not known",
-            measured=f"ending {path.suffix!r}",
-            fix=f"Give one of: {', '.join(_SUFFIXES)}, or a folder.",
-        )
+        fix = f"Give one of: {', '.join(_SUFFIXES)}, or a folder."
+        raise InputError(f"file {path.name!r}", "its kind is not known", measured=f"ending {path.suffix!r}", fix=fix)

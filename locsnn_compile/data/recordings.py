@@ -139,12 +139,8 @@ def clean_spikes(where: str, spikes: NDArray[np.generic], first: int = 0) -> Byt
     wrong = ~((spikes == 0) | (spikes == 1))
     if wrong.any():
         sample, step, channel = (int(i[0]) for i in np.nonzero(wrong))
-        raise InputError(
-            where,
-            "its values are not all 0 or 1",
-            measured=f"{spikes[sample, step, channel]} at sample {first + sample}, channel {channel}, step {step}",
-            fix=fix,
-        )
+        measured = f"{spikes[sample, step, channel]} at sample {first + sample}, channel {channel}, step {step}"
+        raise InputError(where, "its values are not all 0 or 1", measured=measured, fix=fix)
     return sealed(np.array(spikes, dtype=np.uint8, order="C"))
 
 

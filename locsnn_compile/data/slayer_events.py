@@ -24,12 +24,8 @@ def parse_slayer_events(data: bytes, suffix: str, where: str) -> EventStream:
     Raises ``InputError`` for bytes that end within an event.
     """
     if len(data) % EVENT_BYTES:
-        raise InputError(
-            where,
-            "it ends within an event",
-            measured=f"{len(data)} bytes, {EVENT_BYTES} an event",
-            fix="Give a whole file.",
-        )
+        measured = f"{len(data)} bytes, {EVENT_BYTES} an event"
+        raise InputError(where, "it ends within an event", measured=measured, fix="Give a whole file.")
     fields = np.frombuffer(data, dtype=np.uint8).reshape(-1, EVENT_BYTES).astype(np.int64).T
     times = (fields[2] & 0x7F) << 16 | fields[3] << 8 | fields[4]
     if suffix == ".bs1":
@@ -56,12 +52,8 @@ def pack_slayer_events(times: IntArray, x: IntArray, y: IntArray | None, polarit
         ("polarity", polarity, 1),
     ):
         if len(values) and not 0 <= values.min() <= values.max() <= limit:
-            raise InputError(
-                where,
-                f"an event's {name} does not fit its bits",
-                measured=f"{int(values.max())} against {limit}",
-                fix="Write .npz.",
-            )
+            measured = f"{int(values.max())} against {limit}"
+            raise InputError(where, f"an event's {name} does not fit its bits", measured=measured, fix="Write .npz.")
     fields = np.empty((len(times), EVENT_BYTES), dtype=np.uint8)
     fields[:, 0], fields[:, 1] = (x >> 8, x & 0xFF) if y is None else (x, y)
     fields[:, 2], fields[:, 3], fields[:, 4] = polarity << 7 | times >> 16, times >> 8 & 0xFF, times & 0xFF

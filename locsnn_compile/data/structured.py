@@ -37,12 +37,8 @@ def _whole(array: AnyArray, name: str, low: int, high: int, where: str) -> IntAr
     bad = ~((values >= low) & (values <= high) & (values == np.floor(values)))
     if bad.any():
         at = int(bad.argmax())
-        raise InputError(
-            where,
-            f"its field {name!r} is out of range",
-            measured=f"{values[at]} of event {at} against whole numbers {low}..{high}",
-            fix=_FIX,
-        )
+        measured = f"{values[at]} of event {at} against whole numbers {low}..{high}"
+        raise InputError(where, f"its field {name!r} is out of range", measured=measured, fix=_FIX)
     return values.astype(np.int64)
 
 

@@ -120,10 +120,6 @@ def _stretch(data: bytes, where: str) -> tuple[float, float]:
         return times[1], SLIP_SECONDS
     grasping = named.get("grasping", times[3] if len(times) == len(PHASES) and not named else math.nan)
     if not math.isfinite(grasping):
-        raise InputError(
-            where,
-            "it does not give the time of 'grasping'",
-            measured=f"{len(times)} numbers",
-            fix=f"Give the times of {', '.join(PHASES)}.",
-        )
+        fix = f"Give the times of {', '.join(PHASES)}."
+        raise InputError(where, "it does not give the time of 'grasping'", measured=f"{len(times)} numbers", fix=fix)
     return grasping, GRASP_SECONDS

@@ -70,11 +70,9 @@ def _content(path: Path, recordings: Recordings, kind: str, where: str) -> bytes
         return npy_bytes(_channel_major(recordings.spikes))
     content = _one_file(recordings, 0, kind, path.stem, where)[path.name]
     if kind == "tact" and not recordings.spikes[0, 0].any():
-        raise InputError(
-            where,
-            "its first steps are silent, and without a .startend file a recording begins with its first event",
-            fix="Write a folder or .zip with members tact.",
-        )
+        what = "its first steps are silent, and without a .startend file a recording begins with its first event"
+        fix = "Write a folder or .zip with members tact."
+        raise InputError(where, what, fix=fix)
     return content
 
 
@@ -82,12 +80,8 @@ def _check_label(path: Path, recordings: Recordings, where: str) -> None:
     """Refuse a single file for several recordings of events, and labels that its name does not say."""
     binned = path.suffix == ".npy"
     if len(recordings) > 1 and not binned:
-        raise InputError(
-            where,
-            "it holds one recording",
-            measured=f"got {len(recordings)}",
-            fix="Write a folder or .zip, with members.",
-        )
+        fix = "Write a folder or .zip, with members."
+        raise InputError(where, "it holds one recording", measured=f"got {len(recordings)}", fix=fix)
     label = label_in_name(path.name) if len(recordings) == 1 else None
     wanted = None if recordings.labels is None else recordings.labels.tolist()
     if wanted != (None if label is None else [label]):
@@ -136,12 +130,9 @@ def _structured(recordings: Recordings, index: int, where: str) -> NDArray[np.vo
 def _timed(recordings: Recordings, index: int, where: str) -> tuple[IntArray, IntArray, IntArray]:
     width = _width(recordings)
     if width < MIN_EVENT_STEP_SECONDS:
-        raise InputError(
-            where,
-            "its bins are too narrow for times in microseconds",
-            measured=f"{width:g} s against {MIN_EVENT_STEP_SECONDS:g}",
-            fix="Write .npz.",
-        )
+        measured = f"{width:g} s against {MIN_EVENT_STEP_SECONDS:g}"
+        fix = "Write .npz."
+        raise InputError(where, "its bins are too narrow for times in microseconds", measured=measured, fix=fix)
     return recording_events(recordings.spikes[index], _polarities(recordings), width)
 
 
@@ -163,12 +154,8 @@ def _one_file(recordings: Recordings, index: int, kind: str, stem: str, where: s
 def _tact_files(recordings: Recordings, index: int, stem: str, where: str) -> dict[str, bytes]:
     spikes = recordings.spikes[index]
     if spikes.shape[1] not in (CHANNELS, CHANNELS // 2):
-        raise InputError(
-            where,
-            "raw text is of one or two fingertips",
-            measured=f"{spikes.shape[1]} channels against {CHANNELS // 2} or {CHANNELS}",
-            fix="Write .npz.",
-        )
+        measured = f"{spikes.shape[1]} channels against {CHANNELS // 2} or {CHANNELS}"
+        raise InputError(where, "raw text is of one or two fingertips", measured=measured, fix="Write .npz.")
     if not spikes.any():
         raise InputError(where, f"recording {index} is silent, which raw text cannot say", fix="Write .npz.")
     return {f"{stem}.tact": tact_text(spikes, _width(recordings)), f"{stem}.startend": b"grasping 0\n"}

@@ -72,11 +72,9 @@ def network_of(checkpoint: Checkpoint) -> Network:
     """
     description = checkpoint.description
     if not description.structure.spiking:
-        raise TargetError(
-            f"model {description.name!r}",
-            f"a {description.architecture!r} has no spiking neurons, so no chip program can be made of it",
-            fix="Train a spiking network; of this one, operations are counted only.",
-        )
+        what = f"a {description.architecture!r} has no spiking neurons, so no chip program can be made of it"
+        fix = "Train a spiking network; of this one, operations are counted only."
+        raise TargetError(f"model {description.name!r}", what, fix=fix)
     parts = Parts()
     _add_branches(parts, checkpoint)
     if description.structure.window_branch:

@@ -111,19 +111,13 @@ def product(left: Any, right: Any, where: str) -> Any:
 def _check_convolution(weight: AnyArray, input_shape: Shape, window: Window, groups: int, where: str) -> None:
     axes = weight.ndim - 2
     if len(input_shape) != axes + 1 or 0 in weight.shape:
-        raise InputError(
-            where,
-            "its input is not an image of the kernel's axes",
-            measured=f"input {input_shape}, weight {weight.shape}",
-            fix="Give a shape (channels, ...).",
-        )
+        measured = f"input {input_shape}, weight {weight.shape}"
+        fix = "Give a shape (channels, ...)."
+        raise InputError(where, "its input is not an image of the kernel's axes", measured=measured, fix=fix)
     if groups < 1 or input_shape[0] != weight.shape[1] * groups or weight.shape[0] % groups:
-        raise InputError(
-            where,
-            "channels and groups do not fit the weight",
-            measured=f"{input_shape[0]} channels, {groups} groups, weight {weight.shape}",
-            fix="Correct the groups.",
-        )
+        measured = f"{input_shape[0]} channels, {groups} groups, weight {weight.shape}"
+        fix = "Correct the groups."
+        raise InputError(where, "channels and groups do not fit the weight", measured=measured, fix=fix)
     stride, padding, dilation = window.stride, window.padding, window.dilation
     if min(stride) < 1 or min(dilation) < 1:
         raise InputError(where, "stride and dilation are at least 1", measured=f"{stride}, {dilation}", fix="Correct.")

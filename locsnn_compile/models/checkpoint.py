@@ -158,12 +158,9 @@ def check_weights(where: str, weights: AnyArray, numbers: ChipPopulation | None)
         bad = numbers.grid.off_grid(np.abs(weights))
     places = np.argwhere(bad)
     if len(places):
-        raise InputError(
-            where,
-            f"{kind} {places[0].tolist()} is not {fault}",
-            measured=f"got {weights[tuple(places[0])]}, {len(places)} such {kind}s",
-            fix="Train the network again.",
-        )
+        measured = f"got {weights[tuple(places[0])]}, {len(places)} such {kind}s"
+        fix = "Train the network again."
+        raise InputError(where, f"{kind} {places[0].tolist()} is not {fault}", measured=measured, fix=fix)
 
 
 def _input_entry(layout: InputLayout) -> dict[str, Any]:

@@ -320,12 +320,8 @@ class NetworkDescription(Frozen):
         shape = self.weight_shapes[name]
         got = tuple(weights[name].shape) if name in weights else "none"
         if got != shape:
-            raise InputError(
-                f"population {name!r}",
-                "its weights do not fit the network",
-                measured=f"got {got} against {shape}",
-                fix=fix,
-            )
+            measured = f"got {got} against {shape}"
+            raise InputError(f"population {name!r}", "its weights do not fit the network", measured=measured, fix=fix)
 
 
 _NEURONS: dict[str, type[Neuron] | None] = {

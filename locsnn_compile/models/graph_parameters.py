@@ -33,12 +33,9 @@ class GraphParameters(Frozen):
         seen: set[tuple[int, int]] = set()
         for a, b in self.taxel_edges:
             if not rises((a, b), 1, taxels):
-                raise InputError(
-                    "taxel graph",
-                    "an edge is not a pair of taxels with the lower number first",
-                    measured=f"got {a!r}-{b!r} against 1..{taxels}",
-                    fix="Correct the graph.",
-                )
+                what = "an edge is not a pair of taxels with the lower number first"
+                fix = "Correct the graph."
+                raise InputError("taxel graph", what, measured=f"got {a!r}-{b!r} against 1..{taxels}", fix=fix)
             if (a, b) in seen:
                 raise InputError("taxel graph", f"edge {a}-{b} is given twice", fix="Give every edge once.")
             seen.add((a, b))

@@ -59,12 +59,9 @@ class TouchModel(nn.Module):
         """Refuse recordings that are not (batch, steps, channels) of the network's input."""
         layout = self.description.input
         if x.ndim != 3 or tuple(x.shape[1:]) != (layout.steps, layout.channels):
-            raise InputError(
-                "recordings",
-                "their shape is not the network's",
-                measured=f"got {tuple(x.shape[1:])} against {(layout.steps, layout.channels)} steps x channels",
-                fix="Give recordings of the network's sensor and duration.",
-            )
+            measured = f"got {tuple(x.shape[1:])} against {(layout.steps, layout.channels)} steps x channels"
+            fix = "Give recordings of the network's sensor and duration."
+            raise InputError("recordings", "their shape is not the network's", measured=measured, fix=fix)
 
     def prune(self, share: float) -> None:
         """Set a ``share`` 0..1 of each population's weights, the smallest, to 0; :meth:`hold` keeps them there."""

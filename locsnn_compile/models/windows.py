@@ -46,12 +46,9 @@ class WindowParameters(Frozen):
     def starts(self, steps: int) -> IntArray:
         """Return the first step of every window of a recording of ``steps``; ``InputError`` where none fits."""
         if steps < self.steps:
-            raise InputError(
-                "recordings",
-                "they are shorter than one window",
-                measured=f"{steps} steps against {self.steps}",
-                fix="Take shorter windows (window_steps).",
-            )
+            measured = f"{steps} steps against {self.steps}"
+            fix = "Take shorter windows (window_steps)."
+            raise InputError("recordings", "they are shorter than one window", measured=measured, fix=fix)
         return np.arange(0, steps - self.steps + 1, self.stride, dtype=np.int64)
 
     def of_channel(self, steps: int) -> int:

@@ -49,12 +49,9 @@ def _check_readout(network: Network) -> None:
     readout = network.readout
     found = [p.size for name in readout.populations for p in network.populations if p.name == name]
     if len(set(found)) != 1 or not len(found) == len(readout.populations) == len(readout.weights):
-        raise InputError(
-            "readout",
-            "it does not add up scores of populations of one size",
-            measured=f"populations {readout.populations}, sizes {found}, weights {readout.weights}",
-            fix="Name populations of one size, each with its weight.",
-        )
+        measured = f"populations {readout.populations}, sizes {found}, weights {readout.weights}"
+        fix = "Name populations of one size, each with its weight."
+        raise InputError("readout", "it does not add up scores of populations of one size", measured=measured, fix=fix)
 
 
 def _check_start(view: InputView, network: Network) -> None:
@@ -82,11 +79,8 @@ def _check_view(view: InputView, network: Network) -> None:
     if view.walk is None:
         raise InputError(where, "a location axis has no location order", fix="Visit every channel exactly once.")
     if sorted(view.walk.tolist()) != list(range(network.channels)):
-        raise InputError(
-            where,
-            "its location order is not a permutation of the channels",
-            fix="Visit every channel exactly once.",
-        )
+        fix = "Visit every channel exactly once."
+        raise InputError(where, "its location order is not a permutation of the channels", fix=fix)
     if not 1 <= view.together <= network.channels or view.lines % view.together:
         raise InputError(
             where,
@@ -103,12 +97,8 @@ def _check_neuron(population: Population) -> None:
     parameters = neuron.parameters(population.size)
     for key, values, shape, _ in parameters:
         if values.shape not in ((), shape):
-            raise InputError(
-                where,
-                f"{key} has the wrong shape",
-                measured=f"{values.shape} against {shape}",
-                fix="Give one number a neuron.",
-            )
+            fix = "Give one number a neuron."
+            raise InputError(where, f"{key} has the wrong shape", measured=f"{values.shape} against {shape}", fix=fix)
     if neuron.dendrites < 1:
         raise InputError(where, "neurons without a dendrite", measured=f"{neuron.dendrites}", fix="Give 1 or more.")
     for key, values, _, must in parameters:
@@ -159,11 +149,8 @@ def _check_values(projection: Projection | ChipProjection, shape: tuple[int, int
     _check_magnitude(where, "a weight", values_of(weights), 0.0)
     delay, values = np.asarray(projection.delay), values_of(weights)
     if delay.shape not in ((), values.shape):
-        raise InputError(
-            where,
-            "the delays have the wrong shape",
-            measured=f"{delay.shape} against {values.shape}",
-            fix="Give one delay, or one for each weight that is held.",
-        )
+        measured = f"{delay.shape} against {values.shape}"
+        fix = "Give one delay, or one for each weight that is held."
+        raise InputError(where, "the delays have the wrong shape", measured=measured, fix=fix)
     if delay.dtype.kind not in "iu" or (delay < 0).any():
         raise InputError(where, "a delay is not a whole number of steps from 0 on", fix="Round the delays.")

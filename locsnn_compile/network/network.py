@@ -207,18 +207,12 @@ class Network(Shown):
         """
         where = f"events {source!r}"
         if recordings.ndim != 3 or recordings.shape[2] != self.channels:
-            raise InputError(
-                where,
-                "the channel count differs from the model's",
-                measured=f"{recordings.shape[-1]} channels against {self.channels}",
-                fix=f"Give recordings of shape (samples, steps, {self.channels}).",
-            )
+            measured = f"{recordings.shape[-1]} channels against {self.channels}"
+            fix = f"Give recordings of shape (samples, steps, {self.channels})."
+            raise InputError(where, "the channel count differs from the model's", measured=measured, fix=fix)
         missing = 0 if self.any_length else self.steps - recordings.shape[1]
         if missing < 0:
-            raise InputError(
-                where,
-                "the recordings are longer than the model's",
-                measured=f"{recordings.shape[1]} steps against {self.steps}",
-                fix=f"Cut them to {self.steps} steps.",
-            )
+            measured = f"{recordings.shape[1]} steps against {self.steps}"
+            fix = f"Cut them to {self.steps} steps."
+            raise InputError(where, "the recordings are longer than the model's", measured=measured, fix=fix)
         return np.pad(recordings, ((0, 0), (0, missing), (0, 0))) if missing else recordings

@@ -73,11 +73,9 @@ def quantize(
 @singledispatch
 def integers_of(neuron: Neuron, task: Task) -> Scaled:
     """Return neurons of a task in integers, and how weights onto them are rounded, as their model has registered it."""
-    raise TargetError(
-        task.where,
-        f"{task.chip.name} does not have {neuron.needs or type(neuron).__name__ + ' neurons'}",
-        fix=neuron.way_out,
-    )
+    what = f"{task.chip.name} does not have {neuron.needs or type(neuron).__name__ + ' neurons'}"
+    fix = neuron.way_out
+    raise TargetError(task.where, what, fix=fix)
 
 
 integers_of.register(SrmAlpha, quantize_srm)
@@ -152,12 +150,9 @@ def weight_bits_of(chip: Chip, asked: int | None) -> int:
     except InputError as error:
         raise InputError("--weight-bits", error.what, fix=error.fix) from None
     if asked not in widths:
-        raise TargetError(
-            "--weight-bits",
-            f"weights of {asked} bits are too wide",
-            measured=f"{chip.name} has weight_bits_max {chip.registers.weight_bits_max}",
-            fix=f"Ask for {widths[-1]}, or leave it out.",
-        )
+        measured = f"{chip.name} has weight_bits_max {chip.registers.weight_bits_max}"
+        fix = f"Ask for {widths[-1]}, or leave it out."
+        raise TargetError("--weight-bits", f"weights of {asked} bits are too wide", measured=measured, fix=fix)
     return asked
 
 
@@ -181,12 +176,8 @@ def check_heard(task: Task, rounded: Iterable[Iterable[ChipProjection]], steps: 
     answer, fix = _answer(task.population.neuron, steps)
     reached = float((task.largest * answer).max())
     if reached >= 1:
-        raise TargetError(
-            task.where,
-            "every weight rounds to 0, so it would hear nothing",
-            measured=f"one input that spikes in every step could reach {reached:.3g} thresholds",
-            fix=fix,
-        )
+        measured = f"one input that spikes in every step could reach {reached:.3g} thresholds"
+        raise TargetError(task.where, "every weight rounds to 0, so it would hear nothing", measured=measured, fix=fix)
 
 
 @singledispatch

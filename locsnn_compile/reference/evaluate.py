@@ -37,11 +37,8 @@ class NeuronSteps(Protocol):
 @singledispatch
 def steps_of(neuron: Neuron, batch: int, size: int, registers: Registers | None = None) -> NeuronSteps:
     """Return neurons at rest, as their model has registered them; on-grid ones wrap and clip in ``registers``."""
-    raise InputError(
-        f"neuron {type(neuron).__name__}",
-        "nothing says how it steps",
-        fix="Register its state with locsnn_compile.reference.evaluate.steps_of.",
-    )
+    fix = "Register its state with locsnn_compile.reference.evaluate.steps_of."
+    raise InputError(f"neuron {type(neuron).__name__}", "nothing says how it steps", fix=fix)
 
 
 steps_of.register(SrmAlpha, lambda neuron, batch, size, _=None: SrmSteps(neuron, batch, size))

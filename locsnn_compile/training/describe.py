@@ -59,12 +59,9 @@ def _whole_numbers(option: str, text: str, example: str) -> tuple[int, ...]:
     """Return the numbers of an option, separated by spaces or commas; ``InputError`` for what are none."""
     parts = text.replace(",", " ").split()
     if not all(part.isascii() and part.isdigit() and len(part) < 9 for part in parts):
-        raise InputError(
-            f"training option {option!r}",
-            "it must be whole numbers",
-            measured=f"got {text[:60]!r}",
-            fix=f"Give, for example, {example!r}.",
-        )
+        measured = f"got {text[:60]!r}"
+        fix = f"Give, for example, {example!r}."
+        raise InputError(f"training option {option!r}", "it must be whole numbers", measured=measured, fix=fix)
     return tuple(int(part) for part in parts)
 
 
@@ -145,9 +142,6 @@ def check_recordings(start: NetworkDescription, recordings: Recordings, classes:
         ("they have more classes than", classes, start.classes, classes <= start.classes),
     ):
         if not fits:
-            raise InputError(
-                f"recordings {recordings.source!r}",
-                f"{what} the network to start from",
-                measured=f"{got} against {wanted}",
-                fix="Give recordings like those that it was trained on.",
-            )
+            what = f"{what} the network to start from"
+            fix = "Give recordings like those that it was trained on."
+            raise InputError(f"recordings {recordings.source!r}", what, measured=f"{got} against {wanted}", fix=fix)

@@ -22,11 +22,8 @@ def measure(result: TrainingResult, recordings: Recordings) -> IntArray:
     that do not fit the network.
     """
     if recordings.labels is None:
-        raise InputError(
-            f"recordings {recordings.source!r}",
-            "they have no labels to measure with",
-            fix="Give labelled recordings.",
-        )
+        fix = "Give labelled recordings."
+        raise InputError(f"recordings {recordings.source!r}", "they have no labels to measure with", fix=fix)
     return confusion(result.network.double(), recordings)
 
 

@@ -70,12 +70,9 @@ def check_events(recordings: Recordings) -> None:
     """Refuse recordings to train on of which none has an event."""
     if not recordings.spikes.any():
         lost = recordings.binned is not None and recordings.binned.dropped > 0
-        raise InputError(
-            f"recordings {recordings.source!r}",
-            "none of them has an event",
-            measured=recordings.binned.words if recordings.binned and lost else so_many(len(recordings)),
-            fix="Lower --threshold, or give more --steps." if lost else "Give recordings with events.",
-        )
+        measured = recordings.binned.words if recordings.binned and lost else so_many(len(recordings))
+        fix = "Lower --threshold, or give more --steps." if lost else "Give recordings with events."
+        raise InputError(f"recordings {recordings.source!r}", "none of them has an event", measured=measured, fix=fix)
 
 
 def data_remarks(recordings: Recordings, classes: int, config: TrainingConfig) -> list[str]:

@@ -75,11 +75,8 @@ def train(
     """
     labels = recordings.labels
     if labels is None:
-        raise InputError(
-            f"recordings {recordings.source!r}",
-            "they have no labels to train on",
-            fix="Give labelled recordings.",
-        )
+        fix = "Give labelled recordings."
+        raise InputError(f"recordings {recordings.source!r}", "they have no labels to train on", fix=fix)
     _check_device(config.device)
     classes = max(classes or 0, int(labels.max()) + 1, len(recordings.class_names or ()))
     if start is None:
@@ -125,11 +122,8 @@ def train(
 
 def _check_device(name: str) -> None:
     if name == "cuda" and not torch.cuda.is_available():
-        raise InputError(
-            "training option 'device'",
-            "torch sees no CUDA device here",
-            fix="Take cpu, or install torch with CUDA on a machine that has one.",
-        )
+        fix = "Take cpu, or install torch with CUDA on a machine that has one."
+        raise InputError("training option 'device'", "torch sees no CUDA device here", fix=fix)
 
 
 class _Run(Frozen, eq=False):

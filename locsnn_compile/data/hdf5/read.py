@@ -149,12 +149,9 @@ class _Budget:
 
     def take(self, amount: int, where: str) -> None:
         if amount > self._left:
-            raise InputError(
-                where,
-                "the file unpacks to more than is read",
-                measured=f"{amount} bytes more against {self._left} of {MAX_BYTES} left",
-                fix="Give a smaller file.",
-            )
+            measured = f"{amount} bytes more against {self._left} of {MAX_BYTES} left"
+            fix = "Give a smaller file."
+            raise InputError(where, "the file unpacks to more than is read", measured=measured, fix=fix)
         self._left -= amount
 
 

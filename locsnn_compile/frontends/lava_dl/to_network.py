@@ -145,11 +145,8 @@ def _weights(built: _Built, layer: NetLayer, where: str) -> tuple[Matrix, Shape,
         held = weight.reshape(size, -1) if weight.size and weight.size % size == 0 else weight
         source = held.shape[1] if held.ndim == 2 and held.shape[0] == size else -1
         if source < 1 or (built.shape is not None and math.prod(built.shape) != source):
-            raise export_again(
-                where,
-                "its weight has the wrong shape",
-                f"{weight.shape} for {size} neurons and an input of {built.shape}",
-            )
+            what = "its weight has the wrong shape"
+            raise export_again(where, what, f"{weight.shape} for {size} neurons and an input of {built.shape}")
         return matrix(held, np.int64), shape, source
     given = built.shape or _image_before(layer, weight.shape, shape, where)
     kernel = _kernel(layer, weight, where)
@@ -252,11 +249,9 @@ def _delay(layer: NetLayer, mantissa: Matrix, where: str) -> int | IntArray:
 def _neurons(layer: NetLayer, shape: Shape, where: str) -> ChipCuba:
     kind = layer.text("neuron/type") or ("CUBA" if "neuron/vThMant" in layer.values else "")
     if kind not in ("CUBA", "LOIHI"):
-        raise InputError(
-            where,
-            f"{kind[:40]!r} neurons have no single compartment on the chip" if kind else "it has no neurons",
-            fix="Use CUBA neurons.",
-        )
+        what = f"{kind[:40]!r} neurons have no single compartment on the chip" if kind else "it has no neurons"
+        fix = "Use CUBA neurons."
+        raise InputError(where, what, fix=fix)
     if layer.one("neuron/gradedSpike", where, 0):
         raise InputError(where, "its spikes are graded", fix="Train with graded_spike=False.")
     if layer.one("neuron/wgtExp", where, 0):
@@ -283,10 +278,6 @@ def _neurons(layer: NetLayer, shape: Shape, where: str) -> ChipCuba:
     )
     for key, values, most in (("iDecay", made.decay_u, DECAY_ONE), ("vDecay", made.decay_v, DECAY_ONE)):
         if (values < 0).any() or (values > most).any():
-            raise InputError(
-                where,
-                f"{key} is not a decay",
-                measured=f"{values.min()}..{values.max()} against 0..{most}",
-                fix="Correct.",
-            )
+            measured = f"{values.min()}..{values.max()} against 0..{most}"
+            raise InputError(where, f"{key} is not a decay", measured=measured, fix="Correct.")
     return made

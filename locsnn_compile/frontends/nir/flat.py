@@ -100,12 +100,9 @@ def _flat(graph: NirGraph, where: str, prefix: str, *, top: bool = False) -> tup
 def _only(graph: NirGraph, kind: str, where: str, name: str) -> str:
     found = [inner for inner, node in graph.nodes.items() if isinstance(node, NirNode) and node.kind == kind]
     if len(found) != 1:
-        raise InputError(
-            f"{where}, node {name!r}",
-            f"a graph inside a graph needs one {kind}",
-            measured=f"{len(found)} found",
-            fix="Split it into graphs of one input and one output.",
-        )
+        what = f"a graph inside a graph needs one {kind}"
+        fix = "Split it into graphs of one input and one output."
+        raise InputError(f"{where}, node {name!r}", what, measured=f"{len(found)} found", fix=fix)
     return found[0]
 
 
@@ -188,12 +185,8 @@ def _joined(own: Shape, given: Shape, where: str) -> Shape:
             return given
     except ValueError:
         pass
-    raise InputError(
-        where,
-        "its parameters do not fit what it is given",
-        measured=f"{own} against {given}",
-        fix="Give one number a neuron.",
-    )
+    fix = "Give one number a neuron."
+    raise InputError(where, "its parameters do not fit what it is given", measured=f"{own} against {given}", fix=fix)
 
 
 WITH_WEIGHTS = ("Linear", "Affine", "Conv1d", "Conv2d", "SumPool2d", "AvgPool2d")

@@ -131,12 +131,8 @@ def _check_threshold(limit: FloatArray, zero: FloatArray, name: str, where: str)
     """Refuse neurons that would spike for ever."""
     above = limit - zero
     if (above <= 0).any():
-        raise InputError(
-            where,
-            f"the threshold is not above {name}",
-            measured=f"by {above[above <= 0][0]:g}",
-            fix="Train with a threshold above v_reset and v_leak, and above 0.",
-        )
+        fix = "Train with a threshold above v_reset and v_leak, and above 0."
+        raise InputError(where, f"the threshold is not above {name}", measured=f"by {above[above <= 0][0]:g}", fix=fix)
 
 
 def _lost(tau: FloatArray, dt: float, how: Discretisation, name: str, where: str) -> FloatArray:
@@ -146,12 +142,8 @@ def _lost(tau: FloatArray, dt: float, how: Discretisation, name: str, where: str
     if how != "euler":
         return np.asarray(-np.expm1(-dt / tau))
     if (dt > tau * (1 + 1e-6)).any():
-        raise InputError(
-            where,
-            f"{name} is shorter than a step",
-            measured=f"{tau.min():g} s against {dt:g} s",
-            fix="Give a smaller --dt, or --discretisation exact or hold.",
-        )
+        fix = "Give a smaller --dt, or --discretisation exact or hold."
+        raise InputError(where, f"{name} is shorter than a step", measured=f"{tau.min():g} s against {dt:g} s", fix=fix)
     return np.minimum(dt / tau, 1.0)
 
 

@@ -105,11 +105,9 @@ def _step_seconds(dt: float | None, graph: NirGraph) -> float | None:
 def _input(flat: FlatGraph, where: str) -> InputView:
     """Return the view of a graph's inputs; refuse a graph without them, and nodes that the chip cannot be."""
     for name in flat.named("I"):
-        raise InputError(
-            f"{where}, node {name!r}",
-            "an integrator without leak or threshold overflows every register",
-            fix="Take an LI with a long tau, or an IF.",
-        )
+        what = "an integrator without leak or threshold overflows every register"
+        fix = "Take an LI with a long tau, or an IF."
+        raise InputError(f"{where}, node {name!r}", what, fix=fix)
     names = flat.named("Input")
     if not names:
         raise InputError(where, "a graph needs an Input", fix="Add an Input node before the first weights.")
@@ -168,11 +166,8 @@ def _arriving(flat: FlatGraph, signals: dict[str, Signal], name: str, where: str
         raise InputError(where, "its inputs differ in size", measured=f"{sorted(sizes)}", fix="Make them one size.")
     graded = [source for source in sources if flat.nodes[source].kind in READOUTS]
     if graded and flat.nodes[name].kind not in ("Output", "Pass", "Flatten"):
-        raise InputError(
-            where,
-            f"it takes the potential of {graded[0]!r}, and the chip sends spikes only",
-            fix="End the graph at that node, or make it a LIF.",
-        )
+        fix = "End the graph at that node, or make it a LIF."
+        raise InputError(where, f"it takes the potential of {graded[0]!r}, and the chip sends spikes only", fix=fix)
     size = sizes.pop() if sizes else flat.size(name)
     if flat.nodes[name].kind in NEURONS:
         check_same(size, flat.size(name), where, "it is given another size", fix="Correct it.")
@@ -199,12 +194,8 @@ def _delay_steps(node: NirNode, size: int, dt: float, where: str) -> Any:
     whole = np.rint(steps)
     bad = steps[(steps < -0.01) | (np.abs(steps - whole) > 0.01) | (whole > 1e6)]
     if bad.size:
-        raise InputError(
-            where,
-            "a delay is not a whole number of steps",
-            measured=f"{bad[0]:g} steps of {dt:g} s",
-            fix="Give another --dt.",
-        )
+        measured = f"{bad[0]:g} steps of {dt:g} s"
+        raise InputError(where, "a delay is not a whole number of steps", measured=measured, fix="Give another --dt.")
     return whole.astype(np.int64)
 
 
@@ -212,11 +203,8 @@ def _potentials_from(flat: FlatGraph, outputs: tuple[str, ...], depth: dict[str,
     """Return the step from which potentials of readouts are those of a framework; None where outputs spike."""
     graded = [name for name in outputs if flat.nodes[name].kind in READOUTS]
     if graded and len(graded) < len(outputs):
-        raise InputError(
-            f"{where}, node {graded[0]!r}",
-            "some outputs are potentials, others spikes",
-            fix="Keep outputs of one kind.",
-        )
+        fix = "Keep outputs of one kind."
+        raise InputError(f"{where}, node {graded[0]!r}", "some outputs are potentials, others spikes", fix=fix)
     return max(depth[name] for name in graded) if graded else None
 
 
@@ -234,11 +222,9 @@ def _outputs(flat: FlatGraph, where: str) -> tuple[str, ...]:
         elif kind in ("Output", "Pass", "Flatten") and flat.sources[name]:
             waiting.extend(flat.sources[name])
         else:
-            raise InputError(
-                f"{where}, node {name!r}",
-                f"the output is that of {kind}, and the chip's is spikes",
-                fix="End the graph in a LIF, or in an LI whose potential is read.",
-            )
+            what = f"the output is that of {kind}, and the chip's is spikes"
+            fix = "End the graph in a LIF, or in an LI whose potential is read."
+            raise InputError(f"{where}, node {name!r}", what, fix=fix)
     outputs = tuple(dict.fromkeys(found))
     sizes = {flat.size(name) for name in outputs}
     if len(sizes) > 1:

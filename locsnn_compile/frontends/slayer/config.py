@@ -116,11 +116,8 @@ def _neuron(section: Mapping[Any, Any], ts: float, where: str) -> SrmAlpha | Loi
         threshold, decay_v, decay_u = (_whole(section, key, where) for key in ("vThMant", "vDecay", "iDecay"))
         refractory = max(_whole(section, "refDelay", where, 1), 1)
         return LoihiNeuron(decay_u, decay_v, threshold, refractory, _whole(section, "wgtExp", where, 0))
-    raise InputError(
-        f"{where}, neuron.type",
-        f"{str(kind)[:40]!r} is not known",
-        fix=did_you_mean(str(kind), ("SRMALPHA", "LOIHI")),
-    )
+    fix = did_you_mean(str(kind), ("SRMALPHA", "LOIHI"))
+    raise InputError(f"{where}, neuron.type", f"{str(kind)[:40]!r} is not known", fix=fix)
 
 
 def parse_layers(held: Any, where: str) -> tuple[LayerEntry, ...]:

@@ -29,12 +29,8 @@ def dense_layer(kernel: FloatArray, where: str) -> tuple[Matrix, int]:
     if kernel.ndim == 2 or (kernel.ndim == 5 and kernel.shape[4] == 1):
         if math.prod(kernel.shape):
             return kernel.reshape(len(kernel), -1), len(kernel)
-    raise InputError(
-        where,
-        "it is not a dense layer",
-        measured=f"weight {kernel.shape}",
-        fix="Use slayer.dense layers, or list all layers in the YAML, as layer: [{dim: 34x34x2}, {dim: 16c5z}, ...].",
-    )
+    fix = "Use slayer.dense layers, or list all layers in the YAML, as layer: [{dim: 34x34x2}, {dim: 16c5z}, ...]."
+    raise InputError(where, "it is not a dense layer", measured=f"weight {kernel.shape}", fix=fix)
 
 
 def listed_layers(
