@@ -88,13 +88,27 @@ def simulate(
     nothing but ``skipped_steps`` differs. Bad arguments are an ``InputError``.
     """
     check_known(f"engine {engine!r}", "does not exist", engine, ENGINES)
+    return play_recordings(program, spikes, steps, probe, *_engine(engine, skip))
+
+
+Run = Callable[[ChipProgram, str, PhaseInput, dict[Register, Window]], PhaseTrace]
+
+
+def play_recordings(
+    program: ChipProgram,
+    spikes: Spikes,
+    steps: int | None,
+    probe: Sequence[Kind | Probe],
+    run_phase: Run,
+    player: Player,
+) -> SimulationResult:
+    """Do what :func:`simulate` does with any engine: ``run_phase`` plays some recordings to a phase."""
     if steps is not None and steps < 1:
         raise InputError("steps", "nothing to simulate", measured=f"{steps} against at least 1", fix="Raise steps.")
     probes = read_probes(program, probe)
     decisive = _decisive(program)
     kept_probes = probes | {kind: hull(probe, probes.get(kind, probe)) for kind, probe in decisive.items()}
     streams, batched = read_streams(program, spikes)
-    run_phase, player = _engine(engine, skip)
     batch, rows = next(iter(streams.values())).shape[:2]
     if batch == 0 or (rows == 0 and steps is None):
         measured = f"recordings: {batch}, steps: {rows}"
@@ -150,9 +164,6 @@ def simulate(
 
 def _classes(program: ChipProgram) -> int:
     return 1 if program.readout is None else program.populations[program.readout.populations[0]]
-
-
-Run = Callable[[ChipProgram, str, PhaseInput, dict[Register, Window]], PhaseTrace]
 
 
 @lru_cache(maxsize=4)

@@ -177,9 +177,9 @@ def small_cores(draw: st.DrawFn, chip: hw.Chip, *parts: CompartmentGraph) -> hw.
 
 
 @st.composite
-def programs(draw: st.DrawFn, widths: bool = True) -> Drawn:
-    """A program of one phase, out of the builder, and a batch of recordings."""
-    chip = draw(chips(widths))
+def programs(draw: st.DrawFn, widths: bool = True, given: st.SearchStrategy[hw.Chip] | None = None) -> Drawn:
+    """A program of one phase, out of the builder, and a batch of recordings; ``given``: for which chips."""
+    chip = draw(chips(widths) if given is None else given)
     lines, classes = draw(st.integers(1, 5), label="lines"), draw(st.integers(1, 4), label="classes")
     graph, seen = draw(graphs(chip, lines, classes))
     chip = small_cores(draw, chip, graph)
@@ -191,9 +191,9 @@ def programs(draw: st.DrawFn, widths: bool = True) -> Drawn:
 
 
 @st.composite
-def hybrid_programs(draw: st.DrawFn) -> Drawn:
+def hybrid_programs(draw: st.DrawFn, given: st.SearchStrategy[hw.Chip] | None = None) -> Drawn:
     """A program of a time phase and a transposed location phase, and one recording (1, steps, channels)."""
-    chip = draw(chips())
+    chip = draw(chips() if given is None else given)
     steps, channels = draw(st.integers(1, 16), label="steps"), draw(st.integers(1, 5), label="channels")
     classes = draw(st.integers(1, 3), label="classes")
     time, seen = draw(graphs(chip, channels, classes, "time/"))

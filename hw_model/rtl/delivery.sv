@@ -1,0 +1,113 @@
+// Delivers spikes: looks a source up among the axons, walks its list of synapses, one per cycle, and adds each weight to
+// the accumulator slot of the step in which it is due.
+//
+// The next request is looked up while a list is walked, so lists follow each other without a gap. A list of no synapses
+// takes one cycle.
+module delivery #(
+    parameter integer AXONS = 2048,
+    parameter integer SYNAPSES = 16384,
+    parameter integer COMPARTMENTS = 512,
+    parameter integer SLOTS = 16,
+    parameter integer CHARGE = 18
+) (
+    input  logic                                        clk,
+    input  logic                                        clear,
+    input  logic                                        load_axon,
+    input  logic                                        load_synapse,
+    input  logic [23:0]                                 load_address,
+    input  logic [127:0]                                load_data,
+    // A spike of `source`; `base` is the slot of the step after the one in which it was fired.
+    input  logic                                        request,
+    output logic                                        ready,
+    input  logic [$clog2(AXONS)-1:0]                    source,
+    input  logic [$clog2(SLOTS)-1:0]                    base,
+    input  logic [$clog2(SLOTS)-1:0]                    slot_mask,
+    output logic                                        add,
+    output logic [$clog2(SLOTS)+$clog2(COMPARTMENTS)-1:0] add_address,
+    output logic [CHARGE-1:0]                           add_charge,
+    output logic                                        busy
+);
+    localparam integer SYNAPSE_BITS = $clog2(SYNAPSES);
+    localparam integer TARGET_BITS = $clog2(COMPARTMENTS);
+    localparam integer SLOT_BITS = $clog2(SLOTS);
+    localparam integer WORD = TARGET_BITS + SLOT_BITS + 3 + 9;
+
+    // Lookup: `found` says that the axon memory shows the list of an accepted request.
+    logic                      found;
+    logic [SLOT_BITS-1:0]      found_base;
+    logic [2*SYNAPSE_BITS-1:0] list;
+    wire  [SYNAPSE_BITS-1:0]   list_start = list[SYNAPSE_BITS-1:0];
+    wire  [SYNAPSE_BITS-1:0]   list_length = list[2*SYNAPSE_BITS-1:SYNAPSE_BITS];
+
+    // Walk: `left` synapses of the current list from `at` on.
+    logic                    walking;
+    logic [SYNAPSE_BITS-1:0] at, left;
+    logic [SLOT_BITS-1:0]    walk_base;
+    wire                     last = left <= 1;
+    wire                     begin_list = found && (!walking || last);
+    assign ready = !found || begin_list;
+
+    memory #(.WIDTH(2 * SYNAPSE_BITS), .DEPTH(AXONS)) axons (
+        .clk,
+        .write        (load_axon),
+        .write_address(load_address[$clog2(AXONS)-1:0]),
+        .write_data   (load_data[2*SYNAPSE_BITS-1:0]),
+        .read         (request && ready),
+        .read_address (source),
+        .read_data    (list)
+    );
+
+    always_ff @(posedge clk) begin
+        if (request && ready) begin
+            found <= 1;
+            found_base <= base;
+        end else if (begin_list) found <= 0;
+        if (begin_list) begin
+            walking <= 1;
+            at <= list_start;
+            left <= list_length;
+            walk_base <= found_base;
+        end else begin
+            if (last) walking <= 0;
+            at <= at + 1;
+            left <= left - 1;
+        end
+        if (clear) {found, walking} <= 0;
+    end
+
+    // Synapses: read, kept in a register because memories answer late in the cycle, then made an operation.
+    logic                 walked1, walked2, walked3, valid1, valid2, valid3;
+    logic [SLOT_BITS-1:0] base1, base2;
+    logic [WORD-1:0]      word1, word2;
+    wire [TARGET_BITS-1:0] target;
+    wire [SLOT_BITS-1:0]   delay;
+    wire [2:0]             exponent;
+    wire signed [8:0]      mantissa;
+    assign {mantissa, exponent, delay, target} = word2;
+    wire signed [15:0] weight = {{7{mantissa[8]}}, mantissa};
+
+    memory #(.WIDTH(WORD), .DEPTH(SYNAPSES)) synapses (
+        .clk,
+        .write        (load_synapse),
+        .write_address(load_address[SYNAPSE_BITS-1:0]),
+        .write_data   (load_data[WORD-1:0]),
+        .read         (walking),
+        .read_address (at),
+        .read_data    (word1)
+    );
+
+    wire [15:0] effective = weight <<< exponent;
+    always_ff @(posedge clk) begin
+        {walked1, walked2, walked3} <= clear ? 3'b0 : {walking, walked1, walked2};
+        {valid1, valid2, valid3} <= clear ? 3'b0 : {walking && left != 0, valid1, valid2};
+        {base1, base2} <= {walk_base, base1};
+        word2 <= word1;
+        // A spike of step t acts at step t + 1 + delay, with 64 * mantissa * 2^exponent; charges are in units of 64.
+        add_address <= {(base2 + delay) & slot_mask, target};
+        add_charge <= {{(CHARGE-15){effective[15]}}, effective[14:0]};
+    end
+    assign add = valid3;
+    assign busy = found || walking || walked1 || walked2 || walked3;
+
+    wire unused = &{1'b0, load_address, load_data};
+endmodule

@@ -1,0 +1,83 @@
+// The stream of a recording, checked: events of a step in ascending order of their channels, a tick after each step, and
+// an end. It leaves as words of the same kinds for the sequencer, followed by silent steps up to those of the program.
+//
+// An event on a channel that does not exist, one that does not ascend (so the same one twice), a step too many and an end
+// before the tick of its step are errors: what follows is dropped up to the end, and the recording is answered with the
+// error's number.
+// A stop drops the recording without an answer.
+module event_input #(
+    parameter integer SOURCE = 11
+) (
+    input  logic              clk,
+    input  logic              clear,
+    input  logic              listen,
+    input  logic [23:0]       steps,      // of the time phase; 0: as many as the recording has
+    input  logic [23:0]       channels,
+    input  logic              in_valid,
+    output logic              in_ready,
+    input  logic [1:0]        in_kind,
+    input  logic [15:0]       in_channel,
+    output logic              out_valid,
+    input  logic              out_ready,
+    output logic [1:0]        out_kind,
+    output logic [SOURCE-1:0] out_source,
+    output logic              mark,       // an event of `mark_channel` at `mark_step` was accepted
+    output logic [15:0]       mark_channel,
+    output logic [23:0]       mark_step,
+    output logic              stop,
+    output logic              failed,
+    output logic [2:0]        error
+);
+    localparam logic [1:0] EVENT = 0, TICK = 1, END = 2, STOP = 3;
+    localparam logic [2:0] NO_CHANNEL = 1, NOT_ASCENDING = 2, TOO_LONG = 3, NO_TICK = 4, NO_STEP = 5;
+
+    logic        tail;          // the end was here; silent steps follow
+    logic        ended;         // the last word was given out
+    logic        open;        // an event came since the last tick
+    logic [15:0] last_channel;
+    logic [23:0] step;
+    wire         free = !out_valid || out_ready;
+    wire         full = steps != 0 && step == steps;
+    wire         accepted = in_valid && in_ready;
+    assign in_ready = listen && !tail && !ended && free;
+
+    logic [2:0] found;
+    always_comb begin
+        found = 0;
+        if (in_kind == EVENT && {8'b0, in_channel} >= channels) found = NO_CHANNEL;
+        else if (in_kind == EVENT && open && in_channel <= last_channel) found = NOT_ASCENDING;
+        else if ((in_kind == EVENT || in_kind == TICK) && full) found = TOO_LONG;
+        else if (in_kind == END && open) found = NO_TICK;
+        else if (in_kind == END && step == 0 && steps == 0) found = NO_STEP;
+    end
+    wire sound = error == 0 && found == 0;
+
+    always_ff @(posedge clk) begin
+        mark <= accepted && in_kind == EVENT && sound;
+        mark_channel <= in_channel;
+        mark_step <= step;
+        stop <= accepted && in_kind == STOP;
+        failed <= accepted && in_kind == END && !sound;
+        if (accepted) begin
+            if (error == 0) error <= found;
+            open <= in_kind == EVENT;
+            last_channel <= in_channel;
+            out_kind <= in_kind;
+            out_source <= in_channel[SOURCE-1:0];
+            out_valid <= sound && (in_kind == EVENT || in_kind == TICK);
+            if (in_kind == TICK) step <= step + 1;
+            if (in_kind == END && sound) tail <= 1;
+            if (in_kind == STOP || (in_kind == END && !sound)) ended <= 1;
+        end else if (tail && free) begin
+            out_valid <= 1;
+            out_kind <= steps == 0 || full ? END : TICK;
+            step <= step + 1;
+            if (steps == 0 || full) {tail, ended} <= 2'b01;
+        end else if (out_ready) out_valid <= 0;
+        if (clear) {out_valid, tail, ended, open, step, error} <= 0;
+    end
+
+    generate
+        if (SOURCE < 16) wire unused = &{1'b0, in_channel[15:SOURCE]};
+    endgenerate
+endmodule

@@ -1,0 +1,32 @@
+// Joined compartments: adds up the voltages of siblings, which follow each other, and keeps the sum so far for their
+// parent.
+//
+// A parent must come so much later than its last child that its read meets the written sum; the loader sees to it.
+module join_sums #(
+    parameter integer WIDTH = 26,
+    parameter integer COMPARTMENTS = 512
+) (
+    input  logic                            clk,
+    input  logic                            child,
+    input  logic                            first,
+    input  logic [$clog2(COMPARTMENTS)-1:0] parent,
+    input  logic signed [23:0]              v,
+    input  logic [$clog2(COMPARTMENTS)-1:0] read_address,
+    output logic signed [WIDTH-1:0]         joined
+);
+    logic signed [WIDTH-1:0] so_far;
+    wire signed [WIDTH-1:0] own = {{(WIDTH - 23) {v[23]}}, v[22:0]};
+    wire signed [WIDTH-1:0] sum = first ? own : so_far + own;
+
+    memory #(.WIDTH(WIDTH), .DEPTH(COMPARTMENTS)) sums (
+        .clk,
+        .write        (child),
+        .write_address(parent),
+        .write_data   (sum),
+        .read         (1'b1),
+        .read_address,
+        .read_data    (joined)
+    );
+
+    always_ff @(posedge clk) if (child) so_far <= sum;
+endmodule

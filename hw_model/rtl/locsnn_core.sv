@@ -1,0 +1,222 @@
+// One core that runs a whole program: a recording streams in, its class comes out.
+//
+//     in  -> event_input ----.                       .-> update -> readout -> answer
+//               | marks      |-> words -> sequencer -|     | spikes
+//               `-> transpose                        |     v
+//                                       requests ->  delivery <- queue
+//
+// Phases follow each other, the time phase while the recording arrives, then the location phase from the transpose
+// buffer. A step is: deliver its input spikes, update every compartment, deliver the spikes of these. Charges of step t
+// go to the slots of t + 1 and later, so the order of deliveries does not matter.
+//
+// Memories are filled through the load port, between recordings; setting RUN, the last one, cleans all state and starts.
+// State is cleaned after every recording, answered or stopped. The layouts of all words are in docs/hardware.md.
+module locsnn_core #(
+    parameter integer AXONS = 2048,         // channels, lines and compartments: all that sends spikes
+    parameter integer SYNAPSES = 16384,
+    parameter integer COMPARTMENTS = 512,
+    parameter integer SLOTS = 16,           // a power of two, at least the longest delay and 2
+    parameter integer CHARGE = 18,          // bits of a charge under way, in units of 64, sign included
+    parameter integer JOIN = 26,            // bits of the sum of joined voltages, sign included
+    parameter integer BITMAP = 1024,        // words of 32 bits
+    parameter integer VISITS = 128,
+    parameter integer ENTRIES = 128         // compartments that are read out
+) (
+    input  logic               clk,
+    input  logic               reset,
+    input  logic               load_valid,
+    input  logic [2:0]         load_memory,
+    input  logic [23:0]        load_address,
+    input  logic [127:0]       load_data,
+    input  logic               in_valid,
+    output logic               in_ready,
+    input  logic [1:0]         in_kind,     // 0 event, 1 tick, 2 end, 3 stop
+    input  logic [15:0]        in_channel,
+    output logic               answer_valid,
+    input  logic               answer_ready,
+    output logic [2:0]         answer_error,  // 0: none; see event_input
+    output logic [15:0]        answer_class,
+    output logic [31:0]        answer_synapses,
+    output logic [31:0]        answer_updates,
+    output logic [31:0]        answer_active_updates,
+    output logic [31:0]        answer_spikes,
+    output logic [31:0]        answer_charge_wraps,
+    output logic [31:0]        answer_current_wraps,
+    output logic [31:0]        answer_voltage_clips,
+    // For test benches: every update, and every score.
+    output logic                            probe_valid,
+    output logic [$clog2(COMPARTMENTS)-1:0] probe_compartment,
+    output logic [23:0]                     probe_u,
+    output logic [23:0]                     probe_v,
+    output logic [23:0]                     probe_potential,
+    output logic                            probe_fired,
+    output logic                            probe_active,
+    output logic                            probe_charge_wrap,
+    output logic [1:0]                      probe_current_wraps,
+    output logic                            probe_voltage_clip,
+    output logic                            probe_score_valid,
+    output logic [63:0]                     probe_score
+);
+    localparam integer SOURCE = $clog2(AXONS);
+    localparam integer NUMBER = $clog2(COMPARTMENTS);
+    localparam integer SLOT = $clog2(SLOTS);
+    localparam integer ENTRY = $clog2(ENTRIES);
+
+    // Settings: memory 0 of the load port.
+    localparam integer TIME_STEPS = 0, TIME_END = 1, LOCATION_STEPS = 2, LOCATION_END = 3, ROWS = 4, CHANNELS = 5,
+        COUNT_VISITS = 6, ROW_WORDS = 7, ROW_SHIFT = 8, SLOT_MASK = 9, SWEEP = 10, CLASSES = 11, POPULATIONS = 12,
+        POTENTIALS_FROM = 13, FIRST_SOURCE = 14, RUN = 15;
+    logic [23:0] settings[0:15];
+    wire         set = load_valid && load_memory == 0;
+    wire         run = set && {8'b0, load_address} == RUN;
+    always_ff @(posedge clk) if (set && !run) settings[load_address[3:0]] <= load_data[23:0];
+
+    // Sequencer.
+    localparam logic [2:0] STOPPED = 0, CLEAN = 1, ROW = 2, UPDATE = 3, SPIKES = 4, READOUT = 5, ANSWER = 6;
+    localparam logic [1:0] EVENT = 0, TICK = 1;
+    logic [2:0]        state;
+    logic              location;  // which phase it is
+    logic [23:0]       step;
+    logic [SLOT-1:0]   slot;
+    logic [23:0]       sweep_at;
+    logic [23:0]       number;
+    wire  [23:0]       number_end = location ? settings[LOCATION_END] : settings[TIME_END];
+    wire  [23:0]       number_begin = location ? settings[TIME_END] : 24'd0;
+    wire               clear = reset || state == CLEAN;
+
+    wire              event_valid, line_valid;
+    wire [1:0]        event_kind, line_kind;
+    wire [SOURCE-1:0] event_source, line_source;
+    wire              word_valid = state == ROW && (location ? line_valid : event_valid);
+    wire [1:0]        word_kind = location ? line_kind : event_kind;
+    wire [SOURCE-1:0] word_source = location ? line_source : event_source;
+    wire              mark, stop, failed;
+    wire [15:0]       mark_channel;
+    wire [23:0]       mark_step;
+    wire [2:0]        error;
+    wire              delivering, updating, delivery_ready, read_out_done;
+    wire              head_valid, queue_empty;
+    wire [NUMBER-1:0] head;
+    wire word_ready = state == ROW && (word_kind == EVENT ? delivery_ready : word_kind == TICK ? !delivering : 1'b1);
+    wire word_taken = word_valid && word_ready;
+    wire begin_location = word_taken && word_kind != EVENT && word_kind != TICK && !location && settings[LOCATION_STEPS] != 0;
+
+    always_ff @(posedge clk) begin
+        case (state)
+            CLEAN: begin
+                sweep_at <= sweep_at + 1;
+                if (sweep_at == settings[SWEEP]) state <= ROW;
+                {location, step, slot} <= 0;
+            end
+            ROW: if (word_taken) begin
+                number <= number_begin;
+                if (word_kind == TICK) state <= number_begin == number_end ? SPIKES : UPDATE;
+                else if (begin_location) {location, step, slot} <= {1'b1, 24'd0, {SLOT{1'b0}}};
+                else if (word_kind != EVENT) state <= READOUT;
+            end
+            UPDATE: begin
+                number <= number + 1;
+                if (number + 1 == number_end) state <= SPIKES;
+            end
+            SPIKES: if (!updating && queue_empty) begin
+                step <= step + 1;
+                slot <= (slot + 1) & settings[SLOT_MASK][SLOT-1:0];
+                state <= ROW;
+            end
+            READOUT: if (read_out_done) state <= ANSWER;
+            ANSWER: if (answer_ready) begin
+                sweep_at <= 0;
+                state <= CLEAN;
+            end
+            default: ;
+        endcase
+        if (failed) state <= ANSWER;
+        if (stop || run) begin
+            sweep_at <= 0;
+            state <= CLEAN;
+        end
+        if (reset) state <= STOPPED;
+    end
+    assign answer_valid = state == ANSWER;
+    assign answer_error = error;
+
+    event_input #(.SOURCE(SOURCE)) events (
+        .clk, .clear, .listen(!location && (state == ROW || state == UPDATE || state == SPIKES)),
+        .steps(settings[TIME_STEPS]), .channels(settings[CHANNELS]),
+        .in_valid, .in_ready, .in_kind, .in_channel,
+        .out_valid(event_valid), .out_ready(word_ready && !location), .out_kind(event_kind), .out_source(event_source),
+        .mark, .mark_channel, .mark_step, .stop, .failed, .error
+    );
+
+    transpose #(.BITMAP(BITMAP), .VISITS(VISITS), .SOURCE(SOURCE)) buffer (
+        .clk, .clear, .load_visit(load_valid && load_memory == 5), .load_address, .load_data,
+        .rows(settings[ROWS]), .row_words(settings[ROW_WORDS]), .row_shift(settings[ROW_SHIFT]),
+        .visits(settings[COUNT_VISITS]), .steps(settings[LOCATION_STEPS]),
+        .mark, .mark_channel, .mark_step,
+        .sweep(clear && {8'b0, sweep_at} < BITMAP), .sweep_address(sweep_at[$clog2(BITMAP)-1:0]), .start(begin_location),
+        .out_valid(line_valid), .out_ready(word_ready && location), .out_kind(line_kind), .out_source(line_source)
+    );
+
+    // Spikes to deliver: of lines in a row, of compartments after their update.
+    wire                   add;
+    wire [SLOT+NUMBER-1:0] add_address;
+    wire [CHARGE-1:0]      add_charge, charge;
+    wire                   fired;
+    wire [NUMBER-1:0]      done_number;
+
+    queue #(.WIDTH(NUMBER), .DEPTH(COMPARTMENTS)) spikes (
+        .clk, .clear, .push(fired), .pushed(done_number), .head_valid, .head,
+        .pop(state == SPIKES && head_valid && delivery_ready), .empty(queue_empty)
+    );
+
+    delivery #(.AXONS(AXONS), .SYNAPSES(SYNAPSES), .COMPARTMENTS(COMPARTMENTS), .SLOTS(SLOTS), .CHARGE(CHARGE)) deliver (
+        .clk, .clear, .load_axon(load_valid && load_memory == 1), .load_synapse(load_valid && load_memory == 2),
+        .load_address, .load_data,
+        .request(state == SPIKES ? head_valid : word_valid && word_kind == EVENT), .ready(delivery_ready),
+        .source(state == SPIKES ? {{(SOURCE-NUMBER){1'b0}}, head} + settings[FIRST_SOURCE][SOURCE-1:0] : word_source),
+        .base(slot + {{(SLOT-1){1'b0}}, 1'b1}), .slot_mask(settings[SLOT_MASK][SLOT-1:0]),
+        .add, .add_address, .add_charge, .busy(delivering)
+    );
+
+    accumulator #(.WIDTH(CHARGE), .DEPTH(SLOTS * COMPARTMENTS)) charges (
+        .clk, .valid(add || state == UPDATE), .take(state == UPDATE),
+        .address(state == UPDATE ? {slot, number[NUMBER-1:0]} : add_address), .addend(add_charge), .taken(charge),
+        .sweep(clear && {8'b0, sweep_at} < SLOTS * COMPARTMENTS), .sweep_address(sweep_at[SLOT+NUMBER-1:0])
+    );
+
+    wire               done, active, charge_wrap, voltage_clip, read_out, by_potential;
+    wire [1:0]         current_wraps;
+    wire signed [23:0] done_u, done_v, potential;
+    wire [ENTRY-1:0]   early_entry, entry;
+    update #(.COMPARTMENTS(COMPARTMENTS), .CHARGE(CHARGE), .JOIN(JOIN), .ENTRIES(ENTRIES)) compartments (
+        .clk, .clear, .load_leak(load_valid && load_memory == 3), .load_fire(load_valid && load_memory == 4),
+        .load_address, .load_data,
+        .issue(state == UPDATE), .first_step(step == 0), .number(number[NUMBER-1:0]), .charge, .busy(updating),
+        .done, .done_number, .fired, .done_u, .done_v, .potential, .active, .charge_wrap, .current_wraps, .voltage_clip,
+        .early_entry, .read_out, .by_potential, .entry
+    );
+
+    readout #(.ENTRIES(ENTRIES)) decide (
+        .clk, .clear, .load_weight(load_valid && load_memory == 6), .load_address, .load_data,
+        .classes(settings[CLASSES]), .populations(settings[POPULATIONS]),
+        .potentials_from(settings[POTENTIALS_FROM]), .step,
+        .early_entry, .read_out, .by_potential, .entry, .fired, .potential,
+        .start(state == ROW && word_taken && word_kind != EVENT && word_kind != TICK && !begin_location),
+        .done(read_out_done), .winner(answer_class), .score_valid(probe_score_valid), .score(probe_score)
+    );
+
+    activity counts (
+        .clk, .clear, .add, .update(done), .active, .fired, .charge_wrap, .current_wraps, .voltage_clip,
+        .synapses(answer_synapses), .updates(answer_updates), .active_updates(answer_active_updates),
+        .spikes(answer_spikes), .charges_wrapped(answer_charge_wraps), .currents_wrapped(answer_current_wraps),
+        .voltages_clipped(answer_voltage_clips)
+    );
+
+    assign probe_valid = done;
+    assign probe_compartment = done_number;
+    assign {probe_u, probe_v, probe_potential} = {done_u, done_v, potential};
+    assign {probe_fired, probe_active, probe_charge_wrap} = {fired, active, charge_wrap};
+    assign {probe_current_wraps, probe_voltage_clip} = {current_wraps, voltage_clip};
+
+    wire unused = &{1'b0, settings[SLOT_MASK], settings[FIRST_SOURCE]};
+endmodule

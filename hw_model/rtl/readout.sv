@@ -1,0 +1,116 @@
+// The readout: a tally for each compartment that is read out, and the class whose weighted tallies add up to the most.
+//
+// A tally counts spikes or, with `by_potential`, holds the largest potential from a step on (0 where there is no such
+// step). Tallies of a population follow each other, population by population. At the end the score of a class is the sum
+// of weight * tally over populations, multiplied bit by bit; the first of equal classes wins.
+module readout #(
+    parameter integer ENTRIES = 128
+) (
+    input  logic                       clk,
+    input  logic                       clear,
+    input  logic                       load_weight,
+    input  logic [23:0]                load_address,
+    input  logic [127:0]               load_data,
+    input  logic [23:0]                classes,
+    input  logic [23:0]                populations,
+    input  logic [23:0]                potentials_from,
+    input  logic [23:0]                step,
+    input  logic [$clog2(ENTRIES)-1:0] early_entry,  // two cycles before the others
+    input  logic                       read_out,
+    input  logic                       by_potential,
+    input  logic [$clog2(ENTRIES)-1:0] entry,
+    input  logic                       fired,
+    input  logic signed [23:0]         potential,
+    input  logic                       start,
+    output logic                       done,
+    output logic [15:0]                winner,
+    // Every score, once it is known.
+    output logic                       score_valid,
+    output logic signed [63:0]         score
+);
+    localparam integer ENTRY = $clog2(ENTRIES);
+    localparam logic [2:0] IDLE = 0, READ = 1, LOAD = 2, MULTIPLY = 3, COMPARE = 4;
+
+    logic [2:0]         state;
+    logic [ENTRY-1:0]   address;
+    logic signed [23:0] stored, tally8, new_tally;
+    logic               write;
+
+    memory #(.WIDTH(24), .DEPTH(ENTRIES)) tallies (
+        .clk,
+        .write        (read_out && write),
+        .write_address(entry),
+        .write_data   (new_tally),
+        .read         (1'b1),
+        .read_address (state == IDLE ? early_entry : address),
+        .read_data    (stored)
+    );
+    always_ff @(posedge clk) tally8 <= stored;
+
+    always_comb begin
+        write = 1;
+        new_tally = (step == 0 ? 24'd0 : tally8) + {23'b0, fired};
+        if (by_potential) begin
+            write = step == 0 || step == potentials_from || (step > potentials_from && potential > tally8);
+            new_tally = step < potentials_from ? 24'd0 : potential;
+        end
+    end
+
+    // Weights are a sign and a magnitude.
+    logic [32:0]        weights[0:15];
+    logic [23:0]        class_number, population;
+    logic [31:0]        factor;
+    logic               negative;
+    logic signed [63:0] addend, best;
+    always_ff @(posedge clk) if (load_weight) weights[load_address[3:0]] <= load_data[32:0];
+
+    assign score_valid = state == COMPARE;
+    always_ff @(posedge clk) begin
+        done <= 0;
+        case (state)
+            IDLE: if (start) begin
+                {class_number, population, address} <= 0;
+                winner <= 0;
+                score <= 0;
+                if (classes == 0) done <= 1;
+                else state <= READ;
+            end
+            READ: state <= LOAD;
+            LOAD: begin
+                addend <= {{40{stored[23]}}, stored};
+                {negative, factor} <= weights[population[3:0]];
+                state <= MULTIPLY;
+            end
+            MULTIPLY:
+            if (factor != 0) begin
+                if (factor[0]) score <= negative ? score - addend : score + addend;
+                addend <= addend <<< 1;
+                factor <= factor >> 1;
+            end else begin
+                population <= population + 1;
+                address <= address + classes[ENTRY-1:0];
+                state <= population + 1 == populations ? COMPARE : READ;
+            end
+            default: begin
+                if (class_number == 0 || score > best) begin
+                    best <= score;
+                    winner <= class_number[15:0];
+                end
+                class_number <= class_number + 1;
+                population <= 0;
+                address <= class_number[ENTRY-1:0] + 1;
+                score <= 0;
+                if (class_number + 1 == classes) begin
+                    done <= 1;
+                    state <= IDLE;
+                end else state <= READ;
+            end
+        endcase
+        if (clear) begin
+            state <= IDLE;
+            done <= 0;
+        end
+    end
+
+    wire unused = &{1'b0, load_address, load_data, class_number};
+endmodule

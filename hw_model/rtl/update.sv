@@ -1,0 +1,212 @@
+// The step of a compartment, one compartment per cycle, nine cycles from its number to its new state:
+//
+//     q = charge that is due, wrapped to 21 bits plus sign
+//     u = rz(u, decay_u) + q, wrapped to 23 bits plus sign
+//     v = rz(v, decay_v) + (u + bias, wrapped to 23 bits plus sign) + joined voltages, clipped to vmin..vmax
+//     spike where v > 64 * threshold; then v = 0 and the compartment is blocked for some steps, with v held at 0
+//
+//     0  number: state, constants of the leak and charge are read       5  add bias; add joined voltages
+//     1  they arrive                                                    6  v is their sum
+//     2  magnitudes of u and v                                          7  clip v
+//     3  products with 4096 - d                                         8  compare, write the state, tell of the spike
+//     4  signs; add q to u
+module update #(
+    parameter integer COMPARTMENTS = 512,
+    parameter integer CHARGE = 18,
+    parameter integer JOIN = 26,
+    parameter integer ENTRIES = 128
+) (
+    input  logic                            clk,
+    input  logic                            clear,
+    input  logic                            load_leak,
+    input  logic                            load_fire,
+    input  logic [23:0]                     load_address,
+    input  logic [127:0]                    load_data,
+    input  logic                            issue,
+    input  logic                            first_step,
+    input  logic [$clog2(COMPARTMENTS)-1:0] number,
+    // The charge that is due, two cycles after its compartment was issued, in units of 64.
+    input  logic [CHARGE-1:0]               charge,
+    output logic                            busy,
+    // What became of a compartment, in the last of its cycles.
+    output logic                            done,
+    output logic [$clog2(COMPARTMENTS)-1:0] done_number,
+    output logic                            fired,
+    output logic signed [23:0]              done_u,
+    output logic signed [23:0]              done_v,
+    output logic signed [23:0]              potential,
+    output logic                            active,
+    output logic                            charge_wrap,
+    output logic [1:0]                      current_wraps,
+    output logic                            voltage_clip,
+    // Its entry of the readout: the number two cycles before the end, so that it can be read in time.
+    output logic [$clog2(ENTRIES)-1:0]      early_entry,
+    output logic                            read_out,
+    output logic                            by_potential,
+    output logic [$clog2(ENTRIES)-1:0]      entry
+);
+    localparam integer NUMBER = $clog2(COMPARTMENTS);
+    localparam integer ENTRY = $clog2(ENTRIES);
+    localparam integer LEAK = 1 + 13 + 13 + 20 + 1;
+    localparam integer FIRE = 17 + 6 + 1 + 5 + 5 + 2 + NUMBER + 2 + ENTRY;
+    localparam integer SUM = JOIN + 2;
+
+    logic [7:0]        issued;  // cycles 1 to 8; a word that is not valid is a gap between a child and its parent
+    logic              valid2, valid3, valid4, valid5, valid6, valid7, valid8;
+    logic [NUMBER-1:0] number1, number2, number3, number4, number5, number6, number7, number8;
+    logic              first1;
+
+    always_ff @(posedge clk) begin
+        issued <= clear ? 8'b0 : {issued[6:0], issue};
+        first1 <= first_step;
+        number1 <= number;
+        {number2, number3, number4, number5} <= {number1, number2, number3, number4};
+        {number6, number7, number8} <= {number5, number6, number7};
+        {valid3, valid4, valid5, valid6, valid7, valid8} <= clear ? 6'b0 : {valid2, valid3, valid4, valid5, valid6, valid7};
+    end
+    assign busy = |issued;
+
+    // 0 and 1: state and constants of the leak.
+    logic [53:0]        state1;
+    logic [LEAK-1:0]    leak1;
+    wire signed [23:0]  u1, v1;
+    wire [5:0]          blocked1;
+    wire                valid_word1, has_children1;
+    wire [12:0]         keep_u1, keep_v1;
+    wire signed [19:0]  bias1;
+    assign {blocked1, v1, u1} = first1 ? 54'b0 : state1;
+    assign {has_children1, bias1, keep_v1, keep_u1, valid_word1} = leak1;
+    logic [53:0]        new_state8;
+
+    memory #(.WIDTH(54), .DEPTH(COMPARTMENTS)) states (
+        .clk,
+        .write(valid8), .write_address(number8), .write_data(new_state8),
+        .read(issue), .read_address(number), .read_data(state1)
+    );
+    memory #(.WIDTH(LEAK), .DEPTH(COMPARTMENTS)) leaks (
+        .clk,
+        .write(load_leak), .write_address(load_address[NUMBER-1:0]), .write_data(load_data[LEAK-1:0]),
+        .read(issue), .read_address(number), .read_data(leak1)
+    );
+
+    // 2: the charge is here. It wraps to 22 bits; in units of 64 these are 16.
+    logic signed [23:0] u2, v2;
+    logic [5:0]         blocked2, blocked3, blocked4, blocked5, blocked6, blocked7, blocked8;
+    logic [12:0]        keep_u2, keep_v2;
+    logic signed [19:0] bias2, bias3, bias4, bias5;
+    logic               has_children2, has_children3, has_children4;
+    wire                wrap2 = charge[CHARGE-1:15] != {(CHARGE-15){charge[15]}};
+    wire                active2 = charge != 0 || u2 != 0 || v2 != 0 || bias2 != 0;
+
+    always_ff @(posedge clk) begin
+        valid2 <= !clear && issued[0] && valid_word1;
+        {u2, v2, blocked2, keep_u2, keep_v2, bias2} <= {u1, v1, blocked1, keep_u1, keep_v1, bias1};
+        {blocked3, blocked4, blocked5} <= {blocked2, blocked3, blocked4};
+        {blocked6, blocked7, blocked8} <= {blocked5, blocked6, blocked7};
+        {bias3, bias4, bias5} <= {bias2, bias3, bias4};
+        {has_children2, has_children3, has_children4} <= {has_children1, has_children2, has_children3};
+    end
+
+    // 2 to 4: the leak.
+    wire signed [23:0] left_u4, left_v4;
+    leak leak_u (.clk, .x(u2), .keep(keep_u2), .left(left_u4));
+    leak leak_v (.clk, .x(v2), .keep(keep_v2), .left(left_v4));
+
+    logic signed [15:0] charge3, charge4;
+    logic               wrap3, wrap4, wrap5, wrap6, wrap7, wrap8;
+    logic               active3, active4, active5, active6, active7, active8;
+    always_ff @(posedge clk) begin
+        {charge3, charge4} <= {charge[15:0], charge3};
+        {wrap3, wrap4, wrap5, wrap6, wrap7, wrap8} <= {wrap2, wrap3, wrap4, wrap5, wrap6, wrap7};
+        {active3, active4, active5} <= {active2, active3, active4};
+    end
+
+    // 4: u is the leak and the charge. 25 bits hold their sum; u keeps 24.
+    wire signed [24:0]  sum4 = {left_u4[23], left_u4} + {{3{charge4[15]}}, charge4, 6'b0};
+    logic signed [23:0] u5, u6, u7, u8, left_v5;
+    logic               u_wrap5, u_wrap6, u_wrap7, u_wrap8;
+    logic signed [JOIN-1:0] joined4, joined5;
+    always_ff @(posedge clk) begin
+        {u5, left_v5} <= {sum4[23:0], left_v4};
+        {u6, u7, u8} <= {u5, u6, u7};
+        u_wrap5 <= sum4[24] != sum4[23];
+        {u_wrap6, u_wrap7, u_wrap8} <= {u_wrap5, u_wrap6, u_wrap7};
+        joined5 <= has_children4 ? joined4 : {JOIN{1'b0}};
+    end
+
+    // 5: the drive of v is u and bias, wrapped likewise.
+    wire signed [24:0]     drive5 = {u5[23], u5} + {{5{bias5[19]}}, bias5};
+    logic signed [23:0]    drive6;
+    logic                  drive_wrap6, drive_wrap7, drive_wrap8;
+    logic signed [SUM-1:0] rest6;
+    always_ff @(posedge clk) begin
+        drive6 <= drive5[23:0];
+        drive_wrap6 <= drive5[24] != drive5[23];
+        {drive_wrap7, drive_wrap8} <= {drive_wrap6, drive_wrap7};
+        rest6 <= {{(SUM-23){left_v5[23]}}, left_v5[22:0]} + {{2{joined5[JOIN-1]}}, joined5};
+        active6 <= active5 || joined5 != 0;
+        {active7, active8} <= {active6, active7};
+    end
+
+    // 5 and 6: constants of clip and threshold. Limits are 1 - 2^vmin_log and 2^vmax_log - 1.
+    logic [FIRE-1:0]    fire5, fire6, fire7, fire8;
+    wire [4:0]          vmin_log6 = fire6[28:24];
+    wire [4:0]          vmax_log6 = fire6[33:29];
+    logic signed [23:0] vmin7, vmax7;
+    memory #(.WIDTH(FIRE), .DEPTH(COMPARTMENTS)) fires (
+        .clk,
+        .write(load_fire), .write_address(load_address[NUMBER-1:0]), .write_data(load_data[FIRE-1:0]),
+        .read(1'b1), .read_address(number4), .read_data(fire5)
+    );
+    always_ff @(posedge clk) begin
+        {fire6, fire7, fire8} <= {fire5, fire6, fire7};
+        vmin7 <= 24'd1 - (24'd1 << vmin_log6);
+        vmax7 <= (24'd1 << vmax_log6) - 24'd1;
+    end
+    assign early_entry = fire6[FIRE-1:FIRE-ENTRY];
+
+    // 6: v. 7: clip it.
+    logic signed [SUM-1:0] sum7;
+    wire signed [SUM-1:0]  low7 = {{(SUM-23){vmin7[23]}}, vmin7[22:0]};
+    wire signed [SUM-1:0]  high7 = {{(SUM-23){vmax7[23]}}, vmax7[22:0]};
+    logic signed [23:0]    clipped8;
+    logic                  clip8;
+    always_ff @(posedge clk) begin
+        sum7 <= rest6 + {{(SUM-23){drive6[23]}}, drive6[22:0]};
+        clip8 <= sum7 < low7 || sum7 > high7;
+        clipped8 <= sum7 < low7 ? vmin7 : sum7 > high7 ? vmax7 : sum7[23:0];
+    end
+
+    // 8: fire.
+    wire [16:0]       threshold8;
+    wire [5:0]        blocks8;
+    wire              spiking8, child8, first_child8, read_out8, by_potential8;
+    wire [4:0]        vmin_log8, vmax_log8;
+    wire [NUMBER-1:0] parent8;
+    wire [ENTRY-1:0]  entry8;
+    assign {entry8, by_potential8, read_out8, parent8, first_child8, child8, vmax_log8, vmin_log8, spiking8, blocks8,
+            threshold8} = fire8;
+    wire held8 = blocked8 != 0;
+
+    assign fired = valid8 && spiking8 && !held8 && clipped8 > $signed({1'b0, threshold8, 6'b0});
+    assign potential = held8 ? 24'd0 : clipped8;
+    assign done_v = fired ? 24'd0 : potential;
+    assign done_u = u8;
+    assign new_state8 = {fired ? blocks8 : held8 ? blocked8 - 6'd1 : 6'd0, done_v, u8};
+    assign done = valid8;
+    assign done_number = number8;
+    assign active = active8;
+    assign charge_wrap = wrap8;
+    assign current_wraps = {1'b0, u_wrap8} + {1'b0, drive_wrap8 && !held8};
+    assign voltage_clip = clip8 && !held8;
+    assign read_out = valid8 && read_out8;
+    assign by_potential = by_potential8;
+    assign entry = entry8;
+
+    join_sums #(.WIDTH(JOIN), .COMPARTMENTS(COMPARTMENTS)) joins (
+        .clk, .child(valid8 && child8), .first(first_child8), .parent(parent8), .v(done_v),
+        .read_address(number3), .joined(joined4)
+    );
+
+    wire unused = &{1'b0, load_address, load_data, vmin_log8, vmax_log8};
+endmodule

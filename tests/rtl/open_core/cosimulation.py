@@ -1,0 +1,130 @@
+"""Recordings played to the core's SystemVerilog, and what it did as a simulation's result."""
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from hw_model.engine.playing import Player, Spikes, read_streams
+from hw_model.engine.probes import Kind, Probe
+from hw_model.engine.trace import EVENTS, PhaseInput, PhaseTrace, Register, Window
+from hw_model.program.chip_program import ChipProgram
+from hw_model.program.pieces import pieces_of
+from hw_model.simulation import SimulationResult, play_recordings
+from hw_model.values import ByteArray, IntArray
+from locsnn_compile.backends.vectors.memory_words import hex_words
+from open_core.images import CoreProgram, Sizes, sizes_for
+from open_core.simulators import Simulator, built, run, sources
+
+TICK, END = 1 << 16, 2 << 16
+"""Words of the stream that are not channels."""
+PATIENCE = 1 << 20
+"""Cycles without a sign of life after which a core is given up."""
+UPDATE = ("compartment", "u", "v", "potential", "fired", "active", *EVENTS)
+ANSWER = ("error", "class", "cycles", "synaptic_ops", "neuron_updates", "neuron_updates_active", "spikes", *EVENTS)
+"""What the bench writes of an update, and of a recording."""
+
+
+def cosimulate(
+    program: ChipProgram,
+    spikes: Spikes,
+    steps: int | None = None,
+    simulator: Simulator = "verilator",
+    probe: Sequence[Kind | Probe] = ("spikes",),
+) -> SimulationResult:
+    """Do what :func:`hw_model.simulate` does, on the open core's SystemVerilog.
+
+    Scores are those that the core decides by. A program that the core cannot run is a
+    ``TargetError``; a simulator that is not installed is an ``InputError``.
+    """
+    return play_on_core(program, spikes, steps, probe, simulator, sources())[0]
+
+
+def play_on_core(
+    program: ChipProgram,
+    spikes: Spikes,
+    steps: int | None,
+    probe: Sequence[Kind | Probe],
+    simulator: Simulator,
+    texts: Mapping[str, str],
+    sizes: Sizes = Sizes(),  # noqa: B008
+    patience: int = PATIENCE,
+) -> tuple[SimulationResult, IntArray]:
+    """Return the result, and the core's own figures (batch, :data:`ANSWER`).
+
+    ``texts``: SystemVerilog files by name; ``sizes``: the least; ``patience``: cycles until a silent core is given up.
+    """
+    streams, batched = read_streams(program, spikes)
+    recordings = np.concatenate([streams[name] for name in program.streams], axis=2)
+    core = CoreProgram(program, recordings.shape[1], steps)
+    sizes = sizes_for(core.needs, sizes)
+    binary = built(simulator, sizes, texts)
+    readout, batch = program.readout, len(recordings)
+    classes = program.populations[readout.populations[0]] if readout else 0
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "load").write_bytes(hex_words(core.load_words(sizes)))
+        (folder / "words").write_text("".join(f"{word:x}\n" for one in recordings for word in words_of(core, one)))
+        run(binary, folder, patience)
+        answers = _numbers(folder / "answers", (batch, len(ANSWER)))
+        scores = _numbers(folder / "scores", (batch, classes)) / core.scale
+        of_recording = sum(core.length[phase] * len(numbers) for phase, numbers in core.numbers.items())
+        updates = _numbers(folder / "updates", (batch, of_recording, len(UPDATE)))
+
+    played_so_far = dict.fromkeys(core.length, 0)
+
+    def run_phase(program: ChipProgram, phase: str, played: PhaseInput, windows: dict[Register, Window]) -> PhaseTrace:
+        begin = played_so_far[phase]
+        played_so_far[phase] += len(played.input_events)
+        here = slice(begin, played_so_far[phase])
+        return _trace(core, phase, played, windows, updates[here])
+
+    found = play_recordings(program, spikes, steps, probe, run_phase, Player())
+    return replace(found, scores=(scores if batched else scores[0]) if readout else None), answers
+
+
+def words_of(core: CoreProgram, recording: ByteArray) -> list[int]:
+    """Return the words of a recording (rows, channels): events of a row, a tick after each, and the end."""
+    heard = recording[: core.heard]
+    row, channel = np.nonzero(heard)
+    ticked = np.insert(channel, np.searchsorted(row, np.arange(1, len(heard) + 1)), TICK)
+    return [*ticked.tolist(), END]
+
+
+def _numbers(path: Path, shape: tuple[int, ...]) -> IntArray:
+    """Return the numbers of a file in a shape; a core that fails may give more, or fewer, for which -1 stands."""
+    found = np.array(path.read_text().replace("x", "0").split(), dtype=np.int64)
+    full = np.full(shape, -1, dtype=np.int64)
+    count = min(full.size, found.size)
+    full.ravel()[:count] = found[:count]
+    return full
+
+
+def _trace(
+    core: CoreProgram,
+    phase: str,
+    played: PhaseInput,
+    windows: dict[Register, Window],
+    updates: IntArray,
+) -> PhaseTrace:
+    """Return what an engine does, of all updates (batch, updates, fields) of the recordings that are played."""
+    numbers = core.numbers[phase]
+    count = core.length[phase] * len(numbers)
+    is_first = core.direct is not None and phase == core.direct.name
+    mine = updates[:, :count] if is_first else updates[:, -count:]
+    by_column = mine.reshape(len(mine), -1, len(numbers), len(UPDATE))[:, :, np.argsort(np.argsort(numbers))]
+    by_column[by_column[..., 0] != numbers] = -1
+    fields = dict(zip(UPDATE, np.moveaxis(by_column, -1, 0), strict=True))
+    spikes = fields["fired"].astype(np.uint8)
+    lines = np.stack([played.lines(b).sum(axis=0, dtype=np.int64) for b in range(len(mine))])
+    pieces = pieces_of(core.program, phase)
+    return PhaseTrace(
+        spikes,
+        sent=np.concatenate((lines, spikes.sum(axis=1, dtype=np.int64)), axis=1),
+        active=np.stack([pieces.of_spikes((one > 0).astype(np.uint8)) for one in fields["active"]]),
+        events=np.stack([fields[name].sum(axis=1) for name in EVENTS], axis=1),
+        skipped=np.zeros(len(mine), dtype=np.int64),
+        registers={kind: fields[kind][:, w.start : w.stop, w.columns] for kind, w in windows.items()},
+    )

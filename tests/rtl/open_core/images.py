@@ -1,0 +1,286 @@
+"""A program as one core holds it: the words of every memory, and which layouts they have.
+
+All cores of a program become one. What sends spikes has one number: channels of the recording, then lines of the
+transpose buffer, then compartments, phase by phase. Compartments are numbered in the order of their updates: deepest
+children first, siblings together, and a parent at least ``JOIN_DISTANCE`` after its last child; a word that is not
+valid fills a gap.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import asdict
+
+import numpy as np
+
+from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT
+from hw_model.program.chip_program import ChipProgram, Core
+from hw_model.values import Frozen, IntArray
+from locsnn_compile.backends.vectors.memory_words import BitArray, Field, Layout
+from open_core.fitness import kept_rows, phases_of, refuse_unless
+
+JOIN_DISTANCE = 6
+"""Cycles from the issue of a child to the earliest of its parent: the sum is written in cycle 8 and read in cycle 3."""
+STEP_BITS, LOAD_BITS, BITMAP_BITS = 24, 128, 32
+MEMORIES = ("settings", "axons", "synapses", "leaks", "fires", "visits", "weights")
+"""By the number that the load port knows them by."""
+PLACE = Layout.of(address=24, memory=8)
+"""What follows the data of a word on the load port."""
+
+
+class Sizes(Frozen):
+    """Parameters of the core: words of its memories, slots (a power of two), and the widths of two sums.
+
+    Most programs fit these, so that one built simulator plays them.
+    """
+
+    axons: int = 1 << 13
+    synapses: int = 1 << 17
+    compartments: int = 1 << 10
+    slots: int = 1 << 6
+    charge: int = 26
+    join: int = 36
+    bitmap: int = 1 << 13
+    visits: int = 1 << 10
+    entries: int = 1 << 10
+
+
+Table = dict[str, IntArray]
+"""Fields of a memory's words by name, each (words,)."""
+
+
+def layouts(sizes: Sizes) -> dict[str, Layout]:
+    """Return the words of every memory, bit 0 first, in the order of loading; modules take them apart likewise."""
+    synapse, number, slot, entry, place, source = (
+        (getattr(sizes, name) - 1).bit_length()
+        for name in ("synapses", "compartments", "slots", "entries", "bitmap", "axons")
+    )
+    return {
+        "axons": Layout.of(start=synapse, length=synapse),
+        "synapses": Layout.of("mantissa", target=number, delay=slot, exponent=3, mantissa=9),
+        "leaks": Layout.of("bias", valid=1, keep_u=13, keep_v=13, bias=20, has_children=1),
+        "fires": Layout.of(
+            threshold=17, blocks=6, spiking=1, vmin_log=5, vmax_log=5, child=1, first=1, parent=number, read_out=1,
+            by_potential=1, entry=entry,
+        ),
+        "visits": Layout.of(step=STEP_BITS, place=place, source=source),
+        "weights": Layout.of(magnitude=32, negative=1),
+        "settings": Layout.of(value=STEP_BITS),
+    }  # fmt: skip
+
+
+class CoreProgram:
+    """A program in the numbers of the core, for recordings of so many ``rows``; ``steps`` of phases of no fixed length.
+
+    ``direct``, ``turned``: the phase that hears recordings as they come, and the one behind the transpose buffer.
+    ``numbers[phase]`` (columns,): compartments by column; ``ends``: the first number after each of the two phases.
+    ``lists`` (sources + 1,): where the synapses of each source begin. ``heard``: rows of a recording that the core
+    takes; ``kept``: those that the transpose buffer does. ``scale``: what scores are multiplied by. ``needs``: the
+    least sizes. What the core cannot run is a ``TargetError``.
+    """
+
+    def __init__(self, program: ChipProgram, rows: int, steps: int | None = None) -> None:
+        self.program = program
+        self.direct, self.turned = phases_of(program)
+        self.phases = tuple(phase for phase in (self.direct, self.turned) if phase is not None)
+        self.length = {p.name: p.steps or (rows if steps is None else steps) for p in self.phases}
+        self.kept = kept_rows(program, self.turned, self.length[self.direct.name] if self.direct else None)
+        self.heard = self.length[self.direct.name] if self.direct else self.kept
+        self.row_words = -(-self.kept // BITMAP_BITS)
+        self.row_shift = max(self.row_words - 1, 0).bit_length()
+        self.channels = sum(program.streams.values())
+        ends = np.cumsum([0, *program.streams.values()]).tolist()
+        self.first_channel = dict(zip(program.streams, ends, strict=False))
+        self.lines = sum(item.size for item in program.inputs_of(self.turned.name)) if self.turned else 0
+        self.first_source = self.channels + self.lines
+        self._number()
+        synapses = self._synapses()
+        by_source = np.argsort(synapses["source"], kind="stable")
+        sources = np.arange(self.first_source + self.ends[1] + 1)
+        self.lists = np.searchsorted(synapses.pop("source")[by_source], sources)
+        lengths = np.diff(self.lists)
+        ratios = [weight.as_integer_ratio() for weight in program.readout.weights] if program.readout else []
+        self.scale = max((below for _, below in ratios), default=1)
+        # Larger weights are refused, and need not fit 64 bits for that.
+        weights = [min(max(above * (self.scale // below), -(1 << 40)), 1 << 40) for above, below in ratios]
+        self.tables = {
+            "axons": {"start": np.where(lengths > 0, self.lists[:-1], 0), "length": lengths},
+            "synapses": {name: column[by_source] for name, column in synapses.items()},
+            "compartments": self._compartments(),
+            "visits": self._visits(),
+            "weights": {"magnitude": _array(map(abs, weights)), "negative": _array(weight < 0 for weight in weights)},
+        }
+        self.needs = self._needs()
+
+    def load_words(self, sizes: Sizes) -> BitArray:
+        """Return what goes through the load port, a row a word: data, address, memory; the settings come last."""
+        settings = {"settings": {"value": _array(self._settings(sizes).values())}}
+        compartments = self.tables["compartments"]
+        tables = self.tables | settings | {"leaks": compartments, "fires": compartments}
+        rows = []
+        for name, layout in layouts(sizes).items():
+            columns = {field.name: tables[name][field.name] for field in layout.fields}
+            for field in layout.fields:
+                what = f"{field.name} of more than {field.width} bits"
+                refuse_unless(
+                    _holds(field, columns[field.name]), self.program, what, columns[field.name].max(initial=0)
+                )
+            data = layout.pack(columns)
+            place = {"address": np.arange(len(data)), "memory": np.full(len(data), MEMORIES.index(name))}
+            rows.append(np.hstack((np.pad(data, ((0, 0), (0, LOAD_BITS - layout.width))), PLACE.pack(place))))
+        return np.concatenate(rows)
+
+    def _number(self) -> None:
+        """Number the compartments of all cores: by phase, deepest children first, siblings together."""
+        cores = self.program.cores
+        begin = np.cumsum([0, *(core.compartments for core in cores)])
+        parent = self._joined(lambda core: np.where(core.parent < 0, -1, begin[core.number] + core.parent))
+        late = self._joined(lambda core: np.array(self.direct is None or core.phase != self.direct.name))
+        depth, above = np.zeros_like(parent), parent
+        while (above >= 0).any():
+            depth += above >= 0
+            above = np.where(above >= 0, parent[above], -1)
+        self.number, self.parent, following = np.empty_like(parent), parent, 0
+        earliest: dict[int, int] = {}
+        for index in np.lexsort((parent, -depth, late)).tolist():
+            self.number[index] = max(following, earliest.get(index, 0))
+            following = int(self.number[index]) + 1
+            earliest[int(parent[index])] = following + JOIN_DISTANCE - 1
+        self.ends = (int(self.number[late == 0].max(initial=-1)) + 1, following)
+        self.numbers = {
+            p.name: self.program.by_column(
+                p.name, lambda core: self.number[begin[core.number] : begin[core.number + 1]]
+            )
+            for p in self.phases
+        }
+
+    def _joined(self, values: Callable[[Core], IntArray | int]) -> IntArray:
+        """Return what ``values`` gives for the compartments of every core, core after core."""
+        parts = [np.broadcast_to(values(core), core.compartments) for core in self.program.cores]
+        return np.concatenate(parts).astype(np.int64)
+
+    def _settings(self, sizes: Sizes) -> dict[str, int]:
+        """Return memory 0, a setting an address; writing the last one starts the core."""
+        readout, slots = self.program.readout, _power(self.needs.slots)
+        return {
+            "time_steps": self.heard,
+            "time_end": self.ends[0],
+            "location_steps": self.length[self.turned.name] if self.turned else 0,
+            "location_end": self.ends[1],
+            "rows": self.kept,
+            "channels": self.channels,
+            "visits": len(self.tables["visits"]["step"]),
+            "row_words": self.row_words,
+            "row_shift": self.row_shift,
+            "slot_mask": slots - 1,
+            "sweep": max(slots * sizes.compartments, self.needs.bitmap),
+            "classes": self.program.populations[readout.populations[0]] if readout else 0,
+            "populations": len(readout.populations) if readout else 0,
+            "potentials_from": min(max(readout.from_step.values(), default=0), (1 << STEP_BITS) - 1) if readout else 0,
+            "first_source": self.first_source,
+            "run": 1,
+        }
+
+    def _needs(self) -> Sizes:
+        synapses, compartments = self.tables["synapses"], self.tables["compartments"]
+        charges = np.abs(synapses["mantissa"]) << synapses["exponent"]
+        charge = np.bincount(synapses["target"], weights=charges, minlength=1).max()
+        children = np.bincount(compartments["parent"], weights=compartments["child"]).max()
+        return Sizes(
+            axons=len(self.lists) - 1,
+            synapses=len(charges) + 1,
+            compartments=self.ends[1],
+            slots=int(synapses["delay"].max(initial=0)) + 2,
+            charge=int(charge).bit_length() + 1,
+            join=24 + int(children).bit_length(),
+            bitmap=self.channels << self.row_shift,
+            visits=len(self.tables["visits"]["step"]),
+            entries=int(compartments["entry"].max()) + 1,
+        )
+
+    def _synapses(self) -> Table:
+        """Return the synapses of all cores, in any order, with their sources."""
+        parts = []
+        for core in self.program.cores:
+            inputs, axons = self.program.inputs_of(core.phase), core.axons
+            heard = [self.first_channel[item.stream] + np.arange(item.size) for item in inputs]
+            if self.turned is not None and core.phase == self.turned.name:
+                heard = [self.channels + np.arange(self.lines)]
+            numbers = self.numbers[core.phase]
+            source = np.concatenate((*heard, self.first_source + numbers))
+            exponent = _array(form.exponent for form in axons.formats)[axons.format_index]
+            parts.append({
+                "source": source[self.program.senders[core.number][axons.axon_of_synapse]],
+                "target": numbers[self.program.columns_of_core(core)[axons.target]],
+                "delay": axons.delay,
+                "exponent": np.maximum(exponent, 0),
+                # A negative exponent loses low bits of the mantissa, weight by weight.
+                "mantissa": axons.mantissa.astype(np.int64) >> np.maximum(-exponent, 0),
+            })  # fmt: skip
+        return {name: np.concatenate([part[name] for part in parts]).astype(np.int64) for name in parts[0]}
+
+    def _compartments(self) -> Table:
+        """Return the constants of every compartment; gaps have none."""
+        child = self.parent >= 0
+        parent = np.where(child, self.number[self.parent], -1)
+        # Siblings follow each other, gaps left out.
+        in_order = np.argsort(self.number)
+        first = np.empty_like(child)
+        first[in_order] = np.diff(parent[in_order], prepend=-1) != 0
+        columns = {
+            "valid": self._joined(lambda core: 1),
+            "keep_u": DECAY_ONE - self._joined(lambda core: core.setting("decay_u")),
+            "keep_v": DECAY_ONE - self._joined(lambda core: core.setting("decay_v")),
+            "bias": self._joined(lambda core: core.bias),
+            "has_children": np.isin(self.number, parent),
+            "threshold": self._joined(lambda core: core.threshold_voltage >> WEIGHT_SHIFT),
+            "blocks": np.maximum(self._joined(lambda core: core.setting("refractory")) - 1, 0),
+            "spiking": self._joined(lambda core: 1 - core.setting("joined")),
+            "vmin_log": self._joined(lambda core: (1 - core.vmin).bit_length() - 1),
+            "vmax_log": self._joined(lambda core: core.vmax.bit_length()),
+            "child": child,
+            "first": first & child,
+            "parent": parent * child,
+        }
+        table = {
+            name: np.zeros(self.ends[1], dtype=np.int64) for name in (*columns, "read_out", "by_potential", "entry")
+        }
+        for name, column in columns.items():
+            table[name][self.number] = column
+        readout = self.program.readout
+        for index, name in enumerate(readout.populations if readout else ()):
+            phase = next(p.name for p in self.phases if name in self.program.columns_of(p.name))
+            members = self.numbers[phase][self.program.columns_of(phase)[name]]
+            table["read_out"][members] = 1
+            table["by_potential"][members] = readout is not None and name in readout.from_step
+            table["entry"][members] = index * len(members) + np.arange(len(members))
+        return table
+
+    def _visits(self) -> Table:
+        """Return when each channel is visited, where its bits are, and the source of its first line."""
+        rows, first_line = [np.empty((3, 0), dtype=np.int64)], self.first_source - self.lines
+        for item in self.program.inputs_of(self.turned.name) if self.turned else ():
+            assert item.positions is not None
+            channels = self.first_channel[item.stream] + np.arange(item.channels)
+            lines = np.zeros_like(item.positions) if item.first_lines is None else item.first_lines
+            rows.append(np.stack((item.positions, channels << self.row_shift, first_line + lines)))
+            first_line += item.size
+        table = np.hstack(rows)
+        return dict(zip(("step", "place", "source"), table[:, np.argsort(table[0], kind="stable")], strict=True))
+
+
+def sizes_for(needs: Sizes, least: Sizes) -> Sizes:
+    """Return sizes that hold what is needed: those of ``least``, or twice as many words, or just enough bits."""
+    grown = {name: need if name in ("charge", "join") else _power(need) for name, need in asdict(needs).items()}
+    return Sizes(**{name: max(value, grown[name]) for name, value in asdict(least).items()})
+
+
+def _holds(field: Field, values: IntArray) -> bool:
+    low, high = (-(1 << field.width - 1), 1 << field.width - 1) if field.signed else (0, 1 << field.width)
+    return values.size == 0 or bool(low <= values.min() and values.max() < high)
+
+
+def _power(words: int) -> int:
+    return 1 << max(words - 1, 1).bit_length()
+
+
+def _array(values: Iterable[int]) -> IntArray:
+    return np.array(list(values), dtype=np.int64)

@@ -1,0 +1,71 @@
+"""The core built with Verilator or Icarus Verilog, once for its sizes, and run on files."""
+
+import hashlib
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Mapping
+from dataclasses import asdict
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Literal, get_args
+
+from hw_model.errors import InputError, did_you_mean
+from open_core.images import Sizes
+
+Simulator = Literal["verilator", "icarus"]
+SIMULATORS: tuple[Simulator, ...] = get_args(Simulator)
+_PROGRAMS = {"verilator": "verilator", "icarus": "iverilog"}
+_BINARY = {"verilator": "bench", "icarus": "bench.vvp"}
+
+
+@cache
+def sources() -> dict[str, str]:
+    """Return the SystemVerilog files by name, the bench among them."""
+    entries = sorted((files("hw_model") / "rtl").iterdir(), key=lambda entry: entry.name)
+    return {entry.name: entry.read_text("utf-8") for entry in entries if entry.name.endswith(".sv")}
+
+
+def built(simulator: Simulator, sizes: Sizes, texts: Mapping[str, str]) -> Path:
+    """Return the built simulator, kept in the user's cache folder; a tool that is missing is an ``InputError``."""
+    if simulator not in SIMULATORS:
+        raise InputError(f"simulator {simulator!r}", "does not exist", fix=did_you_mean(simulator, SIMULATORS))
+    tool = _PROGRAMS[simulator]
+    if shutil.which(tool) is None:
+        raise InputError(f"simulator {simulator!r}", f"{tool} is not installed", fix=f"Debian: apt-get install {tool}")
+    named = hashlib.sha256(repr((simulator, asdict(sizes), sorted(texts.items()))).encode()).hexdigest()[:16]
+    cache_folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "locsnn"
+    found = cache_folder / f"rtl-{named}-{_BINARY[simulator]}"
+    if not found.exists():
+        cache_folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=cache_folder) as folder:
+            for name, text in texts.items():
+                (Path(folder) / name).write_text(text)
+            _run(_command(simulator, sizes, sorted(texts)), Path(folder), simulator)
+            os.replace(Path(folder) / _BINARY[simulator], found)
+    return found
+
+
+def run(binary: Path, folder: Path, patience: int) -> None:
+    """Play ``load`` and ``words`` of a folder; what the bench writes lies there, too."""
+    interpreter = ["vvp", "-n"] if binary.suffix == ".vvp" else []
+    _run([*interpreter, str(binary), f"+patience={patience}"], folder, "the open core")
+
+
+def _command(simulator: Simulator, sizes: Sizes, names: list[str]) -> list[str]:
+    given = {name.upper(): value for name, value in asdict(sizes).items()}
+    if simulator == "icarus":
+        parameters = [f"-Pbench.{name}={value}" for name, value in given.items()]
+        return ["iverilog", "-g2012", "-s", "bench", "-o", _BINARY[simulator], *parameters, *names]
+    parameters = [f"-G{name}={value}" for name, value in given.items()]
+    options = "--binary --timing -j 1 -O3 -CFLAGS -O1 -Wno-lint -Wno-fatal --top-module bench --Mdir ."
+    return ["verilator", *options.split(), "-o", _BINARY[simulator], *parameters, *names]
+
+
+def _run(command: list[str], folder: Path, where: str) -> None:
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    if done.returncode:
+        said = (done.stderr or done.stdout).strip() or f"exit code {done.returncode}"
+        raise InputError(where, f"{Path(command[0]).name} failed", measured=said, fix="Report it.")

@@ -1,0 +1,64 @@
+"""Play recordings of a compiled program to the open core and to the simulator, and compare every value."""
+
+import argparse
+import json
+import sys
+
+import hw_model as hw
+from locsnn_compile.cli.checks import check_number
+from locsnn_compile.cli.shell import EXIT_GATE, Parser, guarded
+from locsnn_compile.cli.step_options import add_step_options, read_for_program
+
+DESCRIPTION = (
+    "Play recordings to the open core's SystemVerilog and to the simulator, and compare every spike, u, v, potential, "
+    "count and class, and every cycle with its prediction. Exit code 3 if anything differs."
+)
+EXAMPLE = """\
+example:
+  python tests/rtl/play.py build/objects-hybrid --events examples/recordings/touches.npz --recordings 1
+
+It needs Verilator (Debian: apt-get install verilator) or, with --simulator icarus, Icarus Verilog. The simulator is
+built once, in half a minute, and kept in ~/.cache/locsnn. Nothing here runs on a board.
+"""
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
+    add = parser.add_argument
+    add("program", metavar="DIR", help="folder that locsnn-compile wrote")
+    add("--events", required=True, metavar="FILE", help="recordings: .zip, folder, .npy, .npz, .pt, .tact")
+    add("--simulator", default="verilator", metavar="NAME", help="verilator (default) or icarus, which is slow")
+    add("--recordings", type=int, metavar="N", help="play only the first N")
+    add_step_options(parser)
+    add("--json", action="store_true", help="print the result as JSON")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Compare; print what was found in a few lines, or as JSON."""
+    from open_core.comparison import compare
+    from open_core.simulators import sources
+
+    check_number("--recordings", args.recordings, "nothing to play", lambda x: x > 0, "Give 1 or more.")
+    program = hw.load_program(args.program)
+    found = compare(
+        program, read_for_program(args, args.events, program).spikes[: args.recordings], sources(), args.simulator
+    )
+    if args.json:
+        print(json.dumps(found, indent=2))
+    else:
+        cycles = found["cycles"]
+        print(f"recordings {found['recordings']}, compared values {found['compared_values']}")
+        print(f"mismatches {found['mismatches']}, cycles predicted wrongly {found['cycle_mismatches']}")
+        print(f"cycles per recording: {sum(cycles) / len(cycles):.0f} on average, {max(cycles)} at most")
+    return EXIT_GATE if found["mismatches"] or found["cycle_mismatches"] else 0
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Parse the arguments and run."""
+    parser = Parser(description=DESCRIPTION, epilog=EXAMPLE, formatter_class=argparse.RawDescriptionHelpFormatter)
+    add_options(parser)
+    return guarded(parser, argv, run)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,135 @@
+"""The open core against the simulator: every spike, u, v, potential, count, score and class, and every cycle."""
+
+from __future__ import annotations
+
+import shutil
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import any_program
+import hybrids
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+from open_core.comparison import compare
+from open_core.cosimulation import cosimulate
+from open_core.simulators import sources
+
+import hw_model as hw
+import locsnn_compile as lc
+
+ROOT = Path(__file__).parents[2]
+verilator = pytest.mark.skipif(shutil.which("verilator") is None, reason="Verilator is not installed")
+icarus = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
+SETTINGS = settings(
+    deadline=None,
+    derandomize=True,
+    phases=[Phase.explicit, Phase.generate],
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.large_base_example],
+)
+pytestmark = pytest.mark.filterwarnings("ignore:Generating overly large repr")
+PLAIN = hw.chip("loihi-sim")
+MANY_PROFILES = {"compartment_profiles_per_core": 1024, "threshold_profiles_per_core": 1024}
+LOIHI = st.just(replace(PLAIN, limits=replace(PLAIN.limits, **MANY_PROFILES, synapse_formats_per_core=256)))
+"""Its registers, and room for compartments that all differ."""
+
+
+def check(program: hw.ChipProgram, spikes: np.ndarray, simulator: str = "verilator") -> dict:
+    found = compare(program, spikes, sources(), simulator)
+    assert found["mismatches"] == 0, found
+    assert found["cycles"] == found["predicted_cycles"]
+    return found
+
+
+MODELS = [
+    (model, strategy)
+    for model in ("objects-hybrid", "containers-hybrid")
+    for strategy in ("dendrite", "delay-line", "reset")
+] + [("objects-hybrid-loihi", "auto"), ("containers-hybrid-loihi", "auto")]
+
+
+def shipped(model: str, strategy: str) -> hw.ChipProgram:
+    return lc.compile(lc.load(ROOT / f"examples/models/{model}.pt"), target="loihi-sim", strategy=strategy).program
+
+
+def recordings(model: str, count: int | None) -> np.ndarray:
+    name = "touches" if model.startswith("objects") else "motions"
+    return np.load(ROOT / f"examples/recordings/{name}.npz")["spikes"][:count].transpose(0, 2, 1)
+
+
+@verilator
+def test_a_shipped_model():
+    found = check(shipped("objects-hybrid", "dendrite"), recordings("objects-hybrid", 1))
+    assert found["compared_values"] > 220_000
+    assert found["cycles"] == [330_099]
+
+
+@verilator
+@pytest.mark.slow
+@pytest.mark.parametrize(("model", "strategy"), MODELS, ids=lambda value: value)
+def test_every_shipped_model(model, strategy):
+    check(shipped(model, strategy), recordings(model, None))
+
+
+def check_random(drawn: any_program.Drawn, met: Counter[str]) -> None:
+    met.update(drawn.drawn)
+    met["values"] += check(drawn.program, drawn.spikes)["compared_values"]
+    counts = hw.simulate(drawn.program, drawn.spikes, probe=()).counts
+    for name in ("charge_wraps", "current_wraps", "voltage_clips", "spikes"):
+        met[name] += counts[name]
+
+
+@verilator
+@pytest.mark.parametrize(
+    ("strategy", "many"),
+    [
+        pytest.param(any_program.programs(given=LOIHI), 12, id="one phase"),
+        pytest.param(any_program.hybrid_programs(given=LOIHI), 12, id="hybrid"),
+        pytest.param(any_program.programs(given=LOIHI), 150, id="one phase, many", marks=pytest.mark.slow),
+        pytest.param(any_program.hybrid_programs(given=LOIHI), 150, id="hybrid, many", marks=pytest.mark.slow),
+    ],
+)
+def test_random_programs(strategy, many):
+    met: Counter[str] = Counter()
+
+    @settings(SETTINGS, max_examples=many)
+    @given(drawn=strategy)
+    def play(drawn):
+        check_random(drawn, met)
+
+    play()
+    assert met["programs"] >= many
+    names = ["spikes", "charge_wraps", "current_wraps", "voltage_clips", "joined compartments", "recurrent links"]
+    assert all(met[name] for name in names), met
+
+
+@verilator
+@pytest.mark.parametrize("seed", range(8))
+def test_random_hybrids(seed):
+    """Several channels in a step, silent steps, weighted readouts, cores of seven compartments."""
+    program, spikes = hybrids.random_hybrid(seed, together=1 + seed % 3, silence=seed % 2)
+    check(program, spikes[None])
+
+
+@icarus
+def test_icarus_does_the_same():
+    program, spikes = hybrids.random_hybrid(5)
+    check(program, spikes[None], "icarus")
+
+
+@verilator
+def test_cosimulate_returns_what_simulate_does():
+    program, spikes = hybrids.random_hybrid(3)
+    probe = ("spikes", "u", "v", "potential", "activity")
+    ours, core = hw.simulate(program, spikes, probe=probe), cosimulate(program, spikes, probe=probe)
+    for kind in ("spikes", "u", "v", "potential"):
+        assert getattr(ours, kind).keys() == getattr(core, kind).keys()
+        assert all(np.array_equal(array, getattr(core, kind)[name]) for name, array in getattr(ours, kind).items())
+    assert np.array_equal(ours.scores, core.scores)
+    assert ours.events == core.events
+    assert {name for name in ours.counts.keys() if ours.counts[name] != core.counts[name]} <= {"skipped_steps"}
+    for phase in ("time", "location"):
+        for a, b in zip(ours.activity[phase], core.activity[phase], strict=True):
+            assert all(np.array_equal(a.by_core[name], b.by_core[name]) for name in a.by_core)

@@ -1,0 +1,80 @@
+"""The stream's contract: errors are answered with their number, and leave no trace in the next recording."""
+
+from __future__ import annotations
+
+import shutil
+
+import benches
+import numpy as np
+import pytest
+from open_core.cosimulation import ANSWER, END, TICK, words_of
+from open_core.images import CoreProgram, sizes_for
+from open_core.simulators import built, run, sources
+
+from locsnn_compile.backends.vectors.memory_words import hex_words
+
+pytestmark = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
+STOP = 3 << 16
+
+
+@pytest.fixture(scope="module")
+def play(tmp_path_factory):
+    """Return the words of a recording, and a function that plays words and gives the answers."""
+    program, spikes = benches.hybrid(22)
+    core = CoreProgram(program, spikes.shape[1])
+    sizes = sizes_for(core.needs, benches.SIZES)
+    folder = tmp_path_factory.mktemp("play")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(folder))
+        binary = built("icarus", sizes, sources())
+    (folder / "load").write_bytes(hex_words(core.load_words(sizes)))
+
+    def played(words):
+        (folder / "words").write_text("".join(f"{word:x}\n" for word in words))
+        run(binary, folder, 100_000)
+        return [line.split() for line in (folder / "answers").read_text().splitlines()]
+
+    return core, words_of(core, spikes[0]), played
+
+
+ERRORS = {
+    "no such channel": (1, lambda core: [core.channels, TICK, END]),
+    "the same event twice": (2, lambda core: [0, 0, TICK, END]),
+    "channels that do not ascend": (2, lambda core: [1, 0, TICK, END]),
+    "more steps than the program has": (3, lambda core: [TICK] * (core.heard + 1) + [END]),
+    "an event after the last step": (3, lambda core: [TICK] * core.heard + [0, TICK, END]),
+    "an end before the tick": (4, lambda core: [0, END]),
+    "an error, and what follows it": (1, lambda core: [core.channels, 0, 0, TICK, 1, END]),
+}
+
+
+@pytest.mark.parametrize("name", ERRORS)
+def test_an_error_is_answered_and_forgotten(play, name):
+    core, words, played = play
+    number, wrong = ERRORS[name]
+    before, error, after = played([*words, *wrong(core), *words])
+    assert int(error[0]) == number
+    assert before[0] == "0"
+    assert after == before
+    assert len(before) == len(ANSWER)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
+def test_a_stop_is_not_answered_and_forgotten(play, share):
+    _, words, played = play
+    begun = words[: int(share * (len(words) - 1))]
+    (plain,) = played(words)
+    assert played([*begun, STOP, *words, *begun, STOP]) == [plain]
+
+
+def test_recordings_follow_each_other(play):
+    _, words, played = play
+    (plain,) = played(words)
+    assert played(words * 3) == [plain] * 3
+
+
+def test_words_hold_events_ticks_and_an_end(play):
+    core, _, _ = play
+    recording = np.zeros((2, core.channels), dtype=np.uint8)
+    recording[1, [0, 1]] = 1
+    assert words_of(core, recording) == [TICK, 0, 1, TICK, END]
