@@ -34,9 +34,9 @@ def network():
 WITHOUT = [
     ("a parameter that neurons have not", lambda: lc.Cuba.of(2, decay=0.1, threshold=1.0), "Cuba.of: there is no parameter 'decay'. Did you mean 'decay_v'?"),
     ("neurons without a threshold", lambda: lc.Cuba.of(2, decay_v=0.1), "Cuba.of: parameter 'threshold' is missing. Give it by its name."),
-    ("a path for a network", lambda: lc.compile("model.pt"), f"compile, network: it must be a Network or Checkpoint (got str 'model.pt'). {NETWORK}"),
-    ("a Path for a network", lambda: lc.compile(Path("model.pt")), f"compile, network: it must be a Network or Checkpoint (got PosixPath PosixPath('model.pt')). {NETWORK}"),
-    ("nothing for a network", lambda: lc.compile(None), f"compile, network: it must be a Network or Checkpoint (got NoneType None). {NETWORK}"),
+    ("a path for a network", lambda: lc.compile("model.pt"), f"compile, network: it must be a Network or Checkpoint or Sequence (got str 'model.pt'). {NETWORK}"),
+    ("a Path for a network", lambda: lc.compile(Path("model.pt")), f"compile, network: it must be a Network or Checkpoint or Sequence (got PosixPath PosixPath('model.pt')). {NETWORK}"),
+    ("nothing for a network", lambda: lc.compile(None), f"compile, network: it must be a Network or Checkpoint or Sequence (got NoneType None). {NETWORK}"),
     ("a path for a build", lambda: lc.verify("build", "d.npz"), "verify, compiled: it must be a CompiledModel (got str 'build'). Make one with lc.compile(network)."),
     ("a diagnosis of a path", lambda: lc.diagnose("build", "d.npz"), "diagnose, compiled: it must be a CompiledModel (got str 'build'). Make one with lc.compile(network)."),
     ("a number for a model", lambda: lc.load(3), "load, model: it must be a str or Path or Checkpoint (got int 3). Correct it."),
