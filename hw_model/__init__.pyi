@@ -17,6 +17,7 @@ from .program.chip_program import ChipProgram as ChipProgram
 from .program.read import load_program as load_program
 from .range_proof import CoreRange as CoreRange
 from .range_proof import prove_range as prove_range
+from .rtl.cosimulation import cosimulate as cosimulate
 from .simulation import SimulationResult as SimulationResult
 from .simulation import simulate as simulate
 from .streaming.early_stop import Stops as Stops

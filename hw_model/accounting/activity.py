@@ -81,6 +81,7 @@ def count_totals(program: ChipProgram, phase: str, played: PhaseInput, trace: Ph
         **{name: events[:, k] for k, name in enumerate(EVENTS)},
         "skipped_steps": trace.skipped,
         "aligned_steps": played.aligned_steps,
+        "cycles": 0,
     }
     table = np.empty((len(trace.sent), len(COUNTED)), dtype=np.int64)
     for k, name in enumerate(COUNTED):

@@ -48,6 +48,8 @@ class Counts(Sums):
     """Steps that an engine did not run because they could not change anything."""
     aligned_steps: int = 0
     """Steps of recordings that lie before their start, in phases that begin at the first touch, phase by phase."""
+    cycles: int = 0
+    """Clock cycles of the open core, from the first word that it accepts to the class; 0 where it did not run."""
 
     @property
     def neuron_updates_inactive(self) -> int:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import hybrids
 import numpy as np
-from open_core.images import Sizes
 
 import hw_model as hw
 from hw_model.mapping.graph import Readout
+from hw_model.rtl.images import Sizes
 
 CHIP = hw.chip("loihi-sim")
 SIZES = Sizes(axons=256, synapses=4096, compartments=64, slots=64, charge=26, join=36, bitmap=64, visits=32, entries=32)

@@ -36,7 +36,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Compare; print what was found in a few lines, or as JSON."""
     from open_core.comparison import compare
-    from open_core.simulators import sources
+
+    from hw_model.rtl.simulators import sources
 
     check_number("--recordings", args.recordings, "nothing to play", lambda x: x > 0, "Give 1 or more.")
     program = hw.load_program(args.program)

@@ -10,7 +10,8 @@ import pytest
 import yaml
 from benches import SIZES, all_benches
 from open_core.comparison import compare
-from open_core.simulators import sources
+
+from hw_model.rtl.simulators import sources
 
 pytestmark = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
 MUTANTS = yaml.safe_load((Path(__file__).parent / "mutants.yaml").read_text())

@@ -7,11 +7,11 @@ import shutil
 import benches
 import numpy as np
 import pytest
-from open_core.cosimulation import ANSWER, END, TICK, words_of
-from open_core.images import CoreProgram, sizes_for
-from open_core.simulators import built, run, sources
 
-from locsnn_compile.backends.vectors.memory_words import hex_words
+from hw_model.rtl.cosimulation import ANSWER, END, TICK, words_of
+from hw_model.rtl.images import CoreProgram, sizes_for
+from hw_model.rtl.memory_words import hex_words
+from hw_model.rtl.simulators import built, run, sources
 
 pytestmark = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
 STOP = 3 << 16

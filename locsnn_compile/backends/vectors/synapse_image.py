@@ -15,8 +15,8 @@ from hw_model.description.chip import Chip
 from hw_model.mapping.fan_in import SynapseFormat
 from hw_model.mapping.synapse_lists import SynapseLists, synapse_lists
 from hw_model.program.chip_program import Core
+from hw_model.rtl.memory_words import BitArray, Field, Layout, bits_for, bits_of
 from hw_model.values import Frozen, IntArray
-from locsnn_compile.backends.vectors.memory_words import BitArray, Field, Layout, bits_for, bits_of
 from locsnn_compile.errors import InputError, check_same
 
 

@@ -1,1 +1,1 @@
-"""The open core on test benches: what it is loaded with, its cycles, and programs played on it."""
+"""The open core on test benches: its cycles, and what it did against the simulator."""

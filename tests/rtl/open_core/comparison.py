@@ -8,11 +8,11 @@ import numpy as np
 from hw_model.engine.playing import Spikes, read_streams
 from hw_model.engine.probes import Kind
 from hw_model.program.chip_program import ChipProgram
+from hw_model.rtl.cosimulation import ANSWER, PATIENCE, play_on_core
+from hw_model.rtl.images import CoreProgram, Sizes
+from hw_model.rtl.simulators import Simulator
 from hw_model.simulation import simulate
-from open_core.cosimulation import ANSWER, PATIENCE, play_on_core
 from open_core.cycles import core_cycles
-from open_core.images import CoreProgram, Sizes
-from open_core.simulators import Simulator
 
 KINDS: tuple[Kind, ...] = ("spikes", "u", "v", "potential")
 

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from hw_model.rtl.images import BITMAP_BITS, CoreProgram
 from hw_model.values import ByteArray
-from open_core.images import BITMAP_BITS, CoreProgram
 
 TICK, END, LAST = -1, -2, -3
 """Words that are not sources: a step is over; the stream is, and silent steps may follow; the phase is."""

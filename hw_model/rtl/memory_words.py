@@ -16,6 +16,11 @@ class Field(Frozen):
     width: int
     signed: bool = False
 
+    def holds(self, values: IntArray) -> bool:
+        """Whether every value fits."""
+        low, high = (-(1 << self.width - 1), 1 << self.width - 1) if self.signed else (0, 1 << self.width)
+        return values.size == 0 or bool(low <= values.min() and values.max() < high)
+
 
 class Layout(Frozen):
     """A word: its fields, the first at bit 0, each next one above it."""
@@ -57,8 +62,7 @@ def bits_for(largest: int) -> int:
 
 def bits_of(values: IntArray, field: Field) -> BitArray:
     """Return values (n,) as bits (n, width), bit 0 first; every value fits its field."""
-    low, high = (-(1 << field.width - 1), 1 << field.width - 1) if field.signed else (0, 1 << field.width)
-    assert values.size == 0 or (low <= values.min() and values.max() < high), field.name
+    assert field.holds(values), field.name
     shifts = np.arange(field.width)
     return ((values[:, None] >> shifts) & 1).astype(np.uint8)
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from hw_model.errors import InputError, did_you_mean
-from open_core.images import Sizes
+from hw_model.rtl.images import Sizes
 
 Simulator = Literal["verilator", "icarus"]
 SIMULATORS: tuple[Simulator, ...] = get_args(Simulator)

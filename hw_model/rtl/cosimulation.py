@@ -7,16 +7,18 @@ from pathlib import Path
 
 import numpy as np
 
+from hw_model.description.counts import COUNTED
 from hw_model.engine.playing import Player, Spikes, read_streams
 from hw_model.engine.probes import Kind, Probe
 from hw_model.engine.trace import EVENTS, PhaseInput, PhaseTrace, Register, Window
+from hw_model.io.given import checked
 from hw_model.program.chip_program import ChipProgram
 from hw_model.program.pieces import pieces_of
+from hw_model.rtl.images import CoreProgram, Sizes, sizes_for
+from hw_model.rtl.memory_words import hex_words
+from hw_model.rtl.simulators import Simulator, built, run, sources
 from hw_model.simulation import SimulationResult, play_recordings
 from hw_model.values import ByteArray, IntArray
-from locsnn_compile.backends.vectors.memory_words import hex_words
-from open_core.images import CoreProgram, Sizes, sizes_for
-from open_core.simulators import Simulator, built, run, sources
 
 TICK, END = 1 << 16, 2 << 16
 """Words of the stream that are not channels."""
@@ -27,6 +29,7 @@ ANSWER = ("error", "class", "cycles", "synaptic_ops", "neuron_updates", "neuron_
 """What the bench writes of an update, and of a recording."""
 
 
+@checked
 def cosimulate(
     program: ChipProgram,
     spikes: Spikes,
@@ -36,7 +39,7 @@ def cosimulate(
 ) -> SimulationResult:
     """Do what :func:`hw_model.simulate` does, on the open core's SystemVerilog.
 
-    Scores are those that the core decides by. A program that the core cannot run is a
+    ``counts["cycles"]`` are the core's, and scores those that it decides by. A program that the core cannot run is a
     ``TargetError``; a simulator that is not installed is an ``InputError``.
     """
     return play_on_core(program, spikes, steps, probe, simulator, sources())[0]
@@ -82,6 +85,7 @@ def play_on_core(
         return _trace(core, phase, played, windows, updates[here])
 
     found = play_recordings(program, spikes, steps, probe, run_phase, Player())
+    found.count_tables[core.phases[-1].name][:, COUNTED.index("cycles")] = answers[:, 2]
     return replace(found, scores=(scores if batched else scores[0]) if readout else None), answers
 
 

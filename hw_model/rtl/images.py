@@ -13,9 +13,9 @@ import numpy as np
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT
 from hw_model.program.chip_program import ChipProgram, Core
+from hw_model.rtl.fitness import kept_rows, phases_of, refuse_unless
+from hw_model.rtl.memory_words import BitArray, Layout
 from hw_model.values import Frozen, IntArray
-from locsnn_compile.backends.vectors.memory_words import BitArray, Field, Layout
-from open_core.fitness import kept_rows, phases_of, refuse_unless
 
 JOIN_DISTANCE = 6
 """Cycles from the issue of a child to the earliest of its parent: the sum is written in cycle 8 and read in cycle 3."""
@@ -120,9 +120,7 @@ class CoreProgram:
             columns = {field.name: tables[name][field.name] for field in layout.fields}
             for field in layout.fields:
                 what = f"{field.name} of more than {field.width} bits"
-                refuse_unless(
-                    _holds(field, columns[field.name]), self.program, what, columns[field.name].max(initial=0)
-                )
+                refuse_unless(field.holds(columns[field.name]), self.program, what, columns[field.name].max(initial=0))
             data = layout.pack(columns)
             place = {"address": np.arange(len(data)), "memory": np.full(len(data), MEMORIES.index(name))}
             rows.append(np.hstack((np.pad(data, ((0, 0), (0, LOAD_BITS - layout.width))), PLACE.pack(place))))
@@ -271,11 +269,6 @@ def sizes_for(needs: Sizes, least: Sizes) -> Sizes:
     """Return sizes that hold what is needed: those of ``least``, or twice as many words, or just enough bits."""
     grown = {name: need if name in ("charge", "join") else _power(need) for name, need in asdict(needs).items()}
     return Sizes(**{name: max(value, grown[name]) for name, value in asdict(least).items()})
-
-
-def _holds(field: Field, values: IntArray) -> bool:
-    low, high = (-(1 << field.width - 1), 1 << field.width - 1) if field.signed else (0, 1 << field.width)
-    return values.size == 0 or bool(low <= values.min() and values.max() < high)
 
 
 def _power(words: int) -> int:

@@ -1,0 +1,1 @@
+"""The open hardware core: its SystemVerilog, what it is loaded with, and programs played on it."""
