@@ -14,6 +14,7 @@ from .models.checkpoint import Checkpoint as Checkpoint
 from .network.chip_neurons import ChipCuba as ChipCuba
 from .network.chip_neurons import ChipSrm as ChipSrm
 from .network.network import InputView as InputView
+from .network.network import Member as Member
 from .network.network import Network as Network
 from .network.network import Population as Population
 from .network.network import Readout as Readout
