@@ -5,15 +5,12 @@ on. A dense list has no index: it ends where its targets do not simply go on, an
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hw_model.description.chip import SynapseMemory
+from hw_model.mapping.fan_in import SynapseFormat
 from hw_model.values import BoolArray, Frozen, IntArray
-
-if TYPE_CHECKING:
-    from hw_model.description.chip import SynapseMemory
-    from hw_model.mapping.fan_in import SynapseFormat
 
 
 class SynapseLists(Frozen, eq=False):

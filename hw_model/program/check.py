@@ -3,22 +3,16 @@
 The same rules hold for what the passes assemble and for what a file claims to be.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import SIGN_MODES, WEIGHT_EXPONENTS
+from hw_model.description.chip import Chip, Registers
 from hw_model.errors import InputError
-from hw_model.mapping.graph import AXES
+from hw_model.mapping.graph import AXES, Input, Phase
+from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.values import IntArray
-
-if TYPE_CHECKING:
-    from hw_model.description.chip import Chip, Registers
-    from hw_model.mapping.graph import Input, Phase
-    from hw_model.program.chip_program import ChipProgram, Core
 
 MAX_STEPS, MAX_LINES = 10_000_000, 10_000_000
 """Steps of a phase and lines of an input, far above what a chip is used for."""
