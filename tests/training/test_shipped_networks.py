@@ -19,6 +19,7 @@ from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.network.network import Network
 from locsnn_compile.pipeline import lower
+from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.strategies import TRAINABLE
 from locsnn_compile.training.config import TrainingConfig, config_from_mapping, read_config
 from locsnn_compile.training.target import chip_numbers
@@ -242,3 +243,31 @@ def test_the_best_network_of_containers_on_the_chip() -> None:
     assert test.labels is not None
     wrong = prediction != test.labels
     assert (prediction[wrong] // 5 == test.labels[wrong] // 5).all()  # the container is right, its fill level is not
+
+
+def test_the_best_network_of_objects_is_of_its_configurations() -> None:
+    found = read_checkpoint(model("objects-best"))
+    assert (found.description.name, found.description.architecture) == ("objects-best", "hybrid-window")
+    assert found.recordings is None
+    assert found.training["seed"] == 0
+    assert "test_accuracy" not in found.training  # its card says that no test part was read
+    for part, name in (("hybrid", "objects-hybrid"), ("windows", "objects-window-snn")):
+        config = vars(config_from_mapping(read_config(ROOT / f"examples/configs/{name}.yaml")))
+        config = config | {"validation_fraction": 0.0, "refit": False}
+        kept = {key: value for key, value in config.items() if f"{part}_{key}" in found.training}
+        assert len(kept) > 50
+        assert {key: found.training[f"{part}_{key}"] for key in kept} == kept
+        assert found.training[f"{part}_test_accuracy"] is None
+
+
+def test_the_best_network_of_objects_predicts_on_the_chip_as_in_torch() -> None:
+    found, network = read_checkpoint(model("objects-best")), load(model("objects-best"))
+    touches = synthetic_touches(8, steps=250, seed=3)
+    own = build_network(found.description)
+    own.load_weights(found.weights)
+    with torch.no_grad():
+        wanted = own.double().counts(torch.from_numpy(touches.spikes.copy()).double()).numpy()
+    assert np.allclose(evaluate(network, touches.spikes).scores, wanted, atol=1e-3)
+    levels = lower(network, CHIP, 8)
+    played = hw.simulate(levels.program, touches.spikes)
+    assert np.array_equal(played.scores, evaluate(levels.quantized.on_grid(), touches.spikes).scores)
