@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hybrids import CHIP, random_hybrid
+from hybrids import CHIP, assembled, in_phase, random_hybrid
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -235,6 +235,29 @@ def test_rows_of_more_than_a_tile(threshold, first, cuts):
         parts = [{name: rows[a:b] for name, rows in streams.items()} for a, b in pairwise([0, *cuts, 150])]
         assert np.array_equal(np.concatenate([session.push(part).scores for part in parts]), wanted[:150])
     assert len(np.unique(wanted)) > 5
+
+
+@pytest.mark.parametrize("engine", ["reference", "fast"])
+@pytest.mark.parametrize("rows", [4, 5, 6], ids=["one row short", "as long", "one row long"])
+def test_recordings_next_to_the_length_of_their_program(rows, engine):
+    """A spike acts in the step after its row, so that the last row of five does not count."""
+    builder = hw.ProgramBuilder(CHIP)
+    y = builder.add_compartments("y", 1, decay_u=4096, decay_v=4096, threshold=10)
+    builder.connect(builder.add_input("x", 1), y, [[20]])
+    program = builder.build()
+    program = replace(program, phases=(replace(program.phases[0], steps=5),))
+    found = hw.simulate(program, np.ones((rows, 1), dtype=np.uint8), engine=engine)
+    assert found.spikes["y"].tolist() == [[0], [1], [1], [1], [1]]
+
+
+def test_a_transposed_phase_that_does_not_say_its_length_lasts_as_long_as_its_visits():
+    builder = hw.ProgramBuilder(CHIP)
+    y = builder.add_compartments("y", 1, decay_u=4096, decay_v=4096, threshold=10)
+    builder.connect(builder.add_input("x", 2), y, [[20, 20]])
+    program = assembled(CHIP, Readout(("y",), (1.0,)), in_phase(builder.graph(), "location", None, np.arange(4)))
+    rows, session = np.ones((2, 4), dtype=np.uint8), hw.Session(program)
+    assert session.push(rows).spikes["y"].tolist() == [[3], [3]]
+    assert session.spikes("y").tolist() == hw.simulate(program, rows, steps=4).spikes["y"].tolist()
 
 
 def test_a_readout_of_one_branch():

@@ -94,7 +94,7 @@ class Run:
         text = Path(self._output).read_text(errors="replace")
         os.unlink(self._output)
         held = HELD.search(text)
-        file, colons, test = (held[1] if held else "out of time" if code < 0 else "").partition("::")
+        file, colons, test = (held[1] if held else "crashed, or out of time" if code < 0 else "").partition("::")
         by = Path(file).name + colons + test
         if code and (not self.faulty or not by):
             fault = self.mutant.name if self.faulty else "without a fault"
