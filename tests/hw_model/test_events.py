@@ -89,6 +89,7 @@ VISITS = [
     ("all together, fewer lines than rows", [0, 0, 0], [0, 1, 2], 3, 1, [[0, 2]]),
     ("silence after the walk", [0, 1, 0], [0, 0, 3], 6, 4, [[0, 1, 3, 5], [1], [], []]),
     ("steps before its end", [2, 0, 1], None, 3, 2, [[1], [0, 2]]),
+    ("two steps before its end", [2, 0, 1], None, 3, 1, [[1]]),
 ]
 
 
