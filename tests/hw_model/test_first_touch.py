@@ -243,3 +243,17 @@ def test_a_potential_is_0_until_the_touch():
     b = builder.add_compartments("b", 2, decay_u=4096, decay_v=0, threshold=100_000, bias=[0, -64], vmin=-511)
     builder.connect(builder.add_input("z", 1), b, [[-2], [-2]])
     assert stop_before_a_touch(builder) == [7]
+
+
+def test_events_before_the_touch_are_not_played():
+    """One event, in a channel of its own, comes before the row with two that starts the recording."""
+    builder = hw.ProgramBuilder(CHIP)
+    y = builder.add_compartments("y", 1, decay_u=4096, decay_v=4096, threshold=10)
+    builder.connect(builder.add_input("x", 2), y, [[20, 20]])
+    phase = in_phase(builder.graph(), "location", 4, np.arange(4))
+    phase = replace(phase, phases=(replace(phase.phases[0], align_events=2),))
+    program = assembled(CHIP, Readout(("y",), (1.0,)), phase)
+    rows = np.array([[1, 0, 0, 0], [0, 1, 1, 0], [0, 0, 0, 0]], dtype=np.uint8)
+    session = hw.Session(program)
+    assert session.push(rows).spikes["y"].tolist() == [[0], [2], [2]]
+    assert session.spikes("y").tolist() == hw.simulate(program, rows).spikes["y"].tolist() == [[0], [0], [1], [1]]

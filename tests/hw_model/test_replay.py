@@ -115,6 +115,19 @@ def test_every_row_in_turn_is_the_plain_engine(name):
     assert not np.array_equal(wanted, first)
 
 
+@pytest.mark.parametrize("name", ["pulled to vmin", "a pair", "three dendrites"])
+def test_the_largest_potential_after_every_row(name):
+    program = replace(location_program(PHASES[name]), readout=Readout(("y",), (1.0,), 2))
+    recording = (np.random.default_rng(5).random((2, STEPS)) < 0.5).astype(np.uint8)
+    potential = [
+        hw.simulate(program, recording * [[1], [later]], engine="reference", probe=("potential",)).potential["y"]
+        for later in (0, 1)
+    ]
+    wanted = [[float(rows[2:].max())] for rows in potential]
+    assert hw.Session(program).push(recording).scores.tolist() == wanted
+    assert wanted[0][0] > 0
+
+
 def test_a_sum_cut_off_below_its_threshold_never_spikes():
     """Two dendrites together would exceed it, but the register of the soma ends before."""
     build = dendrites(2, [250, 0], {"threshold": 40_000, "vmax": 2**21 - 1}, decay_v=0, vmax=2**21 - 1)

@@ -208,7 +208,8 @@ def main() -> int:
     every = mutants()
     kept = known(every)
     left = [m for only in args.only for m in every if only in m.name and m.name not in kept]
-    left = list(dict.fromkeys(left))
+    # Those that nothing finds take longest.
+    left = sorted(dict.fromkeys(left), key=lambda m: bool(m.equivalent))
     print(f"{len(every)} mutants, {len(left)} of them to run", flush=True)
     if args.dry:
         print("\n".join(m.name for m in left))
