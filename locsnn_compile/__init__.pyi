@@ -6,6 +6,7 @@ from .choose_strategy import Choice as Choice
 from .data.expected import Expected as Expected
 from .data.read import read_recordings as read_recordings
 from .data.recordings import Recordings as Recordings
+from .data.sensor import SensorLayout as SensorLayout
 from .errors import InputError as InputError
 from .errors import LocsnnError as LocsnnError
 from .errors import TargetError as TargetError

@@ -23,6 +23,9 @@ def committee(networks: Sequence[Network], weights: Sequence[float], name: str =
     Phases are equal where name, axis, steps and start are. Raises ``InputError`` for members that disagree, and for
     weights other than a number above 0 for each.
     """
+    if not networks or not all(isinstance(network, Network) for network in networks):
+        given = ", ".join(type(network).__name__ for network in networks) or "none"
+        raise InputError("networks", "they are not networks", measured=f"got {given}", fix="Read each with lc.load.")
     if len(weights) != len(networks) or not all(np.isfinite(w) and w > 0 for w in weights):
         measured = f"{', '.join(f'{w:g}' for w in weights)} for {len(networks)} networks"
         raise InputError("weights", "each network needs one above 0", measured=measured, fix="Give, such as, 1,2.")

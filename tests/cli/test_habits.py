@@ -109,7 +109,7 @@ def test_the_command_line_wins(tmp_path):
 def test_a_file_serves_the_other_name_of_the_command(tmp_path):
     (tmp_path / "o.yaml").write_text("weight-bits: 4\n")
     args = parser().parse_args(["compile", "m.pt", "--options", str(tmp_path / "o.yaml")])
-    assert (args.weight_bits, args.model) == (4, "m.pt")
+    assert (args.weight_bits, args.model) == (4, ["m.pt"])
 
 
 BAD = [

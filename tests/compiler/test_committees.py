@@ -167,12 +167,21 @@ def test_members_that_disagree_are_refused(networks, message):
     assert str(caught.value) == f"model 'other': {message}. Join networks of one input."
 
 
-@pytest.mark.parametrize("weights", [(1,), (1, 0), (1, -2), (1, float("nan")), (1, 2, 3)])
+@pytest.mark.parametrize("weights", [(1,), (1, 0), (1, -2), (1, float("nan")), (1, float("inf")), (1, 2, 3)])
 def test_weights_that_are_refused(weights):
     with pytest.raises(InputError) as caught:
         lc.compile([hybrid(), hybrid(1)], weights=weights)
     given = ", ".join(f"{w:g}" for w in weights)
     assert str(caught.value) == f"weights: each network needs one above 0 ({given} for 2 networks). Give, such as, 1,2."
+
+
+@pytest.mark.parametrize(
+    ("networks", "given"), [([], "none"), (["a.pt", "b.pt"], "str, str"), ([hybrid(), None], "Network, NoneType")]
+)
+def test_what_is_not_a_network_is_refused(networks, given):
+    with pytest.raises(InputError) as caught:
+        lc.compile(networks)
+    assert str(caught.value) == f"networks: they are not networks (got {given}). Read each with lc.load."
 
 
 def test_one_network_has_nothing_to_weigh():

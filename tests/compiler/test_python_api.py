@@ -93,7 +93,7 @@ def test_every_large_public_type_has_such_a_line():
     own = {name for name, kind in PUBLIC.items() if is_dataclass(kind) and kind.__repr__ is not Shown.__repr__}
     assert own == {
         *("CompiledModel", "Counts", "Divergence", "EpochRecord", "ErrorBudget", "Expected"),
-        *("PopulationMatch", "Probe", "Readout", "SrmAlpha"),
+        *("Member", "PopulationMatch", "Probe", "Readout", "SensorLayout", "SrmAlpha"),
     }
 
 
