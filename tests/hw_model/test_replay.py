@@ -79,8 +79,12 @@ PHASES = {
     "a bias after refractory steps": neuron([40, 20], bias=-64_000, refractory=3, decay_v=512, threshold=100),
     "three dendrites": dendrites(3, [100, -60], {"threshold": 9000}, times=(1, 1, -1), decay_u=900, decay_v=900),
     "a dendrite of a dendrite": chain([100, -60], {"threshold": 900}, decay_u=900, decay_v=2000),
-    "a pair, the first biased": dendrites(2, [10, 20], {"threshold": 100}, biases=(-40_960, 0), decay_v=0),
-    "a pair, the second biased": dendrites(2, [10, 20], {"threshold": 100}, biases=(0, -40_960), decay_v=0),
+    "a pair, the first biased": dendrites(
+        2, [10, 20], {"threshold": 100}, times=(1, 0), biases=(-40_960, 0), decay_v=0
+    ),
+    "a pair, the second biased": dendrites(
+        2, [10, 20], {"threshold": 100}, times=(0, 1), biases=(0, -40_960), decay_v=0
+    ),
     "a pair with a bias": dendrites(2, [250, -250], {"threshold": 10_000}, bias=-64_000, decay_v=512),
 }
 
@@ -126,6 +130,14 @@ def test_the_largest_potential_after_every_row(name):
     wanted = [[float(rows[2:].max())] for rows in potential]
     assert hw.Session(program).push(recording).scores.tolist() == wanted
     assert wanted[0][0] > 0
+
+
+def test_a_bias_pulls_down_after_the_last_refractory_step():
+    """Blocked in step 2 with nothing left: from then on -64000 a step, so that 20 * 2^13 in step 6 are not enough."""
+    program = location_program(neuron([40, 20], bias=-64_000, refractory=2, decay_v=0))
+    recording = np.zeros((2, STEPS), dtype=np.uint8)
+    recording[0, 0] = recording[1, 5] = 1
+    assert hw.Session(program).push(recording).spikes["y"].tolist() == [[1], [1]]
 
 
 def test_a_sum_cut_off_below_its_threshold_never_spikes():
