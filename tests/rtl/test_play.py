@@ -1,0 +1,50 @@
+"""The bench as a script: what it prints, and exit code 3 on a planted fault."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import benches
+import numpy as np
+import play
+import pytest
+
+from hw_model.rtl import simulators
+
+pytestmark = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
+FAULT = ("update.sv", "clipped8 > $signed(", "clipped8 <= $signed(")
+
+
+@pytest.fixture
+def arguments(tmp_path, monkeypatch):
+    """Return the arguments for a program and a recording of it; what is built is not kept."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    program, spikes = benches.hybrid(22)
+    program.save(tmp_path / "program")
+    np.save(tmp_path / "spikes.npy", spikes.transpose(0, 2, 1))
+    return [str(tmp_path / "program"), "--events", str(tmp_path / "spikes.npy"), "--simulator", "icarus", "--json"]
+
+
+def test_equal(arguments, capsys):
+    assert play.main(arguments) == 0
+    found = json.loads(capsys.readouterr().out)
+    keys = ["recordings", "compared_values", "mismatches", "cycles", "predicted_cycles", "cycle_mismatches"]
+    assert list(found) == keys
+    assert (found["recordings"], found["mismatches"], found["cycle_mismatches"]) == (1, 0, 0)
+    assert found["cycles"] == found["predicted_cycles"]
+
+
+def test_a_fault(arguments, capsys, monkeypatch):
+    name, old, new = FAULT
+    texts = simulators.sources()
+    monkeypatch.setattr(simulators, "sources", lambda: {**texts, name: texts[name].replace(old, new)})
+    assert play.main(arguments) == 3
+    assert json.loads(capsys.readouterr().out)["mismatches"] > 0
+
+
+def test_a_missing_simulator(arguments, capsys, monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    assert play.main(arguments) == 2
+    wanted = "simulator 'icarus': iverilog is not installed. Debian: apt-get install iverilog\n"
+    assert capsys.readouterr().err == wanted
