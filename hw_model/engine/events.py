@@ -11,10 +11,10 @@ from hw_model.values import ByteArray
 def list_events(recordings: ByteArray) -> EventLists:
     """Return the spikes of recordings (batch, rows, channels), 0 or 1, as lists."""
     first = np.zeros((len(recordings), recordings.shape[1] + 1), dtype=np.int64)
-    channel = np.empty(np.count_nonzero(recordings), dtype=np.int32)
+    channel = np.empty(np.count_nonzero(recordings) + 1, dtype=np.int32)
     # A copy of what is read-only: loops are compiled anew for it.
     _list(np.require(recordings, requirements=("C", "W")), first, channel)
-    return EventLists(first, channel)
+    return EventLists(first, channel[:-1])
 
 
 def transpose(events: EventLists, item: Input, steps: int) -> EventLists:
@@ -44,9 +44,9 @@ def _list(recordings, first, channel):  # type: ignore[no-untyped-def]
         first[b, 0] = many
         for row in range(recordings.shape[1]):
             for c in range(recordings.shape[2]):
-                if recordings[b, row, c]:
-                    channel[many] = c
-                    many += np.uint64(1)
+                # Every channel is written, and stays where it has a spike: a branch would be guessed wrong too often.
+                channel[many] = c
+                many += np.uint64(recordings[b, row, c] != 0)
             first[b, row + 1] = many
 
 
