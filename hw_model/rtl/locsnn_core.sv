@@ -97,7 +97,7 @@ module locsnn_core #(
     wire              delivering, updating, delivery_ready, read_out_done;
     wire              head_valid, queue_empty;
     wire [NUMBER-1:0] head;
-    wire word_ready = state == ROW && (word_kind == EVENT ? delivery_ready : word_kind == TICK ? !delivering : 1'b1);
+    wire word_ready = state == ROW && (word_kind == EVENT ? delivery_ready : !delivering);
     wire word_taken = word_valid && word_ready;
     wire begin_location = word_taken && word_kind != EVENT && word_kind != TICK && !location && settings[LOCATION_STEPS] != 0;
 

@@ -55,7 +55,7 @@ class _Clock:
                 self.consumed = max(earliest, self.walked + 3)
                 self.row = self._update(self.consumed + 1, compartments, next(step, []))
             else:
-                self.consumed = self.prepared if word == END else earliest
+                self.consumed = self.prepared if word == END else max(earliest, self.walked + 3)
         self.prepared = self.consumed
         self.row = self.consumed + 1
 
