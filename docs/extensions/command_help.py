@@ -15,12 +15,17 @@ from locsnn_compile.cli import main as locsnn_command
 def parsers() -> dict[str, ArgumentParser]:
     """Return every parser, by how its program is called: ``locsnn-compile``, ``locsnn``, ``locsnn train``, ..."""
     locsnn = locsnn_command.parser()
-    (commands,) = (action.choices for action in locsnn._actions if isinstance(action.choices, dict))
-    return {
-        "locsnn-compile": compile_command.parser(),
-        "locsnn": locsnn,
-        **{f"locsnn {name}": parser for name, parser in commands.items()},
-    }
+    return {"locsnn-compile": compile_command.parser(), "locsnn": locsnn, **_below("locsnn", locsnn)}
+
+
+def _below(program: str, parser: ArgumentParser) -> dict[str, ArgumentParser]:
+    """Return the commands below a parser, and those below a group of commands in its place."""
+    found = {}
+    for action in parser._actions:
+        for name, command in action.choices.items() if isinstance(action.choices, dict) else ():
+            called = f"{program} {name}"
+            found |= _below(called, command) or {called: command}
+    return found
 
 
 def programs() -> list[str]:

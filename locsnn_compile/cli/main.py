@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Sequence
 
-from locsnn_compile.cli import compile, completion, diff, events, explore, pack, run, stress, targets, train
+from locsnn_compile.cli import compile, completion, diff, events, explore, pack, rtl_sim, run, stress, targets, train
 from locsnn_compile.cli.shell import Parser, add_command, add_common, guarded
 
 COMMANDS = (compile, train, pack, run, events, explore, diff, stress, targets, completion)
@@ -16,6 +16,8 @@ def parser() -> Parser:
     commands = made.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for command in COMMANDS:
         add_command(commands, command.__name__.rpartition(".")[2], command)
+    core = commands.add_parser("rtl", help="simulate the open core in SystemVerilog")
+    add_command(core.add_subparsers(title="commands", metavar="COMMAND", required=True), "sim", rtl_sim)
     return made
 
 

@@ -66,10 +66,10 @@ def test_targets_lists_and_shows(capsys):
     assert yaml.safe_load(capsys.readouterr().out)["name"] == "loihi-sim"
 
 
-@pytest.mark.parametrize("command", ["train", "pack", "run", "explore", "diff", "targets"])
+@pytest.mark.parametrize("command", ["train", "pack", "run", "explore", "diff", "rtl sim", "targets"])
 def test_every_help_shows_an_example(command, capsys):
     with pytest.raises(SystemExit) as caught:
-        main([command, "--help"])
+        main([*command.split(), "--help"])
     assert caught.value.code == 0
     assert f"example:\n  locsnn {command} " in capsys.readouterr().out
 

@@ -54,6 +54,8 @@ OPTIONS = {
     "pack": ("locsnn pack BAD.pt -o d.pt", "MODEL"),
     "pack -o": (f"locsnn pack {MODEL} -o BAD", "--output"),
     "diff --html": ("locsnn diff build build --html BAD.html", "--html"),
+    "rtl sim DIR": ("locsnn rtl sim BAD --events d.npz", "folder"),
+    "rtl sim --events": ("locsnn rtl sim build --events BAD.npz", "path"),
     "stress --target": ("locsnn stress --target BAD.yaml", "path"),
     "stress -o": ("locsnn stress -o BAD.md", "-o"),
     "targets": ("locsnn targets --show BAD.yaml", "path"),

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 import yaml
 from benches import SIZES, all_benches
-from open_core.comparison import compare
 
+from hw_model.rtl.comparison import compare
 from hw_model.rtl.simulators import sources
 
 pytestmark = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")

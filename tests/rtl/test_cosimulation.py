@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
-from open_core.comparison import compare
 
 import hw_model as hw
 import locsnn_compile as lc
+from hw_model.rtl.comparison import compare
 from hw_model.rtl.simulators import sources
 
 ROOT = Path(__file__).parents[2]

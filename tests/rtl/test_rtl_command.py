@@ -1,4 +1,4 @@
-"""The bench as a script: what it prints, and exit code 3 on a planted fault."""
+"""``locsnn rtl sim``: what it prints, and exit code 3 on a planted fault."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import shutil
 
 import benches
 import numpy as np
-import play
 import pytest
 
 from hw_model.rtl import simulators
+from locsnn_compile.cli import main as locsnn
 
 pytestmark = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
 FAULT = ("update.sv", "clipped8 > $signed(", "clipped8 <= $signed(")
@@ -23,11 +23,12 @@ def arguments(tmp_path, monkeypatch):
     program, spikes = benches.hybrid(22)
     program.save(tmp_path / "program")
     np.save(tmp_path / "spikes.npy", spikes.transpose(0, 2, 1))
-    return [str(tmp_path / "program"), "--events", str(tmp_path / "spikes.npy"), "--simulator", "icarus", "--json"]
+    events = str(tmp_path / "spikes.npy")
+    return ["rtl", "sim", str(tmp_path / "program"), "--events", events, "--simulator", "icarus", "--json"]
 
 
 def test_equal(arguments, capsys):
-    assert play.main(arguments) == 0
+    assert locsnn.main(arguments) == 0
     found = json.loads(capsys.readouterr().out)
     keys = ["recordings", "compared_values", "mismatches", "cycles", "predicted_cycles", "cycle_mismatches"]
     assert list(found) == keys
@@ -39,12 +40,12 @@ def test_a_fault(arguments, capsys, monkeypatch):
     name, old, new = FAULT
     texts = simulators.sources()
     monkeypatch.setattr(simulators, "sources", lambda: {**texts, name: texts[name].replace(old, new)})
-    assert play.main(arguments) == 3
+    assert locsnn.main(arguments) == 3
     assert json.loads(capsys.readouterr().out)["mismatches"] > 0
 
 
 def test_a_missing_simulator(arguments, capsys, monkeypatch):
     monkeypatch.setenv("PATH", "")
-    assert play.main(arguments) == 2
+    assert locsnn.main(arguments) == 2
     wanted = "simulator 'icarus': iverilog is not installed. Debian: apt-get install iverilog\n"
     assert capsys.readouterr().err == wanted

@@ -9,10 +9,10 @@ from hw_model.engine.playing import Spikes, read_streams
 from hw_model.engine.probes import Kind
 from hw_model.program.chip_program import ChipProgram
 from hw_model.rtl.cosimulation import ANSWER, PATIENCE, play_on_core
+from hw_model.rtl.cycles import core_cycles
 from hw_model.rtl.images import CoreProgram, Sizes
 from hw_model.rtl.simulators import Simulator
 from hw_model.simulation import simulate
-from open_core.cycles import core_cycles
 
 KINDS: tuple[Kind, ...] = ("spikes", "u", "v", "potential")
 
@@ -22,13 +22,12 @@ def compare(
     spikes: Spikes,
     texts: Mapping[str, str],
     simulator: Simulator = "verilator",
-    steps: int | None = None,
     sizes: Sizes = Sizes(),  # noqa: B008
     patience: int = PATIENCE,
 ) -> dict[str, Any]:
     """Return what was compared, and how often the two differ; ``spikes`` are a batch, (batch, steps, channels)."""
-    expected = simulate(program, spikes, steps, probe=KINDS)
-    found, answers = play_on_core(program, spikes, steps, KINDS, simulator, texts, sizes, patience)
+    expected = simulate(program, spikes, probe=KINDS)
+    found, answers = play_on_core(program, spikes, None, KINDS, simulator, texts, sizes, patience)
     of_core = dict(zip(ANSWER, answers.T, strict=True))
     kept = [(getattr(expected, kind), getattr(found, kind)) for kind in KINDS]
     pairs = [(ours[name], theirs[name]) for ours, theirs in kept for name in ours]
@@ -37,7 +36,7 @@ def compare(
     if expected.scores is not None:
         pairs += [(expected.scores, found.scores), (expected.prediction, of_core["class"])]
     recordings = np.concatenate(list(read_streams(program, spikes)[0].values()), axis=2)
-    core = CoreProgram(program, recordings.shape[1], steps)
+    core = CoreProgram(program, recordings.shape[1], None)
     by_recording = [{name: its[i] for name, its in expected.spikes.items()} for i in range(len(recordings))]
     predicted = [core_cycles(core, *one) for one in zip(recordings, by_recording, strict=True)]
     cycles = of_core["cycles"].tolist()

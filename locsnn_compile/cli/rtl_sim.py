@@ -1,21 +1,20 @@
-"""Play recordings of a compiled program to the open core and to the simulator, and compare every value."""
+"""``locsnn rtl sim``: play recordings of a compiled program to the open core and to the simulator, and compare them."""
 
 import argparse
 import json
-import sys
 
 import hw_model as hw
 from locsnn_compile.cli.checks import check_number
-from locsnn_compile.cli.shell import EXIT_GATE, Parser, guarded
+from locsnn_compile.cli.shell import EXIT_GATE
 from locsnn_compile.cli.step_options import add_step_options, read_for_program
 
-DESCRIPTION = (
-    "Play recordings to the open core's SystemVerilog and to the simulator, and compare every spike, u, v, potential, "
-    "count and class, and every cycle with its prediction. Exit code 3 if anything differs."
-)
+HELP = "play recordings to the core and to the simulator, and compare every value"
+DESCRIPTION = """\
+Play recordings to the open core's SystemVerilog and to the simulator, and compare every spike, u, v, potential, count
+and class, and every cycle with its prediction. Exit code 3 if anything differs."""
 EXAMPLE = """\
 example:
-  python tests/rtl/play.py build/objects-hybrid --events examples/recordings/touches.npz --recordings 1
+  locsnn rtl sim build/objects-hybrid --events examples/recordings/touches.npz --recordings 1
 
 It needs Verilator (Debian: apt-get install verilator) or, with --simulator icarus, Icarus Verilog. The simulator is
 built once, in half a minute, and kept in ~/.cache/locsnn. Nothing here runs on a board.
@@ -35,15 +34,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Compare; print what was found in a few lines, or as JSON."""
-    from open_core.comparison import compare
-
+    from hw_model.rtl.comparison import compare
     from hw_model.rtl.simulators import sources
 
     check_number("--recordings", args.recordings, "nothing to play", lambda x: x > 0, "Give 1 or more.")
     program = hw.load_program(args.program)
-    found = compare(
-        program, read_for_program(args, args.events, program).spikes[: args.recordings], sources(), args.simulator
-    )
+    spikes = read_for_program(args, args.events, program).spikes[: args.recordings]
+    found = compare(program, spikes, sources(), args.simulator)
     if args.json:
         print(json.dumps(found, indent=2))
     else:
@@ -52,14 +49,3 @@ def run(args: argparse.Namespace) -> int:
         print(f"mismatches {found['mismatches']}, cycles predicted wrongly {found['cycle_mismatches']}")
         print(f"cycles per recording: {sum(cycles) / len(cycles):.0f} on average, {max(cycles)} at most")
     return EXIT_GATE if found["mismatches"] or found["cycle_mismatches"] else 0
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Parse the arguments and run."""
-    parser = Parser(description=DESCRIPTION, epilog=EXAMPLE, formatter_class=argparse.RawDescriptionHelpFormatter)
-    add_options(parser)
-    return guarded(parser, argv, run)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

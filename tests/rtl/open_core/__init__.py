@@ -1,1 +1,0 @@
-"""The open core on test benches: its cycles, and what it did against the simulator."""
