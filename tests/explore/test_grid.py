@@ -1,7 +1,7 @@
 """The grid of settings is a table that agrees with the compiler."""
 
 import inspect
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 
 import pytest
 from small_model import explore, explored, narrow
@@ -60,6 +60,7 @@ def test_options_that_change_nothing_are_not_tried():
 PSI = Axis("psi", (5.0, 10.0), 10.0, lambda network: True, "late predictions", "psi {:g}", bounds=(0.0, 99.0))
 
 
+@dataclass(frozen=True)
 class Late(Setting):
     psi: float = 10.0
 

@@ -10,6 +10,7 @@ import pytest
 import yaml
 from benches import SIZES, all_benches
 
+import hw_model as hw
 from hw_model.rtl.comparison import compare
 from hw_model.rtl.simulators import sources
 
@@ -30,6 +31,11 @@ def differ(texts) -> bool:
         if found["mismatches"] or found["cycle_mismatches"]:
             return True
     return False
+
+
+def test_the_benches_wrap_and_clip():
+    met = sum((hw.simulate(program, spikes, probe=()).counts for program, spikes in benches()), hw.Counts())
+    assert min(met.charge_wraps, met.current_wraps, met.voltage_clips) > 10
 
 
 def test_the_core_passes_every_bench():
