@@ -20,7 +20,7 @@ from hw_model.rtl.comparison import compare
 from hw_model.rtl.simulators import sources
 
 ROOT = Path(__file__).parents[2]
-verilator = pytest.mark.skipif(shutil.which("verilator") is None, reason="Verilator is not installed")
+NO_VERILATOR = pytest.mark.skipif(shutil.which("verilator") is None, reason="Verilator is not installed")
 icarus = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
 SETTINGS = settings(
     deadline=None,
@@ -33,6 +33,11 @@ PLAIN = hw.chip("loihi-sim")
 MANY_PROFILES = {"compartment_profiles_per_core": 1024, "threshold_profiles_per_core": 1024}
 LOIHI = st.just(replace(PLAIN, limits=replace(PLAIN.limits, **MANY_PROFILES, synapse_formats_per_core=256)))
 """Its registers, and room for compartments that all differ."""
+
+
+def verilator(test):
+    """Mark a test that builds the core with Verilator, which takes half a minute."""
+    return pytest.mark.slow(NO_VERILATOR(test))
 
 
 def check(program: hw.ChipProgram, spikes: np.ndarray, simulator: str = "verilator") -> dict:
@@ -66,7 +71,6 @@ def test_a_shipped_model():
 
 
 @verilator
-@pytest.mark.slow
 @pytest.mark.parametrize(("model", "strategy"), MODELS, ids=lambda value: value)
 def test_every_shipped_model(model, strategy):
     check(shipped(model, strategy), recordings(model, None))
@@ -89,10 +93,8 @@ def check_random(drawn: any_program.Drawn, met: Counter[str]) -> None:
 @pytest.mark.parametrize(
     ("strategy", "many"),
     [
-        pytest.param(any_program.programs(given=LOIHI), 12, id="one phase"),
-        pytest.param(any_program.hybrid_programs(given=LOIHI), 12, id="hybrid"),
-        pytest.param(any_program.programs(given=LOIHI), 150, id="one phase, many", marks=pytest.mark.slow),
-        pytest.param(any_program.hybrid_programs(given=LOIHI), 150, id="hybrid, many", marks=pytest.mark.slow),
+        pytest.param(any_program.programs(given=LOIHI), 150, id="one phase"),
+        pytest.param(any_program.hybrid_programs(given=LOIHI), 150, id="hybrid"),
     ],
 )
 def test_random_programs(strategy, many):
@@ -119,16 +121,20 @@ def test_random_hybrids(seed):
 
 
 @icarus
+@pytest.mark.slow
 def test_icarus_does_the_same():
     program, spikes = hybrids.random_hybrid(5)
     check(program, spikes[None], "icarus")
 
 
-@verilator
+@icarus
 def test_cosimulate_returns_what_simulate_does():
     program, spikes = hybrids.random_hybrid(3)
     probe = ("spikes", "u", "v", "potential", "activity")
-    ours, core = hw.simulate(program, spikes, probe=probe), hw.cosimulate(program, spikes, probe=probe)
+    ours, core = (
+        hw.simulate(program, spikes, probe=probe),
+        hw.cosimulate(program, spikes, simulator="icarus", probe=probe),
+    )
     for kind in ("spikes", "u", "v", "potential"):
         assert getattr(ours, kind).keys() == getattr(core, kind).keys()
         assert all(np.array_equal(array, getattr(core, kind)[name]) for name, array in getattr(ours, kind).items())
