@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import hw_model as hw
-from hw_model.engine.layout import fast_layout
+from hw_model.engine.layout import _packed, fast_layout
 from hw_model.engine.tiles import LONG
 from hw_model.simulation import ENGINES
 
@@ -101,6 +101,15 @@ def sums(bias: int) -> hw.ProgramBuilder:
     return builder
 
 
+def refractory() -> hw.ProgramBuilder:
+    """Compartments that nothing but their refractory steps sets apart from the plainest."""
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 2)
+    n = builder.add_compartments("n", 20, threshold=90, refractory=4, **FORGETS)
+    builder.connect(x, n, np.full((20, 2), 100))
+    return builder
+
+
 PROGRAMS = {
     "matrices": matrix,
     "delays of a matrix": delays_of_a_matrix,
@@ -109,6 +118,7 @@ PROGRAMS = {
     "slow decay": slow_decay,
     "recurrence ahead of another": recurrence_ahead_of_another,
     "chunks that rest in turn": chunks_that_rest_in_turn,
+    "refractory": refractory,
     "sums": lambda: sums(0),
     "sums with a bias": lambda: sums(640),
 }
@@ -148,6 +158,28 @@ def test_no_recording_knows_of_the_one_before(build):
     rows = recordings(program.streams["x"])
     together = hw.simulate(program, rows).per_recording
     assert list(together) == [hw.simulate(program, recording).counts for recording in rows]
+
+
+def test_inputs_of_a_phase_have_lists_of_their_own():
+    builder = hw.ProgramBuilder(CHIP)
+    n = builder.add_compartments("n", 2, threshold=90, **FORGETS)
+    for name, weights in (("x", np.eye(2)), ("z", np.eye(2)[::-1])):
+        builder.connect(builder.add_input(name, 2), n, 100 * weights)
+    program = builder.build()
+    first, second = np.zeros((2, 2, 5, 2), dtype=np.uint8)
+    first[:, 0, 0] = second[:, [1, 3], 0] = 1
+    for engine in ENGINES:
+        spikes = hw.simulate(program, {"x": first, "z": second}, engine=engine).spikes["n"]
+        assert spikes.tolist() == [[[0, 0], [1, 0], [0, 1], [0, 0], [0, 1]]] * 2
+
+
+@pytest.mark.parametrize(("widest", "fits"), [(2**30 - 1, True), (2**30 + 1, False)], ids=["31 bits", "one more"])
+def test_a_packed_weight_has_a_sign(widest, fits):
+    """One bit is the slot's, so that 31 are left for the weight and its sign."""
+    words, _ = _packed(np.array([0, 1]), np.array([widest, -widest]), np.array([3, 3]), 1)
+    assert (words is not None) == fits
+    if words is not None:
+        assert (words >> 1).tolist() == [widest, -widest]
 
 
 def many_children(count: int, **limits) -> hw.ChipProgram:
