@@ -52,9 +52,27 @@ def chain(weights, soma, **parameters):
     return build
 
 
+def relay(builder, x):
+    """Spikes that the second row takes back, and with them what a list has passed on."""
+    h = builder.add_compartments("h", 20, threshold=90, **FORGETS)
+    y = builder.add_compartments("y", 1, threshold=100, **FORGETS)
+    builder.connect(x, h, np.tile([100, -200], (20, 1)))
+    builder.connect(h, y, 200 * np.eye(1, 20, dtype=np.int64))
+
+
+def side_by_side(builder, x):
+    """Two chunks of one population, each with a row of its own: one is refractory while the other runs again."""
+    h = builder.add_compartments("h", 20, threshold=90, refractory=3, **FORGETS)
+    y = builder.add_compartments("y", 1, threshold=100, **FORGETS)
+    builder.connect(x, h, np.repeat([[100, 0], [0, 100]], [16, 4], axis=0))
+    builder.connect(h, y, 200 * np.isin(np.arange(20), [0, 19])[None].astype(np.int64))
+
+
 LARGE = {"decay_u": 0, "bias": 4095 * 128}
 """A current that is kept, so that five charges of 254 * 2^13 take it, and a bias, beyond 2^23."""
 PHASES = {
+    "a spike that is taken back": relay,
+    "two chunks, refractory": side_by_side,
     "pulled to vmin": neuron([100, -200], decay_v=0, vmin=0, threshold=300),
     "a dendrite, pushed to vmax": dendrites(
         1, [200, -100], {"threshold": 30_000, "vmax": 2**21 - 1}, decay_v=0, vmax=2**21 - 1

@@ -167,10 +167,10 @@ def test_inputs_of_a_phase_have_lists_of_their_own():
         builder.connect(builder.add_input(name, 2), n, 100 * weights)
     program = builder.build()
     first, second = np.zeros((2, 2, 5, 2), dtype=np.uint8)
-    first[:, 0, 0] = second[:, [1, 3], 0] = 1
+    first[:, 0, 0] = second[:, 1, 0] = second[:, 3, 1] = 1
     for engine in ENGINES:
         spikes = hw.simulate(program, {"x": first, "z": second}, engine=engine).spikes["n"]
-        assert spikes.tolist() == [[[0, 0], [1, 0], [0, 1], [0, 0], [0, 1]]] * 2
+        assert spikes.tolist() == [[[0, 0], [1, 0], [0, 1], [0, 0], [1, 0]]] * 2
 
 
 @pytest.mark.parametrize(("widest", "fits"), [(2**30 - 1, True), (2**30 + 1, False)], ids=["31 bits", "one more"])
