@@ -53,25 +53,29 @@ def chain(weights, soma, **parameters):
 
 
 def relay(builder, x):
-    """Spikes that the second row takes back, and with them what a list has passed on."""
-    h = builder.add_compartments("h", 20, threshold=90, **FORGETS)
+    """Spikes that the second row takes back, and with them what a matrix, and then a list, has passed on."""
+    h = builder.add_compartments("h", 1, threshold=90, **FORGETS)
+    many = builder.add_compartments("many", 16, threshold=90, **FORGETS)
     y = builder.add_compartments("y", 1, threshold=100, **FORGETS)
-    builder.connect(x, h, np.tile([100, -200], (20, 1)))
-    builder.connect(h, y, 200 * np.eye(1, 20, dtype=np.int64))
+    builder.connect(x, h, [[100, -200]])
+    builder.connect(h, many, np.full((16, 1), 100))
+    builder.connect(many, y, 200 * np.eye(1, 16, dtype=np.int64))
 
 
 def side_by_side(builder, x):
     """Two chunks of one population, each with a row of its own: one is refractory while the other runs again."""
     h = builder.add_compartments("h", 20, threshold=90, refractory=3, **FORGETS)
     y = builder.add_compartments("y", 1, threshold=100, **FORGETS)
-    builder.connect(x, h, np.repeat([[100, 0], [0, 100]], [16, 4], axis=0))
-    builder.connect(h, y, 200 * np.isin(np.arange(20), [0, 19])[None].astype(np.int64))
+    ends = np.isin(np.arange(20), [0, 19])
+    builder.connect(x, h, 100 * np.outer(ends, [1, 1]) * (np.arange(20)[:, None] // 10 == [0, 1]))
+    builder.connect(h, y, 200 * ends[None].astype(np.int64))
 
 
 LARGE = {"decay_u": 0, "bias": 4095 * 128}
 """A current that is kept, so that five charges of 254 * 2^13 take it, and a bias, beyond 2^23."""
 PHASES = {
     "a spike that is taken back": relay,
+    "a pair that forgets, the second alone": dendrites(2, [100, -60], {"threshold": 6000}, times=(0, 1)),
     "two chunks, refractory": side_by_side,
     "pulled to vmin": neuron([100, -200], decay_v=0, vmin=0, threshold=300),
     "a dendrite, pushed to vmax": dendrites(
@@ -156,6 +160,21 @@ def test_a_bias_pulls_down_after_the_last_refractory_step():
     recording = np.zeros((2, STEPS), dtype=np.uint8)
     recording[0, 0] = recording[1, 5] = 1
     assert hw.Session(program).push(recording).spikes["y"].tolist() == [[1], [1]]
+
+
+def test_what_has_run_does_not_run_again():
+    """A spike comes back to its population, which has run those steps by then: a silent row after it costs nothing."""
+
+    def build(builder, x):
+        y = builder.add_compartments("y", 1, threshold=90, **FORGETS)
+        builder.connect(x, y, [[100, 100]])
+        builder.connect(y, y, [[100]], delay=2)
+
+    session = hw.Session(location_program(build))
+    assert session.push(np.eye(1, STEPS, dtype=np.uint8)).spikes["y"].tolist() == [[4]]
+    run = session.replayed[0]
+    assert session.push(np.zeros((1, STEPS), dtype=np.uint8)).spikes["y"].tolist() == [[4]]
+    assert session.replayed[0] == run == STEPS - 1
 
 
 def test_a_sum_cut_off_below_its_threshold_never_spikes():
