@@ -237,6 +237,15 @@ def test_rows_of_more_than_a_tile(threshold, first, cuts):
     assert len(np.unique(wanted)) > 5
 
 
+@pytest.mark.parametrize(
+    ("given", "steps"),
+    [(None, {}), (3, {"a": 3, "b": 3}), ((None, 10), {"b": 10}), ((2, None), {"a": 2}), ((0, 1), {"a": 0, "b": 1})],
+    ids=["spikes", "one for all", "the second", "the first", "one each"],
+)
+def test_populations_that_give_potentials_have_a_first_step(given, steps):
+    assert Readout(("a", "b"), (1.0, 1.0), given).from_step == steps
+
+
 @pytest.mark.parametrize("engine", ["reference", "fast"])
 @pytest.mark.parametrize("rows", [4, 5, 6], ids=["one row short", "as long", "one row long"])
 def test_recordings_next_to_the_length_of_their_program(rows, engine):
