@@ -55,6 +55,15 @@ def test_scale_of_integrators(settings, weights, exponent, threshold):
     assert quantized.populations[0].neuron.threshold.tolist() == [threshold]
 
 
+def test_a_bias_of_more_thresholds_than_the_chip_holds():
+    with pytest.raises(TargetError) as caught:
+        quantize(single(Cuba.of(1, **ONE, bias=5000.0), [[0.5]]), CHIP, 8)
+    assert str(caught.value) == (
+        "population 'n': no scale holds both the threshold and the largest bias "
+        "(one bias reaches 5000 thresholds against 4095). Train with smaller biases, or a higher threshold."
+    )
+
+
 def test_paired_dendrites_share_weights_that_take_one_format():
     quantized = quantize(hybrid(), CHIP, 8, "paired-dendrite")
     assert [p.dendrite for p in quantized.projections if p.target == "time_hidden"] == [0, 1]
