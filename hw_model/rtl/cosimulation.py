@@ -24,6 +24,9 @@ TICK, END = 1 << 16, 2 << 16
 """Words of the stream that are not channels."""
 PATIENCE = 1 << 20
 """Cycles without a sign of life after which a core is given up."""
+UNKNOWN = -(1 << 62)
+"""What stands for a value that the logic leaves undefined: nothing that a simulation gives."""
+_UNDEFINED = dict.fromkeys(map(ord, "xXzZ"), str(UNKNOWN))
 UPDATE = ("compartment", "u", "v", "potential", "fired", "active", *EVENTS)
 ANSWER = ("error", "class", "cycles", "synaptic_ops", "neuron_updates", "neuron_updates_active", "spikes", *EVENTS)
 """What the bench writes of an update, and of a recording."""
@@ -98,8 +101,11 @@ def words_of(core: CoreProgram, recording: ByteArray) -> list[int]:
 
 
 def _numbers(path: Path, shape: tuple[int, ...]) -> IntArray:
-    """Return the numbers of a file in a shape; a core that fails may give more, or fewer, for which -1 stands."""
-    found = np.array(path.read_text().replace("x", "0").split(), dtype=np.int64)
+    """Return the numbers of a file in a shape; ``UNKNOWN`` stands for undefined ones, and -1 for those that lack.
+
+    A core that fails may give more, or fewer.
+    """
+    found = np.array(path.read_text().translate(_UNDEFINED).split(), dtype=np.int64)
     full = np.full(shape, -1, dtype=np.int64)
     count = min(full.size, found.size)
     full.ravel()[:count] = found[:count]

@@ -13,8 +13,8 @@ import numpy as np
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT
 from hw_model.program.chip_program import ChipProgram, Core
-from hw_model.rtl.fitness import kept_rows, phases_of, refuse_unless
 from hw_model.rtl.memory_words import BitArray, Layout
+from hw_model.rtl.refused import kept_rows, phases_of, refuse_unless
 from hw_model.values import Frozen, IntArray
 
 JOIN_DISTANCE = 6

@@ -25,7 +25,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
     add = parser.add_argument
     add("program", metavar="DIR", help="folder that locsnn-compile wrote")
-    add("--events", required=True, metavar="FILE", help="recordings: .zip, folder, .npy, .npz, .pt, .tact")
+    add("--events", required=True, metavar="FILE", help="recordings: .zip, folder, .npy, .npz, .pt, .h5, or of events")
     add("--simulator", default="verilator", metavar="NAME", help="verilator (default) or icarus, which is slow")
     add("--recordings", type=int, metavar="N", help="play only the first N")
     add_step_options(parser)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from hw_model.rtl import simulators
+from hw_model.rtl.cosimulation import UNKNOWN, _numbers
 from locsnn_compile.cli import main as locsnn
 
 pytestmark = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
@@ -42,6 +43,12 @@ def test_a_fault(arguments, capsys, monkeypatch):
     monkeypatch.setattr(simulators, "sources", lambda: {**texts, name: texts[name].replace(old, new)})
     assert locsnn.main(arguments) == 3
     assert json.loads(capsys.readouterr().out)["mismatches"] > 0
+
+
+def test_what_the_logic_leaves_undefined_equals_nothing(tmp_path):
+    (tmp_path / "updates").write_text("3 x 0\nX z -1\n")
+    found = _numbers(tmp_path / "updates", (2, 4))
+    assert found.tolist() == [[3, UNKNOWN, 0, UNKNOWN], [UNKNOWN, -1, -1, -1]]
 
 
 def test_a_missing_simulator(arguments, capsys, monkeypatch):
