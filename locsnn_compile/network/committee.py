@@ -69,9 +69,17 @@ def _shared(key: str, networks: Sequence[Network]) -> Any:
     said = [(network.name, value) for network in networks if (value := getattr(network, key)) is not None]
     for (first, its), (name, value) in pairwise(said):
         if value != its:
-            what, measured = f"its {key.replace('_', ' ')} differ from those of {first!r}", f"{value} against {its}"
+            what, measured = (
+                f"it differs from {first!r} in {key.replace('_', ' ')}",
+                f"{_short(value)} against {_short(its)}",
+            )
             raise InputError(f"model {name!r}", what, measured=measured, fix="Join networks of one input.")
     return said[0][1] if said else None
+
+
+def _short(value: Any) -> str:
+    """Return what a message shows of a value: a sensor's name, texts without their brackets."""
+    return (", ".join(value) if isinstance(value, tuple) else str(getattr(value, "name", value)))[:60]
 
 
 def _free(name: str, taken: Collection[str]) -> str:

@@ -149,7 +149,7 @@ def test_what_cannot_be_packed_or_joined(tmp_path, capsys):
     assert len(lines) == 5
     assert lines[1] == "weights: each network needs one above 0 (1, 2 for 3 networks). Give, such as, 1,2."
     assert lines[3] == "--weights: there is one model, with nothing to weigh it against. Leave it out."
-    assert "differ from those of" in lines[4]
+    assert "differs from" in lines[4]
     assert not any(tmp_path.iterdir())
 
 

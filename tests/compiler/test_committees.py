@@ -18,6 +18,7 @@ from hw_model.mapping.graph import Readout
 from locsnn_compile.api import join
 from locsnn_compile.backends.exchange import exchange_file
 from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.sensor import asked_layout, neutouch
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.committee import committee
 from locsnn_compile.pipeline import lower
@@ -147,19 +148,23 @@ def other(**changes):
 @pytest.mark.parametrize(
     ("networks", "message"),
     [
-        (other(channels=5), "its channels differ from those of 'small-hybrid' (5 against 4)"),
-        (other(steps=13), "its steps differ from those of 'small-hybrid' (13 against 12)"),
-        (other(step_seconds=0.1), "its step seconds differ from those of 'small-hybrid' (0.1 against 0.02)"),
+        (other(channels=5), "it differs from 'small-hybrid' in channels (5 against 4)"),
+        (other(steps=13), "it differs from 'small-hybrid' in steps (13 against 12)"),
+        (other(step_seconds=0.1), "it differs from 'small-hybrid' in step seconds (0.1 against 0.02)"),
         (
             [hybrid(), replace(hybrid(1, classes=3), name="other")],
-            "its classes differ from those of 'small-hybrid' (3 against 2)",
+            "it differs from 'small-hybrid' in classes (3 against 2)",
         ),
         (
             [replace(hybrid(), class_names=("a", "b")), replace(hybrid(1), name="other", class_names=("b", "a"))],
-            "its class names differ from those of 'small-hybrid' (('b', 'a') against ('a', 'b'))",
+            "it differs from 'small-hybrid' in class names (b, a against a, b)",
+        ),
+        (
+            [replace(hybrid(), sensor=asked_layout("2x2", 1, None, None)), other(sensor=neutouch())[1]],
+            "it differs from 'small-hybrid' in sensor (neutouch against grid 2x2)",
         ),
     ],
-    ids=["channels", "steps", "seconds", "classes", "class names"],
+    ids=["channels", "steps", "seconds", "classes", "class names", "sensor"],
 )
 def test_members_that_disagree_are_refused(networks, message):
     with pytest.raises(InputError) as caught:
