@@ -42,14 +42,6 @@ class Bound(Frozen, eq=False):
         return total
 
 
-def state_bound(keep_u: float, keep_v: float) -> float:
-    """Return the bound of ``states`` for all time, of compartments that keep fractions of u and v in a step."""
-    u = 1.0 / (1.0 - keep_u) if 0 < keep_u < 1 else 0.0
-    if keep_v == 1:
-        return np.inf if u else 0.0
-    return (u + 1.0) / (1.0 - keep_v) if keep_v > 0 else u
-
-
 def error_bound(
     numbers: Numbers, population: str, lines: Mapping[str, ByteArray], spikes: Mapping[str, ByteArray]
 ) -> Bound:

@@ -8,12 +8,20 @@ from hypothesis import strategies as st
 import hw_model as hw
 from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.pipeline import lower
-from locsnn_compile.stress.bounds import SOURCES, error_bound, state_bound
+from locsnn_compile.stress.bounds import SOURCES, error_bound
 from locsnn_compile.stress.cases.case import POPULATION, lif, network_of, random_input, srm, weights
 from locsnn_compile.stress.measure import Sides
 from locsnn_compile.verification.error_budget.budget import STAGES
 
 CHIP = hw.chip("loihi-sim")
+
+
+def state_bound(keep_u: float, keep_v: float) -> float:
+    """Return the bound of ``states`` for all time, of compartments that keep fractions of u and v in a step."""
+    u = 1.0 / (1.0 - keep_u) if 0 < keep_u < 1 else 0.0
+    if keep_v == 1:
+        return np.inf if u else 0.0
+    return (u + 1.0) / (1.0 - keep_v) if keep_v > 0 else u
 
 
 def cut(x, decay):
