@@ -19,7 +19,7 @@ _LIKELY = 1.645
 _NAMED = 12
 """Labels that are named; more are counted."""
 _UNEVEN = 5
-"""Recordings of the commonest label for one of the rarest, from which on that is said."""
+"""How many times as many recordings as the rarest label the commonest one has when a run begins to say it."""
 
 
 def class_weights(config: TrainingConfig, labels: IntArray, classes: int) -> Tensor | None:
