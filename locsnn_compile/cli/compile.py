@@ -1,8 +1,17 @@
-"""``locsnn-compile``: a model file in; a checked chip program and its reports out."""
+"""``locsnn compile``: compile a model; the same as `locsnn-compile`.
+
+Compile a trained spiking network for a neuromorphic chip, check every spike, report the cost.
+
+example:
+  %(prog)s examples/models/objects-hybrid.pt --events examples/recordings/touches.npz
+
+Without --events the check plays recordings that the model carries, else synthetic touches, and the report says so.
+Exit codes: 0 done; 1 the chip cannot hold the model; 2 wrong usage or unreadable input; 3 a gate failed.
+"""
 
 import math
 import sys
-from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 from locsnn_compile.backends import BENCH_KINDS, BUILD_NAMES, EMIT_KINDS, EMITTED_NAMES, EXCHANGE_KINDS, LEVEL_KINDS
 from locsnn_compile.cli.checks import add_weights, check_psi, given, recording_of
 from locsnn_compile.cli.completion import answer_shell
-from locsnn_compile.cli.shell import EXIT_GATE, OPTIONS_HELP, Parser, add_common, guarded, progress_bar
+from locsnn_compile.cli.shell import EXIT_GATE, OPTIONS_HELP, Parser, add_common, guarded, progress_bar, texts_of
 from locsnn_compile.cli.step_options import add_step_options, asked_reading, with_steps
 from locsnn_compile.errors import InputError, check_known
 from locsnn_compile.report.figures.flat import picked
@@ -22,15 +31,6 @@ if TYPE_CHECKING:
     from locsnn_compile.api import CompiledModel
     from locsnn_compile.data.recordings import Recordings
 
-HELP = "compile a model; the same as `locsnn-compile`"
-DESCRIPTION = "Compile a trained spiking network for a neuromorphic chip, check every spike, report the cost."
-EXAMPLE = """\
-example:
-  %(prog)s examples/models/objects-hybrid.pt --events examples/recordings/touches.npz
-
-Without --events the check plays recordings that the model carries, else synthetic touches, and the report says so.
-Exit codes: 0 done; 1 the chip cannot hold the model; 2 wrong usage or unreadable input; 3 a gate failed.
-"""
 _STRATEGY = f"lowering of SRM neurons: {', '.join(STRATEGIES)}, or auto (default): the cheapest that keeps the bounds"
 _CALIBRATION = "recordings for rounding and settings (an archive's train part; default: the model's own, or synthetic)"
 _SPLIT = "weights that get a second synapse: none, all, or a share 0..1 (default: none, or what the bounds need)"
@@ -42,9 +42,7 @@ OF_RECORDING = ("vectors", "vcd", "trace", "sanafe")
 
 def parser() -> Parser:
     """Return the argument parser of ``locsnn-compile``."""
-    made = Parser(
-        "locsnn-compile", description=DESCRIPTION, epilog=EXAMPLE, formatter_class=RawDescriptionHelpFormatter
-    )
+    made = Parser("locsnn-compile", **texts_of(sys.modules[__name__]))
     add_options(made)
     add_common(made)
     return made

@@ -1,4 +1,12 @@
-"""``locsnn completion``: what a shell has to know to complete our commands; and the answers, when it asks."""
+"""``locsnn completion``: print a script that completes commands in your shell.
+
+Print a script that completes options, values and files of our commands in your shell.
+
+example:
+  locsnn completion bash > locsnn-completion.sh
+
+Then `source` that file in ~/.bashrc or ~/.zshrc. For fish, write to ~/.config/fish/completions/locsnn.fish.
+"""
 
 import argparse
 import os
@@ -10,14 +18,6 @@ from locsnn_compile.cli.run import STOPS
 from locsnn_compile.errors import check_known
 from locsnn_compile.strategies import AUTO, STRATEGIES
 
-HELP = "print a script that completes commands in your shell"
-DESCRIPTION = "Print a script that completes options, values and files of our commands in your shell."
-EXAMPLE = """\
-example:
-  locsnn completion bash > locsnn-completion.sh
-
-Then `source` that file in ~/.bashrc or ~/.zshrc. For fish, write to ~/.config/fish/completions/locsnn.fish.
-"""
 SHELLS = ("bash", "zsh", "fish")
 PROGRAMS = ("locsnn", "locsnn-compile")
 

@@ -1,4 +1,10 @@
-"""``locsnn diff``: what changed from one build to another."""
+"""``locsnn diff``: compare two builds.
+
+Compare the reports and programs of two builds: does it match as well, cost less, take less room?
+
+example:
+  locsnn diff build/objects-hybrid build/objects-hybrid-4bit --html diff.html
+"""
 
 import argparse
 import json
@@ -10,12 +16,6 @@ from locsnn_compile.errors import InputError
 if TYPE_CHECKING:
     from locsnn_compile.report.sections.comparison import Build
 
-HELP = "compare two builds"
-DESCRIPTION = "Compare the reports and programs of two builds: does it match as well, cost less, take less room?"
-EXAMPLE = """\
-example:
-  locsnn diff build/objects-hybrid build/objects-hybrid-4bit --html diff.html
-"""
 MAX_REPORT_BYTES = 64 << 20
 
 

@@ -1,4 +1,14 @@
-"""``locsnn events``: what recordings hold, and recordings in another format."""
+"""``locsnn events``: show what recordings hold, or write them in another format.
+
+Show what recordings hold: rates, silence, polarity, busy and dead channels, and a raster of one. --to writes them in
+the format that the name ends in.
+
+example:
+  locsnn events examples/recordings/touches.npz --to touches.zip --members bs1
+
+A folder or .zip gets a file for each recording, of the kind of --members: npy, events (arrays with the fields t, x, p,
+as Tonic has them), bs1, bs2 or tact. What a format cannot say is printed as the options that give it back.
+"""
 
 import argparse
 import json
@@ -15,18 +25,6 @@ from locsnn_compile.report.format import plural
 if TYPE_CHECKING:
     from locsnn_compile.data.recordings import Recordings
 
-HELP = "show what recordings hold, or write them in another format"
-DESCRIPTION = (
-    "Show what recordings hold: rates, silence, polarity, busy and dead channels, and a raster of one. "
-    "--to writes them in the format that the name ends in."
-)
-EXAMPLE = """\
-example:
-  locsnn events examples/recordings/touches.npz --to touches.zip --members bs1
-
-A folder or .zip gets a file for each recording, of the kind of --members: npy, events (arrays with the fields t, x, p,
-as Tonic has them), bs1, bs2 or tact. What a format cannot say is printed as the options that give it back.
-"""
 _SHOWN_LABELS, _SHOWN_DEAD = 12, 24
 
 

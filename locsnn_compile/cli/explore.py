@@ -1,4 +1,20 @@
-"""``locsnn explore``: run time against error against energy over settings of the compiler."""
+"""``locsnn explore``: compare settings of the compiler and recommend one.
+
+Compile a model with every setting of a grid, check each on the same recordings, and compare run time, error and energy.
+
+example:
+  locsnn explore examples/models/objects-hybrid.pt --events examples/recordings/touches.npz --weight-bits 4 6 8
+
+Settings are compared on --events: the train part of a divided archive or folder, or else all of them. Keep recordings
+for the test apart and give these as --report-on: the settings of the front are measured on them once, and nothing is
+chosen there. What is finished is kept in DIR/points: the same command goes on where it was stopped.
+
+It writes explore.csv, explore.json and explore.svg: all points, the front, what is recommended, and the command that
+makes each point again; and, for what clocks said, timings.csv and timings.svg. The cheapest setting of the front
+within --min-agreement and --max-spike-error is recommended (exit code 3 where there is none). With neither given, the
+bounds are those of --strategy auto: it changes no more predictions than dendrite at 8 bits, and at most 1 % of the
+spikes more.
+"""
 
 from __future__ import annotations
 
@@ -18,25 +34,6 @@ if TYPE_CHECKING:
     from locsnn_compile.explore.executors import Executor
     from locsnn_compile.explore.exploration import Exploration
 
-HELP = "compare settings of the compiler and recommend one"
-DESCRIPTION = (
-    "Compile a model with every setting of a grid, check each on the same recordings, and compare run "
-    "time, error and energy."
-)
-EXAMPLE = """\
-example:
-  locsnn explore examples/models/objects-hybrid.pt --events examples/recordings/touches.npz --weight-bits 4 6 8
-
-Settings are compared on --events: the train part of a divided archive or folder, or else all of them. Keep recordings
-for the test apart and give these as --report-on: the settings of the front are measured on them once, and nothing is
-chosen there. What is finished is kept in DIR/points: the same command goes on where it was stopped.
-
-It writes explore.csv, explore.json and explore.svg: all points, the front, what is recommended, and the command that
-makes each point again; and, for what clocks said, timings.csv and timings.svg. The cheapest setting of the front
-within --min-agreement and --max-spike-error is recommended (exit code 3 where there is none). With neither given, the
-bounds are those of --strategy auto: it changes no more predictions than dendrite at 8 bits, and at most 1 % of the
-spikes more.
-"""
 PARTS = ("train", "test")
 ENGINES = ("fast", "reference")
 _RANGES = {"--recordings": (1, math.inf), "--workers": (1, 256), "--min-agreement": (0, 1), "--max-spike-error": (0, 1)}

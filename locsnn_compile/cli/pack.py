@@ -1,18 +1,17 @@
-"""``locsnn pack``: several checkpoints in one file, whose class scores are added."""
+"""``locsnn pack``: put several checkpoints into one file, a committee.
 
-import argparse
-from pathlib import Path
+Put checkpoints of one input into one file, a committee, which adds their class scores.
 
-from locsnn_compile.cli.checks import add_weights
-
-HELP = "put several checkpoints into one file, a committee"
-DESCRIPTION = "Put checkpoints of one input into one file, a committee, which adds their class scores."
-EXAMPLE = """\
 example:
   locsnn pack examples/models/objects-hybrid.pt examples/models/objects-hybrid-loihi.pt -o both.pt --weights 1,2
 
 `locsnn-compile both.pt` then compiles all of them into one program.
 """
+
+import argparse
+from pathlib import Path
+
+from locsnn_compile.cli.checks import add_weights
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

@@ -1,4 +1,14 @@
-"""``locsnn rtl sim``: play recordings of a compiled program to the open core and to the simulator, and compare them."""
+"""``locsnn rtl sim``: play recordings to the core and to the simulator, and compare every value.
+
+Play recordings to the open core's SystemVerilog and to the simulator, and compare every spike, u, v, potential, count
+and class, and every cycle with its prediction. Exit code 3 if anything differs.
+
+example:
+  locsnn rtl sim build/objects-hybrid --events examples/recordings/touches.npz --recordings 1
+
+It needs Verilator (Debian: apt-get install verilator) or, with --simulator icarus, Icarus Verilog. The simulator is
+built once, in half a minute, and kept in ~/.cache/locsnn. Nothing here runs on a board.
+"""
 
 import argparse
 import json
@@ -7,18 +17,6 @@ import hw_model as hw
 from locsnn_compile.cli.checks import check_number
 from locsnn_compile.cli.shell import EXIT_GATE
 from locsnn_compile.cli.step_options import add_step_options, read_for_program
-
-HELP = "play recordings to the core and to the simulator, and compare every value"
-DESCRIPTION = """\
-Play recordings to the open core's SystemVerilog and to the simulator, and compare every spike, u, v, potential, count
-and class, and every cycle with its prediction. Exit code 3 if anything differs."""
-EXAMPLE = """\
-example:
-  locsnn rtl sim build/objects-hybrid --events examples/recordings/touches.npz --recordings 1
-
-It needs Verilator (Debian: apt-get install verilator) or, with --simulator icarus, Icarus Verilog. The simulator is
-built once, in half a minute, and kept in ~/.cache/locsnn. Nothing here runs on a board.
-"""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

@@ -1,4 +1,16 @@
-"""``locsnn run``: play recordings to a compiled program, whole or step by step, to their end or until they may stop."""
+"""``locsnn run``: play recordings to a compiled program.
+
+Play recordings to a compiled program: predictions, counts and energy, without the float network.
+
+example:
+  locsnn run build/objects-hybrid --events examples/recordings/touches.npz --stream
+
+With --stream events come step by step, and what is predicted so far is shown whenever it changes. --stop proven ends a
+recording as soon as nothing that remains can change the winner. --stop margin ends it as soon as the winner leads by
+what was enough on the recordings of --calibrate; give some that have neither trained the model nor test it. Of an
+archive with a train part, those are taken. --stop silence ends it after --silence steps without an event, once
+everything is at rest.
+"""
 
 from __future__ import annotations
 
@@ -24,18 +36,6 @@ if TYPE_CHECKING:
     from locsnn_compile.data.recordings import Recordings
 
 
-HELP = "play recordings to a compiled program"
-DESCRIPTION = "Play recordings to a compiled program: predictions, counts and energy, without the float network."
-EXAMPLE = """\
-example:
-  locsnn run build/objects-hybrid --events examples/recordings/touches.npz --stream
-
-With --stream events come step by step, and what is predicted so far is shown whenever it changes. --stop proven ends a
-recording as soon as nothing that remains can change the winner. --stop margin ends it as soon as the winner leads by
-what was enough on the recordings of --calibrate; give some that have neither trained the model nor test it. Of an
-archive with a train part, those are taken. --stop silence ends it after --silence steps without an event, once
-everything is at rest.
-"""
 STOPS = ("proven", "margin", "silence")
 
 

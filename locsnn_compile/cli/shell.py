@@ -17,6 +17,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from types import ModuleType
 from typing import Any, NoReturn, Protocol
 
 from locsnn_compile import __version__
@@ -133,29 +134,17 @@ class Parser(argparse.ArgumentParser):
         raise SystemExit(EXIT_INPUT)
 
 
-class Command(Protocol):
-    """What a module of a command has: its help, ending with an example, its options, and what it does."""
-
-    HELP: str
-    DESCRIPTION: str
-    EXAMPLE: str
-
-    def add_options(self, parser: argparse.ArgumentParser, /) -> None:
-        """Add the options."""
-
-    def run(self, args: argparse.Namespace, /) -> int:
-        """Do it; return the exit code."""
+def texts_of(command: ModuleType) -> dict[str, Any]:
+    """Return what a command's docstring gives its parser: below the first line, a paragraph, and then an example."""
+    _, _, below = (command.__doc__ or "").partition("\n\n")
+    description, _, example = below.partition("\n\n")
+    return {"description": description, "epilog": example, "formatter_class": argparse.RawDescriptionHelpFormatter}
 
 
-def add_command(commands: "argparse._SubParsersAction[Any]", name: str, command: Command) -> None:
-    """Add a command below ``locsnn``."""
-    parser = commands.add_parser(
-        name,
-        help=command.HELP,
-        description=command.DESCRIPTION,
-        epilog=command.EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_command(commands: "argparse._SubParsersAction[Any]", name: str, command: ModuleType) -> None:
+    """Add a command below ``locsnn``: a module with ``add_options`` and ``run``, whose docstring is its help."""
+    line, _, _ = (command.__doc__ or "").partition("\n")
+    parser = commands.add_parser(name, help=line.partition(": ")[2].rstrip("."), **texts_of(command))
     command.add_options(parser)
     add_common(parser)
     parser.set_defaults(run=command.run)

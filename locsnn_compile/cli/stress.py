@@ -1,4 +1,12 @@
-"""``locsnn stress``: what the chip makes of numbers and inputs at the ends of what there is."""
+"""``locsnn stress``: try extreme numbers and inputs.
+
+Compile and play networks with extreme numbers and inputs: time constants, thresholds, weights, floats, decays, delays,
+a million steps. Every row is ok, limited by causes that are named and counted, or refused in one line; anything else is
+unexplained and gives exit code 3.
+
+example:
+  locsnn stress --quick
+"""
 
 import argparse
 import json
@@ -10,17 +18,6 @@ from locsnn_compile.cli.shell import EXIT_GATE, progress_bar
 
 if TYPE_CHECKING:
     from locsnn_compile.stress.row import Row
-
-HELP = "try extreme numbers and inputs"
-DESCRIPTION = (
-    "Compile and play networks with extreme numbers and inputs: time constants, thresholds, weights, floats, decays, "
-    "delays, a million steps. Every row is ok, limited by causes that are named and counted, or refused in one line; "
-    "anything else is unexplained and gives exit code 3."
-)
-EXAMPLE = """\
-example:
-  locsnn stress --quick
-"""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

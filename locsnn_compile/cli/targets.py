@@ -1,13 +1,12 @@
-"""``locsnn targets``: the chips that programs can be made for."""
+"""``locsnn targets``: list the chips that ship.
 
-import argparse
+List the chips that ship, or print a chip's description to start a chip file of your own from.
 
-HELP = "list the chips that ship"
-DESCRIPTION = "List the chips that ship, or print a chip's description to start a chip file of your own from."
-EXAMPLE = """\
 example:
   locsnn targets --show loihi-sim > my-chip.yaml
 """
+
+import argparse
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

@@ -1,4 +1,19 @@
-"""``locsnn train``: train a touch network on recordings and write its checkpoint."""
+"""``locsnn train``: train a touch network and write a checkpoint.
+
+Train a touch network on recordings and write a checkpoint to compile.
+
+example:
+  locsnn train --data examples/recordings/motions.npz --epochs 20 -o motions.pt
+  locsnn train --data examples/recordings/motions.npz --from motions.pt --target loihi-sim -o motions-loihi.pt
+
+With --target the forward pass is the chip's integer arithmetic, so that the compiled program spikes exactly as the
+network did in training. --from goes on from a trained network: 60 epochs at a rate of 0.001 on the whole train part,
+which that network may have seen whole, unless the options say otherwise.
+
+The epoch is chosen on a validation part of the train part; the test part, where the data have one, is measured
+once at the end. Beside OUT.pt a log OUT.csv and its picture OUT.svg are written, and while it runs OUT.pt.state, for
+--resume. Options without a flag here are keys of the --config file: taxel_dropout, time_shift, weight_average, ...
+"""
 
 from __future__ import annotations
 
@@ -20,22 +35,6 @@ if TYPE_CHECKING:
     from locsnn_compile.models.checkpoint import Checkpoint
     from locsnn_compile.training.config import EpochRecord, Progress, TrainingConfig
     from locsnn_compile.training.train import TrainingResult
-
-HELP = "train a touch network and write a checkpoint"
-DESCRIPTION = "Train a touch network on recordings and write a checkpoint to compile."
-EXAMPLE = """\
-example:
-  locsnn train --data examples/recordings/motions.npz --epochs 20 -o motions.pt
-  locsnn train --data examples/recordings/motions.npz --from motions.pt --target loihi-sim -o motions-loihi.pt
-
-With --target the forward pass is the chip's integer arithmetic, so that the compiled program spikes exactly as the
-network did in training. --from goes on from a trained network: 60 epochs at a rate of 0.001 on the whole train part,
-which that network may have seen whole, unless the options say otherwise.
-
-The epoch is chosen on a validation part of the train part; the test part, where the data have one, is measured
-once at the end. Beside OUT.pt a log OUT.csv and its picture OUT.svg are written, and while it runs OUT.pt.state, for
---resume. Options without a flag here are keys of the --config file: taxel_dropout, time_shift, weight_average, ...
-"""
 
 
 SHOWN_CLASSES, SHOWN_NAMES = 20, 60
