@@ -1,6 +1,6 @@
 """Take the error of the example networks apart on all test recordings, by every strategy, and write the tables.
 
-    python tests/benchmarks/error_budget.py --data FOLDER --page docs/accuracy.md
+    python tests/benchmarks/error_budget.py --data FOLDER --page docs/accuracy/where-the-error-comes-from.md
 
 ``FOLDER`` holds Ev-Objects.zip and Ev-Containers.zip. The networks are the float ones that ship, rounded for the train
 recordings as the compiler rounds; nothing is trained or chosen here.
@@ -65,7 +65,7 @@ def section(data: Path, dataset: str) -> str:
         found[strategy] = (levels, match, diagnosis)
     _, _, first = found["dendrite"]
     parts = [
-        f"### {dataset.title()}, {len(recordings)} test recordings",
+        f"## {dataset.title()}, {len(recordings)} test recordings",
         by_strategy({strategy: diagnosis.budget for strategy, (_, _, diagnosis) in found.items()}),
         "By population, `dendrite`:",
         by_population(first.budget),

@@ -1,6 +1,6 @@
 """Measure what each improvement of rounding buys, on all test recordings, and write the tables.
 
-    python tests/benchmarks/improvements.py --data FOLDER --page docs/accuracy.md
+    python tests/benchmarks/improvements.py --data FOLDER --page docs/accuracy/what-each-improvement-buys.md
 
 ``FOLDER`` holds Ev-Objects.zip and Ev-Containers.zip. The networks are the float ones that ship. Weights are rounded, and
 settings chosen, on train recordings; test recordings are only played.
@@ -87,7 +87,7 @@ def section(data: Path, dataset: str) -> str:
     accuracy = float((evaluate(network, test.spikes).prediction == test.labels).mean())
     return "\n\n".join(
         [
-            f"### {dataset.title()}: {len(test)} test recordings, float accuracy {accuracy:.3f}",
+            f"## {dataset.title()}: {len(test)} test recordings, float accuracy {accuracy:.3f}",
             table(head, rows + other),
             f"The same weights, with time constants on the grid of decays, float accuracy {gridded_accuracy:.3f}:",
             table(head, grid_rows),

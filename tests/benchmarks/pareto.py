@@ -1,6 +1,6 @@
 """Explore the example networks on real recordings, and write their Pareto fronts into the page.
 
-    python tests/benchmarks/pareto.py --data FOLDER --page docs/accuracy.md
+    python tests/benchmarks/pareto.py --data FOLDER --page docs/accuracy/speed-error-energy.md
 
 ``FOLDER`` holds Ev-Objects.zip and Ev-Containers.zip. Settings are chosen on all train recordings; those of the front are
 then measured on the test recordings, once. Points are kept under ``--work``, so the script goes on where it was stopped.
@@ -51,14 +51,14 @@ def section(data: Path, work: Path, page: Path, dataset: str) -> str:
     options = [*recordings, *GRID, "-o", str(work)]
     bounded = [(budget, explore(dataset, [*options, *budget])["recommended"]) for budget in BUDGETS]
     found = explore(dataset, options)
-    picture = page.parent / "images" / f"pareto-{dataset}.svg"
+    picture = page.parents[1] / "images" / f"pareto-{dataset}.svg"
     shutil.copyfile(work / "explore.svg", picture)
     chosen, reported = found["chosen_on"], found["reported_on"]
     lines = [
-        f"### {dataset.title()}, chosen on {chosen['recordings']} train recordings, "
+        f"## {dataset.title()}, chosen on {chosen['recordings']} train recordings, "
         f"reported on {reported['recordings']} test recordings",
         "",
-        f"![Energy and chip time over spike error, {dataset}](images/{picture.name})",
+        f"![Energy and chip time over spike error, {dataset}](../images/{picture.name})",
         "",
         *table(found, timings(work)),
         "",

@@ -1,4 +1,4 @@
-"""What docs/accuracy.md says of the front: its commands give its figures."""
+"""What docs/accuracy/speed-error-energy.md says of the front: its commands give its figures."""
 
 import json
 import re
@@ -12,7 +12,7 @@ from locsnn_compile.report.format import energy, share, time
 from tests.real_recordings import REAL, on_real_recordings
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs/accuracy.md").read_text()
+PAGE = (ROOT / "docs/accuracy/speed-error-energy.md").read_text()
 SECTION = PAGE[PAGE.index("<!-- pareto: begin -->") : PAGE.index("<!-- pareto: end -->")]
 
 pytestmark = [
@@ -23,7 +23,7 @@ pytestmark = [
 
 def rows():
     """Give a data set, the options of a row and its cells: first, recommended and last row of every front."""
-    for part in SECTION.split("\n### ")[1:]:
+    for part in SECTION.split("\n## ")[1:]:
         found = [line for line in part.splitlines() if re.match(r"\|.*`--", line)]
         for i in sorted({0, len(found) - 1, next(i for i, line in enumerate(found) if "recommended" in line)}):
             cells = [cell.strip() for cell in found[i].strip("|").split("|")]
