@@ -4,7 +4,7 @@
 
 The networks are those of ``relay_networks.py``, on as many chips as they take. Each size runs in a process of its own, in the
 order given. ``--write`` puts its row into ``docs/scale.csv``, in the place of an earlier one, and all rows into a section of
-``docs/benchmarks.md``. Seconds are processor seconds of all threads, which other work on the machine changes little;
+``docs/benchmarks/placing.md``. Seconds are processor seconds of all threads, which other work on the machine changes little;
 ``total_wall_s`` went by. The memory of a part is the most that its process had held when it ended.
 """
 
@@ -35,12 +35,12 @@ from hw_model.mapping.placement import place_cores
 from hw_model.mapping.routing import route_axons
 from hw_model.program.assemble import assemble
 
-PAGE = Path(__file__).parents[2] / "docs/benchmarks.md"
+PAGE = Path(__file__).parents[2] / "docs/benchmarks/placing.md"
 TABLE, SECTION = PAGE.with_name("scale.csv"), "scale"
 PARTS = ("build", "place", "arrange", "route", "assemble", "save", "load", "lay out", "play")
 PAGE_TEXT = """## From a graph to a recording, against size
 
-Made by `python tests/benchmarks/scale.py SIZE... --write`, all figures in [scale.csv](scale.csv): the networks of *cost against
+Made by `python tests/benchmarks/scale.py SIZE... --write`, all figures in [scale.csv](../scale.csv): the networks of *cost against
 size*, 250 synapses a compartment, on as many chips as they take. A network is built, placed, arranged, routed and assembled, saved,
 loaded, laid out for the engine, and plays a recording of 100 steps whose spikes are checked. Measured on
 {processor}, under a load of {load} by other work: seconds are processor

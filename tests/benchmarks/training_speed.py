@@ -1,7 +1,7 @@
 """Time one epoch of the hybrid on Ev-Objects beside the same network in snnTorch and SpikingJelly.
 
     python tests/peers/make_environments.py
-    python tests/benchmarks/training_speed.py --data FOLDER --page docs/benchmarks.md
+    python tests/benchmarks/training_speed.py --data FOLDER --page docs/benchmarks/training-speed.md
 
 ``FOLDER`` holds Ev-Objects.zip. All tools wait in processes of their own and take turns in one run; medians of ``--turns``.
 """
@@ -25,7 +25,6 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "peers"))
 from machine import machine
 from make_environments import python_of, why_missing
 from page_section import put_section
-from write_page import TRAINING_SPEED
 
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.recordings import Recordings
@@ -81,7 +80,7 @@ def main() -> None:
     text = section(len(recordings), seconds, {tool: peer.version for tool, peer in peers.items()}, args.turns)
     print(text)
     if args.page is not None:
-        put_section(args.page, TRAINING_SPEED, text)
+        put_section(args.page, "training-speed", text)
 
 
 def measure(recordings: Recordings, peers: dict[str, Peer], turns: int) -> dict[tuple[str, int], list[float]]:
@@ -117,9 +116,7 @@ def section(count: int, seconds: dict[tuple[str, int], list[float]], versions: d
         ratios = ["" if tool == "own" else f"{medians[tool, batch] / medians['own', batch]:.0f}" for batch in BATCHES]
         rows.append("| " + " | ".join([name, *cells, *ratios]) + " |")
     table = "\n".join(rows)
-    return f"""## Training speed
-
-One epoch of the hybrid on the {count} train recordings of Ev-Objects (250 steps, 78 channels, 32 hidden neurons a branch), in
+    return f"""One epoch of the hybrid on the {count} train recordings of Ev-Objects (250 steps, 78 channels, 32 hidden neurons a branch), in
 processor seconds on one thread, medians of {turns} turns that all tools take in one run: `python tests/benchmarks/training_speed.py --data FOLDER`.
 Every tool has its own second-order neurons (a synaptic current and a membrane), the same sizes, loss, optimizer and batches, and
 one matrix product for all steps of a layer; snnTorch and SpikingJelly have no refractory kernel, so their reset stands in its place

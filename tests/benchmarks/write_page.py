@@ -1,4 +1,7 @@
-"""Write what the benchmarks measured as a page and a picture: ``write_page.py RESULTS PAGE PICTURE``."""
+"""Write what the benchmarks measured as pages and a picture: ``write_page.py RESULTS PAGE PICTURE``.
+
+``PAGE`` has the headline; the pages with all rows lie in a folder next to it that has its name.
+"""
 
 from __future__ import annotations
 
@@ -24,9 +27,9 @@ GOALS: dict[str, dict[str, float]] = {
 """How many times faster than a peer's first mode the engine is to be."""
 LIMIT_GOAL = 0.5
 PLACING = ("build", "place", "arrange", "route")
-TRAINING_SPEED, COMMAND_SPEED = "training-speed", "command-speed"
-KEPT = ("density", "against", "scale", TRAINING_SPEED, COMMAND_SPEED)
-"""The sections that ``density.py``, ``against.py``, ``scale.py`` and scripts named as the others write; they stay."""
+COMMAND_SPEED = "command-speed"
+KEPT = (COMMAND_SPEED, "against", "density", "scale")
+"""The sections that the scripts of these names write into the pages; they stay."""
 UNBROKEN = {"break_long_words": False, "break_on_hyphens": False}
 
 
@@ -122,7 +125,7 @@ def side_by_side(record: Found) -> str:
     limits = record["limits"]
     best = limit_seconds(record)
     head = ["tool", "mode", "µs per recording", "middle half", "million operations a second", "ratio", "peak MiB"]
-    return f"""### {record["name"]}: {record["text"]}
+    return f"""## {record["name"]}: {record["text"]}
 
 A recording has {record["synaptic_ops"]:,.0f} synaptic operations, {record["neuron_updates"]:,.0f} compartment updates and {record["spikes"]:,.0f} spikes.
 
@@ -297,16 +300,15 @@ number of synapses; arranging grows with the slots of the board instead, cubed, 
 """
 
 
-def page(records: dict[str, Found], picture: str) -> str:
-    """Return the whole page."""
+def pages(records: dict[str, Found], picture: str) -> dict[str, str]:
+    """Return the text of every page by its name; the headline's is ``""``."""
     machine = records["machine"]
     versions = ", ".join(f"{name} {machine[name]}" for name in ("Python", "numba", "numpy", "scipy"))
-    workloads = [records[key] for key in (f"side_by_side_{name}" for name in WORKLOADS) if key in records]
-    turns = ", ".join(f"{own(record)['turns']} ({record['name']})" for record in workloads)
-    return f"""# Benchmarks
+    measured = f"""Measured on {machine["processor"]}; caches of a core {machine["caches"]}; memory {machine["memory"]}; {machine["system"]};
+{versions}; hw_model {machine["hw_model"]}."""
+    head = f"""# Benchmarks
 
-`make bench` measures everything on this page and writes it; the public simulators come from `make peers`. Measured on
-{machine["processor"]}; caches of a core {machine["caches"]}; memory {machine["memory"]}; {machine["system"]}; {versions}; hw_model {machine["hw_model"]}.
+`make bench` measures the figures on these pages and writes them; the public simulators come from `make peers`. {measured}
 Seconds differ from machine to machine. Ratios within one run are the result.
 
 How many times faster than each simulator a recording is, the goal in brackets, and the share of the machine's limit:
@@ -315,9 +317,29 @@ How many times faster than each simulator a recording is, the goal in brackets, 
 
 ![Time per recording by tool, and cost against size and activity]({picture})
 
-## Side by side
+{LINKS}
+"""
+    return {
+        "": head,
+        "side-by-side": f"# Side by side with public simulators\n\n{measured}\n\n{tools(records)}",
+        "size-and-activity": f"# Cost against size and activity\n\n{measured}\n\n{growth(records)}",
+        "recordings": f"# Real recordings\n\n{measured}\n\n{recordings(records)}",
+        "placing": f"# Placing and routing\n\n{measured}\n\n{placing(records)}",
+    }
 
-{made_by("test_side_by_side.py")} The same networks and input spikes for every tool, in one run: each waits in a process of its
+
+LINKS = """- [Side by side](benchmarks/side-by-side.md): every tool on four workloads, and the kernel that is the limit.
+- [Size and activity](benchmarks/size-and-activity.md): what a recording costs as networks grow and fire more.
+- [Real recordings](benchmarks/recordings.md): the test sets, start-up, what silence saves, a prediction after every step.
+- [Placing](benchmarks/placing.md): from a graph to a recording, up to a million compartments.
+- [Training](benchmarks/training-speed.md): an epoch next to snnTorch and SpikingJelly."""
+
+
+def tools(records: dict[str, Found]) -> str:
+    """Return every tool on every workload, with what was measured how."""
+    workloads = [records[key] for key in (f"side_by_side_{name}" for name in WORKLOADS) if key in records]
+    turns = ", ".join(f"{own(record)['turns']} ({record['name']})" for record in workloads)
+    return f"""{made_by("test_side_by_side.py")} The same networks and input spikes for every tool, in one run: each waits in a process of its
 own, loaded and built, and all take turns, so that noise of the machine hits all alike. Medians of {turns} turns; a turn of
 hw_model is a batch, one of lava-dl a batch of 32, one of the others a recording. *Ratio* is to hw_model's batch, which
 uses all cores, as lava-dl does. nengo-loihi, brian2-loihi and SANA-FE use one core; *two processes* is what two cores give
@@ -339,7 +361,12 @@ The *limit* is a kernel of the same memory traffic: every delivered spike adds i
 charges, 32 bits each, in the engine's order and on all cores, with the spikes known beforehand (`tests/benchmarks/limits.py`).
 
 {chr(10).join(side_by_side(record) for record in workloads)}
-## Cost against size
+"""
+
+
+def growth(records: dict[str, Found]) -> str:
+    """Return cost against size and against activity."""
+    return f"""## Cost against size
 
 {made_by("test_curves.py")} Ten layers in a row; a compartment has 250 synapses from the 400 sources nearest to it, and 2 % of
 all compartments fire in a step. 100 steps.
@@ -362,7 +389,12 @@ Fully connected, 4 layers of 1,024:
 Local, 10 layers of 1,000, 250 synapses each:
 
 {activity(records["activity_local"])}
-{recordings(records)}## Placing and routing against size
+"""
+
+
+def placing(records: dict[str, Found]) -> str:
+    """Return placing and routing against size, and the hops that arranging saves."""
+    return f"""## Placing and routing against size
 
 {made_by("test_curves.py")} The networks of *cost against size* on a board of eight chips; cores are arranged up to 100,000 compartments.
 
@@ -380,7 +412,7 @@ part of a step that does not depend on events, the updates, is the larger one.""
 def recordings(records: dict[str, Found]) -> str:
     """Return the sections on published recordings, where they were there."""
     if "test_set" not in records:
-        return ""
+        return "The recordings were not there.\n"
     return f"""## The published test recordings
 
 {made_by("test_recordings.py")}
@@ -400,17 +432,17 @@ def recordings(records: dict[str, Found]) -> str:
 
 
 def wrapped(markdown: str) -> str:
-    """Return a page with its paragraphs filled to the width of a line; tables, headings and pictures stay."""
+    """Return a page with its paragraphs filled to the width of a line; tables, lists, headings and pictures stay."""
     blocks = [block.strip() for block in markdown.split("\n\n")]
     filled = [
-        block if block.startswith(("|", "#", "!")) else textwrap.fill(" ".join(block.split()), 120, **UNBROKEN)
+        block if block.startswith(("|", "#", "!", "- ")) else textwrap.fill(" ".join(block.split()), 120, **UNBROKEN)
         for block in blocks
     ]
     return "\n\n".join(block for block in filled if block) + "\n"
 
 
 def main() -> None:
-    """Write page and picture."""
+    """Write pages and picture."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("results", type=Path)
     parser.add_argument("page", type=Path)
@@ -420,10 +452,13 @@ def main() -> None:
 
     records = read(args.results)
     draw(records, args.picture)
-    text = wrapped(page(records, os.path.relpath(args.picture, args.page.parent)))
-    before = args.page.read_text() if args.page.exists() else ""
-    kept = [section for name in KEPT if (section := section_of(before, name)) is not None]
-    args.page.write_text("\n".join([text, *(f"{section}\n" for section in kept)]))
+    picture = os.path.relpath(args.picture, args.page.parent)
+    args.page.with_suffix("").mkdir(exist_ok=True)
+    for name, text in pages(records, picture).items():
+        path = args.page.with_suffix("") / f"{name}.md" if name else args.page
+        before = path.read_text() if path.exists() else ""
+        kept = [section for part in KEPT if (section := section_of(before, part)) is not None]
+        path.write_text("\n".join([wrapped(text), *(f"{section}\n" for section in kept)]))
 
 
 if __name__ == "__main__":
