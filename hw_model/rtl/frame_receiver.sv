@@ -1,0 +1,80 @@
+// Bytes of a line to whole and correct frames: type, sequence number, payload.
+//
+// On the line a frame stands between flags (0x7E) and ends in its CRC-16; flags and escapes (0x7D) in it are sent as an
+// escape and the byte with bit 5 inverted, as in RFC 1662. It leaves only once its CRC and sequence number are right, so a
+// frame that is damaged, cut off or repeated does nothing. It is answered, once, and the next flag begins anew.
+// Sequence numbers count frames; a hello, with any number, begins to count.
+module frame_receiver #(
+    parameter integer BUFFER = 256  // bytes of frames that wait, types and numbers included; a power of two
+) (
+    input  logic       clk,
+    input  logic       reset,
+    input  logic       byte_valid,
+    input  logic [7:0] byte_data,
+    input  logic       byte_broken,
+    output logic       frame_valid,
+    input  logic       frame_ready,
+    output logic [7:0] frame_data,
+    output logic       frame_last,
+    output logic       error_valid,
+    output logic [7:0] error,
+    output logic [7:0] expected     // the sequence number that must come next
+);
+    localparam logic [7:0] FLAG = 8'h7e, ESCAPE = 8'h7d, HELLO = 1;
+    localparam logic [7:0] LINE = 1, CHECKSUM = 2, SHORT = 3, OVERRUN = 4, SEQUENCE = 5;
+
+    logic        escaped;
+    logic        spoiled;            // answered already; the rest is skipped up to the next flag
+    logic [2:0]  seen;               // bytes of this frame, 4 for more
+    logic [7:0]  kind, number;       // its type and its sequence number
+    logic [7:0]  held1, held2, held3;  // the last bytes; two are the CRC once the frame is over
+    logic [15:0] crc;
+    wire  [15:0] next_crc;
+    wire  [7:0]  value = escaped ? byte_data ^ 8'h20 : byte_data;
+    wire         flag = byte_valid && byte_data == FLAG;
+    wire         plain = byte_valid && !flag && (escaped || byte_data != ESCAPE) && !spoiled;
+    wire         full;
+
+    crc16 check (.crc, .data(value), .next(next_crc));
+
+    logic [7:0] found;  // what is wrong with the frame that this flag ends
+    always_comb begin
+        found = 0;
+        if (escaped || (seen == 4 && crc != 0)) found = CHECKSUM;
+        else if (seen < 4) found = SHORT;
+        else if (full) found = OVERRUN;
+        else if (kind != HELLO && number != expected) found = SEQUENCE;
+    end
+    wire over = flag && !spoiled && (seen != 0 || escaped);
+    wire right = over && found == 0;
+    wire keep = plain && seen >= 3 && !full;
+
+    held_queue #(.WIDTH(9), .DEPTH(BUFFER)) frames (
+        .clk, .clear(reset), .push(keep || right), .pushed({right, held3}), .commit(right), .drop(flag && !right), .full,
+        .head_valid(frame_valid), .head({frame_last, frame_data}), .pop(frame_valid && frame_ready),
+        /* verilator lint_off PINCONNECTEMPTY */
+        .level()
+        /* verilator lint_on PINCONNECTEMPTY */
+    );
+
+    always_ff @(posedge clk) begin
+        error_valid <= 0;
+        if (byte_valid) escaped <= !flag && !escaped && byte_data == ESCAPE;
+        if (plain) begin
+            {held3, held2, held1} <= {held2, held1, value};
+            crc <= next_crc;
+            if (seen != 4) seen <= seen + 1;
+            if (seen == 0) kind <= value;
+            if (seen == 1) number <= value;
+        end
+        if (plain && seen >= 3 && full) {error_valid, error, spoiled} <= {1'b1, OVERRUN, 1'b1};
+        if (byte_broken && !spoiled) {error_valid, error, spoiled} <= {1'b1, LINE, 1'b1};
+        if (over && !right) {error_valid, error} <= {1'b1, found};
+        if (right) expected <= number + 1;
+        if (flag || reset) begin
+            {seen, spoiled} <= 0;
+            crc <= 16'hffff;
+        end
+        if (reset) {escaped, expected, error_valid} <= 0;
+    end
+endmodule

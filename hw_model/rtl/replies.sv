@@ -1,0 +1,97 @@
+// Who speaks to the host, a frame at a time: errors of the line first, then replies to commands, spikes, and the answer of
+// a recording once its spikes are gone. Numbers have their highest byte first.
+//
+//     0x81 hello    version, program there, BUFFER (3 bytes), and the parameters of the core in their order (3 bytes each)
+//     0x82 done     the frame of this sequence number was carried out
+//     0x83 answer   error, class (2), cycles since the first word, seven counts (4 each), lost spikes (3)
+//     0x84 spikes   what spike_report gives (3 bytes each)
+//     0x85 error    what was wrong; its sequence number is that of the frame, or the one that must come next (1 to 5)
+module replies #(
+    parameter integer BUFFER = 256,
+    parameter integer SIZES = 9,
+    parameter logic [24*SIZES-1:0] SIZE = 0
+) (
+    input  logic         clk,
+    input  logic         reset,
+    input  logic         error_valid,
+    input  logic [7:0]   error,
+    input  logic [7:0]   expected,
+    input  logic         reply_valid,
+    output logic         reply_ready,
+    input  logic         reply_hello,
+    input  logic [7:0]   reply_error,
+    input  logic [7:0]   reply_number,
+    input  logic         loaded,
+    input  logic         spike_valid,
+    output logic         spike_ready,
+    input  logic [23:0]  spike,
+    input  logic         spike_more,
+    input  logic         answer_valid,
+    output logic         answer_ready,
+    input  logic [303:0] answer,
+    output logic         frame_valid,
+    input  logic         frame_ready,
+    output logic [7:0]   frame_data,
+    output logic         frame_last
+);
+    localparam logic [7:0] VERSION = 1;
+    localparam logic [7:0] HELLO = 8'h81, DONE = 8'h82, ANSWER = 8'h83, SPIKES = 8'h84, ERROR = 8'h85;
+    localparam logic [2:0] IDLE = 0, LINE = 1, REPLY = 2, SPIKE = 3, FINAL = 4;
+    localparam integer     LONGEST = 40;
+    localparam logic [3:0] MOST = 15;  // spikes in a frame, less one: others may speak in between
+    localparam logic [23:0] ROOM = 24'(BUFFER);
+
+    logic [2:0] state;
+    logic       pending;  // an error of the line, until it is answered
+    logic [7:0] what;
+    logic [5:0] index, last;
+    logic [3:0] together;
+
+    logic [8*LONGEST-1:0] body;
+    always_comb begin
+        body = 0;
+        case (state)
+            LINE: body[8*LONGEST-1-:24] = {ERROR, expected, what};
+            REPLY:
+            if (reply_error != 0) body[8*LONGEST-1-:24] = {ERROR, reply_number, reply_error};
+            else if (reply_hello)
+                body[8*LONGEST-1-:56+24*SIZES] = {HELLO, reply_number, VERSION, 7'b0, loaded, ROOM, SIZE};
+            else body[8*LONGEST-1-:16] = {DONE, reply_number};
+            SPIKE: body[8*LONGEST-1-:40] = {SPIKES, 8'b0, spike};
+            default: body[8*LONGEST-1-:320] = {ANSWER, 8'b0, answer};
+        endcase
+    end
+
+    wire [8:0] low = {6'd39 - index, 3'b0};
+    wire       sent = frame_valid && frame_ready;
+    wire       again = state == SPIKE && index == 4 && spike_more && together != MOST;
+    assign frame_valid = state != IDLE;
+    assign frame_data = body[low+:8];
+    assign frame_last = index == last && !again;
+    assign reply_ready = state == REPLY && sent && frame_last;
+    assign spike_ready = state == SPIKE && sent && index == 4;
+    assign answer_ready = state == FINAL && sent && frame_last;
+
+    always_ff @(posedge clk) begin
+        if (error_valid && !pending) {pending, what} <= {1'b1, error};
+        if (state == IDLE) begin
+            {index, together} <= 0;
+            if (pending) {state, last} <= {LINE, 6'd2};
+            else if (reply_valid)
+                {state, last} <= {REPLY, reply_error != 0 ? 6'd2 : reply_hello ? 6'(6 + 3 * SIZES) : 6'd1};
+            else if (spike_valid) {state, last} <= {SPIKE, 6'd4};
+            else if (answer_valid) {state, last} <= {FINAL, 6'd39};
+        end else if (sent) begin
+            index <= again ? 2 : index + 1;
+            if (again) together <= together + 1;
+            if (frame_last) begin
+                state <= IDLE;
+                if (state == LINE) pending <= 0;
+            end
+        end
+        if (reset) begin
+            state <= IDLE;
+            pending <= 0;
+        end
+    end
+endmodule

@@ -1,0 +1,39 @@
+// Bytes to a serial line: a start bit, 8 bits, the lowest first, and a stop bit; no parity.
+module uart_tx #(
+    parameter integer BIT = 104  // clocks per bit
+) (
+    input  logic       clk,
+    input  logic       reset,
+    input  logic       valid,
+    output logic       ready,
+    input  logic [7:0] data,
+    output logic       tx
+);
+    localparam integer COUNT = $clog2(BIT);
+    localparam logic [COUNT-1:0] WHOLE = COUNT'(BIT - 1);
+
+    logic [9:0]       frame;  // bits to come, the next at bit 0
+    logic [3:0]       bits;
+    logic [COUNT-1:0] left;   // clocks to the end of this bit
+
+    assign ready = bits == 0;
+    assign tx = frame[0];
+    always_ff @(posedge clk) begin
+        if (ready) begin
+            left <= WHOLE;
+            if (valid) begin
+                frame <= {1'b1, data, 1'b0};
+                bits <= 10;
+            end
+        end else if (left != 0) left <= left - 1;
+        else begin
+            frame <= {1'b1, frame[9:1]};
+            bits <= bits - 1;
+            left <= WHOLE;
+        end
+        if (reset) begin
+            frame <= 10'h3ff;
+            bits <= 0;
+        end
+    end
+endmodule
