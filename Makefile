@@ -23,7 +23,7 @@ peers: .venv/installed-dev  ## compare the engine with public simulators, each i
 bench: .venv/installed-dev  ## measure speed and memory beside public simulators; writes docs/benchmarks.md (QUICK=1: only tries it; BASE=REV: the command against an earlier commit)
 	$(BIN)/python tests/benchmarks/run.py $(if $(QUICK),--quick) $(if $(BASE),--against $(BASE))
 
-mutants: .venv/installed-dev  ## put small faults into the code, one at a time: do the tests find them? writes tests/mutants/results.csv; an hour on two cores, resumable
+mutants: .venv/installed-dev  ## put small faults into the code, one at a time: do the tests find them? writes tests/mutants/results.csv; half an hour on two cores, resumable
 	$(BIN)/python tests/mutants/run_mutants.py $(if $(ONLY),--only $(ONLY))
 
 results: .venv/installed-dev  ## train every published network on both public data sets, five seeds, and write docs/results.md: hours, resumable
