@@ -12,6 +12,7 @@ from locsnn_compile.backends.sanafe.architecture import PROFILE, TileUse, archit
 from locsnn_compile.backends.sanafe.network import PhaseNetwork
 from locsnn_compile.backends.sanafe.rules import UNIT_SIZE, obstacles, updates
 from locsnn_compile.errors import check_most
+from locsnn_compile.report.templates import filled
 
 FOLDER = "sanafe"
 PARTS = {
@@ -20,24 +21,6 @@ PARTS = {
     "network": ("axon_packets", "hops_x", "hops_y"),
 }
 """Parts of SANA-FE's energy, and the counts of a profile that each adds up."""
-
-README = """\
-# {program} for SANA-FE, {title}
-
-`arch.yaml` is {chip} with the costs of its profile `{profile}`; one network file a phase. Run a phase with SANA-FE 2.2
-(`pip install sanafe`):
-
-```python
-import sanafe
-arch = sanafe.load_arch("arch.yaml")
-chip = sanafe.SpikingChip(arch)
-chip.load(sanafe.load_net("{first}.yaml", arch))
-print(chip.sim({steps}, spike_trace="spikes.csv"))
-```
-
-`expected.yaml` says for each phase what it has to find: counts under SANA-FE's names, and energies. Its timing follows
-rules of its own and is not compared.
-"""
 
 
 def sanafe_files(played: Played) -> dict[str, bytes]:
@@ -56,13 +39,15 @@ def sanafe_files(played: Played) -> dict[str, bytes]:
         ],
     }
     first = played.phases[0].name
-    readme = README.format(
+    readme = filled(
+        __package__,
+        "README.template.md",
         program=code_span(program.name),
         title=code_span(played.title),
         chip=code_span(program.chip.name),
         profile=PROFILE,
         first=names[first],
-        steps=played.steps(first),
+        steps=str(played.steps(first)),
     )
     texts = {
         "README.md": readme,

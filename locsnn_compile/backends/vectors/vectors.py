@@ -18,25 +18,12 @@ from locsnn_compile.backends.played import Played
 from locsnn_compile.backends.vectors.synapse_image import synapse_image, synapse_layouts
 from locsnn_compile.errors import check_most
 from locsnn_compile.report.figures.flat import picked
+from locsnn_compile.report.templates import filled
 
 FORMAT, VERSION = "locsnn-vectors", 1
 FOLDER = "vectors"
 MAX_BYTES = 1 << 30
 """Of all files together: a recording of a large program on every register can be more than a disk likes."""
-
-README = """\
-# Vectors of {program}, {title}
-
-Memory images, stimuli and expected values for a test bench of {chip}: text, one word a line, as `$readmemh` reads it.
-`manifest.yaml` names every file with its layout and number of rows, and every layout bit by bit, bit 0 lowest.
-
-To check one core: load its images, let `axon_spikes.hex` reach its input axons row by row, a row a step, and compare
-`spikes.hex`, `u.hex` and `v.hex`. An axon spike of row t acts at step t + 1 + delay. Before step 0 everything is 0.
-To check cores together, give each only its `input_spikes.hex` and let spikes travel by `output_axons.hex`.
-
-u and v of compartment i after step t are line t * compartments + i, the first line being 0. v is 0 where a compartment
-spikes and while it is refractory. The arithmetic of a step is in `docs/emit.md` of the compiler.
-"""
 
 
 class _Image(Frozen, eq=False):
@@ -81,8 +68,12 @@ def vectors_files(played: Played) -> dict[str, bytes]:
         "cores": cores,
     }
     text = yaml.safe_dump(manifest, sort_keys=False, allow_unicode=True, width=120, default_flow_style=None)
-    readme = README.format(
-        program=code_span(program.name), title=code_span(played.title), chip=code_span(program.chip.name)
+    readme = filled(
+        __package__,
+        "README.template.md",
+        program=code_span(program.name),
+        title=code_span(played.title),
+        chip=code_span(program.chip.name),
     )
     files = {"manifest.yaml": text.encode(), "README.md": readme.encode(), **files}
     return {f"{FOLDER}/{name}": content for name, content in files.items()}

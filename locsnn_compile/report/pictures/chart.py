@@ -9,15 +9,8 @@ from hw_model.io.xml_text import xml_file, xml_text
 from hw_model.values import Frozen
 from locsnn_compile.report.content import Curve
 from locsnn_compile.report.pictures.ticks import nice_step
+from locsnn_compile.report.templates import filled
 
-_STYLE = """
-:root{--paper:#fff;--ink:#15191e;--soft:#57606b;--rule:#dfe3e7;--accent:#1d5a86}
-@media (prefers-color-scheme:dark){:root{--paper:#121518;--ink:#e8ebee;--soft:#a1abb6;--rule:#2d343b;--accent:#7db8e3}}
-@media print{:root{--paper:#fff;--ink:#000;--soft:#444;--rule:#c4c9ce;--accent:#000}}
-text{font:11px system-ui,-apple-system,"Segoe UI",Arial,sans-serif;fill:var(--ink)}
-.title{font-size:14px;font-weight:600}.soft{fill:var(--soft)}
-.paper{fill:var(--paper)}.grid{stroke:var(--rule)}.frame{stroke:var(--soft)}
-"""
 WIDTH, HEIGHT, RIGHT = 340, 240, 18
 """Pixels of a panel, and right of the last one."""
 _GAP, _TOP = 72, 70
@@ -26,11 +19,6 @@ BOTTOM = _TOP + HEIGHT
 """Pixels from the upper edge of the picture to the lower edge of its panels."""
 _TICKS = 6
 """Ticks of a linear axis at the most; one more at 0."""
-_CURVES = """\
-.curve{fill:none;stroke:var(--ink);stroke-width:1.6}.dot{fill:var(--ink)}
-.c0{stroke:var(--accent)}.d0{fill:var(--accent)}
-.c1{stroke-dasharray:7 3}.c2{stroke-dasharray:2 3}.c3{stroke-dasharray:9 3 2 3}.c4{stroke-dasharray:4 2 1 2 1 2}
-"""
 _LEGEND, _LINE = 56, 16
 """Pixels from the panels' lower edge to the legend, and of a line of it."""
 Point = tuple[float, float]
@@ -73,10 +61,10 @@ def log_axis(values: Sequence[float], text: Callable[[float], str]) -> Axis:
 
 
 def sheet(width: int, height: int, title: str, style: str) -> Element:
-    """Return an empty picture with its title, in two places; ``style``: rules to add."""
+    """Return an empty picture with its title, in two places; ``style``: a file of rules to add."""
     root = Element("svg", {"xmlns": "http://www.w3.org/2000/svg", "viewBox": f"0 0 {width} {height}", "role": "img"})
     SubElement(root, "title").text = xml_text(title)
-    SubElement(root, "style").text = _STYLE + style
+    SubElement(root, "style").text = "\n" + filled(__package__, "sheet.css") + filled(__package__, style)
     SubElement(root, "rect", {"class": "paper", "width": str(width), "height": str(height)})
     words(root, 16, 22, title, "title")
     return root
@@ -140,7 +128,7 @@ class Panel(Frozen):
 def draw(title: str, panels: Sequence[Panel]) -> bytes:
     """Return the picture as a file; equal input gives equal bytes."""
     below = _LEGEND + _LINE * max(len(panel.curves) for panel in panels)
-    root, groups = chart(title, "", _CURVES, len(panels), below)
+    root, groups = chart(title, "", "curves.css", len(panels), below)
     for group, panel in zip(groups, panels, strict=True):
         _panel(group, panel)
     return xml_file(root)

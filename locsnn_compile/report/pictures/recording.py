@@ -13,7 +13,6 @@ SHADES = " ░▒▓█"
 TEXT_COLUMNS, TEXT_ROWS = 64, 20
 PICTURE_COLUMNS, PICTURE_ROWS = 1000, 500
 
-_STYLE = ".outline{fill:none;stroke:var(--soft)}.events{fill:var(--accent)}"
 _LEFT, _TOP, _RIGHT, _BOTTOM = 56, 40, 20, 40
 _PLOT_WIDTH, _PLOT_HEIGHT = 720, 320
 
@@ -36,7 +35,7 @@ def raster_svg(spikes: ByteArray, title: str, step_seconds: float | None) -> byt
     marks = _coarse(spikes, PICTURE_COLUMNS, PICTURE_ROWS) > 0
     rows, columns = marks.shape
     width, height = _LEFT + _PLOT_WIDTH + _RIGHT, _TOP + _PLOT_HEIGHT + _BOTTOM
-    svg = sheet(width, height, title, _STYLE)
+    svg = sheet(width, height, title, "raster.css")
     dx, dy = _PLOT_WIDTH / columns, _PLOT_HEIGHT / rows
     path = "".join(
         f"M{_LEFT + column * dx:.2f} {_TOP + row * dy:.2f}h{dx:.2f}v{dy:.2f}h{-dx:.2f}z"

@@ -12,13 +12,6 @@ from hw_model.io.xml_text import xml_file, xml_text
 from hw_model.values import Frozen
 from locsnn_compile.report.pictures import chart
 
-_STYLE = """\
-.mark{fill:var(--paper);stroke:var(--soft);stroke-width:1.3}
-.mark.front{fill:var(--accent);stroke:var(--paper);stroke-width:1}
-.label{paint-order:stroke;stroke:var(--paper);stroke-width:3}
-.ring{fill:none;stroke:var(--ink);stroke-width:1.6}
-.stair{fill:none;stroke:var(--accent);stroke-width:1;stroke-dasharray:3 3}
-"""
 _SHAPES = ("circle", "square", "triangle", "diamond")
 _LEGEND, _BELOW = 68, 88
 """Pixels from the panels' lower edge to the middle of the legend, and to the end of the picture."""
@@ -54,7 +47,7 @@ class Panel(Frozen):
 
 def draw(title: str, subtitle: str, kinds: Sequence[str], panels: Sequence[Panel]) -> bytes:
     """Return the picture as a file; equal input gives equal bytes."""
-    root, groups = chart.chart(title, subtitle, _STYLE, len(panels), _BELOW)
+    root, groups = chart.chart(title, subtitle, "marks.css", len(panels), _BELOW)
     for group, panel in zip(groups, panels, strict=True):
         _panel(group, panel)
     _legend(root, kinds, chart.BOTTOM + _LEGEND)

@@ -2,20 +2,18 @@
 
 from collections.abc import Iterable
 from html import escape
-from importlib.resources import files
 from typing import TYPE_CHECKING
 
 from locsnn_compile.report import content
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.format import plain, shortened
 from locsnn_compile.report.pictures import drawings
+from locsnn_compile.report.templates import filled
 from locsnn_compile.report.words import ASSUMED, SIGNS
 
 if TYPE_CHECKING:
     from locsnn_compile.verification.excerpt import Excerpt
 
-_STYLE = files(__package__).joinpath("style.css").read_text("utf-8")
-"""Light and dark, narrow and wide, screen and paper; local fonts only."""
 _MANY_COLUMNS = 7
 """A table with more of them is set smaller."""
 _FEW_COLUMNS = 4
@@ -35,35 +33,19 @@ def render_html(document: content.Document, excerpt: "Excerpt | None" = None) ->
 
 def render_page(report: content.Report, kind: str, footer: str) -> str:
     """Return a page of this content; ``kind`` stands above its title, ``footer`` at its end."""
-    return f"""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{text(report.title)} - {text(kind)}</title>
-<style>
-{_STYLE}</style>
-</head>
-<body>
-<a class="skip" href="#main">Skip to the verdict</a>
-{drawings.patterns()}
-<div class="page">
-<header>
-<p class="eyebrow">{text(kind)}</p>
-<h1>{text(report.title)}</h1>
-<p class="subtitle">{text(report.subtitle)}</p>
-</header>
-<main id="main">
-{_verdicts(report)}
-{"".join(_notice(notice) for notice in report.notices)}
-{_contents(report)}
-{"".join(_section(section) for section in report.sections)}
-</main>
-<footer><p>{text(footer)}</p></footer>
-</div>
-</body>
-</html>
-"""
+    return filled(
+        __package__,
+        "page.html",
+        title=text(report.title),
+        subtitle=text(report.subtitle),
+        kind=text(kind),
+        patterns=drawings.patterns(),
+        verdicts=_verdicts(report),
+        notices="".join(_notice(notice) for notice in report.notices),
+        contents=_contents(report),
+        sections="".join(_section(section) for section in report.sections),
+        footer=text(footer),
+    )
 
 
 def render_summary(document: content.Document) -> str:

@@ -5,8 +5,6 @@ It shows spikes and potentials of both sides, and what the cores did in every st
 
 import base64
 import json
-import re
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -18,9 +16,8 @@ from locsnn_compile.reference.evaluate import decided, evaluate
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import Document
 from locsnn_compile.report.renderers.html import text
+from locsnn_compile.report.templates import filled
 from locsnn_compile.verification.matching import Divergence
-
-_PARTS = ("viewer.css", "uPlot.min.css", "uPlot.LICENSE", "uPlot.iife.min.js", "viewer.js")
 
 
 def render_viewer(
@@ -30,12 +27,10 @@ def render_viewer(
 
     ``document`` is the report's; ``first`` is where the sides first differ.
     """
-    room, report = files(__package__), compose(document)
+    report = compose(document)
     values = viewer_values(levels, recordings, labels, first) | {"cores": document["resources"]["by_core"]}
     data = json.dumps(values, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
-    given = {"title": text(report.title), "subtitle": text(report.subtitle), "data": data}
-    given |= {name: room.joinpath(name).read_text("utf-8") for name in _PARTS}
-    page = re.sub("@@(.+?)@@", lambda found: given[found[1]], room.joinpath("viewer.html").read_text("utf-8"))
+    page = filled(__package__, "viewer.html", title=text(report.title), subtitle=text(report.subtitle), data=data)
     return page.encode(errors="backslashreplace")
 
 
