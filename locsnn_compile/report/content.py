@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, Literal
 
 from hw_model.values import Frozen
+from locsnn_compile.report.words import section_words
 
 Document = dict[str, Any]
 """report.json, as ``document.py`` builds it."""
@@ -195,9 +196,9 @@ class Report(Frozen):
     """Sentences, before anything else that limits the figures."""
 
 
-def section(key: str, title: str, lead: str, *blocks: Block | None) -> Section:
-    """Return a section of those of the blocks that there are."""
-    return Section(key, title, lead, tuple(block for block in blocks if block))
+def section(key: str, *blocks: Block | None, called: str | None = None, **given: str) -> Section:
+    """Return a section of those of the blocks that there are, with the words for its key, or those ``called`` so."""
+    return Section(key, *section_words(called or key, **given), tuple(block for block in blocks if block))
 
 
 def facts(*named: tuple[str, str | None]) -> Facts:

@@ -1,49 +1,33 @@
-"""Names of the document's keys in words."""
+"""What the report says: its words for the document's keys, its titles and longer sentences, all of ``words.yaml``."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import yaml
+
+from hw_model.io.yaml_text import FAST_LOADER
 from locsnn_compile.report.format import SILENT
+from locsnn_compile.report.templates import filled
 
 ASSUMED = "What was assumed:"
 """Stands above the assumptions wherever they are shown."""
 SIGNS = {"yes": "✓", "nearly": "≈", "no": "✗", "unknown": "?", "modelled": "~"}
 """Stand before the answers of verdicts."""
-_WORDS = {
-    "synaptic_ops": "synaptic operations",
-    "neuron_updates_active": "neuron updates, active",
-    "neuron_updates_inactive": "neuron updates, at rest",
-    "transpose_events": "events through the transpose buffer",
-    "axon_packets": "spike packets",
-    "packets_within_tile": "packets within a tile",
-    "hops_x": "mesh hops, east or west",
-    "hops_y": "mesh hops, north or south",
-    "axons_in": "input axons",
-    "axons_out": "output axons",
-    "updates": "compartment updates",
-    "mesh": "mesh hops",
-    "buffer": "transpose buffer",
-    "time": "time branch",
-    "location": "location branch",
-    "together": "all branches together",
-    "time_weighted": "time-weighted",
-    "fp32": "FP32",
-    "int8": "INT8",
-    "int8_sums_of_32_bits": "INT8, sums of 32 bits",
-    "cnn-3d": "CNN-3D",
-    "gru-mlp": "GRU-MLP",
-}
+_TEXTS: dict[str, Any] = yaml.load(filled(__package__, "words.yaml"), FAST_LOADER)
+STAGES: dict[str, str] = _TEXTS["stages"]
+"""Stages of the error budget in words, in the order of the compiler."""
 
-STAGES = {
-    "kernel": "neuron model",
-    "weights": "rounding of weights",
-    "decays": "rounding of decays",
-    "states": "truncation of states",
-    "thresholds": "thresholds",
-    "delays": "delays",
-    "wraps_clips": "wraps and clips",
-}
-"""Stages of the error budget, in the order of the compiler."""
+
+def section_words(name: str, **given: str) -> tuple[str, str]:
+    """Return the title of a section and what is said above it."""
+    found = _TEXTS["sections"][name]
+    return found["title"], found["lead"].format(**given)
+
+
+def sentence(name: str, **given: Any) -> str:
+    """Return one of the longer sentences, its places filled."""
+    said: str = _TEXTS["sentences"][name]
+    return said.format(**given)
 
 
 def stage_words(stage: str) -> str:
@@ -60,7 +44,7 @@ def no_spikes(match: Mapping[str, Any], population: str) -> str:
 
 def words(key: str) -> str:
     """Return a key of the document in words; one that is not known here, with its underscores as spaces."""
-    return _WORDS.get(key, key.replace("_", " "))
+    return str(_TEXTS["words"].get(key, key.replace("_", " ")))
 
 
 def limit_words(name: str) -> str:

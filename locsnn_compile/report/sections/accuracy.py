@@ -6,7 +6,7 @@ from itertools import accumulate
 
 from locsnn_compile.report.content import Bar, Curve, Document, Paragraph, Plot, Section, Table, facts, section, table
 from locsnn_compile.report.format import NONE, SILENT, agreed, any_value, count, known, plural, share, short
-from locsnn_compile.report.words import STAGES, listed, stage_words
+from locsnn_compile.report.words import STAGES, listed, sentence, stage_words
 
 _DRAWN = 8
 """Populations whose margins are drawn; a table holds those of all."""
@@ -18,28 +18,18 @@ def error_budget(document: Document) -> Section | None:
     """What each stage changes by itself, and what is left where only it is exact; None where nobody asked."""
     if "error_budget" not in document:
         return None
-    budget, title = document["error_budget"], "Error budget"
+    budget = document["error_budget"]
     if budget is None:
-        lead = (
-            "Nothing was rounded: every number of the network is an integer of the chip. There is no error to break "
-            "down."
-        )
-        return section("error-budget", title, lead)
-    lead = (
-        "The effect of each stage by itself: the float network with only this stage as on the chip, and the chip "
-        "with only this stage exact. A spike that differs changes later spikes, too."
-    )
+        return section("error-budget", called="error-budget of integers")
     variants = {stage_words(stage): found for stage, found in budget["alone"].items()}
     variants["all together"] = budget["together"]
     without = [agreed(found["spike_agreement"]) for found in budget["all_but"].values()]
     return section(
         "error-budget",
-        title,
-        lead,
         Paragraph(_checked(budget)),
         _stages(variants, [*without, NONE], len(budget["recordings"])),
         _by_population(variants),
-        Paragraph(_kernel_tail(budget["kernel_tail"])) if budget["kernel_tail"] else None,
+        _kernel_tail(budget["kernel_tail"]),
         facts(("recordings", sample(budget))),
     )
 
@@ -50,14 +40,8 @@ def margins(document: Document) -> Section | None:
         return None
     found = document["margins"]
     populations = found["by_population"]
-    lead = (
-        "How far each neuron's potential is from its threshold at every step, in thresholds, next to the error of "
-        "the chip's arithmetic when all earlier spikes are equal. A spike can differ only where the error is larger."
-    )
     return section(
         "margins",
-        "Margins",
-        lead,
         _distances(populations),
         _errors(populations),
         *(_plot(name, one, found["histogram_edges"]) for name, one in list(populations.items())[:_DRAWN]),
@@ -98,10 +82,7 @@ def _checked(budget: Document) -> str:
     left = budget["unexplained_spikes"]
     if left:
         return f"All stages together leave {plural(left, 'spike')} unexplained.{idle}"
-    return (
-        "The breakdown is complete: without any stage, every spike is the float network's; with all of them, every "
-        f"spike is the chip's.{idle}"
-    )
+    return f"{sentence('complete')}{idle}"
 
 
 def _stages(variants: Document, without: Sequence[str], recordings: int) -> Table:
@@ -129,13 +110,11 @@ def _by_population(variants: Document) -> Table:
     return Table("Spikes equal by population, each stage alone", ("population", *variants), rows)
 
 
-def _kernel_tail(tail: Document) -> str:
-    return (
-        "slayerPytorch cuts kernels where they fall below 0.01; this program keeps their tails. Cutting them in the "
-        f"float network, with nothing else changed, leaves {agreed(tail['spike_agreement'], 'none')} of its spikes "
-        f"equal and changes {plural(tail['predictions_changed'], 'prediction')}: a network trained with cut kernels "
-        "differs by that much before anything is rounded."
-    )
+def _kernel_tail(tail: Document | None) -> Paragraph | None:
+    if tail is None:
+        return None
+    equal, changed = agreed(tail["spike_agreement"], "none"), plural(tail["predictions_changed"], "prediction")
+    return Paragraph(sentence("kernel tail", equal=equal, predictions=changed))
 
 
 def _distances(populations: Document) -> Table:

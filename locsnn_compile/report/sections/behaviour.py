@@ -5,7 +5,7 @@ import math
 from locsnn_compile.report.content import Bar, Block, Document, Paragraph, Section, Table, section, share_of
 from locsnn_compile.report.format import NONE, any_value, count, energy, known, plural, ratio, share, told_apart
 from locsnn_compile.report.sections.accuracy import cause, equal_spikes
-from locsnn_compile.report.words import listed, no_spikes, words
+from locsnn_compile.report.words import listed, no_spikes, sentence, words
 
 _SCORE = 1.959964
 """Two-sided 95 % point of the normal distribution."""
@@ -14,15 +14,9 @@ _SCORE = 1.959964
 def agreement(document: Document) -> Section:
     """Agreement by population, the first spike that differs, wraps and clips."""
     match = document["match"]
-    lead = (
-        "A spike is equal where the same neuron fires at the same step in both: twice the common spikes over the sum "
-        "of both sides, with no tolerance. Where a neuron has no reset, one early difference shifts later spikes."
-    )
     why, helpers = cause(document), match["helper_neurons"]
     return section(
         "agreement",
-        "Agreement by population",
-        lead,
         Paragraph(_first_divergence(document)),
         Paragraph(why) if why else None,
         Paragraph(_interval(document)),
@@ -40,15 +34,8 @@ def operations(document: Document) -> Section:
     published = {f"additions, {words(name)}": n for name, n in paper["additions_by_branch"].items()}
     published |= {words(key): paper[key] for key in ("transpose_events", "operations")}
     columns = {words(name): counts for name, counts in branches.items()} | {"all": total}
-    lead = (
-        "The chip's counts include what it adds to the network: joined compartments, their self-synapses, updates at "
-        "rest. The published method counts on paper: spikes of the float network times their fan-out, and the events "
-        "that are transposed for the location branch."
-    )
     return section(
         "operations",
-        "Operations",
-        lead,
         Table(
             "Counted on the chip, mean per recording",
             ("operation", *columns),
@@ -67,14 +54,9 @@ def comparison(document: Document) -> Section:
     """Operations of conventional networks on the same input."""
     entries = document["ann_comparison"]
     own = document["operations"]["published_method"]["operations"]
-    lead = (
-        "A multiplication and an addition of a conventional network are one operation each, at this network's input "
-        "size. The float network's operations are an estimate by the published method; those of the program are the "
-        "synaptic operations that the chip counts, its own self-synapses included. Accuracy is not compared."
-    )
     if not entries:
         text = "No comparison: the published networks are not defined for this network's input."
-        return section("comparison", "Conventional networks", lead, Paragraph(text))
+        return section("comparison", Paragraph(text))
     chip = document["operations"]["per_sample"]["synaptic_ops"]
     rows = [
         ("the float network, on paper", own, "1" if own else NONE, NONE),
@@ -89,7 +71,7 @@ def comparison(document: Document) -> Section:
         ("network", "", "operations", "times the float network", "times the program"),
         tuple((name, Bar(share_of(n, most), f"{count(n)} operations"), count(n), *by) for name, n, *by in rows),
     )
-    return section("comparison", "Conventional networks", lead, its, *_ann_energy(document))
+    return section("comparison", its, *_ann_energy(document))
 
 
 def _ann_energy(document: Document) -> tuple[Block, ...]:
@@ -109,9 +91,9 @@ def _ann_energy(document: Document) -> tuple[Block, ...]:
             tuple(rows),
         ),
         Paragraph(
-            f"Source: {first['energy_source']}. Not included for the conventional networks: "
-            f"{listed(first['energy_not_included'])}. This network's energy is for another process and includes its "
-            "memories and its mesh: the ratio compares published figures, not two chips."
+            sentence(
+                "conventional energy", source=first["energy_source"], left_out=listed(first["energy_not_included"])
+            )
         ),
     )
 
@@ -169,12 +151,10 @@ def _interval(document: Document) -> str:
     match = document["match"]
     n, p = match["samples"] - match["tied_predictions"], match["prediction_agreement"]
     if p is None:
-        return "No prediction was compared: all class scores tie in every recording, on both sides."
+        return sentence("no prediction")
     z2 = _SCORE * _SCORE
     centre = (p + z2 / (2 * n)) / (1 + z2 / n)
     half = _SCORE / (1 + z2 / n) * math.sqrt(p * (1 - p) / n + z2 / (4 * n * n))
     low, high = max(0.0, centre - half), min(1.0, centre + half)
-    return (
-        f"Predictions are the same in {share(p)} of {plural(n, 'recording')}. For recordings of this kind in general, "
-        f"this suggests an agreement between {100 * low:.1f} and {100 * high:.1f} % (95 % confidence)."
-    )
+    recordings = plural(n, "recording")
+    return sentence("confidence", share=share(p), recordings=recordings, low=100 * low, high=100 * high)

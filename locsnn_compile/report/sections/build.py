@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from locsnn_compile.report.content import Bar, Bullets, Document, Paragraph, Section, Table, facts, of, section, table
 from locsnn_compile.report.format import NONE, agreed, any_value, count, energy, memory, plural, share
 from locsnn_compile.report.sections.verdict import fullness, outside
-from locsnn_compile.report.words import limit_words, listed, words
+from locsnn_compile.report.words import limit_words, listed, sentence, words
 from locsnn_compile.strategies import LAYOUTS
 
 if TYPE_CHECKING:
@@ -22,8 +22,6 @@ def resources(document: Document) -> Section:
     limits = [(limit_words(name), entry, fullness(entry)) for name, entry in found["limits"].items()]
     return section(
         "resources",
-        "Resources",
-        f"How much of {document['target']} the program uses.",
         facts(
             ("compartments", count(found["compartments"])),
             ("synapses", f"{count(found['synapses'])}, {memory(found['synapse_bits'])} of synapse memory"),
@@ -39,6 +37,7 @@ def resources(document: Document) -> Section:
             ("share", lambda row: share(row[2])),
         ),
         _by_core(document),
+        target=document["target"],
     )
 
 
@@ -60,30 +59,20 @@ def left_out(document: Document) -> Section:
         ("compartments pruned", count(found["compartments_pruned"])),
         ("biases lost", f"{count(lost)}, which round to 0" if lost else None),
     )
-    return section("left-out", "Left out", "What the program does without.", its)
+    return section("left-out", its)
 
 
 def quantization(document: Document) -> Section:
     """Scales, decays and rounding errors by population."""
     populations = document["quantization"]
     keys = list(dict.fromkeys(key for entry in populations.values() for key in entry))
-    lead = (
-        "A potential of 1 in the float network is the scale in the chip's registers. Decays are of 4096. Two numbers "
-        "are the smallest and the largest in the population. The kernel fit is measured on the chip's integers: how "
-        "far its responses to an input spike and to the neuron's own spike are from the kernels, as shares of them: "
-        "the largest error, and the root mean square (rms)."
-    )
     rows = tuple((name, *(_number(key, entry.get(key)) for key in keys)) for name, entry in populations.items())
     its = Table("Numbers of the chip by population", ("population", *(words(key) for key in keys)), rows)
-    return section("quantization", "Quantisation", lead, its)
+    return section("quantization", its)
 
 
 def ranges(document: Document) -> Section:
     """What is proven of the registers, whatever the input, and up to which input rate."""
-    lead = (
-        "Bounds on every register, derived only from weights, decays and thresholds. What is not proven safe was "
-        "watched: the wraps and clips above are all that occurred."
-    )
     its = table(
         "Compartments that are safe for any input",
         ({"name": name, **row} for name, row in document["range"].items()),
@@ -93,26 +82,18 @@ def ranges(document: Document) -> Section:
         ("cannot clip", of("cannot_clip", count)),
         ("all safe if no source spikes twice within", of("safe_period_steps", _period)),
     )
-    return section("range", "Proof of range", lead, its)
+    return section("range", its)
 
 
 def provenance(document: Document) -> Section:
     """What was compiled for what, with which options, checked on what; what is assumed."""
     strategies = document["strategy"].split(", ")
     meaning = "; ".join(f"{name}: {LAYOUTS[name]}" if name in LAYOUTS else name for name in strategies)
-    notes = ["Energy and latency are models: counts times published costs. No board was used."]
-    if not _WITHOUT_JOINED.issuperset(strategies):
-        notes.append(
-            "Joined compartments (dendrites) are an assumption about the chip: public sources name them, but none "
-            "gives their integer timing."
-        )
-    notes.append("Where public sources on the chip are silent or disagree, the target's description decides.")
-    lead = "Everything needed to make this report again; the same input gives the same bytes."
+    joined = [] if _WITHOUT_JOINED.issuperset(strategies) else ["joined"]
+    notes = tuple(sentence(name) for name in ("modelled", *joined, "silent sources"))
     gates, choice = document["gates"], document.get("strategy_choice")
     return section(
         "provenance",
-        "Provenance",
-        lead,
         facts(
             ("model", document["model"]["name"]),
             ("model sha256", document["model"]["sha256"] or NONE),
@@ -124,7 +105,7 @@ def provenance(document: Document) -> Section:
         ),
         table("Gates", gates, ("gate", of("name", any_value)), *_GATE_FIGURES) if gates else None,
         settings_compared(choice) if choice else None,
-        Bullets("Keep in mind with these figures", tuple(notes)),
+        Bullets("Keep in mind with these figures", notes),
     )
 
 

@@ -195,8 +195,7 @@ def _key_figures(before: Build, after: Build) -> Section:
         ("figure", "", "before", "", "after", "change"),
         tuple(_row(name, before.number(key), after.number(key), shown) for name, key, shown in _KEY_FIGURES),
     )
-    lead = f"Before is {before.name}, after is {after.name}. Costs are modelled means per recording."
-    return section("key-figures", "Key figures", lead, table)
+    return section("key-figures", table, before=before.name, after=after.name)
 
 
 def _row(name: str, a: float, b: float, shown: Callable[[float], str]) -> tuple[str | Bar, ...]:
@@ -222,7 +221,7 @@ def _all(changed: dict[str, Change]) -> list[Section]:
                 for name, (a, b) in rows[:MAX_ROWS]
             ),
         )
-        sections.append(section(f"part-{i}", _short(words(part)).capitalize(), "", table))
+        sections.append(Section(f"part-{i}", _short(words(part)).capitalize(), "", (table,)))
     return sections
 
 

@@ -37,11 +37,7 @@ def cores(document: Document) -> Section:
     meshes = [pair for its in drawn for pair in (_room(document, *its), _energy(document, *its, energies))]
     left_out = len(by_chip) - len(drawn)
     note = f"{plural(left_out, 'chip is', 'chips are')} not drawn; see core by core."
-    lead = (
-        "Each core at its place on the mesh, filled from below: first by the fullest of its limits, then by its "
-        "energy relative to the core that uses most. Empty tiles are free."
-    )
-    return section("cores", "Use of the cores", lead, *meshes, Paragraph(note) if left_out else None)
+    return section("cores", *meshes, Paragraph(note) if left_out else None)
 
 
 def _room(document: Document, chip: int, rows: list[Document]) -> Mesh:

@@ -4,7 +4,7 @@ from locsnn_compile.report.content import Bar, Document, Paragraph, Section, Tab
 from locsnn_compile.report.format import NONE, count, energy, known, ratio, share, time
 from locsnn_compile.report.sections.cost_tables import ENERGY, TIME, by_branch, constants, shares, stack
 from locsnn_compile.report.sections.verdict import pace
-from locsnn_compile.report.words import core_words, words
+from locsnn_compile.report.words import core_words, sentence, words
 
 
 def energy_section(document: Document) -> Section:
@@ -17,14 +17,8 @@ def energy_section(document: Document) -> Section:
     populations = [(name, one["pj"]) for name, one in found["by_population_pj"].items()]
     cores = [(core_words(row), row["pj"]) for row in found["by_core_pj"]]
     operations = [(words(name), pj) for name, pj in breakdown.items()]
-    lead = (
-        "The chip's counts times the cost that a published profile gives each operation. This is a model; no board "
-        "was used."
-    )
     return section(
         "energy",
-        "Energy",
-        lead,
         ENERGY.span(document),
         facts(*ENERGY.facts(document)),
         stack(breakdown, f"Where the energy goes, profile {profile}"),
@@ -43,16 +37,8 @@ def latency_section(document: Document) -> Section:
     """Time per recording: spread, where it goes, who waits for whom, and against the time that the recording took."""
     found = document["latency"]
     mean = found["per_sample_ns"]
-    lead = (
-        "A step ends when the last core is done, and after the barrier. A core updates its compartments and sends "
-        "packets; when its last packet has arrived, over links of the mesh that pass one at a time, it receives them "
-        "all and adds up their synapses. The branches run one after the other. Host input is not included. This is a "
-        "model; no board was used."
-    )
     return section(
         "latency",
-        "Latency",
-        lead,
         TIME.span(document),
         Paragraph(_real_time(found)),
         facts(*_latency_facts(document)),
@@ -79,10 +65,7 @@ def _static(static: Document) -> tuple[Paragraph, Table]:
     chips = "1 chip" if static["chips"] == 1 else f"{static['chips']} chips"
     rows = (("at the chip's latency", "at_latency_pj"), ("at the sensor's real time", "at_real_time_pj"))
     return (
-        Paragraph(
-            f"Static energy is in none of the figures above: {chips}, {static['chip_mw']:g} mW per chip "
-            f"({static['source']}), while the chip works, or for as long as the sensor records."
-        ),
+        Paragraph(sentence("static energy", chips=chips, milliwatts=static["chip_mw"], source=static["source"])),
         table(
             "Static energy per recording",
             rows,
@@ -107,12 +90,9 @@ def _real_time(found: Document) -> str:
     """Compare with the time that the recordings took."""
     duration = found["recording_ns"]
     if duration is None:
-        return "How long a step lasts is not known, so there is no comparison with real time."
+        return sentence("no pace")
     mean, slowest = (pace(ns, duration) for ns in (found["per_sample_ns"], found["over_samples_ns"]["max"]))
-    return (
-        f"On average {mean}; in the slowest recording {slowest}. "
-        "The chip runs its steps as fast as it can, without waiting for the next touch."
-    )
+    return sentence("pace", mean=mean, slowest=slowest)
 
 
 def _latency_facts(document: Document) -> tuple[tuple[str, str | None], ...]:

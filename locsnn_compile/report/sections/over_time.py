@@ -4,31 +4,24 @@ from locsnn_compile.report.content import Bar, Curve, Document, Paragraph, Plot,
 from locsnn_compile.report.format import count, energy, share, short, time
 from locsnn_compile.report.sections.accuracy import sample
 from locsnn_compile.report.sections.cost_tables import ENERGY, PARTS, TIME
-from locsnn_compile.report.words import words
+from locsnn_compile.report.words import sentence, words
 
 
 def over_time(document: Document) -> Section:
     """Show which predictions are right after how much of a recording, and what a proven stop saves."""
     costs = (*ENERGY.course(document), *TIME.course(document))
     if "over_time" not in document:
-        return section("over-time", "Over time", "What steps of a recording cost.", *costs)
+        return section("over-time", *costs, called="over-time of costs")
     entry = document["over_time"]
     if "left_out" in entry:
-        lead = f"Predictions were not followed step by step: {entry['left_out']}."
-        return section("over-time", "Over time", lead, *costs)
-    lead = (
-        "What the chip predicts after every step of a recording. The time branch has run so far; the location branch "
-        "runs on what was recorded so far, as if nothing followed."
-    )
+        return section("over-time", *costs, called="over-time left out", why=entry["left_out"])
     return section(
         "over-time",
-        "Over time",
-        lead,
         _plot(entry),
         _table(entry),
-        Paragraph(_weights(entry["psi"])) if "time_weighted" in entry["right"] else None,
+        Paragraph(sentence("time-weighted", psi=entry["psi"])) if "time_weighted" in entry["right"] else None,
         _stop(entry["proven_stop"]),
-        Paragraph(_proof(entry["proven_stop"])),
+        Paragraph(sentence("proven stop", steps=count(entry["proven_stop"]["all_steps"]))),
         facts(("recordings", sample(entry, named=False))),
         *costs,
     )
@@ -70,14 +63,6 @@ def _table(entry: Document) -> Table:
     )
 
 
-def _weights(psi: float) -> str:
-    return (
-        "Time-weighted: spikes of the time branch count 1 - w and those of the location branch w, where "
-        f"w = 1 / (1 + exp(-psi (t / T - 1))) after step t of T, with psi {psi:g}. Published values of psi are 15 for "
-        "Objects, 10 for Containers and 2 for Slip."
-    )
-
-
 def _stop(found: Document) -> Table:
     rows = []
     for name, shown in (("steps", count), ("synaptic_ops", count), ("energy_pj", energy), ("latency_ns", time)):
@@ -93,12 +78,4 @@ def _stop(found: Document) -> Table:
         ("whole recording", lambda row: row[2]),
         ("until the stop", lambda row: row[3]),
         ("saved", lambda row: share(row[1])),
-    )
-
-
-def _proof(found: Document) -> str:
-    return (
-        "A recording stops where nothing that is still possible, whatever the input, could change the class with the "
-        f"highest score: the predictions are those of the whole recording. Its {count(found['all_steps'])} steps are "
-        "those of all branches, one after the other."
     )

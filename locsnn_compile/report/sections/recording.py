@@ -29,11 +29,7 @@ def spikes(document: Document, excerpt: Excerpt | None) -> Section | None:
     for phase in excerpt.steps:
         rasters += [_input(item, excerpt) for item in excerpt.inputs if item.phase == phase]
         rasters += [_population(item, excerpt, side) for item in excerpt.populations if item.phase == phase]
-    lead = (
-        "One recording, one row per neuron, the first at the top. A ring marks the first spike that only one side "
-        "has; without a reset, later spikes may stay a step or two apart."
-    )
-    return section("spikes", "Spikes", lead, Paragraph(_shown(excerpt)), *rasters, _spike_table(excerpt, side))
+    return section("spikes", Paragraph(_shown(excerpt)), *rasters, _spike_table(excerpt, side))
 
 
 def _shown(excerpt: Excerpt) -> str:
@@ -126,15 +122,9 @@ def potential(document: Document, excerpt: Excerpt | None) -> Section | None:
     side = "network" if document["match"]["reference"] == "integers" else "float"
     shown, first = excerpt.potential, excerpt.first
     where = f"{shown.population}, neuron {shown.neuron}, recording {excerpt.recording}"
-    lead = f"{where}: the potential that the threshold sees, before any reset. " + (
-        "Its first spike that differs is marked."
-        if first
-        else "No spike differs; this neuron of the readout is an example."
-    )
     at = None if first is None else first.step - shown.first_step
-    title = "Potential around the first difference" if first else "Potential of a neuron"
     blocks = (make(shown, side, at) for make in (_potentials, _difference, _around))
-    return section("potential", title, lead, *blocks)
+    return section("potential", *blocks, called="potential that differs" if first else None, where=where)
 
 
 def _potentials(shown: NeuronPotential, side: str, at: int | None) -> Plot:

@@ -2,7 +2,7 @@
 
 from locsnn_compile.report.content import Document, Fact, Notice, Status, Verdict
 from locsnn_compile.report.format import NONE, SILENT, count, energy, known, memory, plural, points, ratio, share, time
-from locsnn_compile.report.words import limit_words, listed, stage_words, words
+from locsnn_compile.report.words import limit_words, listed, sentence, stage_words, words
 
 _SIDES = {
     "paper operations": ("ratio", "the float network, by the published method"),
@@ -131,11 +131,7 @@ def notices(document: Document) -> tuple[Notice, ...]:
     found = []
     match, dropped = document["match"], document["skipped"]["events_dropped"]
     if match["wraps"]:
-        text = (
-            f"A register overflowed {plural(match['wraps'], 'time')} and its value wrapped around to the other sign. "
-            "What "
-            "the neuron does after that says little about the float network."
-        )
+        text = sentence("wraps", times=plural(match["wraps"], "time"))
         found.append(Notice("Registers wrapped.", text))
     if dropped:
         text = f"{plural(dropped, 'event')} lay {outside(document)} and never reached the chip."
