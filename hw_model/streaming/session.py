@@ -199,4 +199,4 @@ def _length(program: ChipProgram, psi: float | None) -> int:
         check_psi(psi)
     if psi is not None and not lengths:
         raise InputError("psi", "the program does not say how long a recording is", fix="Fix the steps of its phase.")
-    return lengths[0] if lengths else 1
+    return max(lengths, default=1)

@@ -14,7 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hw_model as hw
-from hw_model.mapping.graph import Readout
+from hw_model.mapping.graph import Phase, Readout
+from hw_model.mapping.routing import InputRoute
 from hw_model.streaming.session import StepScores
 from tests.real_recordings import REAL, on_real_recordings
 
@@ -133,6 +134,22 @@ def test_time_weighted_scores(seed, psi):
         first, second = (plain.spikes[name][t - 1] for name in ("time/y", "location/y"))
         a, b = program.readout.weights
         assert np.allclose(weighted.scores[t - 1], (1 - w) * a * first + w * b * second, rtol=1e-12, atol=1e-300)
+
+
+def test_a_recording_is_as_long_as_the_longest_phase_over_time():
+    program, recording = random_hybrid(3)
+    short = [Phase(name, "time", 1) for name in ("before", "after")]
+    nowhere = np.zeros(0, dtype=np.int64)
+    (touch,) = (item for item in program.inputs if item.phase == "time")
+    longer = replace(
+        program,
+        phases=(short[0], *program.phases, short[1]),
+        inputs=(*program.inputs, *(replace(touch, name=phase.name, phase=phase.name) for phase in short)),
+        input_routes=(*program.input_routes, *(InputRoute(phase.name, nowhere, nowhere, nowhere) for phase in short)),
+    )
+    scores = hw.Session(longer, 10.0).push(recording).scores
+    assert np.array_equal(scores, hw.Session(program, 10.0).push(recording).scores)
+    assert not np.array_equal(scores, hw.Session(program).push(recording).scores)
 
 
 @pytest.mark.parametrize("psi", [None, 10.0], ids=["plain", "time-weighted"])
