@@ -31,7 +31,7 @@ from locsnn_compile.errors import InputError, check_known
 from locsnn_compile.settings import AXES, Value, check_matters, check_values, settings
 
 if TYPE_CHECKING:
-    from locsnn_compile.explore.executors import Executor
+    from locsnn_compile.cluster.spread import Spread
     from locsnn_compile.explore.exploration import Exploration
 
 PARTS = ("train", "test")
@@ -78,9 +78,9 @@ def run(args: argparse.Namespace) -> int:
     folder = Path(args.output) if args.output else default_folder(args.model, "-explore")
     check_folder(folder, WRITTEN)
     _check_places(args, folder, WRITTEN)
-    executor = _executor(args)
+    spread = _spread(args)
     try:
-        found = _explore(args, wanted, folder, executor)
+        found = _explore(args, wanted, folder, spread)
     except KeyboardInterrupt:
         print("Stopped. The same command goes on where it was.", file=sys.stderr)
         return EXIT_INTERRUPTED
@@ -100,7 +100,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _explore(
-    args: argparse.Namespace, wanted: Mapping[str, Sequence[Value]], folder: Path, executor: Executor
+    args: argparse.Namespace, wanted: Mapping[str, Sequence[Value]], folder: Path, spread: Spread
 ) -> Exploration:
     """Measure the grid, then the front on the recordings to report on."""
     import hw_model as hw
@@ -124,15 +124,15 @@ def _explore(
     store = Store(folder / "points")
     with progress_bar("exploring", show=not args.quiet) as progress:
         tried = settings(network, wanted, weight_bits_of(chip, None))
-        points = sweep(study, tried, store, executor, progress)
+        points = sweep(study, tried, store, spread, progress)
         asked = ErrorBudget(args.min_agreement, args.max_spike_error)
-        budget = asked if asked.given else auto_bounds(study, points, store, executor)
+        budget = asked if asked.given else auto_bounds(study, points, store, spread)
     events = written(events, folder / "events.npz")
     found = Exploration(study, model, args.target, args.calibration, events, budget, not asked.given, points)
     if reported_on is None:
         return found
     with progress_bar("reporting", show=not args.quiet) as progress:
-        return found.report_on(reported_on, store, executor, progress)
+        return found.report_on(reported_on, store, spread, progress)
 
 
 def _check_places(args: argparse.Namespace, folder: Path, names: Sequence[str]) -> None:
@@ -143,8 +143,8 @@ def _check_places(args: argparse.Namespace, folder: Path, names: Sequence[str]) 
     check_places(reads, [], [(f"-o {str(folder)!r}", folder / name) for name in names])
 
 
-def _executor(args: argparse.Namespace) -> Executor:
-    from locsnn_compile.explore.executors import here, in_processes, on_dask
+def _spread(args: argparse.Namespace) -> Spread:
+    from locsnn_compile.cluster.spread import here, in_processes, on_dask
 
     if args.scheduler:
         return on_dask(args.scheduler)

@@ -1,1 +1,1 @@
-"""Where the parts of a job are done: in this process, or by the workers of a Dask cluster, which run the same code."""
+"""Where the parts of a job are done: here, by processes of this machine, or by the workers of a Dask cluster."""

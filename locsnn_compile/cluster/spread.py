@@ -1,17 +1,21 @@
-"""A job in parts, done here or by workers of a Dask cluster that run the same code; Dask needs the extra ``dask``.
+"""A job in parts, done here, by processes of this machine, or by workers of a Dask cluster that run the same code.
 
-What does the parts gives their results in their order, whoever does them where. Figures are comparable only where the
-same code made them.
+Dask needs the extra ``dask``. A process or worker that dies takes nothing with it: its part is done again. Figures are
+comparable only where the same code made them.
 """
 
 import hashlib
 import pickle
+import signal
 import zlib
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from importlib.metadata import PackageNotFoundError, version
+from multiprocessing import active_children, get_context
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Protocol, TypeVar
@@ -53,13 +57,14 @@ Result = TypeVar("Result")
 class Spread(Protocol):
     """Does the parts of a job; holds no more of them, and of their results, than are under way."""
 
-    def __call__(self, work: Callable[[Part], Result], parts: Iterable[Part], /) -> Iterator[Result]:
+    def __call__(self, work: Callable[[Part], Result], parts: Iterable[Part], /) -> Generator[Result, None, None]:
         """Yield what ``work`` gives for each part, in their order."""
 
 
-def here(work: Callable[[Part], Result], parts: Iterable[Part], /) -> Iterator[Result]:
+def here(work: Callable[[Part], Result], parts: Iterable[Part], /) -> Generator[Result, None, None]:
     """Do one part after the other in this process."""
-    return map(work, parts)
+    for part in parts:
+        yield work(part)
 
 
 def packed(value: object) -> bytes:
@@ -101,8 +106,8 @@ class Cluster(Frozen):
         except self.distributed.CancelledError:
             raise InputError(self.where, "it was lost", fix="Start it and the command again.") from None
 
-    def spread(self, work: Callable[[Part], Result], parts: Iterable[Part], /) -> Iterator[Result]:
-        """Have parts done by the workers, so many at a time; see :class:`locsnn_compile.cluster.spread.Spread`."""
+    def spread(self, work: Callable[[Part], Result], parts: Iterable[Part], /) -> Generator[Result, None, None]:
+        """Have parts done by the workers, so many at a time; see :class:`Spread`."""
         # The work goes with every part, not to the workers beforehand, where it would be lost with them.
         job, waiting = packed(work), deque[Any]()
         most = AHEAD * max(1, sum(self.client.nthreads().values()))
@@ -122,6 +127,17 @@ def spread_over(address: str | None) -> Iterator[Spread]:
         return
     with connected(address) as cluster:
         yield cluster.spread
+
+
+def on_dask(address: str) -> Spread:
+    """Return what connects to a scheduler once there is a part to do; ``InputError`` where Dask is not installed."""
+    installed_dask()
+
+    def spread(work: Callable[[Part], Result], parts: Iterable[Part], /) -> Generator[Result, None, None]:
+        with connected(address) as cluster:
+            yield from cluster.spread(work, parts)
+
+    return spread
 
 
 def installed_dask() -> ModuleType:
@@ -162,3 +178,55 @@ def connected(address: str) -> Iterator[Cluster]:
         for code in codes.values():
             check_code(where, code)
         yield Cluster(client, where, distributed)
+
+
+ATTEMPTS = 3
+"""Pools of processes in a row that may die without having finished a part."""
+
+
+def in_processes(workers: int) -> Spread:
+    """Return what has parts done by so many processes of this machine; it gives results as they come, in any order."""
+    return partial(_in_processes, workers)
+
+
+def _in_processes(
+    workers: int, work: Callable[[Part], Result], parts: Iterable[Part], /
+) -> Generator[Result, None, None]:
+    job, left = packed(work), dict(enumerate(map(packed, parts)))
+    attempts = ATTEMPTS
+    while left and attempts:
+        attempts -= 1
+        for number, result in _one_pool(workers, job, left):
+            del left[number]
+            attempts = ATTEMPTS
+            yield result
+    if left:
+        measured = f"{ATTEMPTS} times in a row, {len(left)} settings left"
+        fix = "Give fewer workers, or fewer recordings with --recordings."
+        raise InputError(f"--workers {workers}", "its processes die", measured=measured, fix=fix)
+
+
+def _one_pool(workers: int, job: bytes, parts: Mapping[int, bytes]) -> Iterator[tuple[int, Any]]:
+    """Yield what a pool finishes before one of its processes dies, if one does: that ends the pool."""
+    before = set(active_children())
+    # Forking a process with threads, the engine's, may hang.
+    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_leave_interrupts_to_parent)
+    try:
+        futures = {pool.submit(work_packed, job, part): number for number, part in parts.items()}
+        for future in as_completed(futures):
+            try:
+                result = future.result()
+            except BrokenProcessPool:
+                continue
+            yield futures[future], result
+    except BaseException:
+        # Interrupted or left: nobody waits for what is under way.
+        for process in set(active_children()) - before:
+            process.terminate()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _leave_interrupts_to_parent() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

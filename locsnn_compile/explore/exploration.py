@@ -15,11 +15,11 @@ import numpy as np
 
 from hw_model.values import Frozen
 from locsnn_compile.api import recordings_for
+from locsnn_compile.cluster.spread import Spread
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.write import write_recordings
 from locsnn_compile.errors import InputError
-from locsnn_compile.explore.executors import Executor
 from locsnn_compile.explore.point import Figures, ModelFile, Point, Study
 from locsnn_compile.explore.sweep import Progress, Store, sweep
 from locsnn_compile.network.network import Network
@@ -204,10 +204,10 @@ class Exploration(Frozen, eq=False):
         reported = any(point.setting == setting for point in self.reported)
         return self._command(setting, self.reported_on) if reported and self.reported_on else None
 
-    def report_on(self, events: Chosen, store: Store, executor: Executor, progress: Progress | None) -> "Exploration":
+    def report_on(self, events: Chosen, store: Store, spread: Spread, progress: Progress | None) -> "Exploration":
         """Measure the settings of the front on other recordings too."""
         study = replace(self.study, recordings=events.recordings, engines=())
-        return replace(self, reported=sweep(study, self.front, store, executor, progress), reported_on=events)
+        return replace(self, reported=sweep(study, self.front, store, spread, progress), reported_on=events)
 
     def _command(self, setting: Setting, events: Chosen) -> str:
         network = self.study.network

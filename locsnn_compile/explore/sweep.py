@@ -12,15 +12,15 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from hw_model.io.files import replace_file
 from hw_model.values import Frozen
-from locsnn_compile.cluster.spread import check_code, code_version
+from locsnn_compile.cluster.spread import Spread, check_code, code_version
 from locsnn_compile.errors import InputError, TargetError
-from locsnn_compile.explore.executors import Executor
-from locsnn_compile.explore.point import Figures, Point, Refusal, Study, Timing
+from locsnn_compile.explore.point import Figures, Point, Refusal, Study, Timing, measure
 from locsnn_compile.passes.quantize import weight_bits_of
 from locsnn_compile.settings import Setting, usual_settings
 from locsnn_compile.verification.error_bounds import ErrorBudget, default_budget
@@ -87,7 +87,7 @@ def _point(entry: Mapping[str, Any], setting: Setting) -> Point:
 
 
 def sweep(
-    study: Study, settings: Sequence[Setting], store: Store, executor: Executor, progress: Progress | None = None
+    study: Study, settings: Sequence[Setting], store: Store, spread: Spread, progress: Progress | None = None
 ) -> tuple[Point, ...]:
     """Return a point for every setting, in their order; each is stored as soon as it is measured.
 
@@ -101,7 +101,7 @@ def sweep(
         progress(len(points), len(keys))
     if missing:
         # Whatever ends this, processes and connections end with it.
-        with closing(executor(study, missing)) as measured:
+        with closing(spread(partial(measure, study), missing)) as measured:
             for point in measured:
                 check_code(f"setting {point.setting}", point.code)
                 if point.refusal and point.refusal.kind == InputError.__name__:
@@ -116,19 +116,19 @@ def sweep(
     return done
 
 
-def auto_bounds(study: Study, points: Sequence[Point], store: Store, executor: Executor) -> ErrorBudget:
+def auto_bounds(study: Study, points: Sequence[Point], store: Store, spread: Spread) -> ErrorBudget:
     """Return what ``auto`` may lose: by its first strategy that the chip holds, measured here if not on the grid."""
     known = {point.setting: point.figures for point in points}
     for setting in usual_settings(study.network, weight_bits_of(study.chip, None)):
-        figures = known[setting] if setting in known else _measured(study, setting, store, executor)
+        figures = known[setting] if setting in known else _measured(study, setting, store, spread)
         if figures:
             return default_budget(figures)
     # The chip holds this network with fewer bits than its most only.
     return default_budget(min((f for f in known.values() if f), key=lambda figures: figures.spike_error or 0.0))
 
 
-def _measured(study: Study, setting: Setting, store: Store, executor: Executor) -> Figures | None:
+def _measured(study: Study, setting: Setting, store: Store, spread: Spread) -> Figures | None:
     try:
-        return sweep(replace(study, engines=()), [setting], store, executor)[0].figures
+        return sweep(replace(study, engines=()), [setting], store, spread)[0].figures
     except TargetError:
         return None

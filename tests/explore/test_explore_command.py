@@ -169,7 +169,7 @@ def test_an_interrupted_run_goes_on(model, events, small, tmp_path, monkeypatch,
         measured.append(setting)
         return point_module.measure(study, setting)
 
-    monkeypatch.setattr("locsnn_compile.explore.executors.measure", stopped)
+    monkeypatch.setattr("locsnn_compile.explore.sweep.measure", stopped)
     assert explore(*arguments) == 130
     assert capsys.readouterr() == ("", "Stopped. The same command goes on where it was.\n")
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["points"]
@@ -181,7 +181,7 @@ def test_an_interrupted_run_goes_on(model, events, small, tmp_path, monkeypatch,
         again.append(setting)
         return point_module.measure(study, setting)
 
-    monkeypatch.setattr("locsnn_compile.explore.executors.measure", counted)
+    monkeypatch.setattr("locsnn_compile.explore.sweep.measure", counted)
     assert explore(*arguments) == 0
     assert [str(setting) for setting in again] == ["reset, 4-bit", "reset, 8-bit"]
     assert lasting(tmp_path / "out") == lasting(small)

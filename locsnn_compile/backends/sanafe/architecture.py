@@ -4,8 +4,11 @@ Input spikes come from outside the chip, but SANA-FE's can only come from cores.
 the host's, whose somas play the input lines of that tile for no energy and no time: their packets travel no hop.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from itertools import groupby
+from typing import Any
+
+import yaml
 
 from hw_model.description.chip import Chip
 from hw_model.description.profile import Profile
@@ -20,6 +23,8 @@ PRICED = ("synaptic_ops", "neuron_updates", "neuron_updates_active", "spikes", "
 """Counts that SANA-FE has a price for."""
 SOMA_EVENTS = {"access_neuron": "neuron_updates", "update_neuron": "neuron_updates_active", "spike_out": "spikes"}
 """Events of a soma that SANA-FE prices, and the counts that they are."""
+HOPS = {"east": "hops_x", "west": "hops_x", "north": "hops_y", "south": "hops_y"}
+"""Ways that SANA-FE prices a hop on, and the counts that they are."""
 LINK_BUFFER = 16
 
 
@@ -47,95 +52,75 @@ def tile_number(chip: Chip, slot: int) -> int:
 
 def architecture(chip: Chip, uses: Mapping[int, TileUse]) -> str:
     """Return the architecture file; ``uses[tile]`` says what is on each tile in use, by SANA-FE's numbers."""
-    profile = priced_by(chip)
-    return "\n".join(_lines(chip, profile, uses)) + "\n"
+    profile, columns = priced_by(chip), chip.mesh.columns * chip.chips
+    attributes = {
+        "width": columns,
+        "height": chip.mesh.rows,
+        "link_buffer_size": LINK_BUFFER,
+        "sync_model": "table",
+        "latency_sync": {n: profile.barrier_ns.ns(n, chip.mesh.tiles) * 1e-9 for n in range(1, len(uses) + 1)},
+    }
+    tiles = []
+    for use, tiles_alike in groupby(range(columns * chip.mesh.rows), key=uses.get):
+        numbers = list(tiles_alike)
+        cores = [_core(profile, chip.mesh.cores_per_tile, use.replayed if use else 0)]
+        cores += [_host(use.lines)] if use and use.lines else []
+        hops = _costs(profile, {f"{way}_hop": count for way, count in HOPS.items()})
+        tiles.append({"name": f"tile[{numbers[0]}..{numbers[-1]}]", "attributes": hops, "core": cores})
+    return yaml.safe_dump({"architecture": {"name": "chip", "attributes": attributes, "tile": tiles}}, sort_keys=False)
 
 
-def _lines(chip: Chip, profile: Profile, uses: Mapping[int, TileUse]) -> Iterator[str]:
-    columns = chip.mesh.columns * chip.chips
-    yield "architecture:"
-    yield "  name: chip"
-    yield "  attributes:"
-    yield f"    width: {columns}"
-    yield f"    height: {chip.mesh.rows}"
-    yield f"    link_buffer_size: {LINK_BUFFER}"
-    yield "    sync_model: table"
-    barriers = (profile.barrier_ns.ns(n, chip.mesh.tiles) for n in range(1, len(uses) + 1))
-    yield f"    latency_sync: {{{', '.join(f'{n}: {ns * 1e-9!r}' for n, ns in enumerate(barriers, start=1))}}}"
-    yield "  tile:"
-    for use, tiles in groupby(range(columns * chip.mesh.rows), key=uses.get):
-        numbers = list(tiles)
-        yield f"    - name: tile[{numbers[0]}..{numbers[-1]}]"
-        yield from _attributes(_hop_costs(profile), indent=6)
-        yield "      core:"
-        yield from _core(profile, f"core[0..{chip.mesh.cores_per_tile - 1}]", use.replayed if use else 0)
-        if use and use.lines:
-            yield from _host(use.lines)
-
-
-def _hop_costs(profile: Profile) -> dict[str, str]:
-    ways = {"east": "hops_x", "west": "hops_x", "north": "hops_y", "south": "hops_y"}
-    return _costs(profile, {f"{way}_hop": count for way, count in ways.items()})
-
-
-def _core(profile: Profile, name: str, replayed: int) -> Iterator[str]:
-    """Yield a core of the chip. Dendrites add up charge and hold it until the step in which it is due."""
-    yield f"        - name: {name}"
-    buffer = {"buffer_position": "dendrite", "buffer_inside_unit": "true", "max_neurons_supported": str(UNIT_SIZE)}
-    yield from _attributes(buffer, indent=10)
-    # A profile prices the energy of a packet once; all of it is put on the sender.
-    arrives = {"energy_message_in": "0.0", "latency_message_in": _seconds(profile, "packets_received")}
-    yield from _unit("axon_in", "axon_in", arrives)
-    synapse = _costs(profile, {"process_spike": "synaptic_ops"})
-    yield from _unit("synapse", SYNAPSE, {"model": "current_based", **synapse})
-    dendrite = {"model": "accumulator_with_delay", "energy_update": "0.0", "latency_update": "0.0"}
-    yield from _unit("dendrite", DENDRITE, dendrite)
+def _core(profile: Profile, alike: int, replayed: int) -> dict[str, Any]:
+    """Return cores of the chip. Dendrites add up charge and hold it until the step in which it is due."""
     costs = _costs(profile, SOMA_EVENTS)
-    somas = [(SOMA, {"model": "leaky_integrate_fire", **costs})]
-    if replayed:
-        somas.append((f"{REPLAY}[0..{replayed - 1}]", {"model": "input", **costs}))
-    yield from _units("soma", somas)
-    yield from _unit("axon_out", "axon_out", _costs(profile, {"message_out": "axon_packets"}))
+    # A profile prices the energy of a packet once; all of it is put on the sender.
+    arrives = {"energy_message_in": 0.0, "latency_message_in": _seconds(profile, "packets_received")}
+    return {
+        "name": f"core[0..{alike - 1}]",
+        "attributes": _buffer("dendrite", inside=True, neurons=UNIT_SIZE),
+        "axon_in": [_unit("axon_in", arrives)],
+        "synapse": [_unit(SYNAPSE, _costs(profile, {"process_spike": "synaptic_ops"}), "current_based")],
+        "dendrite": [_unit(DENDRITE, _free("update"), "accumulator_with_delay")],
+        "soma": [
+            _unit(SOMA, costs, "leaky_integrate_fire"),
+            *([_unit(f"{REPLAY}[0..{replayed - 1}]", costs, "input")] if replayed else []),
+        ],
+        "axon_out": [_unit("axon_out", _costs(profile, {"message_out": "axon_packets"}))],
+    }
 
 
-def _host(lines: int) -> Iterator[str]:
-    yield "        - name: host"
-    yield from _attributes(
-        {"buffer_position": "soma", "buffer_inside_unit": "false", "max_neurons_supported": str(lines)}, indent=10
-    )
-    yield from _unit("axon_in", "axon_in", {"energy_message_in": "0.0", "latency_message_in": "0.0"})
-    free = {"energy_process_spike": "0.0", "latency_process_spike": "0.0"}
-    yield from _unit("synapse", SYNAPSE, {"model": "current_based", **free})
-    yield from _unit("dendrite", DENDRITE, {"model": "accumulator", "energy_update": "0.0", "latency_update": "0.0"})
-    free = {f"{kind}_{event}": "0.0" for event in SOMA_EVENTS for kind in ("energy", "latency")}
-    yield from _unit("soma", f"{LINE}[0..{lines - 1}]", {"model": "input", **free})
-    yield from _unit("axon_out", "axon_out", {"energy_message_out": "0.0", "latency_message_out": "0.0"})
+def _host(lines: int) -> dict[str, Any]:
+    return {
+        "name": "host",
+        "attributes": _buffer("soma", inside=False, neurons=lines),
+        "axon_in": [_unit("axon_in", _free("message_in"))],
+        "synapse": [_unit(SYNAPSE, _free("process_spike"), "current_based")],
+        "dendrite": [_unit(DENDRITE, _free("update"), "accumulator")],
+        "soma": [_unit(f"{LINE}[0..{lines - 1}]", _free(*SOMA_EVENTS), "input")],
+        "axon_out": [_unit("axon_out", _free("message_out"))],
+    }
 
 
-def _unit(section: str, name: str, attributes: Mapping[str, str]) -> Iterator[str]:
-    yield from _units(section, [(name, attributes)])
+def _buffer(before: str, *, inside: bool, neurons: int) -> dict[str, Any]:
+    return {"buffer_position": before, "buffer_inside_unit": inside, "max_neurons_supported": neurons}
 
 
-def _units(section: str, units: Sequence[tuple[str, Mapping[str, str]]]) -> Iterator[str]:
-    yield f"          {section}:"
-    for name, attributes in units:
-        yield f"            - name: {name}"
-        yield from _attributes(attributes, indent=14)
+def _unit(name: str, costs: Mapping[str, float], model: str | None = None) -> dict[str, Any]:
+    return {"name": name, "attributes": {**({"model": model} if model else {}), **costs}}
 
 
-def _attributes(attributes: Mapping[str, str], indent: int) -> Iterator[str]:
-    yield " " * indent + "attributes:"
-    yield from (" " * (indent + 2) + f"{name}: {value}" for name, value in attributes.items())
+def _free(*events: str) -> dict[str, float]:
+    return {f"{kind}_{event}": 0.0 for event in events for kind in ("energy", "latency")}
 
 
-def _costs(profile: Profile, counts: Mapping[str, str]) -> dict[str, str]:
+def _costs(profile: Profile, counts: Mapping[str, str]) -> dict[str, float]:
     """Return the energy and the latency of every event, in joules and seconds, from the counts that price it."""
     found = {}
     for event, count in counts.items():
-        found[f"energy_{event}"] = repr(profile.energy_pj.get(count, 0.0) * 1e-12)
+        found[f"energy_{event}"] = profile.energy_pj.get(count, 0.0) * 1e-12
         found[f"latency_{event}"] = _seconds(profile, count)
     return found
 
 
-def _seconds(profile: Profile, count: str) -> str:
-    return repr(profile.time_ns.get(count, 0.0) * 1e-9)
+def _seconds(profile: Profile, count: str) -> float:
+    return profile.time_ns.get(count, 0.0) * 1e-9

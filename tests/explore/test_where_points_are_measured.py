@@ -14,10 +14,8 @@ from small_model import explore, lasting, narrow, setting, workers_of
 import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.cluster import spread
-from locsnn_compile.cluster.spread import packed, work_packed
+from locsnn_compile.cluster.spread import here, in_processes, on_dask, packed, work_packed
 from locsnn_compile.errors import InputError
-from locsnn_compile.explore import executors
-from locsnn_compile.explore.executors import here, in_processes, on_dask
 from locsnn_compile.explore.exploration import choose_events
 from locsnn_compile.explore.point import Study, measure
 from locsnn_compile.explore.sweep import Store, sweep
@@ -99,9 +97,9 @@ def test_dask_workers_killed_in_the_middle_take_nothing_along(study, grid, point
 
 
 def test_processes_that_always_die_are_one_error(study, grid, monkeypatch):
-    monkeypatch.setattr(executors, "_one_pool", lambda *arguments: iter(()))
+    monkeypatch.setattr(spread, "_one_pool", lambda *arguments: iter(()))
     with pytest.raises(InputError) as caught:
-        list(in_processes(2)(study, grid[:1]))
+        list(in_processes(2)(partial(measure, study), grid[:1]))
     assert str(caught.value) == (
         "--workers 2: its processes die (3 times in a row, 1 settings left). "
         "Give fewer workers, or fewer recordings with --recordings."
@@ -134,7 +132,7 @@ def test_a_cluster_without_workers(study, grid, monkeypatch):
     with LocalCluster(n_workers=0, dashboard_address=":0", silence_logs=50) as empty:
         address = empty.scheduler_address
         with pytest.raises(InputError) as caught:
-            list(on_dask(address)(study, grid))
+            list(on_dask(address)(partial(measure, study), grid))
     assert str(caught.value) == (
         f"--scheduler {address}: it has no workers (within 0.2 s). Start some with: dask worker {address}"
     )
@@ -153,14 +151,14 @@ def other_code(monkeypatch):
 def test_workers_with_other_code_are_refused(study, grid, cluster, other_code):
     address = cluster.scheduler_address
     with pytest.raises(InputError) as caught:
-        list(on_dask(address)(study, grid))
+        list(on_dask(address)(partial(measure, study), grid))
     wanted = "another version of locsnn-compile runs there ({} against {}). Install the same one everywhere."
     assert str(caught.value) == f"--scheduler {address}: {wanted.format(other_code, spread.code_version())}"
 
 
 def test_points_of_other_code_are_not_kept(study, grid, tmp_path):
-    def elsewhere(study, settings):
-        yield replace(measure(study, settings[0]), code="0+old")
+    def elsewhere(work, settings):
+        yield replace(work(settings[0]), code="0+old")
 
     with pytest.raises(InputError) as caught:
         sweep(study, grid[:1], Store(tmp_path), elsewhere)
