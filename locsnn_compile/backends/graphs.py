@@ -89,24 +89,21 @@ GRAPHML_FILE, DOT_FILE = "program.graphml", "program.dot"
 _NAMESPACE = "http://graphml.graphdrawing.org/xmlns"
 
 _TYPES = {str: "string", int: "long", bool: "boolean"}
-_NODE_KEYS: dict[str, type] = {
-    "kind": str, "name": str, "phase": str, "size": int, "start": int, "stop": int, "core": int, "slot": int,
-    "tile_x": int, "tile_y": int, "spiking": bool,
-}  # fmt: skip
-_EDGE_KEYS: dict[str, type] = {"kind": str, "synapses": int, "axons": int, "hops": int, "compartments": int}
-_GRAPH_KEYS: dict[str, type] = {"name": str, "target": str}
 
 
 def graphml_file(program: hw.ChipProgram) -> dict[str, bytes]:
     """Return the file by name: a node for each input and slice, an edge for synapses and for joined compartments."""
     graph = placed_graph(program)
     root = ElementTree.Element("graphml", xmlns=_NAMESPACE)
-    for domain, keys in (("graph", _GRAPH_KEYS), ("node", _NODE_KEYS), ("edge", _EDGE_KEYS)):
-        for name, kind in keys.items():
+    about: Values = {"name": program.name, "target": program.chip.name}
+    edges = [values for _, _, values in graph.edges]
+    for domain, all_values in (("graph", [about]), ("node", graph.nodes.values()), ("edge", edges)):
+        kinds = {name: type(value) for values in all_values for name, value in values.items()}
+        for name, kind in kinds.items():
             attributes = {"id": f"{domain}_{name}", "for": domain, "attr.name": name, "attr.type": _TYPES[kind]}
             ElementTree.SubElement(root, "key", attributes)
     body = ElementTree.SubElement(root, "graph", id="program", edgedefault="directed")
-    _data(body, "graph", {"name": program.name, "target": program.chip.name})
+    _data(body, "graph", about)
     for identity, values in graph.nodes.items():
         _data(ElementTree.SubElement(body, "node", id=identity), "node", values)
     for source, target, values in graph.edges:

@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
-from typing import Any, NoReturn, Protocol
+from typing import Any, NoReturn
 
 from locsnn_compile import __version__
 from locsnn_compile.errors import InputError, LocsnnError, check_known
@@ -232,11 +232,8 @@ def _show_log(verbose: bool) -> None:
         logging.getLogger("locsnn").setLevel(logging.DEBUG if verbose else logging.INFO)
 
 
-class Moved(Protocol):
-    """What moves a progress bar."""
-
-    def __call__(self, done: int, total: int | None, now: str = ..., /) -> None:
-        """Show how much is done, of how much where that is known, and what."""
+Moved = Callable[..., None]
+"""What moves a progress bar: called with how much is done, of how much where that is known, and what, if it changed."""
 
 
 @contextmanager

@@ -10,6 +10,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import asdict, astuple
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -29,9 +30,9 @@ from locsnn_compile.verification.error_bounds import Losses
 
 
 class ModelFile(Frozen):
-    """A path and the options of :func:`locsnn_compile.load`, None where they were not given."""
+    """What :func:`locsnn_compile.load` is given: a path, and options that are None where they were not given."""
 
-    path: str
+    model: str
     config: str | None = None
     dt: float | None = None
     reset: str | None = None
@@ -39,23 +40,17 @@ class ModelFile(Frozen):
 
     def load(self) -> Network:
         """Read the model; ``InputError`` for what cannot be read or used."""
-        path, options = self._parts()
-        return load(path, **options)
+        return load(**vars(self))
 
     def arguments(self) -> list[str]:
         """Return the arguments of ``locsnn-compile``."""
-        path, options = self._parts()
-        given = ((name, value) for name, value in options.items() if value is not None)
-        return [path, *(text for name, value in given for text in (f"--{name}", str(value)))]
+        given = {f"--{name}": str(value) for name, value in vars(self).items() if value is not None}
+        return [given.pop("--model"), *chain.from_iterable(given.items())]
 
     def digest(self) -> str:
         """Return a hash of all that decides the network: the bytes of its files, and the options."""
-        contents = [Path(path).read_bytes() for path in (self.path, self.config) if path is not None]
+        contents = [Path(path).read_bytes() for path in (self.model, self.config) if path is not None]
         return digest_of([astuple(self)[2:], [len(content) for content in contents]], *contents)
-
-    def _parts(self) -> tuple[str, dict[str, Any]]:
-        options = asdict(self)
-        return options.pop("path"), options
 
 
 class Study(Frozen, eq=False):

@@ -1,17 +1,16 @@
 """Gates: bounds that a build must keep, checked against its report, and written for a CI server as JUnit XML."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 from xml.etree import ElementTree
 
 from hw_model.io.xml_text import xml_file, xml_text
+from hw_model.values import Frozen
 
 Report = Mapping[str, Any]
 
 
-@dataclass(frozen=True)
-class Gate:
+class Gate(Frozen):
     """An option's bound and what was measured, None where nothing was compared; ``found`` is a line without its end."""
 
     option: str
@@ -21,8 +20,7 @@ class Gate:
     found: str
 
 
-@dataclass(frozen=True)
-class _Rule:
+class _Rule(Frozen):
     option: str
     measure: Callable[[Report], float | None]
     text: str
@@ -30,11 +28,6 @@ class _Rule:
     at_least: bool = False
     unknown: str = "it was not measured"
     """Why there is no value."""
-
-
-def _spike_error(report: Report) -> float | None:
-    agreement: float | None = report["match"]["spike_agreement"]
-    return None if agreement is None else 1 - agreement
 
 
 _RULES = (
@@ -47,7 +40,7 @@ _RULES = (
     ),
     _Rule(
         "--max-spike-error",
-        _spike_error,
+        lambda r: None if (equal := r["match"]["spike_agreement"]) is None else 1 - equal,
         "{:.4f} of the spikes differ",
         unknown="no spike was compared, as no neuron spiked",
     ),

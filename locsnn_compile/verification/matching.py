@@ -154,15 +154,12 @@ def compare(
         by_population={name: found for name, found in both.matches.items() if name not in helpers},
         helpers={name: found for name, found in both.matches.items() if name in helpers},
         first_divergence=_explain(quantized, program, recordings, both.differences[0]) if both.differences else None,
-        counts=both.counts,
-        counts_by_phase=both.counts_by_phase,
-        wraps_and_clips=both.wraps_and_clips,
-        latencies=both.latencies,
         latency_range_ns=(least, most),
-        usage=both.usage,
-        additions=both.additions,
-        member_ns=both.member_ns,
+        **{name: getattr(both, name) for name in _ADDED_UP},
     )
+
+
+_ADDED_UP = ("counts", "counts_by_phase", "wraps_and_clips", "latencies", "usage", "additions", "member_ns")
 
 
 class _Part(Sums, eq=False):

@@ -16,6 +16,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from scipy import sparse
 
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.nir.graph import Array, Edge, NirGraph, NirNode
@@ -23,7 +24,7 @@ from locsnn_compile.frontends.nir.neurons import DT_SECONDS
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
 from locsnn_compile.network.network import Network, Population
 from locsnn_compile.network.neurons import Cuba
-from locsnn_compile.network.projections import ChipProjection, Matrix, Projection, connections, values_of
+from locsnn_compile.network.projections import ChipProjection, Matrix, Projection, by_delay, connections, values_of
 from locsnn_compile.network.quantized import QuantizedNetwork
 
 _VERSION = "1.0"
@@ -66,13 +67,8 @@ def _write_graph(group: Any, graph: NirGraph) -> None:
 
 
 def _write_values(group: Any, values: Mapping[str, Array | str]) -> None:
-    import h5py
-
     for name, value in values.items():
-        if isinstance(value, str):
-            group.create_dataset(name, data=value, dtype=h5py.string_dtype())
-        else:
-            group.create_dataset(name, data=value)
+        group.create_dataset(name, data=value)
 
 
 def nir_graph(network: Network) -> NirGraph:
@@ -86,9 +82,9 @@ def nir_graph(network: Network) -> NirGraph:
         nodes[population.name] = _neuron(population, dt)
     for k, projection in enumerate(network.projections):
         weights, factor = _weights(projection)
-        for delay in np.unique(projection.delay).tolist() or [0]:
+        for delay, part in by_delay(weights, projection.delay) or [(0, weights)]:
             name = f"weights{k}" if np.size(projection.delay) == 1 else f"weights{k}.{delay}"
-            dense = _of_delay(weights, projection.delay, delay) * factor
+            dense = (part.toarray() if sparse.issparse(part) else part) * factor
             nodes[name] = NirNode("Linear", {"weight": dense})
             edges.append((name, projection.target))
             if delay:
@@ -108,16 +104,6 @@ def _weights(projection: Projection | ChipProjection) -> tuple[Matrix, float]:
     if isinstance(projection, ChipProjection):
         return projection.mantissa, 64.0 * 2.0**projection.exponent
     return projection.weights, 1.0
-
-
-def _of_delay(weights: Matrix, delays: Any, delay: int) -> Any:
-    """Return the weights of one delay as a dense float matrix."""
-    target, source, index = connections(weights)
-    each = np.broadcast_to(delays, values_of(weights).shape).ravel()[index]
-    dense = np.zeros(weights.shape)
-    here = each == delay
-    dense[target[here], source[here]] = values_of(weights).ravel()[index][here]
-    return dense
 
 
 def _neuron(population: Population, dt: float) -> NirNode:

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 
 import yaml
 
-import hw_model as hw
 from hw_model.description.profile import Profile
 from locsnn_compile.backends.names import code_span, unique_names
 from locsnn_compile.backends.played import Played
@@ -27,7 +26,9 @@ def sanafe_files(played: Played) -> dict[str, bytes]:
     """Return the files by name, in the folder ``sanafe``."""
     program = played.program
     profile = priced_by(program.chip)
-    _check_units(program)
+    largest = max(core.compartments for core in program.cores)
+    what = "a core has more compartments than SANA-FE's units hold"
+    check_most(largest, UNIT_SIZE, "--emit sanafe", what, fix="Leave it out for this chip.")
     notes = {phase.name: obstacles(played, phase.name) for phase in played.phases}
     networks = {phase: PhaseNetwork(played, phase, replayed=bool(why)) for phase, why in notes.items()}
     names = unique_names(networks)
@@ -98,9 +99,3 @@ def _expected(
         "energy_pj": {**energy, "soma": energy["soma"] + more},
         "report": {"neuron_updates_active": counts.neuron_updates_active, "energy_pj": dict(energy)},
     }
-
-
-def _check_units(program: hw.ChipProgram) -> None:
-    largest = max(core.compartments for core in program.cores)
-    what = "a core has more compartments than SANA-FE's units hold"
-    check_most(largest, UNIT_SIZE, "--emit sanafe", what, fix="Leave it out for this chip.")

@@ -5,7 +5,7 @@ where ``v > threshold``. It truncates v to a 64th as the chip does, but never u.
 fraction of a current is ever cut off, and where a program uses nothing that its neurons lack.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 from scipy import sparse
@@ -69,20 +69,12 @@ def _loses_fraction(core: Core, played: Played) -> BoolArray:
 
 def _arrives(core: Core, played: Played) -> BoolArray:
     """Return where at least one synapse brings its weight, (steps, compartments)."""
-    spikes = played.axons(core)
+    axons, spikes = core.axons, played.axons(core)
     found = np.zeros((len(spikes), core.compartments), dtype=np.bool_)
-    for delay, synapses in _by_delay(core):
+    for delay in np.unique(axons.delay).tolist():
+        mine = axons.delay == delay
+        ends = axons.axon_of_synapse[mine], axons.target[mine]
+        synapses = sparse.csr_array((np.ones_like(ends[0]), ends), shape=(axons.input_axons, core.compartments))
         arriving = (sparse.csr_array(spikes, dtype=np.int64) @ synapses).toarray() > 0
         found[1 + delay :] |= arriving[: max(len(spikes) - 1 - delay, 0)]
     return found
-
-
-def _by_delay(core: Core) -> Iterator[tuple[int, sparse.csr_array]]:
-    """Yield the synapses of each delay as a matrix (input axons, compartments)."""
-    axons = core.axons
-    axon = axons.axon_of_synapse
-    shape = (axons.input_axons, core.compartments)
-    for delay in np.unique(axons.delay).tolist():
-        mine = axons.delay == delay
-        ones = np.ones(int(mine.sum()), dtype=np.int64)
-        yield delay, sparse.csr_array(sparse.coo_array((ones, (axon[mine], axons.target[mine])), shape=shape))
