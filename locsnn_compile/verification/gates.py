@@ -1,16 +1,17 @@
 """Gates: bounds that a build must keep, checked against its report, and written for a CI server as JUnit XML."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 from xml.etree import ElementTree
 
 from hw_model.io.xml_text import xml_file, xml_text
-from hw_model.values import Frozen
 
 Report = Mapping[str, Any]
 
 
-class Gate(Frozen):
+@dataclass(frozen=True)
+class Gate:
     """An option's bound and what was measured, None where nothing was compared; ``found`` is a line without its end."""
 
     option: str
@@ -20,7 +21,8 @@ class Gate(Frozen):
     found: str
 
 
-class _Rule(Frozen):
+@dataclass(frozen=True)
+class _Rule:
     option: str
     measure: Callable[[Report], float | None]
     text: str

@@ -10,7 +10,7 @@ import hw_model as hw
 from locsnn_compile.cli.main import main
 from locsnn_compile.stress import run as run_module
 from locsnn_compile.stress.cases import GROUPS, LEADS, cases
-from locsnn_compile.stress.cases.case import long_runs
+from locsnn_compile.stress.cases.case import QUICK, long_runs
 from locsnn_compile.stress.page import BEGIN, END
 from locsnn_compile.stress.run import run_stress
 
@@ -39,6 +39,14 @@ def test_nothing_is_unexplained(rows):
 def test_every_group_has_a_row_and_a_lead(rows):
     groups = {*GROUPS} | {run.case.group for run in long_runs()}
     assert {row.case.group for row in rows} == groups == set(LEADS)
+
+
+def test_the_rows_that_every_run_has_exist():
+    names = {(case.group, case.strategy, case.name) for case in (*cases(), *(run.case for run in long_runs()))}
+    wanted = {
+        (group, *row) for group, of in QUICK.items() for strategy in of for row in ((strategy, n) for n in of[strategy])
+    }
+    assert wanted <= names
 
 
 def test_cases_have_names_of_their_own():

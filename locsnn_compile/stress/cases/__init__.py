@@ -30,6 +30,5 @@ LEADS = {name: " ".join((made.__doc__ or "").split()) for name, made in {**GROUP
 
 def cases(*, quick: bool = False) -> tuple[Case, ...]:
     """Return all cases in the order of the page, or those that every run has."""
-    return tuple(
-        replace(case, group=group) for group, made in GROUPS.items() for case in made() if case.quick or not quick
-    )
+    every = (replace(case, group=group) for group, made in GROUPS.items() for case in made())
+    return tuple(case for case in every if case.quick or not quick)

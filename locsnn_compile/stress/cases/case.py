@@ -1,12 +1,14 @@
 """What is put under stress: one population behind some inputs, and what is played to it, also for a million steps."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import yaml
 
+from hw_model.io.yaml_text import FAST_LOADER
 from hw_model.mapping.graph import Readout
 from hw_model.values import ArrayLike, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.network.chip_neurons import ChipNeuron
@@ -14,6 +16,7 @@ from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import Cuba, Neuron, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Projection, Signs, matrix
 from locsnn_compile.passes.rounding.task import FINE, Rounding
+from locsnn_compile.report.templates import filled
 from locsnn_compile.strategies import NATIVE, USUAL
 
 POPULATION, TOUCH = "n", "touch"
@@ -22,14 +25,15 @@ NEURONS, CHANNELS, STEPS, SAMPLES, RATE = 4, 6, 200, 2, 0.3
 THETA = 10.0
 """Published threshold."""
 SEED = 0
+QUICK: Mapping[str, Mapping[str, Sequence[str]]] = yaml.load(filled(__package__, "quick.yaml"), FAST_LOADER)
+"""Names of the cases that every run has, by group and strategy."""
 
 
 class Case(Frozen, eq=False):
     """One row of the table: a network, how it is lowered, and recordings (samples, steps, channels) of 0 and 1.
 
     It is rounded as `locsnn-compile` rounds, unless ``rounding`` says otherwise. ``x`` is the number that the group of
-    cases varies, where it has a place on an axis. ``quick`` cases are part of every run. The table of groups names the
-    ``group``.
+    cases varies, where it has a place on an axis. The table of groups names the ``group``.
     """
 
     name: str
@@ -39,8 +43,12 @@ class Case(Frozen, eq=False):
     weight_bits: int = 8
     rounding: Rounding = FINE
     x: float | None = None
-    quick: bool = False
     group: str = ""
+
+    @property
+    def quick(self) -> bool:
+        """Whether it is part of every run."""
+        return self.name in QUICK.get(self.group, {}).get(self.strategy, ())
 
 
 def srm_cases(
@@ -48,18 +56,15 @@ def srm_cases(
     neuron: SrmAlpha | None = None,
     given: ArrayLike | None = None,
     played: ByteArray | None = None,
-    *,
-    quick: bool = False,
-    quick_as: tuple[str, ...] = ("dendrite",),
     **more: Any,
 ) -> Iterator[Case]:
-    """Yield a network of spike response neurons by every strategy; of ``quick`` ones ``quick_as`` are in every run.
+    """Yield a network of spike response neurons by every strategy.
 
     The published neuron, random weights and random input where nothing else is given; ``more`` as in :func:`case_of`.
     """
     made = case_of(name, USUAL[0], neuron or srm(), weights() if given is None else given, played, **more)
     for strategy in USUAL:
-        yield replace(made, strategy=strategy, quick=quick and strategy in quick_as)
+        yield replace(made, strategy=strategy)
 
 
 def lif_case(
@@ -183,9 +188,9 @@ def long_runs() -> Iterator[LongRun]:
     # Two neurons of each network stay below the threshold, so that potentials can be compared for ever.
     block = random_input(BLOCK, samples=1)[0]
     for strategy in USUAL:
-        yield _run("tau_sr 10", strategy, srm(), _mostly_quiet(weights()), block, 2, quick=strategy == "dendrite")
+        yield _run("tau_sr 10", strategy, srm(), _mostly_quiet(weights()), block, 2)
     given = _mostly_quiet(weights(response="leak"))
-    yield _run("leak of 10 steps", NATIVE, lif(10.0), given, block, 2, quick=True)
+    yield _run("leak of 10 steps", NATIVE, lif(10.0), given, block, 2)
     given = _mostly_quiet(weights(4096.0, response="leak"))
     # A decay that the chip has: nothing but truncation and weights is left.
     yield _run("leak of 1 in 4096", NATIVE, lif(decay_v=1 / 4096), given, block, SETTLED * 4096 // BLOCK)
@@ -224,7 +229,6 @@ def _run(
     blocks: int,
     *,
     fades: bool = True,
-    quick: bool = False,
 ) -> LongRun:
     played = np.tile(block, (blocks, 1))[None]
-    return LongRun(case_of(name, strategy, neuron, given, played, quick=quick, group=GROUP), block, fades)
+    return LongRun(case_of(name, strategy, neuron, given, played, group=GROUP), block, fades)

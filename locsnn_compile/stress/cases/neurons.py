@@ -13,7 +13,6 @@ from locsnn_compile.stress.cases import case as usual
 from locsnn_compile.stress.cases.case import NEURONS, THETA, Case, case_of, lif, lif_case, srm, srm_cases, weights
 
 STEPS_OF_TAU = (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 8000, 10_000)
-QUICK = (0.5, 10, 10_000)
 SHORT, LONG, FROM = 200, 2000, 200
 """Steps of a recording: of time constants of 200 steps and more, the longer."""
 ENDS = (0, 1, 4095, 4096)
@@ -33,11 +32,10 @@ def time_constants() -> Iterator[Case]:
     all weights are less than the smallest charge.
     """
     for tau in STEPS_OF_TAU:
-        played, quick = usual.random_input(LONG if tau >= FROM else SHORT, samples=1), tau in QUICK
-        kernel, given = srm(tau_sr=tau), weights(tau)
-        yield from srm_cases(f"tau_sr {tau:g}", kernel, given, played, x=tau, quick=quick, quick_as=USUAL)
-        leaky, quick = weights(tau, response="leak"), quick or tau == 1000
-        yield lif_case(f"leak of {tau:g} steps", lif(tau), leaky, played, x=tau, quick=quick)
+        played = usual.random_input(LONG if tau >= FROM else SHORT, samples=1)
+        given, leaky = weights(tau), weights(tau, response="leak")
+        yield from srm_cases(f"tau_sr {tau:g}", srm(tau_sr=tau), given, played, x=tau)
+        yield lif_case(f"leak of {tau:g} steps", lif(tau), leaky, played, x=tau)
         both = lif(tau, decay_u=-np.expm1(-1 / tau))
         yield lif_case(f"leak and current of {tau:g}", both, given / tau**0.5, played)
 
@@ -47,8 +45,7 @@ def refractory_time_constants() -> Iterator[Case]:
     hold, and `reset` has none.
     """
     for tau in STEPS_OF_TAU:
-        quick, neuron = tau in (0.5, 1000, 10_000), srm(tau_ref=tau)
-        yield from srm_cases(f"tau_ref {tau:g}", neuron, quick=quick, quick_as=("dendrite", "delay-line"))
+        yield from srm_cases(f"tau_ref {tau:g}", srm(tau_ref=tau))
 
 
 def decays() -> Iterator[Case]:
@@ -56,8 +53,7 @@ def decays() -> Iterator[Case]:
     mantissa = np.random.default_rng(usual.SEED).integers(-90, 120, (NEURONS, usual.CHANNELS))
     for decay_u, decay_v in product(ENDS, ENDS):
         neuron = ChipCuba.of(NEURONS, decay_u=decay_u, decay_v=decay_v, threshold=THRESHOLD)
-        quick = decay_u == 4095 - decay_v
-        yield case_of(f"decay_u {decay_u}, decay_v {decay_v}", NATIVE, neuron, mantissa, quick=quick)
+        yield case_of(f"decay_u {decay_u}, decay_v {decay_v}", NATIVE, neuron, mantissa)
     for decay, own in ((0, 4096), (1, 4095), (4095, 1), (4096, 0)):
         dendrite = ChipSrm.with_taps(
             NEURONS,
@@ -67,7 +63,7 @@ def decays() -> Iterator[Case]:
             mantissa=-200,
             exponent=1,
         )
-        yield case_of(f"decays {decay}, refractory {own}", "dendrite", dendrite, mantissa, quick=decay == 1)
+        yield case_of(f"decays {decay}, refractory {own}", "dendrite", dendrite, mantissa)
         taps = ChipSrm.with_taps(
             NEURONS, decay=decay, threshold=THRESHOLD, delay=[0, 1, 62], mantissa=[-200, 100, -50], exponent=[1, 1, 0]
         )
@@ -82,18 +78,17 @@ def exact_thresholds() -> Iterator[Case]:
     for rule in RULES:
         for parts in PARTS:
             name, neuron = "one spike" if parts == 1 else f"{parts} spikes", lif(size=1, decay_v=0.0, rule=rule)
-            yield lif_case(f"integrator, {name}, rule {rule}", neuron, [[THETA / parts]], one, quick=parts == 3)
+            yield lif_case(f"integrator, {name}, rule {rule}", neuron, [[THETA / parts]], one)
         neuron = lif(size=1, decay_v=1.0, rule=rule)
         yield lif_case(f"memoryless, 1/4 and 3/4, rule {rule}", neuron, [[0.25 * THETA, 0.75 * THETA]], two)
     # Single spikes so far apart that the kernel of one is over before the next.
     apart = np.zeros_like(one)
     apart[:, 0 : usual.STEPS : usual.STEPS // 2] = 1
     for strategy, tau in product(USUAL, (1.0, 10.0)):
-        name, quick = f"peak of a kernel of {tau:g}", strategy == "dendrite"
-        yield case_of(name, strategy, srm(tau_sr=tau), [[THETA]], apart, quick=quick)
+        yield case_of(f"peak of a kernel of {tau:g}", strategy, srm(tau_sr=tau), [[THETA]], apart)
     for over, word in ((0, "at"), (1, "a unit above")):
         memoryless = ChipCuba.of(1, decay_u=4096, decay_v=4096, threshold=100, bias_mantissa=over)
-        yield case_of(f"integers, {word} it", NATIVE, memoryless, [[100]], one, quick=True)
+        yield case_of(f"integers, {word} it", NATIVE, memoryless, [[100]], one)
     memoryless_srm = ChipSrm.with_taps(1, decay=4096, threshold=100, refractory_decay=4096, mantissa=-1, exponent=0)
     yield case_of("integers, at it", "dendrite", memoryless_srm, [[100]], one)
 
@@ -101,27 +96,24 @@ def exact_thresholds() -> Iterator[Case]:
 def refractory_counts() -> Iterator[Case]:
     """Steps that a neuron is held after a spike: the chip counts to 63."""
     for steps in (0, 1, 2, 63, 64, 10**12):
-        neuron, given = lif(refractory=steps), weights(response="leak") * 3
-        yield lif_case(f"count {steps}", neuron, given, quick=steps in (63, 64))
+        yield lif_case(f"count {steps}", lif(refractory=steps), weights(response="leak") * 3)
     for scale in (5.0, 10.0, 100.0):
-        name = f"scale_ref {scale:g}"
-        yield case_of(name, "reset", srm(scale_ref=scale), weights() * 3, quick=scale == 100)
+        yield case_of(f"scale_ref {scale:g}", "reset", srm(scale_ref=scale), weights() * 3)
 
 
 def biases() -> Iterator[Case]:
     """A bias of less than half a unit of the register is lost, and one of more than 4,095 thresholds is refused."""
     one = usual.random_input(channels=1)
     for bias in (1e-9, 1e-6, 1e-3, 0.05, 1.0, 100.0, LIMIT, LIMIT + 10, -0.05, -100.0, -LIMIT):
-        quick = bias in (1e-9, LIMIT, LIMIT + 10)
-        yield lif_case(f"{bias:g} thresholds", lif(bias=bias * THETA), quick=quick)
+        yield lif_case(f"{bias:g} thresholds", lif(bias=bias * THETA))
     alone = lif(bias=0.2 * THETA, decay_v=0.0)
-    yield lif_case("bias alone, nothing fades", alone, np.zeros((NEURONS, 1)), one, quick=True)
+    yield lif_case("bias alone, nothing fades", alone, np.zeros((NEURONS, 1)), one)
     for mantissa, exponent in ((-4096, 7), (4095, 7), (4095, 0), (4096, 0), (-4097, 0), (1, 8)):
         neuron = ChipCuba.of(
             NEURONS, decay_u=4096, decay_v=410, threshold=8000, bias_mantissa=mantissa, bias_exponent=exponent
         )
         name, given = f"mantissa {mantissa}, exponent {exponent}", np.full((NEURONS, 1), 255)
-        yield case_of(name, NATIVE, neuron, given, one, quick=exponent == 8)
+        yield case_of(name, NATIVE, neuron, given, one)
 
 
 def float_extremes() -> Iterator[Case]:
@@ -129,7 +121,7 @@ def float_extremes() -> Iterator[Case]:
     for name, change in _SRM_EXTREMES.items():
         neuron = replace(srm(), **change)
         scaled = weights() * (neuron.theta / THETA if 1e-200 < neuron.theta < 1e200 else 1.0)
-        yield from srm_cases(name, neuron, scaled, quick=True)
+        yield from srm_cases(name, neuron, scaled)
     shape, drawn = (NEURONS, usual.CHANNELS), weights(response="leak")
     denormal = drawn.copy()
     denormal[:, 1:] = LEAST
@@ -147,7 +139,7 @@ def float_extremes() -> Iterator[Case]:
         ("bias 5e-324", lif(bias=LEAST), drawn),
         ("bias 1e+300", lif(bias=1e300), drawn),
     ):
-        yield lif_case(name, integrator, given, quick=True)
+        yield lif_case(name, integrator, given)
 
 
 _SRM_EXTREMES: dict[str, dict[str, float]] = {

@@ -16,7 +16,6 @@ from locsnn_compile.stress.cases.case import CHANNELS, NEURONS, THETA, Case, cas
 from locsnn_compile.stress.cases.case import weights as usual_weights
 
 DECADES = range(-6, 7)
-QUICK = (-6, 0, 6)
 DELAYS = (0, 1, 61, 62, 63, 10**9)
 ROUNDINGS: dict[str, Rounding] = {
     "nearest": NEAREST,
@@ -36,10 +35,9 @@ CROWD = 4096
 def one_scale_for_all() -> Iterator[Case]:
     """Twelve orders of magnitude, and equal integers: only ratios reach the chip."""
     for decade in DECADES[::3]:
-        by, name, quick = 10.0**decade, f"both times 1e{decade:+d}", decade in QUICK
-        scaled, given = srm(theta=THETA * by), usual_weights() * by
-        yield from srm_cases(name, scaled, given, quick=quick, quick_as=("delay-line",))
-        yield lif_case(name, lif(threshold=THETA * by), usual_weights(response="leak") * by, quick=quick)
+        by, name = 10.0**decade, f"both times 1e{decade:+d}"
+        yield from srm_cases(name, srm(theta=THETA * by), usual_weights() * by)
+        yield lif_case(name, lif(threshold=THETA * by), usual_weights(response="leak") * by)
 
 
 def weights_against_thresholds() -> Iterator[Case]:
@@ -47,9 +45,9 @@ def weights_against_thresholds() -> Iterator[Case]:
     its register.
     """
     for decade in DECADES:
-        by, name, quick = 10.0**decade, f"weights times 1e{decade:+d}", decade in QUICK
-        yield from srm_cases(name, given=usual_weights() * by, x=by, quick=quick)
-        yield lif_case(name, given=usual_weights(response="leak") * by, x=by, quick=quick)
+        by, name = 10.0**decade, f"weights times 1e{decade:+d}"
+        yield from srm_cases(name, given=usual_weights() * by, x=by)
+        yield lif_case(name, given=usual_weights(response="leak") * by, x=by)
 
 
 def weight_shapes() -> Iterator[Case]:
@@ -67,16 +65,16 @@ def weight_shapes() -> Iterator[Case]:
         ("all negative", -np.abs(drawn)),
         ("negative zeros", np.full(shape, -0.0)),
     ):
-        yield from srm_cases(name, given=given, quick=True)
-        yield lif_case(name, given=given, quick=name == "one, of all")
+        yield from srm_cases(name, given=given)
+        yield lif_case(name, given=given)
 
 
 def weight_bits() -> Iterator[Case]:
     """Every width of a synapse format, and 7, which none has."""
     for bits in (*WEIGHT_BITS, 7):
         name = "1 bit" if bits == 1 else f"{bits} bits"
-        yield from srm_cases(name, weight_bits=bits, quick=bits in (1, 7))
-        yield lif_case(name, weight_bits=bits, quick=bits in (1, 4))
+        yield from srm_cases(name, weight_bits=bits)
+        yield lif_case(name, weight_bits=bits)
 
 
 def roundings() -> Iterator[Case]:
@@ -85,9 +83,7 @@ def roundings() -> Iterator[Case]:
     """
     for name, rounding in ROUNDINGS.items():
         for tau in TIME_CONSTANTS:
-            quick = tau == 100 and name in ("nearest", "all split")
-            neuron, given = srm(tau_sr=tau), usual_weights(tau)
-            yield from srm_cases(f"{name}, tau_sr {tau:g}", neuron, given, rounding=rounding, quick=quick)
+            yield from srm_cases(f"{name}, tau_sr {tau:g}", srm(tau_sr=tau), usual_weights(tau), rounding=rounding)
         yield lif_case(name, rounding=rounding)
 
 
@@ -100,16 +96,15 @@ def weight_exponents() -> Iterator[Case]:
         mantissa = np.random.default_rng(usual.SEED).choice(mantissas, (NEURONS, CHANNELS))
         for exponent in WEIGHT_EXPONENTS[:: 1 if signs == "mixed" else 5]:
             neuron = ChipCuba.of(NEURONS, decay_u=4096, decay_v=410, threshold=max(1, int(255 * 2.0**exponent)))
-            name, quick = f"exponent {exponent}, signs {signs}", exponent in (-8, 7)
-            yield case_of(name, NATIVE, neuron, mantissa, exponent=exponent, signs=signs, quick=quick)
+            name = f"exponent {exponent}, signs {signs}"
+            yield case_of(name, NATIVE, neuron, mantissa, exponent=exponent, signs=signs)
 
 
 def delays() -> Iterator[Case]:
     """Up to 62 steps."""
     for delay in DELAYS:
-        name, quick = f"delay {delay}", delay in (62, 63)
-        yield case_of(name, "dendrite", srm(), usual_weights(), delay=delay, quick=quick)
-        yield lif_case(name, delay=delay, quick=quick)
+        yield case_of(f"delay {delay}", "dendrite", srm(), usual_weights(), delay=delay)
+        yield lif_case(f"delay {delay}", delay=delay)
     many = np.random.default_rng(usual.SEED).integers(0, 63, (NEURONS, CHANNELS))
     yield lif_case("delays 0 to 62, each its own", delay=many)
 
@@ -130,7 +125,7 @@ def input_patterns() -> Iterator[Case]:
         ("every step", np.ones_like(none)),
         ("random", usual.random_input()),
     ):
-        yield from srm_cases(name, played=played, quick=True)
+        yield from srm_cases(name, played=played)
         yield lif_case(name, played=played)
 
 
@@ -147,8 +142,7 @@ def crowds() -> Iterator[Case]:
 
     for sign, word in ((1, "excite"), (-1, "inhibit")):
         for exponent in (0, 7):
-            name, quick = f" {word}, exponent {exponent}", exponent == 7 and sign == 1
-            held = {"exponent": exponent, "quick": quick}
-            yield crowd(name, NATIVE, neuron, CROWD, sign * 255, **held)
-            yield crowd(name, "dendrite", dendrite, CROWD - 1, sign * 255, **held)
+            name = f" {word}, exponent {exponent}"
+            yield crowd(name, NATIVE, neuron, CROWD, sign * 255, exponent=exponent)
+            yield crowd(name, "dendrite", dendrite, CROWD - 1, sign * 255, exponent=exponent)
     yield crowd("", "dendrite", dendrite, CROWD, 255)
