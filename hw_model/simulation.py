@@ -9,7 +9,7 @@ import numpy as np
 
 from hw_model.accounting.activity import StepActivity, count_steps, count_totals
 from hw_model.description.counts import Counts, total
-from hw_model.engine.playing import Player, Spikes, play, read_streams
+from hw_model.engine.playing import Player, Spikes, length_of, play, read_streams
 from hw_model.engine.probes import KINDS, Kind, PhaseProbes, Probe, hull, read_probes
 from hw_model.engine.trace import EVENTS, PhaseInput, PhaseTrace, Register, Window
 from hw_model.errors import InputError, check_known
@@ -81,11 +81,12 @@ def simulate(
 
     ``spikes``: 0 or 1, (steps, channels) or (batch, steps, channels); a mapping by stream name where a program has
     several inputs. An input spike of row t acts at step t + 1. ``steps`` of phases that the program does not fix; by
-    default the rows given. ``probe``: what to keep, each a kind (``"spikes"``, ``"u"``, ``"v"``, ``"potential"``) of
-    all populations and steps, or a :class:`hw_model.Probe` of chosen ones; nothing else is held. ``"activity"`` keeps
-    the counts of every step and core, which latency needs. Both engines give the same integers. ``skip``: leave out
-    what cannot change anything, which the fast engine does; without it every compartment is updated in every step, and
-    nothing but ``skipped_steps`` differs. Bad arguments are an ``InputError``.
+    default the rows given, or, of transposed inputs, all visits. ``probe``: what to keep, each a kind (``"spikes"``,
+    ``"u"``, ``"v"``, ``"potential"``) of all populations and steps, or a :class:`hw_model.Probe` of chosen
+    ones; nothing else is held. ``"activity"`` keeps the counts of every step and core, which latency needs. Both
+    engines give the same integers. ``skip``: leave out what cannot change anything, which the fast engine does; without
+    it every compartment is updated in every step, and nothing but ``skipped_steps`` differs. Bad arguments are an
+    ``InputError``.
     """
     check_known(f"engine {engine!r}", "does not exist", engine, ENGINES)
     return play_recordings(program, spikes, steps, probe, *_engine(engine, skip))
@@ -113,7 +114,7 @@ def play_recordings(
     if batch == 0 or (rows == 0 and steps is None):
         measured = f"recordings: {batch}, steps: {rows}"
         raise InputError("spikes", "nothing to simulate", measured=measured, fix="Give some recordings and steps.")
-    longest = max(steps or rows, *(phase.steps or 1 for phase in program.phases))
+    longest = max(length_of(program, phase, rows, steps) for phase in program.phases)
     together = max(1, MAX_TOGETHER // max(1, sum(program.populations.values()) * longest))
 
     kept: dict[Kind, dict[str, list[AnyArray]]] = {kind: {} for kind in KINDS}

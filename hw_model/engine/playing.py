@@ -87,9 +87,9 @@ class Player(Frozen):
 def play(
     program: ChipProgram, phase: Phase, streams: Mapping[str, EventLists], steps: int | None, player: Player
 ) -> PhaseInput:
-    """Lay recordings out as the lines of a phase; ``steps`` where the phase does not fix them, else all rows."""
+    """Lay recordings out as the lines of a phase, of so many ``steps`` where it does not fix them."""
     rows, batch = next((events.rows, len(events.first)) for events in streams.values())
-    length = phase.steps if phase.steps is not None else (steps if steps is not None else rows)
+    length = length_of(program, phase, rows, steps)
     played, transposed, dropped = (np.zeros(batch, dtype=np.int64) for _ in range(3))
     inputs = program.inputs_of(phase.name)
     before, start, stop = np.zeros(batch, dtype=np.int64), np.zeros(batch, dtype=np.int64), np.full(batch, length)
@@ -113,6 +113,13 @@ def play(
         dropped += recorded.until(rows) - lists[-1].until(length)
     sizes = tuple(item.size for item in inputs)
     return PhaseInput(length, sizes, tuple(lists), played, transposed, dropped, start, stop, before)
+
+
+def length_of(program: ChipProgram, phase: Phase, rows: int, steps: int | None = None) -> int:
+    """Return the steps of a phase: its own, else those asked for, else until its recording and its visits are over."""
+    visits = [item.positions for item in program.inputs_of(phase.name)]
+    ends = [rows if at is None else int(at.max(initial=0)) + 1 for at in visits]
+    return phase.steps or steps or max(ends, default=rows)
 
 
 def first_touch(streams: Sequence[EventLists], events: int) -> IntArray:

@@ -12,6 +12,7 @@ from dataclasses import asdict
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT
+from hw_model.engine.playing import length_of
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.rtl.memory_words import BitArray, Layout
 from hw_model.rtl.refused import kept_rows, phases_of, refuse_unless
@@ -81,7 +82,7 @@ class CoreProgram:
         self.program = program
         self.direct, self.turned = phases_of(program)
         self.phases = tuple(phase for phase in (self.direct, self.turned) if phase is not None)
-        self.length = {p.name: p.steps or (rows if steps is None else steps) for p in self.phases}
+        self.length = {p.name: length_of(program, p, rows, steps) for p in self.phases}
         self.kept = kept_rows(program, self.turned, self.length[self.direct.name] if self.direct else None)
         self.heard = self.length[self.direct.name] if self.direct else self.kept
         self.row_words = -(-self.kept // BITMAP_BITS)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hw_model.engine.layout import fast_layout
-from hw_model.engine.playing import Spikes, first_touch, list_events, read_streams
+from hw_model.engine.playing import Spikes, first_touch, length_of, list_events, read_streams
 from hw_model.errors import InputError
 from hw_model.io.given import checked
 from hw_model.mapping.graph import Phase, Readout
@@ -157,10 +157,9 @@ class _Branch:
             fix = "Use simulate."
             raise InputError(f"phase {phase.name!r}", what, fix=fix)
         layout = fast_layout(program, phase.name)
-        last = int(max((at.max(initial=0) for at in positions), default=0))
         read = _read(program.readout, self.columns)
         if positions:
-            self.run: Replay | Live = Replay(layout, phase.steps or last + 1, inputs, read)
+            self.run: Replay | Live = Replay(layout, length_of(program, phase, 1), inputs, read)
         else:
             self.run = Live(layout, phase.steps, read)
         self._align = phase.align_events

@@ -16,6 +16,8 @@ from hypothesis import strategies as st
 import hw_model as hw
 from hw_model.mapping.graph import Phase, Readout
 from hw_model.mapping.routing import InputRoute
+from hw_model.rtl.images import CoreProgram
+from hw_model.simulation import ENGINES
 from hw_model.streaming.session import StepScores
 from tests.real_recordings import REAL, on_real_recordings
 
@@ -276,14 +278,23 @@ def test_recordings_next_to_the_length_of_their_program(rows, engine):
     assert found.spikes["y"].tolist() == [[0], [1], [1], [1], [1]]
 
 
-def test_a_transposed_phase_that_does_not_say_its_length_lasts_as_long_as_its_visits():
+@pytest.mark.parametrize("rows", [1, 2, 6], ids=["one row", "fewer rows than visits", "more rows"])
+def test_a_transposed_phase_that_does_not_say_its_length_lasts_as_long_as_its_visits(rows):
+    """In a session and in both engines, however many rows the recording has; the last visit acts in no step."""
     builder = hw.ProgramBuilder(CHIP)
     y = builder.add_compartments("y", 1, decay_u=4096, decay_v=4096, threshold=10)
     builder.connect(builder.add_input("x", 2), y, [[20, 20]])
     program = assembled(CHIP, Readout(("y",), (1.0,)), in_phase(builder.graph(), "location", None, np.arange(4)))
-    rows, session = np.ones((2, 4), dtype=np.uint8), hw.Session(program)
-    assert session.push(rows).spikes["y"].tolist() == [[3], [3]]
-    assert session.spikes("y").tolist() == hw.simulate(program, rows, steps=4).spikes["y"].tolist()
+    recording, session = np.ones((rows, 4), dtype=np.uint8), hw.Session(program)
+    assert session.push(recording).spikes["y"].tolist() == [[3]] * rows
+    assert session.spikes("y").tolist() == [[0], [1], [1], [1]]
+    assert CoreProgram(program, rows).length == {"location": 4}
+    for engine in ENGINES:
+        found = hw.simulate(program, recording, engine=engine)
+        assert found.spikes["y"].tolist() == [[0], [1], [1], [1]]
+        assert found.counts.events_dropped == max(0, rows - 2) * 4
+        longer = hw.simulate(program, recording, steps=6, engine=engine)
+        assert longer.spikes["y"].tolist() == [[0], [1], [1], [1], [1], [0]]
 
 
 def test_a_readout_of_one_branch():
