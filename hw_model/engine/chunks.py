@@ -8,7 +8,7 @@ every sum. Charges are in units of 64, the least that a weight can be; ``widths`
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT
-from hw_model.engine.compiled import absorbed, inlined
+from hw_model.engine.compiled import absorbed
 from hw_model.engine.lane_arithmetic import constant_in_32_bits, fit, rz, wrap
 from hw_model.engine.layout import FIELDS, LANES, USUAL_WIDTHS
 
@@ -20,13 +20,13 @@ _U, _V, _POTENTIAL, _BLOCKED, _JOINED = _AT[7:12]
 _CHARGE_WRAPS, _CURRENT_WRAPS, _VOLTAGE_CLIPS = _AT[12:]
 
 
-@inlined
+@absorbed
 def _halves(widths, registers):  # type: ignore[no-untyped-def]
     half_charge = constant_in_32_bits(widths.half_charge, USUAL_WIDTHS.half_charge, registers)
     return half_charge, constant_in_32_bits(widths.half_current, USUAL_WIDTHS.half_current, registers)
 
 
-@inlined
+@absorbed
 def _take_charge(registers, k, charge, half_charge, half_current):  # type: ignore[no-untyped-def]
     """Decay u and take the charge of a step into it; return q, and u before and after it wraps."""
     q = wrap(charge, half_charge)
@@ -35,7 +35,7 @@ def _take_charge(registers, k, charge, half_charge, half_current):  # type: igno
     return q, unwrapped, wrap(unwrapped, half_current)
 
 
-@inlined
+@absorbed
 def _take_current(registers, k, u, added, half_current):  # type: ignore[no-untyped-def]
     """Decay v and take u, bias and what children add into it; return the drive, that wrapped, and v before clipping."""
     drive = fit(u + registers[k + _BIAS], u)
@@ -43,12 +43,12 @@ def _take_current(registers, k, u, added, half_current):  # type: ignore[no-unty
     return drive, wrapped, fit(fit(rz(registers[k + _V], registers[k + _KEEP_V]) + wrapped, u) + added, u)
 
 
-@inlined
+@absorbed
 def _clip(registers, k, v):  # type: ignore[no-untyped-def]
     return fit(min(max(v, registers[k + _VMIN]), registers[k + _VMAX]), v)
 
 
-@inlined
+@absorbed
 def _fire(registers, k, v):  # type: ignore[no-untyped-def]
     """Compare v with the threshold, unless blocked; set v and blocked.
 
@@ -147,7 +147,7 @@ def add_up(registers, at):  # type: ignore[no-untyped-def]
     return spikes, busy_lanes, restless
 
 
-@inlined
+@absorbed
 def _respond(registers, k, charge, added, half_charge, half_current):  # type: ignore[no-untyped-def]
     """Take charge and what children add into u and v, and count nothing; return v before any threshold."""
     _, _, u = _take_charge(registers, k, charge, half_charge, half_current)

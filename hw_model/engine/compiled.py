@@ -12,12 +12,15 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache, partial
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import llvmlite.binding
 import numba
 from llvmlite import ir
 from numba.core import event, types
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
 from numba.core.runtime import rtsys
 from numba.extending import intrinsic
 
@@ -87,14 +90,30 @@ def compiled_with_arrays(function: Callable[..., Any]) -> Any:
     return compiled(function, _nrt=True)
 
 
+class _Part(JITCodeLibrary):  # type: ignore[misc]
+    """Code that only others take in: with theirs it is optimised and made machine code, once, not at each level."""
+
+    codegen = SimpleNamespace(set_env=lambda *_: None)
+
+    def finalize(self) -> None:
+        for library in dict.fromkeys(self._linking_libraries):
+            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        self._ensure_finalized()
+        return 0
+
+
+class _PartCompiler(Compiler):  # type: ignore[misc]
+    def define_pipelines(self) -> Any:
+        self.state.library = _Part(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
+        return super().define_pipelines()
+
+
 def inner(function: Callable[..., Any], **options: Any) -> Any:
     """Compile a function that only other compiled ones call: Python cannot, and what it becomes is kept with theirs."""
-    return numba.njit(no_cpython_wrapper=True, **OPTIONS, **options)(function)
-
-
-def inlined(function: Callable[..., Any]) -> Any:
-    """Compile a function into each of its callers."""
-    return inner(function, inline="always")
+    return numba.njit(no_cpython_wrapper=True, pipeline_class=_PartCompiler, **OPTIONS, **options)(function)
 
 
 def absorbed(function: Callable[..., Any]) -> Any:

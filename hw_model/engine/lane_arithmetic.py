@@ -10,7 +10,7 @@ from typing import Any
 from numba.core import types
 from numba.extending import intrinsic
 
-from hw_model.engine.compiled import inlined
+from hw_model.engine.compiled import absorbed
 
 
 @intrinsic  # type: ignore[untyped-decorator]
@@ -24,7 +24,7 @@ def fit(typing: Any, value: Any, like: Any) -> Any:
     return kind(value, like), generate
 
 
-@inlined
+@absorbed
 def rz(x, keep):  # type: ignore[no-untyped-def]
     """Return sign(x) * ((|x| * keep) >> 12): with |x| = 4096 a + b no product is wider than x, or than 24 bits."""
     magnitude = fit(-x if x < 0 else x, x)
@@ -33,13 +33,13 @@ def rz(x, keep):  # type: ignore[no-untyped-def]
     return fit(-left if x < 0 else left, x)
 
 
-@inlined
+@absorbed
 def wrap(x, half):  # type: ignore[no-untyped-def]
     """Return x in two's complement: its low bits, of which the highest, worth half, counts as negative."""
     return fit(((x & (2 * half - 1)) ^ half) - half, x)
 
 
-@inlined
+@absorbed
 def constant_in_32_bits(value, usual, like):  # type: ignore[no-untyped-def]
     """Return ``value`` in the type of ``like``; if that has 32 bits, ``usual``, which the value must then be.
 

@@ -10,7 +10,7 @@ any reset, ``spikes`` (uint8) and ``live`` (uint8, 0 in a refractory step), all 
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT
-from hw_model.engine.compiled import compiled_with_arrays, inlined
+from hw_model.engine.compiled import absorbed, compiled_with_arrays
 from hw_model.engine.lane_arithmetic import rz, wrap
 from locsnn_compile.models.chip_entry import RegisterWidths
 
@@ -26,13 +26,13 @@ def register_ends(registers: RegisterWidths) -> Ends:
     )
 
 
-@inlined
+@absorbed
 def _clip(x, last):  # type: ignore[no-untyped-def]
     """Return x within the voltage register's limits."""
     return np.int32(min(max(x, np.int32(-last)), last))
 
 
-@inlined
+@absorbed
 def _arrive(u, v, charge, keep_u, keep_v, ends):  # type: ignore[no-untyped-def]
     """Take a compartment's step: return u and v, and 1 or 0 for a charge wrap, a current wrap and a voltage clip."""
     half_charge, half_current, last = ends

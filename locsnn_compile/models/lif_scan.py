@@ -7,10 +7,10 @@ float type.
 
 import numpy as np
 
-from hw_model.engine.compiled import compiled, compiled_with_arrays, inlined
+from hw_model.engine.compiled import absorbed, compiled, compiled_with_arrays
 
 
-@inlined
+@absorbed
 def _step(arrived, constants, voltage, potential, spikes):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
     """Take one step of n neurons: ``voltage`` is updated, ``potential`` and ``spikes`` are filled, all (n,)."""
     keep, threshold, zero, one = constants
@@ -22,7 +22,7 @@ def _step(arrived, constants, voltage, potential, spikes):  # type: ignore[no-un
         voltage[i] = zero if fired else u
 
 
-@inlined
+@absorbed
 def _step_back(gradient, potential, constants, by_u):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
     """Make the gradient by u of the next step that of this one, all (n,)."""
     keep, threshold, window, zero = constants
@@ -73,7 +73,7 @@ def list_active(x, ends, inputs):  # type: ignore[no-untyped-def]  # pragma: no 
     return found
 
 
-@inlined
+@absorbed
 def _add_active(row, active, weight, total):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
     """Make ``total`` (n,) the sum of ``weight`` (inputs, n) over active inputs, each times its entry of ``row``."""
     total[:] = 0
