@@ -12,19 +12,9 @@ import numpy as np
 
 from hw_model.accounting.cost import DELIVERIES, SENDING, SYNAPSES, UPDATES, StepTimes, step_times
 from locsnn_compile.backends.played import Played
+from locsnn_compile.report.words import OPERATIONS
 
 FILE = "trace.json"
-_NAMES = {
-    "neuron_updates": "compartment updates",
-    "neuron_updates_active": "active updates",
-    "neuron_updates_inactive": "inactive updates",
-    "spikes": "spikes",
-    "axon_packets": "packets sent",
-    "packets_within_tile": "packets within the tile",
-    "packets_received": "packets received",
-    "synaptic_ops": "synaptic operations",
-}
-"""Operations that a profile may give a time, and what they are called."""
 _STEPS_THREAD = 0
 
 Event = dict[str, Any]
@@ -78,8 +68,8 @@ def _step(played: Played, phase: str, process: int, step: int, times: StepTimes,
     activity = played.result.activity[phase][0]
     for i, core in enumerate(cores):
         thread = _thread(core.number)
-        before = [(_NAMES[name], name) for name in UPDATES + SENDING if name in times.work_ns]
-        after = [(_NAMES[name], name) for name in DELIVERIES + SYNAPSES if name in times.work_ns]
+        before = [(OPERATIONS[name], name) for name in UPDATES + SENDING if name in times.work_ns]
+        after = [(OPERATIONS[name], name) for name in DELIVERIES + SYNAPSES if name in times.work_ns]
         if times.buffer_ns[step, i] > 0:
             events = {"count": int(activity.buffered[step])}
             begin = start_ns + float(begin_ns[i])

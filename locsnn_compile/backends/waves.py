@@ -68,9 +68,8 @@ def _signals(played: Played, compartments: "Sequence[Compartment]", groups: dict
             if group not in played.program.columns_of(phase.name):
                 continue
             scopes = (names[phase.name], groups[group], f"n{i}")
-            yield _Signal(scopes, "u", "reg", current, start, result.u[group][:, i])
-            yield _Signal(scopes, "v", "reg", voltage, start, result.v[group][:, i])
-            yield _Signal(scopes, "potential", "reg", voltage, start, result.potential[group][:, i])
+            for kind, width in (("u", current), ("v", voltage), ("potential", voltage)):
+                yield _Signal(scopes, kind, "reg", width, start, getattr(result, kind)[group][:, i])
             if group in result.spikes:
                 yield _Signal(scopes, "spike", "wire", 1, start, result.spikes[group][:, i].astype(np.int64))
         start += len(steps)

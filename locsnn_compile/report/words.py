@@ -16,6 +16,10 @@ SIGNS = {"yes": "✓", "nearly": "≈", "no": "✗", "unknown": "?", "modelled":
 _TEXTS: dict[str, Any] = yaml.load(filled(__package__, "words.yaml"), FAST_LOADER)
 STAGES: dict[str, str] = _TEXTS["stages"]
 """Stages of the error budget in words, in the order of the compiler."""
+UNITS: dict[str, str] = _TEXTS["units"]
+"""What a key's last word says of its unit."""
+OPERATIONS: dict[str, str] = _TEXTS["operations"]
+"""Operations that a profile may give a time, as a timeline calls them."""
 
 
 def section_words(name: str, **given: str) -> tuple[str, str]:

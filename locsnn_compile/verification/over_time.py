@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from hw_model.description.counts import total
 from hw_model.engine.compiled import in_parts
 from hw_model.streaming.early_stop import Stops
 from hw_model.streaming.session import check_psi, location_share
-from hw_model.values import ArrayLike, ByteArray, FloatArray, Frozen, IntArray
+from hw_model.values import ArrayLike, ByteArray, FloatArray, Frozen, IntArray, added
 from locsnn_compile.cluster.spread import Spread, here
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.network import Network
@@ -141,7 +142,7 @@ def _scores(program: hw.ChipProgram, recordings: ByteArray, psi: float) -> dict[
     """Return the class scores after every step by prediction, (batch, steps, classes); of one axis alone only those."""
     readout = program.readout
     assert readout is not None
-    axis_of = {name: phase.axis for phase in program.phases for name in program.columns_of(phase.name)}
+    axis_of: dict[str, str] = {name: phase.axis for phase in program.phases for name in program.columns_of(phase.name)}
     voters = list(zip(readout.populations, readout.weights, strict=True))
 
     def part(start: int, stop: int) -> list[dict[str, FloatArray]]:
@@ -150,11 +151,8 @@ def _scores(program: hw.ChipProgram, recordings: ByteArray, psi: float) -> dict[
             session.reset()
             pushed = session.push(recording)
             given = {**pushed.spikes, **pushed.potential}
-            by_axis: dict[str, FloatArray] = {}
-            for name, weight in voters:
-                scores = weight * given[name].astype(np.float64)
-                by_axis[axis_of[name]] = by_axis[axis_of[name]] + scores if axis_of[name] in by_axis else scores
-            found.append(by_axis)
+            votes = ({axis_of[name]: weight * given[name].astype(np.float64)} for name, weight in voters)
+            found.append(reduce(added, votes))
         return found
 
     each = [scores for scores_of_part in in_parts(part, len(recordings)) for scores in scores_of_part]

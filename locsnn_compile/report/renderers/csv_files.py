@@ -5,22 +5,11 @@ from typing import TYPE_CHECKING
 
 from locsnn_compile.report.content import Document
 from locsnn_compile.report.figures.flat import flatten, table_bytes
+from locsnn_compile.report.words import UNITS
 
 if TYPE_CHECKING:
     from locsnn_compile.verification.excerpt import Excerpt
 
-_UNITS = {
-    "pj": "pJ",
-    "nj": "nJ",
-    "ns": "ns",
-    "seconds": "s",
-    "mw": "mW",
-    "ghz": "GHz",
-    "bits": "bit",
-    "cycles": "cycles",
-    "steps": "steps",
-}
-"""What a key's last word says of its unit."""
 Cell = str | int | float | None
 
 
@@ -44,7 +33,7 @@ def csv_files(document: Document, excerpt: "Excerpt | None") -> dict[str, bytes]
 def _unit(key: str) -> str:
     """Return the unit that the innermost word of a key names, of ``energy.breakdown_pj.spikes`` picojoules."""
     words = [part.rsplit("_", 1)[-1] for part in reversed(key.split("."))]
-    return next((_UNITS[word] for word in words if word in _UNITS), "")
+    return next((UNITS[word] for word in words if word in UNITS), "")
 
 
 def _spikes(excerpt: "Excerpt") -> Iterable[tuple[Cell, ...]]:
