@@ -44,12 +44,6 @@ class Notice(Frozen):
     text: str
 
 
-class Paragraph(Frozen):
-    """Running text."""
-
-    text: str
-
-
 class Facts(Frozen):
     """A list of names and values."""
 
@@ -170,7 +164,8 @@ class Mesh(Frozen):
     cores: tuple[MeshCore, ...]
 
 
-Block = Paragraph | Facts | Bullets | Table | Stack | Span | Plot | Raster | Mesh
+Block = str | Facts | Bullets | Table | Stack | Span | Plot | Raster | Mesh
+"""What a section consists of; a string is a paragraph of running text."""
 
 MANY_ROWS = 12
 

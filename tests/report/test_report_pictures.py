@@ -15,7 +15,7 @@ from scipy import sparse
 import locsnn_compile as lc
 from locsnn_compile.network.neurons import Cuba
 from locsnn_compile.report.compose import compose
-from locsnn_compile.report.content import Mesh, Paragraph, Plot, Raster, Section, Table
+from locsnn_compile.report.content import Mesh, Plot, Raster, Section, Table
 from locsnn_compile.report.pictures.drawings import mesh, raster
 from locsnn_compile.report.pictures.ticks import round_numbers, step_ticks
 from locsnn_compile.report.renderers.html import render_html
@@ -69,7 +69,7 @@ def test_lines_share_rows(document: dict[str, Any], excerpt: Excerpt) -> None:
 
 def test_what_is_left_out_is_said(document: dict[str, Any], excerpt: Excerpt) -> None:
     first = _section("spikes", document, excerpt).blocks[0]
-    assert first == Paragraph(
+    assert first == (
         "Recording 0, the first in which a spike differs. Of 100 time steps, 39 to 42 are drawn. Of a large "
         "population, the neurons with the most differences in the recording are drawn. 1 further population is not drawn."
     )
@@ -130,7 +130,7 @@ def test_chips_are_drawn_one_by_one(document: dict[str, Any]) -> None:
     assert [block.title for block in drawn[::2]] == [
         f"Room on chip {i} of loihi-sim, in percent: 1 core in use of 128" for i in range(4)
     ]
-    assert blocks[-1] == Paragraph("2 chips are not drawn; see core by core.")
+    assert blocks[-1] == "2 chips are not drawn; see core by core."
     assert all(core.column == 0 for block in drawn for core in block.cores)
 
 

@@ -107,8 +107,8 @@ def _section(section: content.Section) -> str:
 
 def _block(block: content.Block) -> str:
     match block:
-        case content.Paragraph():
-            return f"<p>{text(block.text)}</p>"
+        case str():
+            return f"<p>{text(block)}</p>"
         case content.Facts():
             return f'<div class="facts">{_facts(block.facts)}</div>'
         case content.Bullets():

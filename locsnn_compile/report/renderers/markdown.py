@@ -43,8 +43,8 @@ def _verdict(verdict: content.Verdict) -> str:
 
 def _block(block: content.Block) -> str:
     match block:
-        case content.Paragraph():
-            return text(block.text)
+        case str():
+            return text(block)
         case content.Facts():
             return _facts(block.facts)
         case content.Bullets():

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from itertools import accumulate
 
-from locsnn_compile.report.content import Bar, Curve, Document, Paragraph, Plot, Section, Table, facts, section, table
+from locsnn_compile.report.content import Bar, Curve, Document, Plot, Section, Table, facts, section, table
 from locsnn_compile.report.format import NONE, SILENT, agreed, any_value, count, known, plural, share, short
 from locsnn_compile.report.words import STAGES, listed, sentence, stage_words
 
@@ -26,7 +26,7 @@ def error_budget(document: Document) -> Section | None:
     without = [agreed(found["spike_agreement"]) for found in budget["all_but"].values()]
     return section(
         "error-budget",
-        Paragraph(_checked(budget)),
+        _checked(budget),
         _stages(variants, [*without, NONE], len(budget["recordings"])),
         _by_population(variants),
         _kernel_tail(budget["kernel_tail"]),
@@ -110,11 +110,11 @@ def _by_population(variants: Document) -> Table:
     return Table("Spikes equal by population, each stage alone", ("population", *variants), rows)
 
 
-def _kernel_tail(tail: Document | None) -> Paragraph | None:
+def _kernel_tail(tail: Document | None) -> str | None:
     if tail is None:
         return None
     equal, changed = agreed(tail["spike_agreement"], "none"), plural(tail["predictions_changed"], "prediction")
-    return Paragraph(sentence("kernel tail", equal=equal, predictions=changed))
+    return sentence("kernel tail", equal=equal, predictions=changed)
 
 
 def _distances(populations: Document) -> Table:

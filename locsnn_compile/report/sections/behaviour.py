@@ -2,7 +2,7 @@
 
 import math
 
-from locsnn_compile.report.content import Bar, Block, Document, Paragraph, Section, Table, section, share_of
+from locsnn_compile.report.content import Bar, Block, Document, Section, Table, section, share_of
 from locsnn_compile.report.format import NONE, any_value, count, energy, known, plural, ratio, share, told_apart
 from locsnn_compile.report.sections.accuracy import cause, equal_spikes
 from locsnn_compile.report.words import listed, no_spikes, sentence, words
@@ -14,14 +14,14 @@ _SCORE = 1.959964
 def agreement(document: Document) -> Section:
     """Agreement by population, the first spike that differs, wraps and clips."""
     match = document["match"]
-    why, helpers = cause(document), match["helper_neurons"]
+    helpers = match["helper_neurons"]
     return section(
         "agreement",
-        Paragraph(_first_divergence(document)),
-        Paragraph(why) if why else None,
-        Paragraph(_interval(document)),
+        _first_divergence(document),
+        cause(document),
+        _interval(document),
         _populations(document),
-        Paragraph(_helpers(helpers)) if helpers else None,
+        _helpers(helpers) if helpers else None,
         _wraps_and_clips(match["wraps_and_clips_by_population"]),
     )
 
@@ -56,7 +56,7 @@ def comparison(document: Document) -> Section:
     own = document["operations"]["published_method"]["operations"]
     if not entries:
         text = "No comparison: the published networks are not defined for this network's input."
-        return section("comparison", Paragraph(text))
+        return section("comparison", text)
     chip = document["operations"]["per_sample"]["synaptic_ops"]
     rows = [
         ("the float network, on paper", own, "1" if own else NONE, NONE),
@@ -90,11 +90,7 @@ def _ann_energy(document: Document) -> tuple[Block, ...]:
             ("network", "multiplications", "additions", *(words(key) for key in arithmetics)),
             tuple(rows),
         ),
-        Paragraph(
-            sentence(
-                "conventional energy", source=first["energy_source"], left_out=listed(first["energy_not_included"])
-            )
-        ),
+        sentence("conventional energy", source=first["energy_source"], left_out=listed(first["energy_not_included"])),
     )
 
 

@@ -3,7 +3,7 @@
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from locsnn_compile.report.content import Bar, Bullets, Document, Paragraph, Section, Table, facts, of, section, table
+from locsnn_compile.report.content import Bar, Bullets, Document, Section, Table, facts, of, section, table
 from locsnn_compile.report.format import NONE, agreed, any_value, count, energy, memory, plural, share
 from locsnn_compile.report.sections.verdict import fullness, outside
 from locsnn_compile.report.words import limit_words, listed, sentence, words
@@ -109,10 +109,10 @@ def provenance(document: Document) -> Section:
     )
 
 
-def _by_core(document: Document) -> Table | Paragraph:
+def _by_core(document: Document) -> Table | str:
     rows = document["resources"]["by_core"]
     if not rows:
-        return Paragraph("No core is in use.")
+        return "No core is in use."
     keys = [key for key in rows[0] if key not in ("core", "phase", "slot", "tile")]
     return Table(
         "Core by core",

@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from locsnn_compile.report.content import Document, Mesh, MeshCore, Paragraph, Section, section
+from locsnn_compile.report.content import Document, Mesh, MeshCore, Section, section
 from locsnn_compile.report.format import count, energy, plural, share
 from locsnn_compile.report.sections.verdict import fullness
 from locsnn_compile.report.words import core_words, words
@@ -37,7 +37,7 @@ def cores(document: Document) -> Section:
     meshes = [pair for its in drawn for pair in (_room(document, *its), _energy(document, *its, energies))]
     left_out = len(by_chip) - len(drawn)
     note = f"{plural(left_out, 'chip is', 'chips are')} not drawn; see core by core."
-    return section("cores", *meshes, Paragraph(note) if left_out else None)
+    return section("cores", *meshes, note if left_out else None)
 
 
 def _room(document: Document, chip: int, rows: list[Document]) -> Mesh:

@@ -1,6 +1,6 @@
 """Sections on what a recording costs in the model: energy and latency."""
 
-from locsnn_compile.report.content import Bar, Document, Paragraph, Section, Table, facts, of, section, share_of, table
+from locsnn_compile.report.content import Bar, Document, Section, Table, facts, of, section, share_of, table
 from locsnn_compile.report.format import NONE, count, energy, known, ratio, share, time
 from locsnn_compile.report.sections.cost_tables import ENERGY, TIME, by_branch, constants, shares, stack
 from locsnn_compile.report.sections.verdict import pace
@@ -40,7 +40,7 @@ def latency_section(document: Document) -> Section:
     return section(
         "latency",
         TIME.span(document),
-        Paragraph(_real_time(found)),
+        _real_time(found),
         facts(*_latency_facts(document)),
         by_branch(_parts(found), f"Time by branch and part, mean per recording, profile {found['profile']}", time),
         table(
@@ -61,11 +61,11 @@ def latency_section(document: Document) -> Section:
     )
 
 
-def _static(static: Document) -> tuple[Paragraph, Table]:
+def _static(static: Document) -> tuple[str, Table]:
     chips = "1 chip" if static["chips"] == 1 else f"{static['chips']} chips"
     rows = (("at the chip's latency", "at_latency_pj"), ("at the sensor's real time", "at_real_time_pj"))
     return (
-        Paragraph(sentence("static energy", chips=chips, milliwatts=static["chip_mw"], source=static["source"])),
+        sentence("static energy", chips=chips, milliwatts=static["chip_mw"], source=static["source"]),
         table(
             "Static energy per recording",
             rows,

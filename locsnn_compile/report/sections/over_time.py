@@ -1,6 +1,6 @@
 """The section that shows predictions while a recording plays, and where it could stop."""
 
-from locsnn_compile.report.content import Bar, Curve, Document, Paragraph, Plot, Section, Table, facts, section, table
+from locsnn_compile.report.content import Bar, Curve, Document, Plot, Section, Table, facts, section, table
 from locsnn_compile.report.format import count, energy, share, short, time
 from locsnn_compile.report.sections.accuracy import sample
 from locsnn_compile.report.sections.cost_tables import ENERGY, PARTS, TIME
@@ -19,9 +19,9 @@ def over_time(document: Document) -> Section:
         "over-time",
         _plot(entry),
         _table(entry),
-        Paragraph(sentence("time-weighted", psi=entry["psi"])) if "time_weighted" in entry["right"] else None,
+        sentence("time-weighted", psi=entry["psi"]) if "time_weighted" in entry["right"] else None,
         _stop(entry["proven_stop"]),
-        Paragraph(sentence("proven stop", steps=count(entry["proven_stop"]["all_steps"]))),
+        sentence("proven stop", steps=count(entry["proven_stop"]["all_steps"])),
         facts(("recordings", sample(entry, named=False))),
         *costs,
     )

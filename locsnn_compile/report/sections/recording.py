@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from hw_model.values import ByteArray
-from locsnn_compile.report.content import Curve, Document, Paragraph, Plot, Raster, Section, Strokes, Table, section
+from locsnn_compile.report.content import Curve, Document, Plot, Raster, Section, Strokes, Table, section
 from locsnn_compile.report.format import NONE, count, plural, told_apart
 from locsnn_compile.report.pictures.ticks import step_ticks, value_axis
 from locsnn_compile.report.words import words
@@ -29,7 +29,7 @@ def spikes(document: Document, excerpt: Excerpt | None) -> Section | None:
     for phase in excerpt.steps:
         rasters += [_input(item, excerpt) for item in excerpt.inputs if item.phase == phase]
         rasters += [_population(item, excerpt, side) for item in excerpt.populations if item.phase == phase]
-    return section("spikes", Paragraph(_shown(excerpt)), *rasters, _spike_table(excerpt, side))
+    return section("spikes", _shown(excerpt), *rasters, _spike_table(excerpt, side))
 
 
 def _shown(excerpt: Excerpt) -> str:
