@@ -199,14 +199,9 @@ def lines(found: Exploration) -> list[str]:
     taken, why = found.recommendation.taken, found.recommendation.why
     recommended = [f"Recommended: {taken.setting if taken else 'none'}, {why}.", ""]
     commands = ["Commands of the front:", *(f"  {found.command(setting)}" for setting in found.front)]
-    return [first, *warnings(found), "", *_table(found), "", *_reported(found), *recommended, *commands]
-
-
-def warnings(found: Exploration) -> list[str]:
-    """Return what must be known before the figures are used."""
-    if found.events.part == "test":
-        return ["Chosen on test recordings: figures on these no longer test the choice."]
-    return []
+    warned = "Chosen on test recordings: figures on these no longer test the choice."
+    warnings = [warned] if found.events.part == "test" else []
+    return [first, *warnings, "", *_table(found), "", *_reported(found), *recommended, *commands]
 
 
 def _table(found: Exploration) -> list[str]:

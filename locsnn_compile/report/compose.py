@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from locsnn_compile.report.content import Document, Report, Section
+from locsnn_compile.report.content import Document, Report
 from locsnn_compile.report.format import plural, shortened
 from locsnn_compile.report.sections import accuracy, behaviour, build, cost
 from locsnn_compile.report.sections.cores import cores
@@ -19,18 +19,7 @@ LONGEST_NAME = 120
 
 def compose(document: Document, excerpt: "Excerpt | None" = None) -> Report:
     """Return the whole report as content without form; ``excerpt`` is what there is to see of a recording."""
-    return Report(
-        title=f"{shortened(document['model']['name'], LONGEST_NAME)} on {document['target']}",
-        subtitle=subtitle(document),
-        verdicts=(matches(document), costs(document), fits(document)),
-        notices=notices(document),
-        sections=tuple(section for section in _sections(document, excerpt) if section),
-        assumptions=tuple(document["assumptions"]),
-    )
-
-
-def _sections(document: Document, excerpt: "Excerpt | None") -> tuple[Section | None, ...]:
-    return (
+    sections = (
         cost.energy_section(document),
         cost.latency_section(document),
         cores(document),
@@ -48,12 +37,13 @@ def _sections(document: Document, excerpt: "Excerpt | None") -> tuple[Section | 
         build.ranges(document),
         build.provenance(document),
     )
-
-
-def subtitle(document: Document) -> str:
-    """Return the options of the build and the recordings of its check in a line."""
     match = document["match"]
-    return (
-        f"{document['weight_bits']}-bit weights, strategy {document['strategy']}, "
-        f"{plural(match['samples'], 'recording')} of {match['events_source']}"
+    options = f"{document['weight_bits']}-bit weights, strategy {document['strategy']}"
+    return Report(
+        title=f"{shortened(document['model']['name'], LONGEST_NAME)} on {document['target']}",
+        subtitle=f"{options}, {plural(match['samples'], 'recording')} of {match['events_source']}",
+        verdicts=(matches(document), costs(document), fits(document)),
+        notices=notices(document),
+        sections=tuple(section for section in sections if section),
+        assumptions=tuple(document["assumptions"]),
     )

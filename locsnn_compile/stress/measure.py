@@ -19,7 +19,7 @@ from locsnn_compile.network.quantized import QuantizedPopulation
 from locsnn_compile.pipeline import Levels, lower
 from locsnn_compile.reference.evaluate import calibrate, evaluate
 from locsnn_compile.strategies import NATIVE
-from locsnn_compile.stress.bounds import SOURCES, error_bound
+from locsnn_compile.stress.bounds import SOURCES, Bound, error_bound
 from locsnn_compile.stress.cases.case import POPULATION, SEED, Case, random_input
 from locsnn_compile.stress.row import Lost, Measured
 from locsnn_compile.verification.error_budget.budget import STAGES, Phase, Stage, lines_of, phases_of, twin_with
@@ -65,6 +65,10 @@ class Sides:
     def free(self) -> TwinTrace:
         """Return what the twin does by itself with all stages on: what the program must do."""
         return run_twin(twin_with(self.phase, STAGES), self.lines, potentials=(POPULATION,))
+
+    def bound(self) -> Bound:
+        """Bound the error of the potential under the float network's spikes, except for that of the neuron model."""
+        return error_bound(self.phase.program_neurons, POPULATION, self.lines, {POPULATION: self.float.spikes})
 
     def model_error(self) -> FloatArray:
         """Return how far another neuron model or strategy alone moves the potential, (samples, steps, n)."""
@@ -122,7 +126,7 @@ def measure(case: Case, chip: hw.Chip) -> Measured:
     wanted, unit = sides.float, sides.threshold
     chip_side, unlimited = sides.forced(*STAGES), sides.forced(*WITHOUT_LIMITS)
     model_error = sides.model_error()
-    bound = error_bound(sides.phase.program_neurons, POPULATION, sides.lines, {POPULATION: wanted.spikes})
+    bound = sides.bound()
     slack = FLOAT_ROUNDING * (np.maximum.accumulate(np.abs(wanted.potential), axis=1) + unit)
     outside = ~(np.abs(unlimited - wanted.potential) <= model_error + bound.total + slack)
     decided = chip_side > 64.0 * levels.quantized.population(POPULATION).neuron.threshold

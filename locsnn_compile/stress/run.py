@@ -19,7 +19,6 @@ from locsnn_compile.network.network import Network
 from locsnn_compile.network.projections import Projection, charge
 from locsnn_compile.reference.evaluate import steps_of
 from locsnn_compile.report.format import share, short
-from locsnn_compile.stress.bounds import error_bound
 from locsnn_compile.stress.cases import cases
 from locsnn_compile.stress.cases.case import BLOCK, POPULATION, Case, LongRun, long_runs
 from locsnn_compile.stress.measure import Float, Sides, lowered, measure
@@ -135,9 +134,7 @@ def _bound(run: LongRun, chip: hw.Chip, quiet: BoolArray, steps: int) -> float:
     if not quiet.any():
         return 0.0
     sides = Sides(lowered(run.case, chip), run.case.recordings)
-    sent = {POPULATION: sides.float.spikes}
-    bound = error_bound(sides.phase.program_neurons, POPULATION, sides.lines, sent)
-    shares = (sides.model_error() + bound.total) / sides.threshold
+    shares = (sides.model_error() + sides.bound().total) / sides.threshold
     settled = float(shares[:, -len(run.block) :][..., quiet].max())
     return settled * (1.0 if run.fades else steps / run.case.network.steps)
 

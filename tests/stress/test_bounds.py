@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 import hw_model as hw
 from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.pipeline import lower
-from locsnn_compile.stress.bounds import SOURCES, error_bound
-from locsnn_compile.stress.cases.case import POPULATION, lif, network_of, random_input, srm, weights
+from locsnn_compile.stress.bounds import SOURCES
+from locsnn_compile.stress.cases.case import lif, network_of, random_input, srm, weights
 from locsnn_compile.stress.measure import Sides
 from locsnn_compile.verification.error_budget.budget import STAGES
 
@@ -57,7 +57,7 @@ def test_bounds_for_all_time(keep_u, keep_v, bound):
 def played(network, strategy="dendrite"):
     recordings = random_input(network.steps, channels=network.channels)
     sides = Sides(lower(network, CHIP, 8, strategy), recordings)
-    bound = error_bound(sides.phase.program_neurons, POPULATION, sides.lines, {POPULATION: sides.float.spikes})
+    bound = sides.bound()
     return sides, bound
 
 
