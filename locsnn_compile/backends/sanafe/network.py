@@ -4,7 +4,7 @@ A group of compartments is a group of neurons, under a name of its characters; `
 that reach tile n, in ascending order. Weights and thresholds are mantissas, so a potential is v / 64.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -96,25 +96,21 @@ class PhaseNetwork:
 
     def _settings(self, group: str) -> list[str]:
         """Return the attributes of every neuron of a group, in order."""
-        found = [""] * self._program.populations[group]
-        for core in self._cores:
-            rows = zip(
-                core.setting("decay_u").tolist(),
-                core.setting("decay_v").tolist(),
-                (core.threshold_voltage >> WEIGHT_SHIFT).tolist(),
-                core.bias.tolist(),
-                strict=True,
-            )
-            texts = [
-                f"{{soma: {{input_decay: {1 - decay_u / DECAY_ONE!r}, leak_decay: {1 - decay_v / DECAY_ONE!r}, "
-                f"threshold: {threshold}, bias: {bias / UNIT!r}, reset: {AFTER_SPIKE!r}, "
-                f"reverse_threshold: {core.vmin / UNIT!r}, reverse_reset_mode: saturate}}}}"
-                for decay_u, decay_v, threshold, bias in rows
-            ]
-            for piece in core.slices:
-                if piece.group == group:
-                    found[piece.start : piece.stop] = texts[piece.offset : piece.offset + piece.size]
-        return found
+        here = self._program.columns_of(self._phase)[group]
+        kept: tuple[Callable[[Core], IntArray | int], ...] = (
+            lambda core: core.setting("decay_u"),
+            lambda core: core.setting("decay_v"),
+            lambda core: core.threshold_voltage >> WEIGHT_SHIFT,
+            lambda core: core.bias,
+            lambda core: core.vmin,
+        )
+        rows = zip(*(self._program.by_column(self._phase, values)[here].tolist() for values in kept), strict=True)
+        return [
+            f"{{soma: {{input_decay: {1 - decay_u / DECAY_ONE!r}, leak_decay: {1 - decay_v / DECAY_ONE!r}, "
+            f"threshold: {threshold}, bias: {bias / UNIT!r}, reset: {AFTER_SPIKE!r}, "
+            f"reverse_threshold: {vmin / UNIT!r}, reverse_reset_mode: saturate}}}}"
+            for decay_u, decay_v, threshold, bias, vmin in rows
+        ]
 
     def _edges(self) -> Iterator[str]:
         for core in self._cores:

@@ -6,7 +6,7 @@ from typing import Any
 import hw_model as hw
 from hw_model.description.counts import Counts, total
 from hw_model.program.chip_program import ChipProgram, Core
-from hw_model.values import AnyArray
+from hw_model.values import AnyArray, IntArray
 from locsnn_compile.baselines.ann_energy import ANN_ENERGY_SOURCE, ANN_NOT_INCLUDED, ann_energy_pj
 from locsnn_compile.baselines.operations import ANN_NAMES, ann_counts
 from locsnn_compile.network.network import Network
@@ -112,8 +112,7 @@ def _match(match: Match, counts: Counts, cause: Document | None) -> Document:
         "by_population": {name: _spikes(found) for name, found in match.by_population.items()},
         "helper_neurons": {name: _spikes(found) for name, found in match.helpers.items()},
         "first_divergence": None if first is None else asdict(first) | {"cause": cause},
-        "wraps": counts.wraps,
-        "clips": counts.clips,
+        **picked(counts, "wraps", "clips"),
         "wraps_and_clips_by_population": match.wraps_and_clips,
     }
 
@@ -244,18 +243,19 @@ def _spread(values: AnyArray) -> Any:
 
 def _range(program: ChipProgram) -> Document:
     """What is proven of registers by group; the period is the longest that a compartment of the group needs."""
+    proven = {core.number: bounds for core, bounds in zip(program.cores, hw.prove_range(program), strict=True)}
+
+    def by_column(phase: str, key: str) -> IntArray:
+        return program.by_column(phase, lambda core: getattr(proven[core.number], key))
+
     found: Document = {}
-    for core, proven in zip(program.cores, hw.prove_range(program), strict=True):
-        for piece in core.slices:
-            here = slice(piece.offset, piece.offset + piece.size)
-            periods = proven.safe_period[here]
-            row = found.setdefault(
-                piece.group, {"compartments": 0, "cannot_wrap": 0, "cannot_clip": 0, "safe_period_steps": 1}
-            )
-            row["compartments"] += piece.size
-            row["cannot_wrap"] += int(proven.cannot_wrap[here].sum())
-            row["cannot_clip"] += int(proven.cannot_clip[here].sum())
-            longest = row["safe_period_steps"]
-            unproven = longest is None or not periods.all()
-            row["safe_period_steps"] = None if unproven else max(longest, int(periods.max()))
+    for phase in program.phases:
+        wrap, clip, period = (by_column(phase.name, key) for key in ("cannot_wrap", "cannot_clip", "safe_period"))
+        for group, here in program.columns_of(phase.name).items():
+            found[group] = {
+                "compartments": program.populations[group],
+                "cannot_wrap": int(wrap[here].sum()),
+                "cannot_clip": int(clip[here].sum()),
+                "safe_period_steps": int(period[here].max()) if period[here].all() else None,
+            }
     return found
