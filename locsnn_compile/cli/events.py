@@ -20,7 +20,7 @@ from locsnn_compile.cli.checks import recording_of
 from locsnn_compile.cli.step_options import add_sensor_options, add_step_options, asked_reading
 from locsnn_compile.errors import InputError
 from locsnn_compile.report.figures.flat import picked
-from locsnn_compile.report.format import plural
+from locsnn_compile.report.format import known, plural
 
 if TYPE_CHECKING:
     from locsnn_compile.data.recordings import Recordings
@@ -77,33 +77,31 @@ def statistics_lines(found: Mapping[str, Any], binning: str | None) -> list[str]
     width, steps, polarity = found["step_seconds"], found["steps"], found["polarity"]
     events, silence, rate = found["events"]["per_recording"], found["silence"], found["rate_hz_per_channel"]
     seconds = "" if width is None else f" of {width:g} s ({steps * width:g} s)"
-    lines = [
-        f"{found['source']}: {plural(found['recordings'], 'recording')}, "
-        f"{plural(steps, 'step')}{seconds}, {plural(found['channels'], 'channel')}",
-        f"labels            {_labels(found['labels'])}",
-        f"events            {events['mean']:.1f} per recording ({events['least']} to {events['most']}), "
-        f"{100 * found['events']['share_of_bins']:.2f} % of bins",
-    ]
-    if binning is not None:
-        lines.append(f"binning           {binning}")
-    if rate is not None:
-        lines.append(f"rate              {rate:.3g} Hz per channel, {rate * found['channels']:.4g} Hz in all")
-    lines += [
-        f"silent at start   {_spread(silence['start_steps'])}",
-        f"silent at end     {_spread(silence['end_steps'])}",
-        f"silent steps      {100 * silence['share_of_steps']:.1f} %, "
-        f"{plural(silence['empty_recordings'], 'recording')} without any event",
-    ]
-    if polarity is not None:
-        rising, falling = 100 * polarity["rising"], 100 * polarity["falling"]
-        lines.append(f"polarity          {rising:.1f} % rising, {falling:.1f} % falling")
+    parts = (
+        plural(found["recordings"], "recording"),
+        plural(steps, "step") + seconds,
+        plural(found["channels"], "channel"),
+    )
+    least_to_most = f"{events['mean']:.1f} per recording ({events['least']} to {events['most']})"
+    empty = f"{plural(silence['empty_recordings'], 'recording')} without any event"
     rows = [(one["channel"], one["place"], one["events"]) for one in found["busiest_channels"]]
     busiest = [f"{channel}{place and f' ({place})'} {count}" for channel, place, count in rows]
-    lines.append(f"busiest channels  {', '.join(busiest) or 'none'}")
-    dead = found["dead_channels"]
-    more = f", and {len(dead) - _SHOWN_DEAD} more" if len(dead) > _SHOWN_DEAD else ""
-    lines.append(f"dead channels     {', '.join(map(str, dead[:_SHOWN_DEAD])) or 'none'}{more}")
-    return lines
+    dead = [*map(str, found["dead_channels"][:_SHOWN_DEAD])] or ["none"]
+    more = len(found["dead_channels"]) - _SHOWN_DEAD
+    named = {
+        "labels": _labels(found["labels"]),
+        "events": f"{least_to_most}, {100 * found['events']['share_of_bins']:.2f} % of bins",
+        "binning": binning,
+        "rate": known(rate, lambda hz: f"{hz:.3g} Hz per channel, {hz * found['channels']:.4g} Hz in all", ""),
+        "silent at start": _spread(silence["start_steps"]),
+        "silent at end": _spread(silence["end_steps"]),
+        "silent steps": f"{100 * silence['share_of_steps']:.1f} %, {empty}",
+        "polarity": polarity and f"{100 * polarity['rising']:.1f} % rising, {100 * polarity['falling']:.1f} % falling",
+        "busiest channels": ", ".join(busiest) or "none",
+        "dead channels": ", ".join(dead) + (f", and {more} more" if more > 0 else ""),
+    }
+    lines = (f"{name:<17} {text}" for name, text in named.items() if text)
+    return [f"{found['source']}: {', '.join(parts)}", *lines]
 
 
 def _labels(labels: dict[int, int] | None) -> str:
