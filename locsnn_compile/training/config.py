@@ -15,7 +15,7 @@ from locsnn_compile.models.plain_checks import KIND_WORDS, field_kinds, is_one_o
 from locsnn_compile.strategies import TRAINABLE
 
 LOSSES = ("cross-entropy", "spike-count")
-OPTIMIZERS = ("adamw", "rmsprop", "sgd")
+OPTIMIZERS = ("adamw", "rmsprop", "sgd", "prototypes")
 CLASS_WEIGHTS = ("equal", "balanced")
 SCHEDULES = ("cosine", "constant")
 DEVICES = ("cpu", "cuda")
@@ -98,7 +98,9 @@ class TrainingConfig(Shown, eq=True):
       :class:`locsnn_compile.models.graph_parameters.GraphParameters`.
     - ``window_steps``, ``window_stride`` and ``window_levels`` (numbers of events, separated by spaces): see
       :class:`locsnn_compile.models.windows.WindowParameters`.
-    - ``optimizer`` sgd has a momentum of 0.9.
+    - ``optimizer`` sgd has a momentum of 0.9. ``prototypes`` sets the output of ``window-snn`` for the recordings of
+      all epochs, without descent, ``weight_decay`` being its smoothing: see
+      :func:`locsnn_compile.training.prototypes.set_prototypes`.
     - ``target``: ``float``, or the chip whose integers the forward pass computes; there neurons are laid out by
       ``strategy``, weights have ``weight_bits``, and their range is ``weight_room`` times the largest weight of the
       network that the run starts from (from scratch: :data:`locsnn_compile.training.target.USUAL_LARGEST`).

@@ -9,6 +9,7 @@ import io
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,7 @@ from locsnn_compile.training.describe import check_recordings, describe
 from locsnn_compile.training.loss import Loss
 from locsnn_compile.training.measure import check_events, class_weights, data_remarks, evaluate, result_remarks
 from locsnn_compile.training.profile import profile
+from locsnn_compile.training.prototypes import PROTOTYPES, set_prototypes
 from locsnn_compile.training.schedule import WeightAverage, choose_epoch, learning_rate
 from locsnn_compile.training.state import TrainingState, load_state, run_key, save_state
 from locsnn_compile.training.target import chip_numbers
@@ -166,13 +168,20 @@ def _run_phase(run: _Run, state: TrainingState, rows: IntArray, held: IntArray, 
         optimizer.load_state_dict(state.optimizer)
     class_shares = class_weights(config, labels, run.description.classes)
     average = WeightAverage(network, config.weight_average, state.averages)
+
+    def drawn(epoch: int) -> Iterator[tuple[NDArray[np.float32], IntArray]]:
+        rng = epoch_generator(config.seed, _PHASES[state.phase], epoch)
+        return batches(spikes, labels, config, rng, run.description.input.sensor.polarities)
+
     for epoch in range(state.epoch + 1, epochs + 1):
         rate = learning_rate(config, epoch, epochs)
         for group in optimizer.param_groups:
             group["lr"] = rate
         total = 0.0
-        rng = epoch_generator(config.seed, _PHASES[state.phase], epoch)
-        for x, y in batches(spikes, labels, config, rng, run.description.input.sensor.polarities):
+        if config.optimizer == PROTOTYPES:
+            set_prototypes(network, chain.from_iterable(map(drawn, range(1, epoch + 1))), config.weight_decay)
+            total = len(rows) * evaluate(network, run.loss, spikes, labels)[0]
+        for x, y in () if config.optimizer == PROTOTYPES else drawn(epoch):
             placed, of_them = (torch.from_numpy(values).to(config.device) for values in (x, y))
             loss = run.loss(network, network(placed), of_them, class_shares)
             for weight in weights:  # what zero_grad does, without its overhead

@@ -19,6 +19,7 @@ import numpy as np
 import torch
 
 from locsnn_compile.data.read import read_recordings
+from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.models.checkpoint import Checkpoint, save_checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.networks import build_network
@@ -40,6 +41,19 @@ def joined(hybrid: Checkpoint, windows: Checkpoint, name: str) -> Checkpoint:
     return Checkpoint(description, weights, None, training, "")
 
 
+def write(path: Path, hybrid: Checkpoint, windows: Checkpoint, test: Recordings | None) -> float | None:
+    """Write the joined network, and return its accuracy on ``test``, which is measured once, in float64."""
+    found = joined(hybrid, windows, path.stem)
+    training = dict(found.training)
+    if test is not None:
+        network = build_network(found.description)
+        network.load_weights(found.weights)
+        right = confusion(network.double(), test)
+        training |= {"test_recordings": int(right.sum()), "test_accuracy": int(np.trace(right)) / int(right.sum())}
+    save_checkpoint(path, found.description, found.weights, training=training)
+    return training.get("test_accuracy")
+
+
 def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("hybrid", type=Path)
@@ -47,16 +61,10 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--test", type=Path, help="recordings whose test part is measured")
     args = parser.parse_args(arguments)
-    found = joined(read_checkpoint(args.hybrid), read_checkpoint(args.windows), args.output.stem)
-    training = dict(found.training)
-    if args.test is not None:
-        network = build_network(found.description)
-        network.load_weights(found.weights)
-        test = read_recordings(args.test, split="test")
-        right = confusion(network.double(), test)
-        training |= {"test_recordings": int(right.sum()), "test_accuracy": int(np.trace(right)) / int(right.sum())}
-        print(f"{args.output}: {training['test_accuracy']:.4f} of {training['test_recordings']} test recordings")
-    save_checkpoint(args.output, found.description, found.weights, training=training)
+    test = None if args.test is None else read_recordings(args.test, split="test")
+    accuracy = write(args.output, read_checkpoint(args.hybrid), read_checkpoint(args.windows), test)
+    if test is not None:
+        print(f"{args.output}: {accuracy:.4f} of {len(test)} test recordings")
 
 
 if __name__ == "__main__":

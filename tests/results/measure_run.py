@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from join_branches import write
 from result_rows import Dataset, Row, command
 from slip_recordings import slip_recordings
 
@@ -47,24 +48,43 @@ def make(work: Path, data: Path, row: Row, dataset: Dataset, seed: int) -> None:
     if figures.exists():
         return
     recordings, test = parts(data, dataset)
-    if not path.exists():
-        _train(path, row, dataset, seed, recordings, test)
+    if not path.exists() and row.parts:
+        _join(path, row, dataset, seed, recordings, test)
+    elif not path.exists():
+        _train(path, config_of(row, dataset, seed), recordings, test)
     found = measure(path, dataset, test) | {"command": command(row, dataset, seed)}
     figures.write_text(json.dumps(found) + "\n", encoding="utf-8")
 
 
-def _train(path: Path, row: Row, dataset: Dataset, seed: int, recordings: Recordings, test: Recordings) -> None:
-    config, state = config_of(row, dataset, seed), path.with_suffix(".state")
+def _train(path: Path, config: TrainingConfig, recordings: Recordings, test: Recordings | None) -> None:
+    """Train a network; ``test`` None leaves its test part unread."""
+    state = path.with_suffix(".state")
     assert recordings.labels is not None
-    assert test.labels is not None
-    classes = 1 + int(max(recordings.labels.max(), test.labels.max()))
     before = time.process_time()
-    result = train(
-        recordings, config, name=path.stem, classes=classes, state_path=state, log_path=path.with_suffix(".csv")
-    )
+    result = train(recordings, config, name=path.stem, state_path=state, log_path=path.with_suffix(".csv"))
     export_checkpoint(path, result, config, recordings, test, carried=0)
     state.unlink()
     print(f"{path.stem}: trained in {time.process_time() - before:.0f} s", flush=True)
+
+
+def _join(path: Path, row: Row, dataset: Dataset, seed: int, recordings: Recordings, test: Recordings) -> None:
+    """Train the networks that a row joins on the whole train part, and measure only what they are together."""
+    for part, own in part_configs(row, dataset, seed).items():
+        if not (found := _of_part(path, part)).exists():
+            _train(found, own, recordings, None)
+    hybrid, windows = (read_checkpoint(_of_part(path, part)) for part in row.parts)
+    write(path, hybrid, windows, test)
+
+
+def _of_part(path: Path, part: str) -> Path:
+    return path.with_name(f"{path.stem}-{part}.pt")
+
+
+def part_configs(row: Row, dataset: Dataset, seed: int) -> dict[str, TrainingConfig]:
+    """Return what each network of a joined row trains with: nothing is held out, so nothing is chosen."""
+    own = {"seed": seed, "validation_fraction": 0.0, "refit": False}
+    configs = {part: CONFIGS / f"{dataset.name}-{part}.yaml" for part in row.parts}
+    return {part: config_from_mapping(read_config(path) | own) for part, path in configs.items()}
 
 
 def measure(path: Path, dataset: Dataset, test: Recordings) -> dict[str, Any]:
@@ -72,9 +92,9 @@ def measure(path: Path, dataset: Dataset, test: Recordings) -> dict[str, Any]:
     checkpoint = read_checkpoint(path)
     training = checkpoint.training
     found: dict[str, Any] = {
-        "epochs": training["epochs"],
-        "chosen_epoch": training["chosen_epoch"],
-        "validation_accuracy": training["validation_accuracy"],
+        "epochs": training.get("epochs") or f"{training['hybrid_epochs']} and {training['windows_epochs']}",
+        "chosen_epoch": training.get("chosen_epoch", "all"),
+        "validation_accuracy": training.get("validation_accuracy"),
         "test_accuracy": training["test_accuracy"],
         "test_recordings": len(test),
         "steps": test.spikes.shape[1],
@@ -107,6 +127,8 @@ def _on_chip(path: Path, dataset: Dataset, test: Recordings) -> dict[str, Any]:
         "transposed": events.tolist() if any(phase.axis == "location" for phase in network.phases) else [],
         "chip": report["operations"]["per_sample"],
         "energy_pj": report["energy"]["per_sample_pj"],
+        "energy_of_branches_pj": _of_branches(report["energy"]["by_population_pj"]),
+        "cores": report["resources"]["cores"],
         "predictions": np.asarray(played.prediction).tolist(),
         "labels": test.labels.tolist(),
         "psi": dataset.psi,
@@ -114,3 +136,12 @@ def _on_chip(path: Path, dataset: Dataset, test: Recordings) -> dict[str, Any]:
         if isinstance(followed, OverTime)
         else {},
     }
+
+
+def _of_branches(populations: dict[str, dict[str, float]]) -> dict[str, float]:
+    """Return the energy of each branch: populations are called ``BRANCH_LAYER``."""
+    found: dict[str, float] = {}
+    for name, entry in populations.items():
+        branch = name.partition("_")[0]
+        found[branch] = found.get(branch, 0.0) + entry["pj"]
+    return found

@@ -35,7 +35,8 @@ class Row:
     """A network of the table: its options over the configuration of its data set, and published accuracies.
 
     ``published``: data set -> accuracy (Kang et al. 2022, two fingertips). ``config`` replaces that of the data set; in
-    it ``{recipe}`` stands for the data set whose recipe is taken.
+    it ``{recipe}`` stands for the data set whose recipe is taken, ``{published}`` for that of the published targets. ``parts`` are networks that are trained apart and
+    joined, a hybrid and windows. ``only`` is the one data set of the row.
     """
 
     name: str
@@ -43,11 +44,14 @@ class Row:
     options: Mapping[str, Any]
     published: Mapping[str, str] = field(default_factory=dict)
     config: str | None = None
+    parts: tuple[str, ...] = ()
+    only: str | None = None
 
     def config_for(self, dataset: Dataset) -> str:
         """Return the file in ``examples/configs`` that it is trained with."""
         recipe = dataset.config.partition("-")[0]
-        return dataset.config if self.config is None else self.config.format(recipe=recipe)
+        published = "slip" if dataset.archive is None else "objects"
+        return dataset.config if self.config is None else self.config.format(recipe=recipe, published=published)
 
     @property
     def model(self) -> str:
@@ -79,7 +83,13 @@ ROWS = (
     Row("hybrid-half", "Hybrid, lambda 0.5, loop", {"location_weight": 0.5}, _published("0.92", "0.89", "0.98")),
     Row("hybrid-arch", "Hybrid, lambda 1, arch", {"order": "arch"}, _published("0.91", "0.86", "0.99")),
     Row("hybrid-whorl", "Hybrid, lambda 1, whorl", {"order": "whorl"}, _published("0.92", "0.86", "0.98")),
-    Row("hybrid-published", "Hybrid, published training", {}, config="objects-hybrid-published.yaml"),
+    Row("hybrid-published", "Hybrid, published training", {}, config="{published}-hybrid-published.yaml"),
+    Row(
+        "hybrid-half-published",
+        "Hybrid, published training, lambda 0.5",
+        {"location_weight": 0.5},
+        config="{published}-hybrid-half-published.yaml",
+    ),
     Row("tactile-snn-delays", "Tactile-SNN, synapses of six delays", {"model": "tactile-snn", "delays": SIX_DELAYS}),
     Row("hybrid-delays", "Hybrid, synapses of six delays", {"delays": SIX_DELAYS}),
     Row("tactile-snn-lif", "Tactile-SNN of TLIF neurons", {"model": "tactile-snn-lif"}, config="tactile-snn-lif.yaml"),
@@ -91,6 +101,20 @@ ROWS = (
     ),
     Row("hybrid-lif", "Hybrid of TLIF and LLIF neurons", {"model": "hybrid-lif"}, config="hybrid-lif.yaml"),
     Row("window-snn", "Window-SNN", {"model": "window-snn"}, config="{recipe}-window-snn.yaml"),
+    Row(
+        "window-prototypes",
+        "Window-SNN, prototypes",
+        {"model": "window-snn"},
+        config="{recipe}-window-snn-prototypes.yaml",
+    ),
+    Row("windows-and-hybrid", "Window-SNN and hybrid, joined", {}, parts=("hybrid", "window-snn"), only="objects"),
+    Row(
+        "window-snn-levels",
+        "Window-SNN, neighbouring levels",
+        {"model": "window-snn"},
+        config="containers-window-snn-levels.yaml",
+        only="containers",
+    ),
     Row("hybrid-graph", "Hybrid of graphs", {"model": "hybrid-graph"}, config="hybrid-graph.yaml"),
 )
 ROW_NAMES = tuple(row.name for row in ROWS)
@@ -99,9 +123,13 @@ FLAGS = {"model": "--model", "order": "--order", "location_weight": "--lambda", 
 
 
 def command(row: Row, dataset: Dataset, seed: int) -> str:
-    """Return the command that trains a network of the table; of synthetic recordings, what makes them comes first."""
+    """Return what trains a network of the table; of synthetic recordings, what makes them comes first."""
     data = dataset.archive or "slip.npz"
+    begin = f"locsnn train --data {data} --config examples/configs"
+    if row.parts:
+        whole = f"--validation-fraction 0 --seed {seed}"
+        made = [f"{begin}/{dataset.name}-{part}.yaml {whole} -o {part}.pt" for part in row.parts]
+        files = " ".join(f"{part}.pt" for part in row.parts)
+        return " && ".join([*made, f"python tests/results/join_branches.py {files} -o {row.name}.pt --test {data}"])
     flags = [f"{FLAGS[name]} {value}" for name, value in row.options.items()]
-    config = f"examples/configs/{row.config_for(dataset)}"
-    parts = ["locsnn train", f"--data {data}", f"--config {config}", *flags, f"--seed {seed}", f"-o {row.name}.pt"]
-    return " ".join(parts)
+    return " ".join([f"{begin}/{row.config_for(dataset)}", *flags, f"--seed {seed}", f"-o {row.name}.pt"])

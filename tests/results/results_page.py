@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import statistics
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -60,13 +61,69 @@ def markdown(made: Table) -> str:
     return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)])
 
 
-def write_tables(found: Found, folder: Path) -> None:
-    """Write the tables that are too long for the page, a CSV file each; those written by hand stay."""
+def write_tables(found: Found, folder: Path) -> dict[str, Table]:
+    """Write the tables that are too long for the page, a CSV file each, and return them; rows without figures stay.
+
+    Files of other tables are not touched.
+    """
     folder.mkdir(exist_ok=True)
+    found, tables = _fuller(found, kept(folder / "accuracy.csv")), {}
     for name, make in TABLES.items():
-        with (folder / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
-            head, rows = make(found)
-            csv.writer(file, lineterminator="\n").writerows([head, *rows])
+        path = folder / f"{name}.csv"
+        tables[name] = merged(make(found), kept(path))
+        write_table(path, tables[name])
+    return tables
+
+
+def _fuller(found: Found, before: Table | None) -> Found:
+    """Leave out rows that have fewer seeds than those of a table of accuracies."""
+    stand = {row[0]: row[2::3] for row in before[1]} if before else {}
+    names = list(DATASETS)
+
+    def had(dataset: str, label: str) -> int:
+        cell = stand.get(label, [NOT_RUN] * len(names))[names.index(dataset)]
+        return _seeds_of(cell) if cell else 0
+
+    labels = {row.name: row.label for row in ROWS}
+    return {key: seeds for key, seeds in found.items() if len(seeds) >= had(key[0], labels[key[1]])}
+
+
+def write_table(path: Path, made: Table) -> None:
+    head, rows = made
+    with path.open("w", newline="", encoding="utf-8") as file:
+        csv.writer(file, lineterminator="\n").writerows([head, *rows])
+
+
+def kept(path: Path) -> Table | None:
+    """Return the table of a file, None where there is none."""
+    if not path.exists():
+        return None
+    with path.open(newline="", encoding="utf-8") as file:
+        head, *rows = csv.reader(file)
+    return head, rows
+
+
+def merged(made: Table, before: Table | None) -> Table:
+    """Lay a table over one with the same head: rows are known by their first cell, and what was not run stays."""
+    head, rows = made
+    if before is None or list(before[0]) != list(head):
+        return made
+    old = {row[0]: list(row) for row in before[1]}
+    new = {row[0]: [_laid(mine, was) for mine, was in zip(row, old.get(row[0], row), strict=True)] for row in rows}
+    order = new if old.keys() <= new.keys() else old | new
+    return head, [new.get(name, old.get(name, [])) for name in order]
+
+
+def _laid(mine: str, was: str) -> str:
+    """Return the cell that comes from more seeds."""
+    return was if _seeds_of(mine) < _seeds_of(was) else mine
+
+
+def _seeds_of(cell: str) -> int:
+    if cell == NOT_RUN:
+        return 0
+    found = re.search(rf"\((\d) of {len(SEEDS)} seeds\)", cell)
+    return int(found[1]) if found else len(SEEDS)
 
 
 def column(found: Found, dataset: str, row: str, key: str) -> list[float]:
@@ -83,6 +140,9 @@ def accuracy(found: Found) -> Table:
     for row in ROWS:
         cells = [row.label]
         for name in DATASETS:
+            if row.only not in (None, name):
+                cells += ["", "", ""]
+                continue
             measured = spread(column(found, name, row.name, "test_accuracy"))
             chip = spread(column(found, name, row.name, "chip_accuracy"))
             if measured != NOT_RUN and chip == NOT_RUN:
@@ -103,7 +163,7 @@ def settings(found: Found) -> Table:
                 f"{label}, {DATASETS[name].title}",
                 str(next(iter(seeds.values()))["epochs"]),
                 ", ".join(map(str, epochs)),
-                spread(held),
+                spread(held) if held else "none held out",
             ]
         )
     return ["network", "epochs at most", "chosen, seed by seed", "accuracy on the validation part"], rows
@@ -176,7 +236,8 @@ def _operation_rows(seeds: Mapping[int, Mapping[str, Any]], row: Row, dataset: D
 
 
 def _branch(row: Row, axis: str) -> str:
-    return BRANCH_NAMES[axis] if row.model in ("hybrid", "tactile-snn", "location-tactile-snn") else f"{axis} branch"
+    named = row.model in ("hybrid", "tactile-snn", "location-tactile-snn") and axis in BRANCH_NAMES
+    return BRANCH_NAMES[axis] if named else f"{axis} branch"
 
 
 def ratios(found: Found) -> Table:
@@ -235,28 +296,25 @@ def commands(found: Found) -> Table:
     return ["command"], rows
 
 
-def best_ratios(found: Found) -> Table:
+def best_ratios(ratios: Table) -> Table:
     """The ratios of the networks that are named on the page."""
-    head, rows = ratios(found)
-    named = ("Hybrid, lambda 1, loop", "Window-SNN")
+    head, rows = ratios
+    named = ("Hybrid, lambda 1, loop", "Window-SNN, Objects", "Window-SNN, Containers", "Window-SNN and hybrid")
     return head, [row for row in rows if row[0].startswith(named) and "synthetic" not in row[0]]
 
 
-def missing(found: Found) -> str:
+def missing(accuracy: Table) -> str:
     """Return the rows without all seeds, a line for every data set."""
     lines = []
-    for name, dataset in DATASETS.items():
-        lacking = {row.label: [s for s in SEEDS if s not in found.get((name, row.name), {})] for row in ROWS}
-        words = [
-            label if len(seeds) == len(SEEDS) else f"{label} (seeds {', '.join(map(str, seeds))})"
-            for label, seeds in lacking.items()
-            if seeds
-        ]
+    for place, dataset in enumerate(DATASETS.values()):
+        seeds = {row[0]: _seeds_of(row[3 * place + 2]) for row in accuracy[1]}
+        words = [f"{label} ({n} of {len(SEEDS)} seeds)" if n else label for label, n in seeds.items() if n < len(SEEDS)]
         lines += [f"- {dataset.title}: {'; '.join(words)}."] if words else []
     return "\n".join(lines) if lines else "Nothing: every row was run with all seeds."
 
 
 TABLES: dict[str, Callable[[Found], Table]] = {
+    "accuracy": accuracy,
     "settings": settings,
     "chip": chip,
     "confusions": confusions,
@@ -268,17 +326,15 @@ TABLES: dict[str, Callable[[Found], Table]] = {
 """What stands in ``docs/results/NAME.csv``."""
 
 
-def page(found: Found) -> str:
+def page(tables: Mapping[str, Table]) -> str:
     """Return the whole page."""
     template = (Path(__file__).with_name("results_template.md")).read_text(encoding="utf-8")
     values = {
-        "accuracy": markdown(accuracy(found)),
-        "ratios": markdown(best_ratios(found)),
+        "accuracy": markdown(tables["accuracy"]),
+        "ratios": markdown(best_ratios(tables["ratios"])),
         "ann_table": markdown(ann_table()),
-        "missing": missing(found),
+        "missing": missing(tables["accuracy"]),
     }
-    for name in ("objects", "containers"):
-        values[f"best_{name}"] = spread(column(found, name, "window-snn", "chip_accuracy"))
     for name, text in values.items():
         template = template.replace(f"{{{{{name}}}}}", text)
     return template

@@ -36,13 +36,12 @@ def main() -> None:
         for seed in args.seeds:
             for row in ROWS:
                 for name in args.datasets:
-                    if row.name in args.rows:
+                    if row.name in args.rows and row.only in (None, name):
                         make(args.work, args.data, row, DATASETS[name], seed)
     found = read(args.work)
-    pictures = args.page.parent / "images"
-    draw(found, pictures)
-    args.page.write_text(page(found), encoding="utf-8")
-    write_tables(found, args.page.with_suffix(""))
+    draw(found, args.page.parent / "images")
+    tables = write_tables(found, args.page.with_suffix(""))
+    args.page.write_text(page(tables), encoding="utf-8")
 
 
 if __name__ == "__main__":

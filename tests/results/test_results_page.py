@@ -90,22 +90,25 @@ def test_confusions_name_the_pairs(work: Path) -> None:
     assert confusions(read(work))[1] == [["Hybrid, lambda 1, loop, Containers", "2", "2 taken for 1: 2"]]
 
 
-def test_missing_seeds_are_named(work: Path) -> None:
-    from results_page import missing, read
+def test_missing_rows_are_named_where_they_belong(work: Path) -> None:
+    from results_page import accuracy, missing, read
 
-    line = missing(read(work)).splitlines()[1]
-    assert line.startswith("- Containers: Tactile-SNN; TactileSGNet; ")
-    assert "; Hybrid, lambda 1, loop (seeds 2, 3, 4); " in line
+    objects, containers, _ = missing(accuracy(read(work))).splitlines()
+    assert containers.startswith("- Containers: Tactile-SNN; TactileSGNet; ")
+    assert "; Hybrid, lambda 1, loop (2 of 5 seeds); " in containers
+    assert ("joined" in objects, "neighbouring levels" in objects) == (True, False)
+    assert ("joined" in containers, "neighbouring levels" in containers) == (False, True)
 
 
 def test_every_part_of_the_page_is_filled(work: Path) -> None:
-    from results_page import page, read
+    from results_page import page, read, write_tables
 
-    assert "{{" not in page(read(work))
-    assert "{{" not in page({})
+    for found in (read(work), {}):
+        assert "{{" not in page(write_tables(found, work / "results"))
 
 
 def test_long_tables_are_files_next_to_the_page(work: Path) -> None:
+    import chip_studies
     from results_page import TABLES, read, write_tables
 
     write_tables(read(work), work / "results")
@@ -113,7 +116,34 @@ def test_long_tables_are_files_next_to_the_page(work: Path) -> None:
     written = (work / "results/confusions.csv").read_text(encoding="utf-8")
     assert written.splitlines()[1] == '"Hybrid, lambda 1, loop, Containers",2,2 taken for 1: 2'
     kept = HERE.parents[1] / "docs/results"
-    assert {path.stem for path in kept.iterdir()} == {*TABLES, "tried-hybrid", "tried-training", "tried-windows"}
+    tried = {"tried-hybrid", "tried-training", "tried-windows"}
+    assert {path.stem for path in kept.glob("*.csv")} == {
+        *TABLES,
+        *chip_studies.TABLES,
+        *tried,
+        "data",
+        "learning-curve",
+    }
+
+
+def test_rows_without_figures_keep_what_stands_in_the_file(work: Path) -> None:
+    from results_page import NOT_RUN, read, write_table, write_tables
+
+    folder = work / "results"
+    tables = write_tables(read(work), folder)
+    (head, rows), before_chip = tables["accuracy"], tables["chip"]
+    places = {row[0]: k for k, row in enumerate(rows)}
+    measured = ["0.9", "0.700 ± 0.100", "0.600 (1 of 5 seeds)"]
+    rows[places["Hybrid, lambda 1, loop"]][4:7] = measured
+    rows[places["Tactile-SNN"]][5:7] = measured[1:]
+    write_table(folder / "accuracy.csv", (head, rows))
+    found = dict((row[0], row) for row in write_tables(read(work), folder)["accuracy"][1])
+    # Five seeds stay against two, in every column, and what was measured elsewhere stays.
+    assert found["Hybrid, lambda 1, loop"][4:7] == ["0.86", *measured[1:]]
+    assert found["Tactile-SNN"][5:7] == measured[1:]
+    assert found["CNN-3D"][5:7] == [NOT_RUN, NOT_RUN]
+    chip = write_tables({}, folder)["chip"]
+    assert chip == before_chip
 
 
 def test_commands_are_those_of_locsnn_train() -> None:
@@ -122,13 +152,31 @@ def test_commands_are_those_of_locsnn_train() -> None:
 
     parser = argparse.ArgumentParser()
     add_command(parser.add_subparsers(), "train", train)
-    for row in ROWS:
+    for row in (row for row in ROWS if not row.parts):
         for dataset in DATASETS.values():
             args = parser.parse_args(command(row, dataset, 3).split()[1:])
             config = config_of(row, dataset, 3)
             assert (args.seed, args.model or "hybrid", args.order or "loop", args.location_weight or 1.0) == (
                 config.seed, config.model, config.order, config.location_weight,
             )  # fmt: skip
+
+
+def test_commands_of_a_joined_row_train_its_parts_on_the_whole_train_part() -> None:
+    from measure_run import part_configs
+    from result_rows import DATASETS, ROWS, command
+
+    parser = argparse.ArgumentParser()
+    add_command(parser.add_subparsers(), "train", train)
+    row = next(row for row in ROWS if row.parts)
+    *trained, joined = command(row, DATASETS["objects"], 3).split(" && ")
+    for line, (part, config) in zip(trained, part_configs(row, DATASETS["objects"], 3).items(), strict=True):
+        args = parser.parse_args(line.split()[1:])
+        assert (args.seed, args.validation_fraction, args.output) == (3, 0.0, f"{part}.pt")
+        assert (config.seed, config.validation_fraction, config.model) == (3, 0.0, part)
+        assert args.config == f"examples/configs/objects-{part}.yaml"
+    assert joined == (
+        "python tests/results/join_branches.py hybrid.pt window-snn.pt -o windows-and-hybrid.pt --test Ev-Objects.zip"
+    )
 
 
 def test_slip_is_synthetic_and_small() -> None:

@@ -73,7 +73,7 @@ def test_only_the_train_part_is_read_and_scores_are_made_once(
     assert asked == [("Ev-Containers.zip", "train")] * 2
     assert runs == [18] * 4
     rows = (tmp_path / "t.csv").read_text().splitlines()
-    assert rows[0] == "training,parts,accuracy,standard error,three quarters,half"
+    assert rows[0] == "training,parts,accuracy,standard error,three quarters,half,quarter"
     assert [row.split(",")[0] for row in rows[1:]] == ["one", "both"]
     assert rows[1].split(",")[1:] == rows[2].split(",")[1:]
     assert capsys.readouterr().out.count("containers a 0: ") == 1

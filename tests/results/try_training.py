@@ -5,8 +5,8 @@
 The train part is divided into four stratified folds, ``--repeats`` times. Each setting learns from three of them and is
 measured on the fourth after its last epoch, so that nothing is chosen on what measures. **The test part is never read.**
 Class scores of the held-out recordings are files under ``--work``: what is there is not made again. A committee adds the
-log-probabilities of settings, which costs no training. Accuracies with half and three quarters of the steps are those of
-recordings that end there.
+log-probabilities of settings, which costs no training. Accuracies after three quarters, half and a quarter of the steps are
+those of recordings that end there.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from locsnn_compile.training.train import train
 
 ROOT = Path(__file__).parents[2]
 FOLDS = 4
-SEEN = (1.0, 0.75, 0.5)
+SEEN = (1.0, 0.75, 0.5, 0.25)
 """Shares of the steps that are played."""
 
 
@@ -132,12 +132,15 @@ def main(arguments: list[str] | None = None) -> None:
         right = np.array([hits[r][:, folds(labels, r) == fold].mean(axis=1) for r, fold in parts])
         error = right[:, 0].std(ddof=1) / len(parts) ** 0.5
         early = [f"{share:.3f}" for share in right.mean(axis=0)[1:]]
+        early += ["-"] * (len(SEEN) - 1 - len(early))
         rows.append([known[name].label, len(parts), f"{right[:, 0].mean():.3f}", f"{error:.3f}", *early])
         print(f"{name:24} {rows[-1]}", flush=True)
     if args.table:
         with args.table.open("w", encoding="utf-8", newline="") as file:
             writer = csv.writer(file, lineterminator="\n")
-            writer.writerows([["training", "parts", "accuracy", "standard error", "three quarters", "half"], *rows])
+            writer.writerows(
+                [["training", "parts", "accuracy", "standard error", "three quarters", "half", "quarter"], *rows]
+            )
 
 
 def _of_repeat(
@@ -150,7 +153,8 @@ def _of_repeat(
     parts = [(weight, work / f"{dataset}-{member}-{repeat}.npy") for member, weight in setting.members.items()]
     if not all(path.exists() for _, path in parts):
         return None
-    return np.asarray(sum(weight * np.load(path) for weight, path in parts))
+    each = [weight * np.load(path) for weight, path in parts]
+    return np.asarray(sum(scores[: min(map(len, each))] for scores in each))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,57 @@
+"""Windows without descent: an output that finds the class whose mean recording, its prototype, is nearest.
+
+Distances are measured in how much recordings differ from the prototype of their own class, as in linear discriminant
+analysis, so that what varies within classes counts little:
+
+    score of class k  =  m_k S h - m_k S m_k / 2          S = (ridge I + A^T A)^-1
+
+h (hidden,) are the spikes of a recording, m_k the mean of class k, and the rows of A (recordings, hidden) are those
+learned from, less the mean of their class. Nothing is inverted but a matrix of recordings by recordings.
+"""
+
+from collections.abc import Iterable
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from hw_model.values import IntArray
+from locsnn_compile.errors import InputError
+from locsnn_compile.models.touch_model import TouchModel
+from locsnn_compile.models.window_network import WindowNetwork
+
+PROTOTYPES = "prototypes"
+"""The ``optimizer`` of a configuration that asks for them."""
+
+
+@torch.no_grad()
+def set_prototypes(
+    network: TouchModel, drawn: Iterable[tuple[NDArray[np.float32], IntArray]], smoothing: float
+) -> None:
+    """Set the output of a window network for recordings (spikes, labels), in batches.
+
+    The ridge is ``smoothing`` times the mean squared distance of a recording to its prototype. Scores are scaled so
+    that their standard deviation over classes is 1 on average. Raises ``InputError`` for other networks, and for a
+    class without recordings.
+    """
+    if not isinstance(network, WindowNetwork):
+        fix = "Take another optimizer, or model window-snn."
+        raise InputError("training option 'optimizer'", "only windows have prototypes", fix=fix)
+    pairs = [(network.hidden(torch.from_numpy(x)), torch.from_numpy(y)) for x, y in drawn]
+    hidden, labels = (torch.cat(parts) for parts in zip(*pairs, strict=True))
+    member = torch.nn.functional.one_hot(labels, len(network.bias)).to(hidden)
+    of_class = member.sum(dim=0)
+    if not of_class.all():
+        where, what = f"label {int(of_class.argmin())}", "it has no recording to learn from, so it has no prototype"
+        raise InputError(where, what, fix="Take another optimizer, or number the labels without a gap.")
+    means = member.T @ hidden / of_class[:, None]
+    apart = hidden - means[labels]
+    products = (apart @ apart.T).double()
+    ridge = smoothing * products.trace() / len(hidden) + torch.finfo(torch.float32).tiny
+    solved = torch.linalg.solve(products + ridge * torch.eye(len(hidden)), (apart @ means.T).double())
+    output = means - solved.T.to(hidden) @ apart
+    bias = -0.5 * (output * means).sum(dim=1) + output @ network.usual
+    scores = (hidden - network.usual) @ output.T + bias
+    scale = 1.0 / scores.std(dim=1).mean().clamp(min=torch.finfo(torch.float32).tiny)
+    network.output.copy_(scale * output)
+    network.bias.copy_(scale * bias)

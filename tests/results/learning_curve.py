@@ -1,0 +1,110 @@
+"""How accuracy grows with the recordings to learn from: `docs/results/learning-curve.csv`, and its picture.
+
+    nice -n 5 python tests/results/learning_curve.py --data FOLDER
+
+The recipe of the best network of windows of each set learns from shares of three stratified folds of the train part, and is
+measured on the fourth after its last epoch. **The test part is never read.** A smaller share is part of the larger ones. Figures
+are files under ``--work``: what is there is not made again, and the table holds what is there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from results_page import write_table
+from scipy import stats
+from try_training import FOLDS, ROOT, Setting, config_of, folds, scores_of, settings_of
+
+from locsnn_compile.data.read import read_recordings
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.training.batches import epoch_generator
+from locsnn_compile.training.measure import class_scores
+from locsnn_compile.training.train import train
+
+SHARES = (0.25, 0.5, 0.75)
+RECIPES = {"containers": "near", "objects": "base"}
+"""Data set -> its setting in ``tried_settings.yaml``."""
+
+
+def share_of(labels: NDArray[np.int64], rows: NDArray[np.int64], share: float, repeat: int) -> NDArray[np.int64]:
+    """Return this share of ``rows``, of every class as many (rounded); of a larger share a part."""
+    rng, kept = epoch_generator(repeat, 78), []
+    for label in np.unique(labels):
+        own = rng.permutation(rows[labels[rows] == label])
+        kept.append(own[: max(1, round(share * len(own)))])
+    return np.sort(np.concatenate(kept))
+
+
+def right_of(
+    work: Path, recordings: Recordings, dataset: str, setting: Setting, share: float, repeat: int
+) -> list[list[float]]:
+    """Return (recordings learned from, accuracy on the fold that was held out) of each fold."""
+    path = work / f"curve-{dataset}-{share}-{repeat}.json"
+    if path.exists():
+        return json.loads(path.read_text())
+    labels, found = recordings.labels, []
+    assert labels is not None
+    fold = folds(labels, repeat)
+    for held in range(FOLDS):
+        rows = share_of(labels, np.flatnonzero(fold != held), share, repeat)
+        result = train(recordings.subset(rows), config_of(setting, dataset, repeat), classes=1 + int(labels.max()))
+        predicted = class_scores(result.network, recordings.spikes[fold == held]).argmax(axis=1)
+        found.append([len(rows), float((predicted == labels[fold == held]).mean())])
+    path.write_text(json.dumps(found) + "\n")
+    print(f"{path.stem}: {np.mean([right for _, right in found]):.3f}", flush=True)
+    return found
+
+
+def whole(
+    work: Path, recordings: Recordings, dataset: str, name: str, setting: Setting, repeat: int
+) -> list[list[float]]:
+    """Return the same of all three folds, from the scores that ``try_training.py`` keeps."""
+    labels = recordings.labels
+    assert labels is not None
+    scores, fold = scores_of(work, recordings, dataset, name, setting, repeat), folds(labels, repeat)
+    right = scores[0].argmax(axis=1) == labels
+    return [[int((fold != held).sum()), float(right[fold == held].mean())] for held in range(FOLDS)]
+
+
+def row_of(dataset: str, share: float, found: Sequence[Sequence[float]]) -> list[str]:
+    """Return a row: mean, and the 95 % interval of Student's t over the folds that were held out."""
+    learned, right = np.array(found).T
+    error = right.std(ddof=1) / len(right) ** 0.5
+    half = float(stats.t.ppf(0.975, len(right) - 1)) * error
+    ends = [f"{right.mean() + side * half:.3f}" for side in (-1, 1)]
+    return [dataset.title(), f"{share:g}", f"{learned.mean():.0f}", str(len(right)), f"{right.mean():.3f}", *ends]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, default=ROOT.parent / "shared/data/neutouch")
+    parser.add_argument("--work", type=Path, default=ROOT / "runs/tried")
+    parser.add_argument("--datasets", nargs="*", choices=tuple(RECIPES), default=tuple(RECIPES))
+    parser.add_argument("--repeats", type=int, default=2)
+    parser.add_argument("--table", type=Path, default=ROOT / "docs/results/learning-curve.csv")
+    args = parser.parse_args(arguments)
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    args.work.mkdir(parents=True, exist_ok=True)
+    rows = []
+    for dataset in args.datasets:
+        name = RECIPES[dataset]
+        setting = settings_of(Path(__file__).with_name("tried_settings.yaml"))[name]
+        assert isinstance(setting, Setting)
+        recordings = read_recordings(args.data / f"Ev-{dataset.title()}.zip", split="train")
+        for share in SHARES:
+            each = [right_of(args.work, recordings, dataset, setting, share, repeat) for repeat in range(args.repeats)]
+            rows.append(row_of(dataset, share, [part for parts in each for part in parts]))
+        each = [whole(args.work, recordings, dataset, name, setting, repeat) for repeat in range(args.repeats)]
+        rows.append(row_of(dataset, 1.0, [part for parts in each for part in parts]))
+    head = ["set", "share of three folds", "recordings to learn from", "folds held out", "accuracy", "95 % from", "to"]
+    write_table(args.table, (head, rows))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,222 @@
+"""Pictures and the table of the published paper that need no network, or only figures that are there.
+
+    python tests/results/paper_pictures.py --data FOLDER
+
+The orders drawn on the taxels, operations as bars, confusions with containers and fill levels apart, how training went, energy
+against accuracy, learning curves, and a table of the data. What a picture needs and is not there leaves it as it is.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from result_pictures import INK, STYLE, _save
+from results_page import Table, kept, write_table
+
+from locsnn_compile.data.orders import location_order
+from locsnn_compile.data.read import read_recordings
+from locsnn_compile.data.sensor import TAXEL_COORDINATES_MM, neutouch
+
+ROOT = Path(__file__).parents[2]
+BLUE, ORANGE, GREEN, VIOLET = "#2f81c7", "#d98324", "#3f9c5a", "#8a4fbf"
+ORDERS = ("loop", "arch", "whorl")
+CONTAINERS, LEVELS = 4, 5
+"""Classes of Containers are level + LEVELS * container."""
+
+
+def orders() -> Figure:
+    """The walks of the paper over the taxels of a fingertip, from the ring to the dot."""
+    figure, panels = plt.subplots(1, len(ORDERS), figsize=(7.6, 3.6), layout="constrained")
+    place = np.array(TAXEL_COORDINATES_MM)
+    for axes, order in zip(panels, ORDERS, strict=True):
+        _, taxels = location_order(order, neutouch(1))
+        walk = place[np.asarray(taxels) - 1]
+        axes.plot(*walk.T, color=BLUE, linewidth=1.1, zorder=1)
+        axes.scatter(*walk.T, s=9, color=INK, zorder=2)
+        axes.scatter(*walk[0], s=55, facecolors="none", edgecolors=ORANGE, linewidths=1.6, zorder=3)
+        axes.scatter(*walk[-1], s=40, color=ORANGE, zorder=3)
+        axes.set(title=order, aspect="equal", xticks=[], yticks=[])
+        axes.spines[:].set_visible(False)
+    return figure
+
+
+def operations(tables: Path) -> Figure | None:
+    """Operations per recording of one fingertip, artificial networks and ours, on a logarithmic axis."""
+    ours, ratios = kept(tables / "operations.csv"), kept(tables / "ratios.csv")
+    if ours is None or ratios is None:
+        return None
+    figure, panels = plt.subplots(1, 2, figsize=(7.6, 2.8), layout="constrained", sharex=True)
+    for axes, name in zip(panels, ("Objects", "Containers"), strict=True):
+        bars = {row[0].rsplit("against ", 1)[1]: _number(row[1]) for row in ratios[1] if f", {name}, against" in row[0]}
+        for label in ("Hybrid, lambda 1, loop", "Window-SNN"):
+            own = {row[0]: _number(row[1]) for row in ours[1] if row[0].startswith(f"{label}, {name}: ")}
+            bars[label.partition(",")[0]] = own.get(f"{label}, {name}: together", max(own.values(), default=0.0))
+        axes.barh(list(bars), list(bars.values()), color=[INK, INK, BLUE, BLUE][: len(bars)])
+        for place, value in enumerate(bars.values()):
+            axes.text(value * 1.1, place, f"{value / 1e6:.2f}", va="center")
+        axes.set(title=name, xlabel="operations per recording, 10^6 at the bars", xscale="log", xlim=(2e4, 3e7))
+        axes.invert_yaxis()
+    return figure
+
+
+def _number(text: str) -> float:
+    return float(text.replace(",", ""))
+
+
+def counts_of(files: Sequence[Path]) -> np.ndarray[Any, Any] | None:
+    """Return how often a label (row) was predicted as a class (column), over files of figures; None without one."""
+    runs = [json.loads(path.read_text(encoding="utf-8")) for path in files]
+    if not runs:
+        return None
+    found = np.zeros((runs[0]["classes"],) * 2)
+    for run in runs:
+        np.add.at(found, (run["labels"], run["predictions"]), 1)
+    return found
+
+
+def apart(counts: np.ndarray[Any, Any]) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
+    """Return the same for containers, and for fill levels."""
+    four = counts.reshape(CONTAINERS, LEVELS, CONTAINERS, LEVELS)
+    return four.sum(axis=(1, 3)), four.sum(axis=(0, 2))
+
+
+def levels(work: Path) -> Figure | None:
+    """Confusions on the chip with containers and fill levels apart: the paper's two networks, and the best."""
+    named = {"Tactile-SNN": "tactile-snn", "Hybrid": "hybrid", "Window-SNN, levels": "window-snn-levels"}
+    counts = {label: counts_of(sorted(work.glob(f"containers-{row}-[0-9].json"))) for label, row in named.items()}
+    if any(found is None for found in counts.values()):
+        return None
+    figure, panels = plt.subplots(2, len(counts), figsize=(7.6, 5.2), layout="constrained")
+    for column, (label, found) in zip(panels.T, counts.items(), strict=True):
+        assert found is not None
+        for axes, part, what in zip(column, apart(found), ("container", "fill level"), strict=True):
+            _matrix(axes, part, what)
+        column[0].set_title(f"{label}\n{int(found.sum())} predictions")
+    return figure
+
+
+def _matrix(axes: Axes, part: np.ndarray[Any, Any], what: str) -> None:
+    shares = part / part.sum(axis=1, keepdims=True)
+    axes.imshow(shares, cmap="Blues", vmin=0, vmax=1)
+    for row, column in np.argwhere(shares >= 0.005):
+        ink = "white" if shares[row, column] > 0.6 else "#404040"
+        axes.text(column, row, f"{shares[row, column]:.2f}", ha="center", va="center", color=ink, fontsize=7)
+    axes.set(xlabel=f"{what} predicted", ylabel=what, xticks=range(len(part)), yticks=range(len(part)))
+
+
+def profiles(work: Path) -> Figure | None:
+    """How training went: loss and validation accuracy by epoch, seed 0, first phase."""
+    logs = {"Tactile-SNN": "containers-tactile-snn-0.csv", "Hybrid": "containers-hybrid-0.csv"}
+    read = {label: _log(work / name) for label, name in logs.items() if (work / name).exists()}
+    if len(read) < len(logs):
+        return None
+    figure, panels = plt.subplots(1, 2, figsize=(7.6, 2.8), layout="constrained")
+    for (label, log), colour in zip(read.items(), (ORANGE, BLUE), strict=True):
+        panels[0].plot(log["loss"], color=colour, linewidth=1.2, label=f"{label}, training")
+        panels[0].plot(log["validation_loss"], ":", color=colour, linewidth=1.2, label=f"{label}, validation")
+        panels[1].plot(log["validation_accuracy"], color=colour, linewidth=0.9, label=label)
+    panels[0].set(title="Containers, loss", xlabel="epoch", ylim=(0, None))
+    panels[1].set(title="Containers, validation accuracy", xlabel="epoch", ylim=(0, 1))
+    for axes in panels:
+        axes.legend(fontsize=7)
+    return figure
+
+
+def _log(path: Path) -> Mapping[str, list[float]]:
+    with path.open(newline="", encoding="utf-8") as file:
+        rows = [row for row in csv.DictReader(file) if row["phase"] == "select"]
+    return {key: [float(row[key]) for row in rows] for key in ("loss", "validation_loss", "validation_accuracy")}
+
+
+def curves(tables: Path) -> Figure | None:
+    """Learning curves with their 95 % intervals."""
+    made = kept(tables / "learning-curve.csv")
+    if made is None:
+        return None
+    figure, axes = plt.subplots(figsize=(5.2, 3.2), layout="constrained")
+    for name, colour in (("Objects", BLUE), ("Containers", ORANGE)):
+        rows = [list(map(float, row[2:])) for row in made[1] if row[0] == name]
+        if rows:
+            learned, _, right, low, high = np.array(rows).T
+            axes.errorbar(learned, right, (right - low, high - right), color=colour, marker="o", capsize=3, label=name)
+    axes.set(xlabel="recordings to learn from", ylabel="accuracy, held out", xscale="log", ylim=(0.4, 1))
+    axes.set_xticks([45, 90, 180, 216, 432], [45, 90, 180, 216, 432])
+    axes.minorticks_off()
+    axes.legend()
+    return figure
+
+
+def front(tables: Path) -> Figure | None:
+    """Energy against accuracy on the chip: single networks, windows and committees."""
+    made = kept(tables / "front.csv")
+    if made is None:
+        return None
+    figure, panels = plt.subplots(1, 2, figsize=(8.4, 3.6), layout="constrained")
+    for axes, name in zip(panels, ("Objects", "Containers"), strict=True):
+        rows = [row for row in made[1] if row[0] == name]
+        kinds = {row[2]: None for row in made[1]}
+        for kind, colour, marker in zip(kinds, (INK, ORANGE, BLUE, VIOLET), ("o", "s", "D", "^"), strict=False):
+            its = [(float(row[5]), float(row[4].split(" ")[0])) for row in rows if row[2] == kind]
+            if its:
+                axes.scatter(*np.array(its).T, color=colour, marker=marker, s=26, label=kind)
+        best, line = 0.0, []
+        for energy, right in sorted((float(row[5]), float(row[4].split(" ")[0])) for row in rows):
+            if right > best:
+                best, line = right, [*line, (energy, right)]
+        axes.plot(*np.array(line).T, color=INK, linewidth=0.8, drawstyle="steps-post", zorder=0)
+        axes.set(title=name, xlabel="energy per recording, µJ", ylabel="accuracy on the chip")
+    named = {label: handle for axes in panels for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+    figure.legend(named.values(), named, loc="outside lower center", ncols=4)
+    return figure
+
+
+def data_table(data: Path) -> Table:
+    """What the recordings are."""
+    rows = []
+    for name in ("Objects", "Containers"):
+        for split in ("train", "test"):
+            found = read_recordings(data / f"Ev-{name}.zip", split=split)
+            assert found.labels is not None
+            events = found.spikes.sum(axis=(1, 2), dtype=np.int64)
+            first = found.spikes.any(axis=2).argmax(axis=1)
+            samples, steps, channels = found.spikes.shape
+            each = np.bincount(found.labels)
+            rows.append(
+                [f"{name}, {split}", str(samples), str(len(each)), str(each[0]), str(steps), f"{0.02 * steps:g}",
+                 str(channels), f"{events.mean():,.0f}", f"{events.min():,}", f"{events.max():,}", f"{first.mean():.0f}"]
+            )  # fmt: skip
+    head = ["set", "recordings", "classes", "of a class", "steps", "seconds", "channels"]
+    return [*head, "events, mean", "events, least", "events, most", "first event at step, mean"], rows
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, default=ROOT.parent / "shared/data/neutouch")
+    parser.add_argument("--work", type=Path, default=ROOT / "runs/results")
+    parser.add_argument("--docs", type=Path, default=ROOT / "docs")
+    args = parser.parse_args(arguments)
+    mpl.use("svg")
+    tables = args.docs / "results"
+    with mpl.rc_context(STYLE):
+        drawn = {
+            "orders": orders(), "operations": operations(tables), "levels": levels(args.work),
+            "profiles": profiles(args.work), "learning-curve": curves(tables), "front": front(tables),
+        }  # fmt: skip
+        for name, figure in drawn.items():
+            if figure is not None:
+                _save(figure, args.docs / f"images/results-{name}.svg")
+    write_table(tables / "data.csv", data_table(args.data))
+
+
+if __name__ == "__main__":
+    main()
