@@ -128,7 +128,8 @@ def main(arguments: list[str] | None = None) -> None:
         if any(scores is None for scores in found):
             continue  # a committee whose members have not been trained
         parts = [(r, fold) for r in range(args.repeats) for fold in range(FOLDS)]
-        hits = [scores.argmax(axis=2) == labels for scores in found if scores is not None]
+        seen = min(len(scores) for scores in found if scores is not None)
+        hits = [scores[:seen].argmax(axis=2) == labels for scores in found if scores is not None]
         right = np.array([hits[r][:, folds(labels, r) == fold].mean(axis=1) for r, fold in parts])
         error = right[:, 0].std(ddof=1) / len(parts) ** 0.5
         early = [f"{share:.3f}" for share in right.mean(axis=0)[1:]]
