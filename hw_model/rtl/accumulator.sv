@@ -29,9 +29,12 @@ module accumulator #(
     wire [WIDTH-1:0] written = take2 ? {WIDTH{1'b0}} : value2 + addend2;
     assign taken = value2;
 
+    wire ticking;
+    clock_gate gate (.clk, .enable(valid || valid1 || valid2 || valid3 || sweep), .gated(ticking));
+
     memory #(.WIDTH(WIDTH), .DEPTH(DEPTH)) charges (
-        .clk,
-        .write        (valid2 || sweep),
+        .clk(ticking),
+        .write        ((valid2 && (!take2 || value2 != 0)) || sweep),  // what is 0 stays 0
         .write_address(sweep ? sweep_address : address2),
         .write_data   (sweep ? {WIDTH{1'b0}} : written),
         .read         (valid),
@@ -39,7 +42,7 @@ module accumulator #(
         .read_data    (stored)
     );
 
-    always_ff @(posedge clk) begin
+    always_ff @(posedge ticking) begin
         {valid1, take1, address1, addend1} <= {valid, take, address, addend};
         {valid2, take2, address2, addend2} <= {valid1, take1, address1, addend1};
         {valid3, address3, written3} <= {valid2, address2, written};

@@ -17,17 +17,15 @@ module activity (
     output logic [31:0] currents_wrapped,
     output logic [31:0] voltages_clipped
 );
+    // A counter is clocked only where it changes.
     always_ff @(posedge clk) begin
-        synapses <= synapses + {31'b0, add};
-        updates <= updates + {31'b0, update};
-        active_updates <= active_updates + {31'b0, update && active};
-        spikes <= spikes + {31'b0, fired};
-        charges_wrapped <= charges_wrapped + {31'b0, update && charge_wrap};
-        currents_wrapped <= currents_wrapped + (update ? {30'b0, current_wraps} : 32'd0);
-        voltages_clipped <= voltages_clipped + {31'b0, update && voltage_clip};
-        if (clear) begin
-            {synapses, updates, active_updates, spikes} <= 0;
-            {charges_wrapped, currents_wrapped, voltages_clipped} <= 0;
-        end
+        if (clear || add) synapses <= clear ? 0 : synapses + 1;
+        if (clear || update) updates <= clear ? 0 : updates + 1;
+        if (clear || (update && active)) active_updates <= clear ? 0 : active_updates + 1;
+        if (clear || fired) spikes <= clear ? 0 : spikes + 1;
+        if (clear || (update && charge_wrap)) charges_wrapped <= clear ? 0 : charges_wrapped + 1;
+        if (clear || (update && current_wraps != 0))
+            currents_wrapped <= clear ? 0 : currents_wrapped + {30'b0, current_wraps};
+        if (clear || (update && voltage_clip)) voltages_clipped <= clear ? 0 : voltages_clipped + 1;
     end
 endmodule

@@ -91,7 +91,7 @@ module delivery #(
         .write        (load_synapse),
         .write_address(load_address[SYNAPSE_BITS-1:0]),
         .write_data   (load_data[WORD-1:0]),
-        .read         (walking),
+        .read         (walking && left != 0),
         .read_address (at),
         .read_data    (word1)
     );

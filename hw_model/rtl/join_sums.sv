@@ -11,6 +11,7 @@ module join_sums #(
     input  logic                            first,
     input  logic [$clog2(COMPARTMENTS)-1:0] parent,
     input  logic signed [23:0]              v,
+    input  logic                            read,
     input  logic [$clog2(COMPARTMENTS)-1:0] read_address,
     output logic signed [WIDTH-1:0]         joined
 );
@@ -23,7 +24,7 @@ module join_sums #(
         .write        (child),
         .write_address(parent),
         .write_data   (sum),
-        .read         (1'b1),
+        .read,
         .read_address,
         .read_data    (joined)
     );

@@ -184,7 +184,7 @@ module locsnn_core #(
         .sweep(clear && {8'b0, sweep_at} < SLOTS * COMPARTMENTS), .sweep_address(sweep_at[SLOT+NUMBER-1:0])
     );
 
-    wire               done, active, charge_wrap, voltage_clip, read_out, by_potential;
+    wire               done, active, charge_wrap, voltage_clip, early_read, read_out, by_potential;
     wire [1:0]         current_wraps;
     wire signed [23:0] done_u, done_v, potential;
     wire [ENTRY-1:0]   early_entry, entry;
@@ -193,14 +193,14 @@ module locsnn_core #(
         .load_address, .load_data,
         .issue(state == UPDATE), .first_step(step == 0), .number(number[NUMBER-1:0]), .charge, .busy(updating),
         .done, .done_number, .fired, .done_u, .done_v, .potential, .active, .charge_wrap, .current_wraps, .voltage_clip,
-        .early_entry, .read_out, .by_potential, .entry
+        .early_read, .early_entry, .read_out, .by_potential, .entry
     );
 
     readout #(.ENTRIES(ENTRIES)) decide (
         .clk, .clear, .load_weight(load_valid && load_memory == 6), .load_address, .load_data,
         .classes(settings[CLASSES]), .populations(settings[POPULATIONS]),
         .potentials_from(settings[POTENTIALS_FROM]), .step,
-        .early_entry, .read_out, .by_potential, .entry, .fired, .potential,
+        .early_read, .early_entry, .read_out, .by_potential, .entry, .fired, .potential,
         .start(state == ROW && word_taken && word_kind != EVENT && word_kind != TICK && !begin_location),
         .done(read_out_done), .winner(answer_class), .score_valid(probe_score_valid), .score(probe_score)
     );

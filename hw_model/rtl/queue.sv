@@ -23,7 +23,7 @@ module queue #(
         .write        (push),
         .write_address(end_at[PLACE-1:0]),
         .write_data   (pushed),
-        .read         (1'b1),
+        .read         (next_begin != end_at && (pop || !head_valid)),
         .read_address (next_begin[PLACE-1:0]),
         .read_data    (head)
     );

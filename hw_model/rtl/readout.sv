@@ -15,7 +15,8 @@ module readout #(
     input  logic [23:0]                populations,
     input  logic [23:0]                potentials_from,
     input  logic [23:0]                step,
-    input  logic [$clog2(ENTRIES)-1:0] early_entry,  // two cycles before the others
+    input  logic                       early_read,   // two cycles before the others
+    input  logic [$clog2(ENTRIES)-1:0] early_entry,
     input  logic                       read_out,
     input  logic                       by_potential,
     input  logic [$clog2(ENTRIES)-1:0] entry,
@@ -41,14 +42,14 @@ module readout #(
         .write        (read_out && write),
         .write_address(entry),
         .write_data   (new_tally),
-        .read         (1'b1),
+        .read         (early_read || state != IDLE),
         .read_address (state == IDLE ? early_entry : address),
         .read_data    (stored)
     );
     always_ff @(posedge clk) tally8 <= stored;
 
     always_comb begin
-        write = 1;
+        write = step == 0 || fired;
         new_tally = (step == 0 ? 24'd0 : tally8) + {23'b0, fired};
         if (by_potential) begin
             write = step == 0 || step == potentials_from || (step > potentials_from && potential > tally8);

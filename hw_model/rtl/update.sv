@@ -39,7 +39,8 @@ module update #(
     output logic                            charge_wrap,
     output logic [1:0]                      current_wraps,
     output logic                            voltage_clip,
-    // Its entry of the readout: the number two cycles before the end, so that it can be read in time.
+    // Its entry of the readout: whether it has one and its number two cycles before the end, so that it can be read.
+    output logic                            early_read,
     output logic [$clog2(ENTRIES)-1:0]      early_entry,
     output logic                            read_out,
     output logic                            by_potential,
@@ -51,12 +52,13 @@ module update #(
     localparam integer FIRE = 17 + 6 + 1 + 5 + 5 + 2 + NUMBER + 2 + ENTRY;
     localparam integer SUM = JOIN + 2;
 
+    wire               ticking;  // while a compartment is on its way
     logic [7:0]        issued;  // cycles 1 to 8; a word that is not valid is a gap between a child and its parent
     logic              valid2, valid3, valid4, valid5, valid6, valid7, valid8;
     logic [NUMBER-1:0] number1, number2, number3, number4, number5, number6, number7, number8;
     logic              first1;
 
-    always_ff @(posedge clk) begin
+    always_ff @(posedge ticking) begin
         issued <= clear ? 8'b0 : {issued[6:0], issue};
         first1 <= first_step;
         number1 <= number;
@@ -65,6 +67,7 @@ module update #(
         {valid3, valid4, valid5, valid6, valid7, valid8} <= clear ? 6'b0 : {valid2, valid3, valid4, valid5, valid6, valid7};
     end
     assign busy = |issued;
+    clock_gate gate (.clk, .enable(issue || busy || clear || load_leak || load_fire), .gated(ticking));
 
     // 0 and 1: state and constants of the leak.
     logic [53:0]        state1;
@@ -77,14 +80,15 @@ module update #(
     assign {blocked1, v1, u1} = first1 ? 54'b0 : state1;
     assign {has_children1, bias1, keep_v1, keep_u1, valid_word1} = leak1;
     logic [53:0]        new_state8;
+    wire                changed8;
 
     memory #(.WIDTH(54), .DEPTH(COMPARTMENTS)) states (
-        .clk,
-        .write(valid8), .write_address(number8), .write_data(new_state8),
+        .clk(ticking),
+        .write(valid8 && changed8), .write_address(number8), .write_data(new_state8),
         .read(issue), .read_address(number), .read_data(state1)
     );
     memory #(.WIDTH(LEAK), .DEPTH(COMPARTMENTS)) leaks (
-        .clk,
+        .clk(ticking),
         .write(load_leak), .write_address(load_address[NUMBER-1:0]), .write_data(load_data[LEAK-1:0]),
         .read(issue), .read_address(number), .read_data(leak1)
     );
@@ -98,7 +102,7 @@ module update #(
     wire                wrap2 = charge[CHARGE-1:15] != {(CHARGE-15){charge[15]}};
     wire                active2 = charge != 0 || u2 != 0 || v2 != 0 || bias2 != 0;
 
-    always_ff @(posedge clk) begin
+    always_ff @(posedge ticking) begin
         valid2 <= !clear && issued[0] && valid_word1;
         {u2, v2, blocked2, keep_u2, keep_v2, bias2} <= {u1, v1, blocked1, keep_u1, keep_v1, bias1};
         {blocked3, blocked4, blocked5} <= {blocked2, blocked3, blocked4};
@@ -109,13 +113,13 @@ module update #(
 
     // 2 to 4: the leak.
     wire signed [23:0] left_u4, left_v4;
-    leak leak_u (.clk, .x(u2), .keep(keep_u2), .left(left_u4));
-    leak leak_v (.clk, .x(v2), .keep(keep_v2), .left(left_v4));
+    leak leak_u (.clk(ticking), .x(u2), .keep(keep_u2), .left(left_u4));
+    leak leak_v (.clk(ticking), .x(v2), .keep(keep_v2), .left(left_v4));
 
     logic signed [15:0] charge3, charge4;
     logic               wrap3, wrap4, wrap5, wrap6, wrap7, wrap8;
     logic               active3, active4, active5, active6, active7, active8;
-    always_ff @(posedge clk) begin
+    always_ff @(posedge ticking) begin
         {charge3, charge4} <= {charge[15:0], charge3};
         {wrap3, wrap4, wrap5, wrap6, wrap7, wrap8} <= {wrap2, wrap3, wrap4, wrap5, wrap6, wrap7};
         {active3, active4, active5} <= {active2, active3, active4};
@@ -126,7 +130,7 @@ module update #(
     logic signed [23:0] u5, u6, u7, u8, left_v5;
     logic               u_wrap5, u_wrap6, u_wrap7, u_wrap8;
     logic signed [JOIN-1:0] joined4, joined5;
-    always_ff @(posedge clk) begin
+    always_ff @(posedge ticking) begin
         {u5, left_v5} <= {sum4[23:0], left_v4};
         {u6, u7, u8} <= {u5, u6, u7};
         u_wrap5 <= sum4[24] != sum4[23];
@@ -139,7 +143,7 @@ module update #(
     logic signed [23:0]    drive6;
     logic                  drive_wrap6, drive_wrap7, drive_wrap8;
     logic signed [SUM-1:0] rest6;
-    always_ff @(posedge clk) begin
+    always_ff @(posedge ticking) begin
         drive6 <= drive5[23:0];
         drive_wrap6 <= drive5[24] != drive5[23];
         {drive_wrap7, drive_wrap8} <= {drive_wrap6, drive_wrap7};
@@ -154,16 +158,17 @@ module update #(
     wire [4:0]          vmax_log6 = fire6[33:29];
     logic signed [23:0] vmin7, vmax7;
     memory #(.WIDTH(FIRE), .DEPTH(COMPARTMENTS)) fires (
-        .clk,
+        .clk(ticking),
         .write(load_fire), .write_address(load_address[NUMBER-1:0]), .write_data(load_data[FIRE-1:0]),
-        .read(1'b1), .read_address(number4), .read_data(fire5)
+        .read(valid4), .read_address(number4), .read_data(fire5)
     );
-    always_ff @(posedge clk) begin
+    always_ff @(posedge ticking) begin
         {fire6, fire7, fire8} <= {fire5, fire6, fire7};
         vmin7 <= 24'd1 - (24'd1 << vmin_log6);
         vmax7 <= (24'd1 << vmax_log6) - 24'd1;
     end
     assign early_entry = fire6[FIRE-1:FIRE-ENTRY];
+    assign early_read = valid6 && fire6[FIRE-ENTRY-2];
 
     // 6: v. 7: clip it.
     logic signed [SUM-1:0] sum7;
@@ -171,7 +176,7 @@ module update #(
     wire signed [SUM-1:0]  high7 = {{(SUM-23){vmax7[23]}}, vmax7[22:0]};
     logic signed [23:0]    clipped8;
     logic                  clip8;
-    always_ff @(posedge clk) begin
+    always_ff @(posedge ticking) begin
         sum7 <= rest6 + {{(SUM-23){drive6[23]}}, drive6[22:0]};
         clip8 <= sum7 < low7 || sum7 > high7;
         clipped8 <= sum7 < low7 ? vmin7 : sum7 > high7 ? vmax7 : sum7[23:0];
@@ -193,6 +198,8 @@ module update #(
     assign done_v = fired ? 24'd0 : potential;
     assign done_u = u8;
     assign new_state8 = {fired ? blocks8 : held8 ? blocked8 - 6'd1 : 6'd0, done_v, u8};
+    // A compartment at rest stays as it is; the first step finds what an earlier recording left.
+    assign changed8 = active8 || held8 || first_step;
     assign done = valid8;
     assign done_number = number8;
     assign active = active8;
@@ -204,8 +211,8 @@ module update #(
     assign entry = entry8;
 
     join_sums #(.WIDTH(JOIN), .COMPARTMENTS(COMPARTMENTS)) joins (
-        .clk, .child(valid8 && child8), .first(first_child8), .parent(parent8), .v(done_v),
-        .read_address(number3), .joined(joined4)
+        .clk(ticking), .child(valid8 && child8), .first(first_child8), .parent(parent8), .v(done_v),
+        .read(valid3 && has_children3), .read_address(number3), .joined(joined4)
     );
 
     wire unused = &{1'b0, load_address, load_data, vmin_log8, vmax_log8};

@@ -1,0 +1,139 @@
+"""Picojoules of what happened in a netlist: macros, cells, loads and clock pins, by part of the core."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from gates import Circuit
+from liberty import Cell, Macro
+from timing import CLOCK_NS, Timing
+
+VOLTS = 1.2
+TREE_FANOUT, TREE_BUFFER = 16, "sg13g2_buf_8"
+"""The model of the clock tree at the upper end: a buffer for so many pins, level by level."""
+PARTS = {
+    "compartments": "updates", "deliver": "delivery", "charges": "accumulator", "buffer": "transpose buffer",
+    "events": "control", "spikes": "control", "decide": "readout", "counts": "counters",
+}  # fmt: skip
+
+
+def part_of(name: str) -> str:
+    """Return the part of the core that an instance belongs to; all that is not in a module is control."""
+    return PARTS.get(name.replace("$flatten", "").replace("\\", "").split(".")[0], "control")
+
+
+@dataclass
+class Energy:
+    """Picojoules by kind and part, each (columns,): of recordings, or of classes of cycles."""
+
+    memory: dict[str, np.ndarray]
+    logic: dict[str, np.ndarray]
+    clock: dict[str, np.ndarray]
+
+    @property
+    def total(self) -> np.ndarray:
+        """All of it."""
+        return sum((*self.memory.values(), *self.logic.values(), *self.clock.values()))
+
+
+def measure(
+    found: Circuit,
+    cells: Mapping[str, Cell],
+    macros: Mapping[str, Macro],
+    timing: Timing,
+    toggles: np.ndarray,
+    cycles: np.ndarray,
+    accesses: np.ndarray,
+    tree: bool,
+) -> Energy:
+    """Return the energy of columns (recordings or classes): ``toggles`` (nets, n), ``cycles`` (n,), ``accesses`` (ports, 2, n).
+
+    ``tree``: a clock tree of a buffer for every sixteen pins is added; its wires are in the loads of ``timing``.
+    """
+    columns = toggles.shape[1]
+    zero = np.zeros(columns)
+    memory: dict[str, np.ndarray] = {}
+    logic: dict[str, np.ndarray] = {}
+    clock: dict[str, np.ndarray] = {}
+
+    def add(where: dict[str, np.ndarray], part: str, pj: np.ndarray) -> None:
+        where[part] = where.get(part, zero) + pj
+
+    overall = toggles.sum(axis=1)
+    half = 0.5 * VOLTS**2
+    for instance in (*found.order, *found.flops):
+        cell, part = cells[instance.type], part_of(instance.name)
+        for pin in cell.outputs:
+            if not instance.pins.get(pin):
+                continue
+            net = found.at(instance, pin)
+            pj = half * timing.load[net]
+            arcs = [a for a in cell.pins[pin].power if cell.kind != "ff" or a.related == "CLK"]
+            if arcs and overall[net]:
+                if cell.kind == "ff":
+                    pj += arcs[0].mean(CLOCK_NS, timing.load[net])
+                else:
+                    sources = [found.at(instance, a.related) for a in arcs]
+                    weights = np.array([overall[s] for s in sources], dtype=float)
+                    each = [a.mean(timing.slew[s], timing.load[net]) for a, s in zip(arcs, sources, strict=True)]
+                    pj += float(np.average(each, weights=weights)) if weights.any() else float(np.mean(each))
+            add(logic, part, toggles[net] * pj)
+    buffer = cells[TREE_BUFFER]
+    out = buffer.pins["X"]
+    buffer_pf = buffer.pins["A"].capacitance
+    leaf = TREE_FANOUT * 0.003
+    per_pin = (2 * out.power[0].mean(CLOCK_NS, leaf) + VOLTS**2 * buffer_pf) / (TREE_FANOUT - 1) if tree else 0.0
+    wire = _wire_share(found, timing)
+    for flop in found.flops:
+        cell, part = cells[flop.type], part_of(flop.name)
+        pin = cell.pins["CLK"]
+        states = {"".join(a.when.split()): a for a in pin.power}
+        kept = [states["(D*RESET_B*Q)"], states["(!D*RESET_B*!Q)"]]
+        every = [*kept, states["(D*RESET_B*!Q)"], states["(!D*RESET_B*Q)"]]
+        rise = float(np.mean([a.tables[0].at(CLOCK_NS) for a in kept]))
+        fall = float(np.mean([a.tables[1].at(CLOCK_NS) for a in every]))
+        net = found.at(flop, "CLK")
+        ticks = _ticks(found, net, toggles, cycles)
+        changed = toggles[found.at(flop, "Q")]
+        pj = ticks * (rise + fall + VOLTS**2 * (pin.capacitance + (wire if tree else 0.0)) + per_pin) - changed * rise
+        add(clock, part, pj)
+        data = cell.pins["D"]
+        arcs = [a for a in data.power if "!RESET_B" not in a.when and a.when]
+        if arcs:
+            add(logic, part, toggles[found.at(flop, "D")] * float(np.mean([a.mean(CLOCK_NS, 0.0) for a in arcs])))
+    for gated, gate in found.gates.items():
+        cell = cells[gate.type]
+        upper = _ticks(found, found.at(gate, "CLK"), toggles, cycles)
+        own = _ticks(found, gated, toggles, cycles)
+        pin, out = cell.pins["CLK"], cell.pins["GCLK"]
+        pj = upper * (sum(t.at(CLOCK_NS) for a in pin.power for t in a.tables) + VOLTS**2 * pin.capacitance + per_pin)
+        clocked = len([1 for f in found.flops if found.at(f, "CLK") == gated])
+        pj = pj + own * 2 * out.power[0].mean(CLOCK_NS, min(clocked, TREE_FANOUT) * 0.003)
+        add(clock, part_of(gate.name), pj)
+    port = 0
+    for instance in found.memories:
+        macro = macros[instance.type]
+        name = instance.name.replace("\\", "").split(".")[-2]
+        for letter in "AB"[: macro.ports]:
+            add(memory, name, accesses[port, 0] * macro.read_pj + accesses[port, 1] * macro.write_pj)
+            for pin, pj in macro.toggle_pj.items():
+                for bit in instance.pins.get(letter + pin[1:], []):
+                    add(memory, name, toggles[found.net[bit]] * pj)
+            for bit in instance.pins.get(f"{letter}_DOUT", []):
+                net = found.net[bit]
+                add(logic, part_of(instance.name), toggles[net] * half * timing.load[net])
+            ticks = _ticks(found, found.at(instance, f"{letter}_CLK"), toggles, cycles)
+            add(clock, part_of(instance.name), ticks * (VOLTS**2 * macro.input_pf / 2 + per_pin))
+            port += 1
+    return Energy(memory, logic, clock)
+
+
+def _wire_share(found: Circuit, timing: Timing) -> float:
+    """Return picofarads of wire that a clock pin has at the end of a tree: a sixteenth of a leaf's net."""
+    sample = [n for n in range(2, found.nets) if timing.fanout[n] == 1]
+    return float(timing.load[sample].mean()) if sample else 0.0
+
+
+def _ticks(found: Circuit, clock: int, toggles: np.ndarray, cycles: np.ndarray) -> np.ndarray:
+    """Return in how many cycles a clock ticks: the net of a gated one was counted with each tick."""
+    return toggles[clock] if clock in found.gates else cycles
