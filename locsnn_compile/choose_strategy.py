@@ -117,7 +117,7 @@ def _take_bits_away(trial: "_Trial", budget: ErrorBudget) -> None:
 
 def _cheapest(candidates: Sequence[Candidate], budget: ErrorBudget) -> Candidate | None:
     kept = [candidate for candidate in candidates if candidate.keeps(budget)]
-    return min(kept, key=lambda c: c.energy_pj, default=None)
+    return min(kept, key=lambda c: c.cost, default=None)
 
 
 def _loss(candidate: Candidate) -> tuple[float, float]:
@@ -159,5 +159,6 @@ def lower_as(network: Network, chip: hw.Chip, setting: Setting, calibration: Cal
 def _measured(setting: Setting, levels: Levels, recordings: Recordings, spread: Spread) -> Candidate:
     match = compare(levels.quantized, levels.program, recordings.spikes, source=recordings.source, spread=spread)
     chip = levels.program.chip
-    energy_pj = sum(hw.energy_pj(total(match.counts), chip.profile(chip.default_profile)).values())
-    return Candidate(match.prediction_agreement, match.spikes.agreement, energy_pj / match.samples, setting)
+    energy_pj = sum(hw.energy_pj(total(match.counts), chip.costs).values()) / match.samples
+    losses = (match.prediction_agreement, match.spikes.agreement, None if chip.open_core else energy_pj, match.mean_ns)
+    return Candidate(*losses, setting)

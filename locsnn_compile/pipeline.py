@@ -11,6 +11,7 @@ from hw_model.mapping.placement import PlacedGraph, place_cores
 from hw_model.mapping.routing import RoutedGraph, route_axons
 from hw_model.program.assemble import assemble
 from hw_model.program.text import compartments_text, placed_text, program_text, routed_text
+from hw_model.rtl.device import on_core
 from hw_model.values import Shown
 from locsnn_compile.network.check import check_network
 from locsnn_compile.network.network import Network
@@ -51,6 +52,8 @@ def lower(
     routed = route_axons(placed)
     kept = {name: getattr(network, name) for name in ("step_seconds", "event_threshold", "psi")}
     program = replace(assemble(routed), **kept, **network.event_options)
+    if chip.open_core:
+        on_core(program, network.steps, chip)
     _log.debug("%s: %s, %d cores of %s", network.name, quantized.strategy, len(program.cores), chip.name)
     return Levels(network, quantized, compartments, placed, routed, program)
 

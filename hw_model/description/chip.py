@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS
-from hw_model.description.profile import Profile
+from hw_model.description.profile import UNPRICED, Profile
 from hw_model.description.read import parse, read_description
 from hw_model.errors import InputError, check_known, check_most
 from hw_model.io.given import checked
@@ -113,8 +113,25 @@ class TransposeBuffer(Frozen):
     cycles_per_event: float
 
 
+class Sizes(Frozen):
+    """Parameters of the open core: words of its memories, slots (a power of two), and the widths of two sums."""
+
+    axons: int = within(2, 1 << 24)
+    synapses: int = within(2, 1 << 24)
+    compartments: int = within(2, 1 << 20)
+    slots: int = within(2, 1 << 16)
+    charge: int = within(16, 64)
+    join: int = within(24, 64)
+    bitmap: int = within(2, 1 << 24)
+    visits: int = within(2, 1 << 20)
+    entries: int = within(2, 1 << 20)
+
+
 class Chip(Shown, eq=True):
-    """A chip and its board, as `hw_model/chips/*.yaml` describes it."""
+    """A chip and its board, as `hw_model/chips/*.yaml` describes it.
+
+    ``open_core``: it is this project's core, in these sizes. Cycles of its clock are exact, and nothing else is priced.
+    """
 
     name: str
     description: str
@@ -124,10 +141,11 @@ class Chip(Shown, eq=True):
     mesh: Mesh
     limits: Limits
     synapse_memory: SynapseMemory
-    profiles: Mapping[str, Profile]
     document: str
     """The YAML text that this chip was read from: a saved program carries it."""
+    profiles: Mapping[str, Profile] = field(default_factory=dict)
     transpose_buffer: TransposeBuffer = TransposeBuffer(1.0)
+    open_core: Sizes | None = None
 
     @property
     def cores(self) -> int:
@@ -146,9 +164,14 @@ class Chip(Shown, eq=True):
         return abs(x0 - x1), abs(y0 - y1)
 
     @property
-    def default_profile(self) -> str:
-        """Name of the energy profile that reports show first: the first of the chip file."""
-        return next(iter(self.profiles))
+    def default_profile(self) -> str | None:
+        """Name of the energy profile that reports show first: the first of the chip file; None of an open core."""
+        return next(iter(self.profiles), None)
+
+    @property
+    def costs(self) -> Profile:
+        """The default profile; of an open core one that prices nothing."""
+        return next(iter(self.profiles.values()), UNPRICED)
 
     def profile(self, name: str) -> Profile:
         """Return the named profile, or say which exist."""
@@ -189,6 +212,14 @@ def check_chip(chip: Chip, where: str) -> None:
             f"{where}: clock_ghz", "a clock that stands has no cycles", fix="Give more than 0, such as 1.0."
         )
     check_most(chip.cores, MAX_CORES, f"{where}: chips", "the board is too large", unit="cores", fix="Correct it.")
+    core, slots = chip.open_core, chip.registers.slots
+    if (core is None) == (not chip.profiles):
+        what = "no open core has energy profiles, and every other chip has some"
+        raise InputError(f"{where}: profiles", what, fix="Leave them out." if core else "Give at least one.")
+    if core and (core.slots < slots or (core.slots & core.slots - 1) or (core.compartments & core.compartments - 1)):
+        what = "slots and compartments are powers of two, and slots at least delay_max and 2"
+        measured = f"{core.slots} slots against {slots}, {core.compartments} compartments"
+        raise InputError(f"{where}: open_core", what, measured=measured, fix="Correct it.")
     mesh = chip.mesh
     if mesh.tiles * mesh.cores_per_tile != chip.limits.cores_per_chip:
         raise InputError(
@@ -207,6 +238,9 @@ def priced_by(chip: Chip, name_or_path: str | Path) -> Chip:
     The file holds what a profile of a chip file does; its name is the file's, without the ending.
     """
     text = str(name_or_path)
+    if chip.open_core:
+        fix = "Leave the profile out."
+        raise InputError(f"profile {text!r}", f"{chip.name} has cycles and counts, and no prices", fix=fix)
     if not text.endswith(_YAML):
         return replace(chip, profiles={text: chip.profile(text), **chip.profiles})
     path = Path(text)

@@ -10,7 +10,7 @@ from hw_model.engine.probes import Kind
 from hw_model.program.chip_program import ChipProgram
 from hw_model.rtl.cosimulation import ANSWER, PATIENCE, play_on_core
 from hw_model.rtl.cycles import core_cycles
-from hw_model.rtl.images import CoreProgram, Sizes
+from hw_model.rtl.images import SIMULATED, CoreProgram, Sizes
 from hw_model.rtl.simulators import Simulator
 from hw_model.simulation import simulate
 
@@ -22,7 +22,7 @@ def compare(
     spikes: Spikes,
     texts: Mapping[str, str],
     simulator: Simulator = "verilator",
-    sizes: Sizes = Sizes(),  # noqa: B008
+    sizes: Sizes = SIMULATED,
     patience: int = PATIENCE,
 ) -> dict[str, Any]:
     """Return what was compared, and how often the two differ; ``spikes`` are a batch, (batch, steps, channels)."""

@@ -14,7 +14,7 @@ from hw_model.engine.trace import EVENTS, PhaseInput, PhaseTrace, Register, Wind
 from hw_model.io.given import checked
 from hw_model.program.chip_program import ChipProgram
 from hw_model.program.pieces import pieces_of
-from hw_model.rtl.images import CoreProgram, Sizes, sizes_for
+from hw_model.rtl.images import SIMULATED, CoreProgram, Sizes, sizes_for
 from hw_model.rtl.memory_words import hex_words
 from hw_model.rtl.simulators import Simulator, built, run, sources
 from hw_model.simulation import SimulationResult, play_recordings
@@ -55,7 +55,7 @@ def play_on_core(
     probe: Sequence[Kind | Probe],
     simulator: Simulator,
     texts: Mapping[str, str],
-    sizes: Sizes = Sizes(),  # noqa: B008
+    sizes: Sizes = SIMULATED,
     patience: int = PATIENCE,
 ) -> tuple[SimulationResult, IntArray]:
     """Return the result, and the core's own figures (batch, :data:`ANSWER`).

@@ -12,11 +12,12 @@ from dataclasses import asdict
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT
+from hw_model.description.chip import Sizes as Sizes
 from hw_model.engine.playing import length_of
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.rtl.memory_words import BitArray, Layout
 from hw_model.rtl.refused import kept_rows, phases_of, refuse_unless
-from hw_model.values import Frozen, IntArray
+from hw_model.values import IntArray
 
 JOIN_DISTANCE = 6
 """Cycles from the issue of a child to the earliest of its parent: the sum is written in cycle 8 and read in cycle 3."""
@@ -27,23 +28,18 @@ PLACE = Layout.of(address=24, memory=8)
 """What follows the data of a word on the load port."""
 
 
-class Sizes(Frozen):
-    """Parameters of the core: words of its memories, slots (a power of two), and the widths of two sums.
-
-    Most programs fit these, so that one built simulator plays them.
-    """
-
-    axons: int = 1 << 13
-    synapses: int = 1 << 17
-    compartments: int = 1 << 10
-    slots: int = 1 << 6
-    charge: int = 26
-    join: int = 36
-    bitmap: int = 1 << 13
-    visits: int = 1 << 10
-    entries: int = 1 << 10
-
-
+SIMULATED = Sizes(
+    axons=1 << 13,
+    synapses=1 << 17,
+    compartments=1 << 10,
+    slots=1 << 6,
+    charge=26,
+    join=36,
+    bitmap=1 << 13,
+    visits=1 << 10,
+    entries=1 << 10,
+)
+"""Sizes that hold most programs, so that one built simulator plays them."""
 Table = dict[str, IntArray]
 """Fields of a memory's words by name, each (words,)."""
 
@@ -264,6 +260,11 @@ class CoreProgram:
             first_line += item.size
         table = np.hstack(rows)
         return dict(zip(("step", "place", "source"), table[:, np.argsort(table[0], kind="stable")], strict=True))
+
+
+def parameters(sizes: Sizes) -> dict[str, int]:
+    """Return the parameters of the SystemVerilog by name."""
+    return {name.upper(): value for name, value in asdict(sizes).items()}
 
 
 def sizes_for(needs: Sizes, least: Sizes) -> Sizes:

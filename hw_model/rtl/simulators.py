@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from hw_model.errors import InputError, did_you_mean
-from hw_model.rtl.images import Sizes
+from hw_model.rtl.images import Sizes, parameters
 
 Simulator = Literal["verilator", "icarus"]
 SIMULATORS: tuple[Simulator, ...] = get_args(Simulator)
@@ -36,16 +36,21 @@ def built(simulator: Simulator, sizes: Sizes, texts: Mapping[str, str]) -> Path:
     if shutil.which(tool) is None:
         raise InputError(f"simulator {simulator!r}", f"{tool} is not installed", fix=f"Debian: apt-get install {tool}")
     named = hashlib.sha256(repr((simulator, asdict(sizes), sorted(texts.items()))).encode()).hexdigest()[:16]
-    cache_folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "locsnn"
-    found = cache_folder / f"rtl-{named}-{_BINARY[simulator]}"
+    found = cache_folder() / f"rtl-{named}-{_BINARY[simulator]}"
     if not found.exists():
-        cache_folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=cache_folder) as folder:
+        with tempfile.TemporaryDirectory(dir=found.parent) as folder:
             for name, text in texts.items():
                 (Path(folder) / name).write_text(text)
             _run(_command(simulator, sizes, sorted(texts)), Path(folder), simulator)
             os.replace(Path(folder) / _BINARY[simulator], found)
     return found
+
+
+def cache_folder() -> Path:
+    """Return the folder in which what was built is kept."""
+    folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "locsnn"
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
 
 
 def run(binary: Path, folder: Path, patience: int) -> None:
@@ -55,13 +60,12 @@ def run(binary: Path, folder: Path, patience: int) -> None:
 
 
 def _command(simulator: Simulator, sizes: Sizes, names: list[str]) -> list[str]:
-    given = {name.upper(): value for name, value in asdict(sizes).items()}
+    prefix = "-Pbench." if simulator == "icarus" else "-G"
+    given = [f"{prefix}{name}={value}" for name, value in parameters(sizes).items()]
     if simulator == "icarus":
-        parameters = [f"-Pbench.{name}={value}" for name, value in given.items()]
-        return ["iverilog", "-g2012", "-s", "bench", "-o", _BINARY[simulator], *parameters, *names]
-    parameters = [f"-G{name}={value}" for name, value in given.items()]
+        return ["iverilog", "-g2012", "-s", "bench", "-o", _BINARY[simulator], *given, *names]
     options = "--binary --timing -j 1 -O3 -CFLAGS -O1 -Wno-lint -Wno-fatal --top-module bench --Mdir ."
-    return ["verilator", *options.split(), "-o", _BINARY[simulator], *parameters, *names]
+    return ["verilator", *options.split(), "-o", _BINARY[simulator], *given, *names]
 
 
 def _run(command: list[str], folder: Path, where: str) -> None:

@@ -203,7 +203,7 @@ def _read_until(
 
 def _spent(program: ChipProgram, result: SimulationResult, until: Mapping[str, IntArray]) -> Spent:
     """Add up what recordings took: so many steps (batch,) of the phases of ``until``, all of the others."""
-    profile = program.chip.profile(program.chip.default_profile)
+    profile = program.chip.costs
     found, ns = dict.fromkeys(BY_CORE, 0), 0.0
     for phase, items in result.activity.items():
         for b, item in enumerate(items):

@@ -12,6 +12,7 @@ import numpy as np
 
 from hw_model.accounting.cost import DELIVERIES, SENDING, SYNAPSES, UPDATES, StepTimes, step_times
 from locsnn_compile.backends.played import Played
+from locsnn_compile.errors import InputError
 from locsnn_compile.report.words import OPERATIONS
 
 FILE = "trace.json"
@@ -23,7 +24,10 @@ Event = dict[str, Any]
 def trace_file(played: Played) -> dict[str, bytes]:
     """Return the file by name, timed by the chip's default profile."""
     chip = played.program.chip
-    profile = chip.profile(chip.default_profile)
+    if chip.open_core:
+        what = f"{chip.name} has exact cycles of a recording, and no times of its operations"
+        raise InputError("--emit trace", what, fix="Leave it out.")
+    profile = chip.costs
     events: list[Event] = []
     start_ns = 0.0
     for process, phase in enumerate(played.phases, start=1):

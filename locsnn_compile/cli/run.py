@@ -89,7 +89,7 @@ def run(args: argparse.Namespace) -> int:
                     progress(tally["all"], len(recordings) if again else None)
                 if lines:
                     print("\n".join(map(recording_line, found)))
-        totals = hw.energy_pj(counts, program.chip.profile(program.chip.default_profile))
+        totals = hw.energy_pj(counts, program.chip.costs)
         result: dict[str, Any] = {
             "program": program.name,
             "recordings": rows,
@@ -126,9 +126,9 @@ def _summary(program: hw.ChipProgram, tally: Counter[str], counts: hw.Counts, to
     lines, played = [], tally["all"]
     if tally["known"]:
         lines.append(f"accuracy {tally['right'] / tally['known']:.3f} on {plural(tally['known'], 'recording')}")
+    spent = f"{sum(totals.values()) / played / 1e6:.2f} µJ (profile {program.chip.default_profile}), " if totals else ""
     lines.append(
-        f"mean per recording: {counts.synaptic_ops / played:.0f} synaptic operations, "
-        f"{sum(totals.values()) / played / 1e6:.2f} µJ (profile {program.chip.default_profile}), "
+        f"mean per recording: {counts.synaptic_ops / played:.0f} synaptic operations, {spent}"
         f"{plural(counts.wraps, 'wrap')} and {plural(counts.clips, 'clip')} in all"
     )
     return lines
@@ -260,13 +260,17 @@ def stop_lines(found: Row) -> list[str]:
             f"{plural(calibrated['recordings'], 'recording')} of {calibrated['source']}{part}"
         )
     saved = {key: 1 - found[key] / found[f"all_{key}"] if found[f"all_{key}"] else 0.0 for key in _SAVED}
-    lines.append(
+    line = (
         f"stopped ({found['kind']}) after {count(found['steps'])} of {count(found['all_steps'])} steps on average, "
-        f"{share(saved['steps'])} saved; {share(saved['synaptic_ops'])} of synaptic operations; "
-        f"{share(saved['energy_pj'])} of energy, {energy(found['energy_pj'])} instead of "
-        f"{energy(found['all_energy_pj'])}, and {time(found['latency_ns'])} instead of "
-        f"{time(found['all_latency_ns'])} (profile {found['profile']})"
+        f"{share(saved['steps'])} saved; {share(saved['synaptic_ops'])} of synaptic operations"
     )
+    if found["profile"]:
+        line += (
+            f"; {share(saved['energy_pj'])} of energy, {energy(found['energy_pj'])} instead of "
+            f"{energy(found['all_energy_pj'])}, and {time(found['latency_ns'])} instead of "
+            f"{time(found['all_latency_ns'])} (profile {found['profile']})"
+        )
+    lines.append(line)
     same = f"as the whole recording in {share(found['agreement'])} of {plural(found['recordings'], 'recording')}"
     if found["accuracy"] is not None:
         same += f"; accuracy {found['accuracy']:.3f} instead of {found['whole_accuracy']:.3f}"

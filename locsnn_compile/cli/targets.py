@@ -25,6 +25,10 @@ def run(args: argparse.Namespace) -> int:
         chip = hw.chip(name)
         limits = chip.limits
         print(f"{name}: {chip.description}")
+        if core := chip.open_core:
+            held = f"{core.compartments} compartments, {core.axons} sources of spikes, {core.synapses} synapses"
+            print(f"  the program as a whole: {held}, {core.slots} slots; cycles are exact, energy is not known")
+            continue
         print(
             f"  {chip.chips} chip of {limits.cores_per_chip} cores; a core holds {limits.compartments_per_core} "
             f"compartments, {limits.input_axons_per_core} input axons, {limits.synapse_words_per_core} synapse words"

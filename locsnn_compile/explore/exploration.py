@@ -144,10 +144,10 @@ def recommend(points: Sequence[Point], budget: ErrorBudget, *, by_default: bool 
     bounds = f"{'what auto keeps by default, ' if by_default else ''}{budget.words()}"
     if not kept:
         return Recommendation(None, f"no setting keeps {bounds}; {_nearest(front)}")
-    taken, figures = min(kept, key=lambda pair: (pair[1].energy_pj, pair[1].chip_time_ns, pair[1].spike_error or 0.0))
-    of = plural(len(kept), "setting")
-    spent = f"{energy(figures.energy_pj)} and {time(figures.chip_time_ns)} per recording"
-    return Recommendation(taken, f"the least energy, {spent}, of {of} on the front within {bounds}")
+    taken, figures = min(kept, key=lambda pair: (pair[1].cost, pair[1].chip_time_ns, pair[1].spike_error or 0.0))
+    least = f"energy, {energy(figures.energy_pj)} and" if figures.energy_pj is not None else "time,"
+    of = f"{time(figures.chip_time_ns)} per recording, of {plural(len(kept), 'setting')} on the front"
+    return Recommendation(taken, f"the least {least} {of} within {bounds}")
 
 
 def _nearest(front: Sequence[tuple[Point, Figures]]) -> str:

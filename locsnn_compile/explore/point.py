@@ -104,8 +104,7 @@ class Figures(Losses):
 
     accuracy: float | None
     float_accuracy: float | None
-    energy_profile: str
-    chip_time_ns: float
+    energy_profile: str | None
     cores: int
     compartments: int
     synapses: int

@@ -22,7 +22,7 @@ COLUMNS: dict[str, Callable[[Figures], str]] = {
     "spike error": lambda figures: agreed(figures.spike_error),
     "class error": lambda figures: agreed(figures.prediction_error, "all tie"),
     "accuracy": lambda figures: known(figures.accuracy, share),
-    "energy": lambda figures: energy(figures.energy_pj),
+    "energy": lambda figures: known(figures.energy_pj, energy),
     "chip time": lambda figures: time(figures.chip_time_ns),
     "synapses": lambda figures: count(figures.synapses),
 }
@@ -121,10 +121,11 @@ def _flat(row: Mapping[str, Any]) -> Document:
 def figures_picture(found: Exploration) -> bytes:
     """Draw what energy and time on the chip are paid for how few errors; the same figures give the same bytes."""
     profile = next(point.figures.energy_profile for point in found.points if point.figures)
-    panels = (
-        _panel(found, f"energy per recording ({profile})", energy, lambda point, figures: figures.energy_pj),
-        _panel(found, f"time per recording on the chip ({profile})", time, lambda point, figures: figures.chip_time_ns),
-    )
+    timed = f"time per recording on the chip ({profile or 'cycles of the open core'})"
+    panels = [_panel(found, timed, time, lambda point, figures: figures.chip_time_ns)]
+    if profile:
+        priced = f"energy per recording ({profile})"
+        panels.insert(0, _panel(found, priced, energy, lambda point, figures: figures.energy_pj or 0.0))
     return _picture(found, "speed, error and energy", panels)
 
 
@@ -183,7 +184,7 @@ def _words(setting: Setting, figures: Figures) -> str:
     changed = agreed(figures.prediction_error, "none")
     return (
         f"{setting}: {agreed(figures.spike_error)} of spikes differ, {changed} of predictions, "
-        f"{energy(figures.energy_pj)}, {time(figures.chip_time_ns)}"
+        f"{known(figures.energy_pj, energy, 'energy not known')}, {time(figures.chip_time_ns)}"
     )
 
 
@@ -195,7 +196,8 @@ def lines(found: Exploration) -> list[str]:
     """Return the lines of the terminal."""
     profile = next(point.figures.energy_profile for point in found.points if point.figures)
     study = found.study
-    first = f"{plain(study.network.name)} on {plain(study.chip.name)}, {plain(found.events.words())}, profile {profile}"
+    by = f"profile {profile}" if profile else "by cycles"
+    first = f"{plain(study.network.name)} on {plain(study.chip.name)}, {plain(found.events.words())}, {by}"
     taken, why = found.recommendation.taken, found.recommendation.why
     recommended = [f"Recommended: {taken.setting if taken else 'none'}, {why}.", ""]
     commands = ["Commands of the front:", *(f"  {found.command(setting)}" for setting in found.front)]

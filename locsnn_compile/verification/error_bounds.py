@@ -27,15 +27,21 @@ class ErrorBudget(Frozen):
 
 
 class Losses(Frozen):
-    """A setting on some recordings: shares that equal the float network's, and the mean energy of a recording.
+    """A setting on some recordings: shares that equal the float network's, and mean energy and time of a recording.
 
-    A share is None where nothing was compared: all class scores tie, or no neuron spikes. The energy is by the chip's
-    default profile.
+    A share is None where nothing was compared: all class scores tie, or no neuron spikes. Energy and time are by the
+    chip's default profile; an open core has no energy, and exact cycles.
     """
 
     prediction_agreement: float | None
     spike_agreement: float | None
-    energy_pj: float
+    energy_pj: float | None
+    chip_time_ns: float
+
+    @property
+    def cost(self) -> float:
+        """What settings are ranked by: energy, or time where no energy is known."""
+        return self.chip_time_ns if self.energy_pj is None else self.energy_pj
 
     @property
     def prediction_error(self) -> float | None:

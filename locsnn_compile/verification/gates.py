@@ -46,7 +46,12 @@ _RULES = (
         "{:.4f} of the spikes differ",
         unknown="no spike was compared, as no neuron spiked",
     ),
-    _Rule("--max-energy-nj", lambda r: r["energy"]["per_sample_pj"] / 1000, "a recording takes {:.1f} nJ"),
+    _Rule(
+        "--max-energy-nj",
+        lambda r: None if (pj := r["energy"]["per_sample_pj"]) is None else pj / 1000,
+        "a recording takes {:.1f} nJ",
+        unknown="the energy of this target is not known",
+    ),
     _Rule("--max-latency-us", lambda r: r["latency"]["per_sample_ns"] / 1000, "a recording takes {:.1f} µs"),
     _Rule("--max-cores", lambda r: r["resources"]["cores"], "{} cores are used"),
 )

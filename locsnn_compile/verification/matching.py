@@ -11,6 +11,7 @@ from hw_model.accounting.cost import Latency
 from hw_model.accounting.usage import PhaseUsage, measure, total_ns
 from hw_model.description.counts import Counts, total
 from hw_model.description.profile import Range
+from hw_model.rtl.device import latencies as core_latencies
 from hw_model.values import ByteArray, Frozen, IntArray, Shown, Sums
 from locsnn_compile.baselines.operations import network_additions
 from locsnn_compile.cluster.spread import Spread, here
@@ -96,6 +97,11 @@ class Match(Shown):
     def spikes(self) -> PopulationMatch:
         """All populations together."""
         return sum(self.by_population.values(), start=PopulationMatch())
+
+    @property
+    def mean_ns(self) -> float:
+        """Mean time of a recording."""
+        return float(np.mean([one.total_ns for one in self.latencies]))
 
     @property
     def tied_predictions(self) -> int:
@@ -187,8 +193,10 @@ def _compare_part(network: Network, program: hw.ChipProgram, numbered: tuple[int
     wanted = evaluate(network, recordings, registers=program.chip.registers)
     found = hw.simulate(program, recordings, probe=("spikes", "activity"))
     assert found.scores is not None  # a network has a readout
-    profile = program.chip.profile(program.chip.default_profile)
+    profile = program.chip.costs
     latencies, usage = measure(program, found.activity, profile)
+    if program.chip.open_core:
+        latencies = core_latencies(program, recordings, found.spikes)
     return _Part(
         matches={p.name: PopulationMatch.of(wanted.spikes[p.name], found.spikes[p.name]) for p in network.populations},
         differences=_first_difference(network, wanted.spikes, found.spikes, start),

@@ -27,6 +27,8 @@ SAMPLE = 64
 """Recordings that a report follows at the most."""
 WORK = 1 << 31
 """Neuron updates that a report may take if every step ran the location branch again: a few seconds."""
+UNPRICED_COSTS = ("energy_pj", "all_energy_pj", "latency_ns", "all_latency_ns")
+"""What is not known of an open core that stops early."""
 TOGETHER = "together"
 TIME_WEIGHTED = "time_weighted"
 
@@ -91,10 +93,13 @@ def over_time(levels: Levels, recordings: ByteArray, labels: IntArray | None, ps
 
 
 def savings(program: hw.ChipProgram, stops: Stops) -> dict[str, Any]:
-    """Return means of a recording until it stops, and of a whole one; energy and latency by the default profile."""
-    profile = program.chip.profile(program.chip.default_profile)
+    """Return means of a recording until it stops, and of a whole one; energy and latency by the default profile.
+
+    Both are None for an open core.
+    """
+    profile = program.chip.costs
     batch = len(stops.steps)
-    return {
+    found = {
         "steps": float(stops.steps.mean()),
         "all_steps": float(stops.all_steps),
         "synaptic_ops": stops.counts.synaptic_ops / batch,
@@ -105,6 +110,7 @@ def savings(program: hw.ChipProgram, stops: Stops) -> dict[str, Any]:
         "all_latency_ns": stops.all_latency_ns / batch,
         "profile": program.chip.default_profile,
     }
+    return found | dict.fromkeys(UNPRICED_COSTS) if program.chip.open_core else found
 
 
 def stop_all(

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
+import hw_model as hw
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import main
 
@@ -61,7 +62,13 @@ def test_bad_input_is_one_line(arguments, line, capsys):
 
 def test_targets_lists_and_shows(capsys):
     assert main(["targets"]) == 0
-    assert capsys.readouterr().out.startswith("loihi-sim: ")
+    listed = capsys.readouterr().out.splitlines()
+    assert [line.split(":")[0] for line in listed if not line.startswith(" ")] == list(hw.chip_names())
+    assert listed[:2] == [
+        "ecp5-25f: the open core on a Lattice ECP5 with 24,288 LUTs and 56 block RAMs",
+        "  the program as a whole: 512 compartments, 1024 sources of spikes, 16384 synapses, 16 slots; cycles are exact, "
+        "energy is not known",
+    ]
     assert main(["targets", "--show", "loihi-sim"]) == 0
     assert yaml.safe_load(capsys.readouterr().out)["name"] == "loihi-sim"
 

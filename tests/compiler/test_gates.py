@@ -39,3 +39,8 @@ def test_a_gate_on_what_was_not_compared_fails(gate):
     silent = REPORT | {"match": {"prediction_agreement": None, "spike_agreement": None}}
     (found,) = check_gates(silent, {gate: 0.0 if gate == "--min-agreement" else 1.0})
     assert (found.holds, found.measured) == (False, None)
+
+
+def test_a_gate_on_energy_fails_where_no_energy_is_known():
+    (found,) = check_gates(REPORT | {"energy": {"per_sample_pj": None}}, {"--max-energy-nj": 1e12})
+    assert (found.holds, found.measured, found.found) == (False, None, "the energy of this target is not known")

@@ -107,3 +107,10 @@ def test_a_bound_on_what_was_not_compared_is_not_kept():
 )
 def test_bounds_by_default(first, budget):
     assert default_budget(first) == budget
+
+
+def test_without_energy_the_setting_of_least_time_is_recommended():
+    points = [point("dendrite", found=figures(energy=None, time=2e6)), point("reset", found=figures(energy=None))]
+    found = recommend(points, ErrorBudget(min_agreement=0.5))
+    assert found.taken is points[1]
+    assert found.why == "the least time, 1.00 ms per recording, of 1 setting on the front within --min-agreement 0.5"

@@ -27,10 +27,22 @@ def changed(path, value):
     return yaml.safe_dump(document)
 
 
+CORE = {
+    "axons": 1024, "synapses": 16384, "compartments": 512, "slots": 32, "charge": 18, "join": 28, "bitmap": 1024,
+    "visits": 256, "entries": 128,
+}  # fmt: skip
+
+
+def on_core(sizes):
+    """Return loihi-sim as an open core of other sizes, without profiles."""
+    document = {**DOCUMENT, "open_core": CORE | sizes}
+    return yaml.safe_dump({key: value for key, value in document.items() if key != "profiles"})
+
+
 def test_the_chip_that_ships():
     chip = hw.chip("loihi-sim")
     assert (chip.registers.voltage_max, chip.registers.slots, chip.cores, chip.mesh.tiles) == (8388607, 64, 128, 32)
-    assert hw.chip_names() == ("loihi-sim", "tiny-sim")
+    assert hw.chip_names() == ("ecp5-25f", "ecp5-85f", "ice40up5k", "loihi-sim", "tiny-sim")
 
 
 def test_the_small_chip_has_the_registers_of_the_large_one():
@@ -66,6 +78,12 @@ def test_a_chip_file_of_ones_own(tmp_path):
             "my.yaml: energy_pj: 'spike' is not counted. Did you mean 'spikes'?",
         ),
         (changed(["profiles"], {}), "my.yaml: profiles: no energy profile is given. Give at least one."),
+        (changed(["profiles"], None), "my.yaml: profiles: no open core has energy profiles, and every other chip has some. Give at least one."),
+        (changed(["open_core"], CORE), "my.yaml: profiles: no open core has energy profiles, and every other chip has some. Leave them out."),
+        (on_core({}), "my.yaml: open_core: slots and compartments are powers of two, and slots at least delay_max and 2 (32 slots against 64, 512 compartments). Correct it."),
+        (on_core({"slots": 96}), "my.yaml: open_core: slots and compartments are powers of two, and slots at least delay_max and 2 (96 slots against 64, 512 compartments). Correct it."),
+        (on_core({"slots": 64, "compartments": 500}), "my.yaml: open_core: slots and compartments are powers of two, and slots at least delay_max and 2 (64 slots against 64, 500 compartments). Correct it."),
+        (on_core({"slots": 64, "charge": 15}), "my.yaml: charge: the model has no such chip (15 against 16 to 64). Correct it."),
         (changed(["profile"], {}), "my.yaml: chip: unknown key 'profile'. Did you mean 'profiles'?"),
         (changed(["registers", "voltage_bit"], 3), "my.yaml: registers: unknown key 'voltage_bit'. Did you mean 'voltage_bits'?"),
         (changed(["profiles", "sanafe", "time_ns", "hop_x"], 1.0), "my.yaml: time_ns: 'hop_x' is not counted. Did you mean 'hops_x'?"),
@@ -105,7 +123,8 @@ def test_a_chip_file_of_ones_own(tmp_path):
         ("!!python/object/apply:os.system [id]", "my.yaml: the chip file is not YAML at line 1. Compare it with a chip that ships."),
     ],
     ids=[
-        *("missing", "unknown", "text", "zero", "negative", "uncounted", "no profile", "near a section", "near a width"),
+        *("missing", "unknown", "text", "zero", "negative", "uncounted", "no profile", "no profiles"),
+        *("priced core", "few slots", "odd slots", "odd compartments", "few bits", "near a section", "near a width"),
         *("near a time", "missing below", "list for section", "no name", "number for name", "fraction", "truth", "nan"),
         *("no clock", "too wide", "absurdly wide", "too late", "too many", "long runs"),
         *("wide words", "boards", "endless clock", "tiles", "twice", "empty", "cyclic", "deep"),
@@ -172,7 +191,7 @@ def use_everything(document):
     ("name", "message"),
     [
         ("loihi-sin", "target 'loihi-sin': no chip of this name ships. Did you mean 'loihi-sim'? A chip file of your own ends in .yaml."),
-        ("tpu", "target 'tpu': no chip of this name ships. Choose one of: loihi-sim, tiny-sim. A chip file of your own ends in .yaml."),
+        ("tpu", "target 'tpu': no chip of this name ships. Choose one of: ecp5-25f, ecp5-85f, ice40up5k, loihi-sim, tiny-sim. A chip file of your own ends in .yaml."),
         ("gone.yaml", "gone.yaml: the chip file cannot be read: No such file or directory. Give the path of a chip YAML file."),
     ],
     ids=["near miss", "far off", "no file"],

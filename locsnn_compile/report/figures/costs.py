@@ -29,9 +29,11 @@ _PLACED = frozenset((*BY_CORE, "neuron_updates_inactive", "hops"))
 
 
 def energy_entry(program: ChipProgram, match: Match, network: Network, step_seconds: float | None) -> Document:
-    """Return energy by the default profile of the chip; all figures are means per recording, except for the spread."""
-    name = program.chip.default_profile
-    profile = program.chip.profile(name)
+    """Return energy by the default profile of the chip; all figures are means per recording, except for the spread.
+
+    All of it is None for an open core.
+    """
+    name, profile = program.chip.default_profile, program.chip.costs
     counts, samples = total(match.counts), match.samples
     breakdown = _breakdown(counts, profile, samples)
     each = np.array([sum(hw.energy_pj(one, profile).values()) for one in match.counts])
@@ -41,7 +43,7 @@ def energy_entry(program: ChipProgram, match: Match, network: Network, step_seco
     by_branch = {phase: _breakdown(c, profile, samples) for phase, c in match.counts_by_phase.items()}
     others = {other: found for other, found in program.chip.profiles.items() if other != name}
     left_out = _left_out(counts, profile, samples, static)
-    return {
+    entry = {
         "profile": name,
         **picked(profile, "source", "basis", "voltage_v"),
         "per_sample_pj": sum(breakdown.values()),
@@ -64,6 +66,7 @@ def energy_entry(program: ChipProgram, match: Match, network: Network, step_seco
         "not_included_bounds": left_out,
         "profiles": {other: _constants(found) for other, found in program.chip.profiles.items()},
     }
+    return entry if name else dict.fromkeys(entry)
 
 
 def _breakdown(counts: Counts, profile: Profile, samples: int) -> dict[str, float]:
@@ -126,12 +129,11 @@ def _static(program: ChipProgram, match: Match, recording_ns: float | None, prof
     if power is None:
         return None
     chips = len({core.slot // program.chip.limits.cores_per_chip for core in program.cores})
-    latency_ns = float(np.mean([one.total_ns for one in match.latencies]))
     return {
         "chip_mw": power.chip_mw,
         "source": power.source,
         "chips": chips,
-        "at_latency_pj": power.pj(chips, latency_ns),
+        "at_latency_pj": power.pj(chips, match.mean_ns),
         "at_real_time_pj": None if recording_ns is None else power.pj(chips, recording_ns),
     }
 
@@ -170,26 +172,34 @@ def _constant(profile: Profile, name: str) -> Document:
 
 _PATHS = 8
 """Critical paths that are named, of those that took most time."""
+_IN_THE_MESH = (
+    "by_branch_ns", "by_part_ns", "by_branch_part_ns", "by_step_ns", "by_core", "critical_paths", "links",
+    "critical_core", "after_last_row_ns",
+)  # fmt: skip
+"""What is said of the latency of cores on a mesh alone."""
 
 
 def latency_entry(program: ChipProgram, match: Match, steps: int, step_seconds: float | None) -> Document:
-    """Return latency by the default profile of the chip; all figures are means per recording, except for the spread."""
+    """Return latency by the default profile of the chip; all figures are means per recording, except for the spread.
+
+    Of an open core cycles are known, and no parts of them.
+    """
     chip, samples = program.chip, match.samples
     each = np.array([one.total_ns for one in match.latencies])
     last = [one.critical_core for one in match.latencies]
-    mean_ns = float(each.mean())
+    mean_ns = match.mean_ns
     step_ns = None if step_seconds is None else step_seconds * 1e9
     by_part = {phase: {part: ns / samples for part, ns in used.parts_ns.items()} for phase, used in match.usage.items()}
     after = [one.after_last_row_ns for one in match.latencies]
-    return {
+    entry = {
         "profile": chip.default_profile,
-        "basis": chip.profile(chip.default_profile).basis,
+        "basis": chip.costs.basis,
         "per_sample_ns": mean_ns,
         "per_sample_cycles": round(mean_ns * chip.clock_ghz),
         "clock_ghz": chip.clock_ghz,
         "range_ns": list(match.latency_range_ns),
         "by_branch_ns": {
-            phase: float(np.mean([one.by_phase_ns[phase] for one in match.latencies]))
+            phase: float(np.mean([one.by_phase_ns.get(phase, 0.0) for one in match.latencies]))
             for phase in match.counts_by_phase
         },
         "by_part_ns": {part: sum(found[part] for found in by_part.values()) for part in PARTS},
@@ -204,6 +214,7 @@ def latency_entry(program: ChipProgram, match: Match, steps: int, step_seconds: 
         "after_last_row_ns": {"mean": float(np.mean(after)), "max": max(after)},
         "real_time": None if step_ns is None else _real_time(match, steps, step_ns, mean_ns, float(each.max())),
     }
+    return entry | dict.fromkeys(_IN_THE_MESH) if chip.open_core else entry
 
 
 def _cores_ns(used: PhaseUsage, samples: int) -> Iterator[Document]:

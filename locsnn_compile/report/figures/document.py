@@ -6,6 +6,8 @@ from typing import Any
 import hw_model as hw
 from hw_model.description.counts import Counts, total
 from hw_model.program.chip_program import ChipProgram, Core
+from hw_model.rtl.device import activity, on_core, uses
+from hw_model.rtl.images import CoreProgram
 from hw_model.values import AnyArray, IntArray
 from locsnn_compile.baselines.ann_energy import ANN_ENERGY_SOURCE, ANN_NOT_INCLUDED, ann_energy_pj
 from locsnn_compile.baselines.operations import ANN_NAMES, ann_counts
@@ -39,6 +41,7 @@ def report_document(
     network, program, samples = levels.network, levels.program, match.samples
     counts, binned = total(match.counts), grounds.binned
     energy = energy_entry(program, match, network, grounds.step_seconds)
+    core = on_core(program, network.steps, program.chip) if program.chip.open_core else None
     return {
         "schema": SCHEMA,
         "model": {"name": network.name, "sha256": network.sha256, **_members(levels, match, energy)},
@@ -59,8 +62,9 @@ def report_document(
             "published_method": _published(network, match),
         },
         "energy": energy,
+        **({"activity": activity(core, counts, samples)} if core else {}),
         "latency": latency_entry(program, match, network.steps, grounds.step_seconds),
-        "resources": _resources(program),
+        "resources": _resources(program, core),
         "ann_comparison": _ann_comparison(network, match, energy["per_sample_pj"], counts["synaptic_ops"] / samples),
         **({"input": _input(match)} if any(view.align_events for view in network.views) else {}),
         "skipped": {
@@ -86,7 +90,8 @@ def _members(levels: Levels, match: Match, energy: Document) -> Document:
     rows = []
     for member in levels.network.members:
         cores = [c for c in levels.program.cores if c.slices[0].group.startswith(f"{member.name}/")]
-        its = [found["pj"] for name, found in energy["by_population_pj"].items() if name.startswith(f"{member.name}/")]
+        by_population = energy["by_population_pj"] or {}
+        its = [found["pj"] for name, found in by_population.items() if name.startswith(f"{member.name}/")]
         costs = {"per_sample_pj": sum(its), "per_sample_ns": match.member_ns[member.name] / match.samples}
         rows.append({**asdict(member), "cores": len(cores), **costs})
     return {"members": rows} if rows else {}
@@ -148,7 +153,7 @@ def _published(network: Network, match: Match) -> Document:
     }
 
 
-def _resources(program: ChipProgram) -> Document:
+def _resources(program: ChipProgram, core: CoreProgram | None) -> Document:
     limits = program.chip.limits
     rows = [_core_use(program, core) for core in program.cores]
     of_core = {
@@ -160,6 +165,13 @@ def _resources(program: ChipProgram) -> Document:
         "compartment_profiles": limits.compartment_profiles_per_core,
         "threshold_profiles": limits.threshold_profiles_per_core,
     }
+    held = {
+        "cores": {"used": len(program.cores), "limit": program.chip.cores},
+        **{key: {"used": max(row[key] for row in rows), "limit": limit} for key, limit in of_core.items()},
+    }
+    if core and program.chip.open_core:
+        use = uses(core.needs, program.chip.open_core)
+        held = {name: {"used": used, "limit": limit} for name, (used, limit) in use.items()}
     return {
         "cores": len(program.cores),
         "compartments": sum(row["compartments"] for row in rows),
@@ -167,10 +179,7 @@ def _resources(program: ChipProgram) -> Document:
         "synapse_bits": sum(row["synapse_words"] for row in rows) * program.chip.synapse_memory.word_bits,
         "axons_in": sum(row["axons_in"] for row in rows),
         "axons_out": sum(row["axons_out"] for row in rows),
-        "limits": {
-            "cores": {"used": len(program.cores), "limit": program.chip.cores},
-            **{key: {"used": max(row[key] for row in rows), "limit": limit} for key, limit in of_core.items()},
-        },
+        "limits": held,
         "mesh": picked(program.chip, "chips") | picked(limits, "cores_per_chip") | asdict(program.chip.mesh),
         "by_core": rows,
     }

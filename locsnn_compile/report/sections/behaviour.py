@@ -71,7 +71,8 @@ def comparison(document: Document) -> Section:
         ("network", "", "operations", "times the float network", "times the program"),
         tuple((name, Bar(share_of(n, most), f"{count(n)} operations"), count(n), *by) for name, n, *by in rows),
     )
-    return section("comparison", its, *_ann_energy(document))
+    priced = _ann_energy(document) if document["energy"]["profile"] else ()
+    return section("comparison", its, *priced)
 
 
 def _ann_energy(document: Document) -> tuple[Block, ...]:

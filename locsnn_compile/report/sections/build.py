@@ -4,7 +4,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.report.content import Bar, Bullets, Document, Section, Table, facts, of, section, table
-from locsnn_compile.report.format import NONE, agreed, any_value, count, energy, memory, plural, share
+from locsnn_compile.report.format import NONE, agreed, any_value, count, energy, memory, plural, share, time
 from locsnn_compile.report.sections.verdict import fullness, outside
 from locsnn_compile.report.words import limit_words, listed, sentence, words
 from locsnn_compile.strategies import LAYOUTS
@@ -90,7 +90,8 @@ def provenance(document: Document) -> Section:
     strategies = document["strategy"].split(", ")
     meaning = "; ".join(f"{name}: {LAYOUTS[name]}" if name in LAYOUTS else name for name in strategies)
     joined = [] if _WITHOUT_JOINED.issuperset(strategies) else ["joined"]
-    notes = tuple(sentence(name) for name in ("modelled", *joined, "silent sources"))
+    modelled = ["modelled"] if document["energy"]["profile"] else []
+    notes = tuple(sentence(name) for name in (*modelled, *joined, "silent sources"))
     gates, choice = document["gates"], document.get("strategy_choice")
     return section(
         "provenance",
@@ -138,6 +139,7 @@ def _number(key: str, value: object) -> str:
 def settings_compared(choice: Document) -> Table:
     """Return a table of the settings that were compared."""
     taken = {**choice, "strategy": choice["taken"]}
+    priced = choice["candidates"][0]["energy_pj"] is not None
     return table(
         f"Settings compared on {plural(choice['calibration_samples'], 'recording')} of "
         f"{choice['calibration_source']}; taken: {setting_words(taken, 'taken_')}, {_reason(choice)}",
@@ -145,7 +147,7 @@ def settings_compared(choice: Document) -> Table:
         ("setting", setting_words),
         ("same prediction", of("prediction_agreement", lambda share: agreed(share, "all tie"))),
         ("spikes that differ", of("spike_error", agreed)),
-        ("energy", of("energy_pj", energy)),
+        ("energy", of("energy_pj", energy)) if priced else ("time", of("chip_time_ns", time)),
         ("within the error budget", of("within_budget", any_value)),
     )
 

@@ -55,7 +55,8 @@ _OPERATIONS = (
 _SIZES = (("compartments", "resources.compartments", count), ("synapses", "resources.synapses", count))
 _COSTS = (("latency", "latency.per_sample_ns", time), *_OPERATIONS)
 _ROOM = (*_SIZES, ("synapse bits", "resources.synapse_bits", count))
-_KEY_FIGURES = (
+KeyFigure = tuple[str, str, Callable[[float], str]]
+_KEY_FIGURES: tuple[KeyFigure, ...] = (
     ("dynamic energy per recording", "energy.per_sample_pj", energy),
     ("time per recording", "latency.per_sample_ns", time),
     *_OPERATIONS,
@@ -140,8 +141,18 @@ def _change_of_match(
     return ("no" if b < a else "yes"), answer
 
 
+def _key(before: Build, after: Build) -> tuple[KeyFigure, ...]:
+    """Return the figures to compare; of the open core no energy is known, and time comes first."""
+    priced = NONE not in (before.text("energy.profile"), after.text("energy.profile"))
+    return _KEY_FIGURES if priced else _KEY_FIGURES[1:]
+
+
 def _costs(before: Build, after: Build) -> Verdict:
-    key = "energy.per_sample_pj"
+    figures = _key(before, after)
+    _, key, shown = figures[0]
+    what, profile = (
+        ("dynamic energy", f", profile {after.text('energy.profile')}") if figures == _KEY_FIGURES else ("time", "")
+    )
     a, b = before.number(key), after.number(key)
     comparable = before.text("energy.profile") == after.text("energy.profile")
     status: Status = "unknown" if not comparable else "yes" if b <= a else "no"
@@ -151,9 +162,9 @@ def _costs(before: Build, after: Build) -> Verdict:
         question="Does it cost less?",
         status=status,
         answer=f"{answer}, {by}" if by and comparable and a != b else answer,
-        figure=energy(b),
-        figure_label=f"dynamic energy per recording, profile {after.text('energy.profile')}; {energy(a)} before",
-        sentence=f"In the model, a recording takes {energy(b)} of dynamic energy, {energy(a)} before.",
+        figure=shown(b),
+        figure_label=f"{what} per recording{profile}; {shown(a)} before",
+        sentence=f"In the model, a recording takes {shown(b)} of {what}, {shown(a)} before.",
         facts=tuple(Fact(label, _both(before, after, key, shown)) for label, key, shown in _COSTS),
     )
 
@@ -193,7 +204,7 @@ def _key_figures(before: Build, after: Build) -> Section:
     table = Table(
         "Before, a full bar, and after, a hatched one",
         ("figure", "", "before", "", "after", "change"),
-        tuple(_row(name, before.number(key), after.number(key), shown) for name, key, shown in _KEY_FIGURES),
+        tuple(_row(name, before.number(key), after.number(key), shown) for name, key, shown in _key(before, after)),
     )
     return section("key-figures", table, before=before.name, after=after.name)
 

@@ -40,7 +40,7 @@ def latency_section(document: Document) -> Section:
     return section(
         "latency",
         TIME.span(document),
-        _real_time(found),
+        real_time(found),
         facts(*_latency_facts(document)),
         by_branch(_parts(found), f"Time by branch and part, mean per recording, profile {found['profile']}", time),
         table(
@@ -86,7 +86,7 @@ def _left_out(rows: list[Document]) -> Table:
     )
 
 
-def _real_time(found: Document) -> str:
+def real_time(found: Document) -> str:
     """Compare with the time that the recordings took."""
     duration = found["recording_ns"]
     if duration is None:

@@ -30,7 +30,7 @@ class Cost(Frozen):
         ends = {"least": spread["min"], "median": spread["p50"]}
         ends |= {"mean": found[f"per_sample_{self.unit}"], "most": spread["max"]}
         facts = tuple(Fact(label, self.shown(value)) for label, value in ends.items())
-        return Span(f"{self.name} per recording, profile {found['profile']}", facts, tuple(ends.values()))
+        return Span(f"{self.name} per recording{_by(found)}", facts, tuple(ends.values()))
 
     def facts(self, document: Document) -> tuple[tuple[str, str], ...]:
         """Return the range of the mean, and the costliest recordings."""
@@ -52,7 +52,7 @@ class Cost(Frozen):
         mean, least, most = (f"{end}_{self.unit}" for end in ("mean", "min", "max"))
         largest = max(row[most] for row in rows)
         return table(
-            f"{self.name} by class, profile {found['profile']}",
+            f"{self.name} by class{_by(found)}",
             rows,
             ("class", of("class", lambda number: _class_name(document, number))),
             ("", of(mean, lambda x: Bar(share_of(x, largest), f"mean {self.shown(x)}"))),
@@ -92,6 +92,10 @@ class Cost(Frozen):
 
     def _so_far(self, bins: Sequence[float]) -> list[str]:
         return [self.shown(sum(bins[: round(part * len(bins))])) for part in PARTS]
+
+
+def _by(found: Document) -> str:
+    return f", profile {found['profile']}" if found["profile"] else ""
 
 
 ENERGY = Cost("Energy", "energy", "pj", energy)

@@ -9,7 +9,8 @@ from locsnn_compile.report.words import sentence, words
 
 def over_time(document: Document) -> Section:
     """Show which predictions are right after how much of a recording, and what a proven stop saves."""
-    costs = (*ENERGY.course(document), *TIME.course(document))
+    priced = document["energy"]["profile"]
+    costs = (*ENERGY.course(document), *TIME.course(document)) if priced else ()
     if "over_time" not in document:
         return section("over-time", *costs, called="over-time of costs")
     entry = document["over_time"]
@@ -67,6 +68,8 @@ def _stop(found: Document) -> Table:
     rows = []
     for name, shown in (("steps", count), ("synaptic_ops", count), ("energy_pj", energy), ("latency_ns", time)):
         until, whole = found[name], found[f"all_{name}"]
+        if whole is None:
+            continue
         what, _, unit = name.rpartition("_")
         label = f"{what}, profile {found['profile']}" if unit in ("pj", "ns") else words(name)
         rows.append((label, 1.0 - until / whole if whole else 0.0, shown(whole), shown(until)))

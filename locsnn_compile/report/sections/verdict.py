@@ -107,8 +107,9 @@ def fits(document: Document) -> Verdict:
     limits = resources["limits"]
     worst = max(limits, key=lambda name: fullness(limits[name]))
     inside = all(entry["used"] <= entry["limit"] for entry in limits.values())
-    cores = limits["cores"]
-    of_cores = f"{count(cores['used'])} of {plural(cores['limit'], 'core')}"
+    of_cores = "the open core"
+    if cores := limits.get("cores"):
+        of_cores = f"{count(cores['used'])} of {plural(cores['limit'], 'core')}"
     entry = limits[worst]
     used = f"{count(entry['used'])} of {count(entry['limit'])} ({share(fullness(entry))})"
     return Verdict(

@@ -1,0 +1,99 @@
+"""A program on the open core of a device: whether it fits, how many cycles a recording takes, and what these do."""
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from functools import lru_cache
+
+import numpy as np
+
+from hw_model.accounting.cost import Latency
+from hw_model.description.chip import Chip, chip, chip_names
+from hw_model.description.counts import Counts
+from hw_model.engine.playing import Spikes, read_streams
+from hw_model.errors import TargetError
+from hw_model.program.chip_program import ChipProgram
+from hw_model.rtl.cycles import core_cycles
+from hw_model.rtl.images import CoreProgram, Sizes
+from hw_model.values import ByteArray
+
+WORDS = {
+    "axons": "sources of spikes",
+    "charge": "bits of charge",
+    "join": "bits of joined voltages",
+    "bitmap": "words of the transpose buffer",
+    "visits": "visits of channels",
+    "entries": "compartments that are read out",
+}
+"""Parameters of the core whose names do not say what they hold."""
+
+
+_as_core = lru_cache(maxsize=4)(CoreProgram)
+
+
+def on_core(program: ChipProgram, rows: int, device: Chip) -> CoreProgram:
+    """Return a program as the open core of a device holds it, for recordings of so many rows.
+
+    What the core does not have, or has too few of, is a ``TargetError``.
+    """
+    core = _as_core(program, rows)
+    assert device.open_core is not None
+    for name, (need, limit) in uses(core.needs, device.open_core).items():
+        if need > limit:
+            raise TargetError(
+                f"program {program.name!r}",
+                f"the open core of {device.name} has too few {WORDS.get(name, name)}",
+                measured=f"{need} against {limit}",
+                fix=_way_out(core.needs),
+            )
+    return core
+
+
+def uses(needs: Sizes, sizes: Sizes) -> dict[str, tuple[int, int]]:
+    """Return what is needed and what there is of each parameter of the core."""
+    return {name: (need, getattr(sizes, name)) for name, need in asdict(needs).items()}
+
+
+def latencies(program: ChipProgram, spikes: Spikes, found: Mapping[str, ByteArray]) -> list[Latency]:
+    """Return the time of each recording of a batch on the core of the program's chip, cycle by cycle.
+
+    ``found[population]`` (batch, steps, n): what a simulation gives.
+    """
+    recordings = np.concatenate(list(read_streams(program, spikes)[0].values()), axis=2)
+    core = on_core(program, recordings.shape[1], program.chip)
+    made = []
+    for i, recording in enumerate(recordings):
+        cycles = core_cycles(core, recording, {name: its[i] for name, its in found.items()})
+        made.append(Latency(cycles / program.chip.clock_ghz, {}, 0, 0.0, 0.0))
+    return made
+
+
+def activity(core: CoreProgram, counts: Counts, recordings: int) -> dict[str, dict[str, float]]:
+    """Return the memory accesses that the counts of some recordings stand for, by kind, and the multiplications.
+
+    They are means of a recording. Reads whose word nobody uses, and the cleaning between recordings, are not in it.
+    """
+    updates, lists = counts.neuron_updates, counts.input_events + counts.transpose_events + counts.spikes
+    scanned = recordings * len(core.tables["visits"]["step"]) * core.row_words
+    written = {
+        "charges": counts.synaptic_ops + updates,
+        "states": updates,
+        "transpose_buffer": counts.transpose_events,
+        "queue": counts.spikes,
+    }
+    constants = {"synapses": counts.synaptic_ops, "axons": lists, "leaks": updates, "fires": updates}
+    found = {
+        "memory_reads": {**written, "transpose_buffer": counts.transpose_events + scanned, **constants},
+        "memory_writes": written,
+        "multiplications": {"of_24_and_13_bits": 2 * updates},
+    }
+    return {key: {name: number / recordings for name, number in row.items()} for key, row in found.items()}
+
+
+def _way_out(needs: Sizes) -> str:
+    """Name the devices that hold what is needed."""
+    held = []
+    for name in chip_names():
+        sizes = chip(name).open_core
+        if sizes and all(need <= limit for need, limit in uses(needs, sizes).values()):
+            held.append(name)
+    return f"Use the device {' or '.join(held)}." if held else "Use another strategy, or a smaller network."

@@ -1,0 +1,227 @@
+"""Targets with the open core: what fits, exact cycles, activity, and no energy anywhere."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import benches
+import numpy as np
+import pytest
+
+import hw_model as hw
+from hw_model.description.chip import Sizes
+from hw_model.rtl import simulators
+from hw_model.rtl.cosimulation import play_on_core
+from hw_model.rtl.device import activity, latencies, on_core
+from hw_model.rtl.images import CoreProgram, sizes_for
+from locsnn_compile.cli.compile import main as compile_main
+from locsnn_compile.cli.main import main as locsnn
+from locsnn_compile.frontends import load
+from locsnn_compile.pipeline import lower
+from locsnn_compile.verification.error_bounds import Losses
+
+MODELS = Path(__file__).parents[2] / "examples/models"
+NEEDS_ICARUS = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
+DEVICES = ("ecp5-25f", "ecp5-85f", "ice40up5k")
+
+
+def device(sizes: Sizes, name: str = "ecp5-25f") -> hw.Chip:
+    return replace(hw.chip(name), open_core=sizes)
+
+
+@pytest.fixture(scope="module")
+def small() -> tuple[hw.ChipProgram, np.ndarray, CoreProgram]:
+    """A program of two phases on a device of just the right sizes, and a recording."""
+    program, spikes = benches.hybrid(22)
+    core = CoreProgram(program, spikes.shape[1])
+    return replace(program, chip=device(sizes_for(core.needs, benches.SIZES))), spikes, core
+
+
+NAMES = {
+    "axons": "sources of spikes",
+    "synapses": "synapses",
+    "compartments": "compartments",
+    "slots": "slots",
+    "charge": "bits of charge",
+    "join": "bits of joined voltages",
+    "bitmap": "words of the transpose buffer",
+    "visits": "visits of channels",
+    "entries": "compartments that are read out",
+}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_does_not_fit_is_refused_by_name(small, name):
+    program, spikes, core = small
+    rows, needs = spikes.shape[1], core.needs
+    assert on_core(program, rows, device(needs)).needs == needs
+    need = getattr(needs, name)
+    with pytest.raises(hw.TargetError) as caught:
+        on_core(program, rows, device(replace(needs, **{name: need - 1})))
+    held = [one for one in DEVICES if all(n <= getattr(hw.chip(one).open_core, k) for k, n in asdict(needs).items())]
+    fix = f"Use the device {' or '.join(held)}." if held else "Use another strategy, or a smaller network."
+    wanted = f"the open core of ecp5-25f has too few {NAMES[name]} ({need} against {need - 1}). {fix}"
+    assert str(caught.value) == f"program {program.name!r}: {wanted}"
+
+
+FITS = [
+    ("objects-hybrid", "dendrite", "ecp5-25f"),
+    ("objects-hybrid", "delay-line", "ecp5-25f"),
+    ("objects-hybrid", "reset", "ice40up5k"),
+    ("objects-hybrid-loihi", "dendrite", "ecp5-25f"),
+    ("objects-hybrid", "paired-dendrite", "ecp5-85f"),
+    ("containers-hybrid", "paired-dendrite", "ecp5-85f"),
+    ("containers-hybrid", "delay-line", "ecp5-85f"),
+]
+
+
+@pytest.mark.parametrize(("model", "strategy", "name"), FITS, ids=["-".join(row) for row in FITS])
+def test_networks_that_ship_fit(model, strategy, name):
+    network = load(MODELS / f"{model}.pt")
+    program = lower(network, hw.chip(name), 8, strategy).program
+    assert on_core(program, network.steps, hw.chip(name)).needs.synapses <= hw.chip(name).open_core.synapses
+
+
+def test_a_network_that_does_not_fit_is_told_what_holds_it():
+    with pytest.raises(hw.TargetError) as caught:
+        lower(load(MODELS / "objects-hybrid.pt"), hw.chip("ecp5-25f"), 8, "paired-dendrite")
+    assert str(caught.value) == (
+        "program 'objects-hybrid': the open core of ecp5-25f has too few synapses (25440 against 16384). "
+        "Use the device ecp5-85f."
+    )
+
+
+@NEEDS_ICARUS
+def test_cycles_of_a_target_are_those_of_the_core(small, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    program, spikes, _ = small
+    wanted = hw.cosimulate(program, spikes, simulator="icarus")
+    found = latencies(program, spikes, hw.simulate(program, spikes).spikes)
+    clock = program.chip.clock_ghz
+    assert [one.total_ns for one in found] == [counts["cycles"] / clock for counts in wanted.per_recording]
+    assert len(found) == len(spikes)
+
+
+COUNTING = """
+    integer reads[0:5], writes[0:3], file, i;
+    initial begin
+        for (i = 0; i < 6; i = i + 1) reads[i] = 0;
+        for (i = 0; i < 4; i = i + 1) writes[i] = 0;
+    end
+    wire settled = !core.clear && !load_valid;
+    always @(posedge clk) begin
+        if (settled) begin
+            reads[0] <= reads[0] + core.charges.charges.read;
+            reads[1] <= reads[1] + (core.compartments.valid2);
+            reads[2] <= reads[2] + (core.buffer.marking || core.buffer.next_word);
+            reads[3] <= reads[3] + (core.deliver.walked1 && core.deliver.valid1);
+            reads[4] <= reads[4] + core.deliver.axons.read;
+            writes[0] <= writes[0] + core.charges.charges.write;
+            writes[1] <= writes[1] + core.compartments.states.write;
+            writes[2] <= writes[2] + core.buffer.bitmap.write;
+            writes[3] <= writes[3] + core.spikes.places.write;
+        end
+        if (answer_valid) begin
+            file = $fopen("COUNTED", "w");
+            for (i = 0; i < 5; i = i + 1) $fwrite(file, "%0d ", reads[i]);
+            for (i = 0; i < 4; i = i + 1) $fwrite(file, "%0d ", writes[i]);
+            $fclose(file);
+        end
+    end
+endmodule
+"""
+
+
+@NEEDS_ICARUS
+def test_activity_is_what_the_core_does(small, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    program, spikes, core = small
+    texts = dict(simulators.sources())
+    counting = COUNTING.replace("COUNTED", str(tmp_path / "counted"))
+    texts["bench.sv"] = texts["bench.sv"].replace("endmodule", "") + counting
+    found, _ = play_on_core(program, spikes, None, ("spikes",), "icarus", texts, benches.SIZES)
+    counted = [int(word) for word in (tmp_path / "counted").read_text().split()]
+    wanted = activity(core, found.counts, len(spikes))
+    names = ("charges", "states", "transpose_buffer", "synapses", "axons")
+    assert [wanted["memory_reads"][name] for name in names] == counted[:5]
+    assert [wanted["memory_writes"][name] for name in ("charges", "states", "transpose_buffer", "queue")] == counted[5:]
+    assert wanted["multiplications"] == {"of_24_and_13_bits": 2 * found.counts.neuron_updates}
+
+
+@pytest.fixture(scope="module")
+def build(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("core")
+    spikes = (np.random.default_rng(0).random((2, 78, 250)) < 0.02).astype(np.uint8)
+    np.save(folder / "few.npy", spikes)
+    model = [str(MODELS / "objects-hybrid.pt"), "--events", str(folder / "few.npy")]
+    arguments = [*model, "--target", "ecp5-25f", "--strategy", "reset", "--quiet", "-o", str(folder / "out")]
+    assert compile_main(arguments) == 0
+    return folder, arguments
+
+
+def test_a_report_has_cycles_and_no_energy(build):
+    folder, _ = build
+    report = json.loads((folder / "out/report.json").read_text())
+    assert set(report["energy"].values()) == {None}
+    latency, program = report["latency"], hw.load_program(folder / "out")
+    spikes = np.load(folder / "few.npy").transpose(0, 2, 1)
+    cycles = [one.total_ns / 10 for one in latencies(program, spikes, hw.simulate(program, spikes).spikes)]
+    assert latency["basis"] == "cycle-exact model of the RTL core at the placed clock"
+    assert (latency["profile"], latency["clock_ghz"]) == (None, 0.1)
+    assert latency["per_sample_cycles"] == round(sum(cycles) / 2)
+    assert report["resources"]["limits"]["synapses"] == {"used": 12697, "limit": 16384}
+    assert report["activity"]["multiplications"]["of_24_and_13_bits"] == 2 * 68 * (250 + 78)
+    for name in ("report.md", "report.html"):
+        said = (folder / "out" / name).read_text()
+        assert "Cycles exact, energy not known" in said
+        assert not [word for word in (" pJ", " nJ", " µJ", "profile None") if word in said]
+
+
+def test_an_energy_gate_fails_as_not_known(build, capsys, tmp_path):
+    _, arguments = build
+    gates = ["--max-energy-nj", "1e12", "--max-latency-us", "1e9", "-o", str(tmp_path / "gated")]
+    assert compile_main([*arguments, *gates]) == 3
+    assert capsys.readouterr().err == "gate failed: --max-energy-nj: the energy of this target is not known.\n"
+
+
+REFUSED = [
+    (["--profile", "davies2018"], "profile 'davies2018': ecp5-25f has cycles and counts, and no prices. Leave the profile out."),
+    (["--emit", "trace"], "--emit trace: ecp5-25f has exact cycles of a recording, and no times of its operations. Leave it out."),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("options", "message"), REFUSED, ids=["profile", "trace"])
+def test_what_would_need_prices_is_refused(build, capsys, tmp_path, options, message):
+    _, arguments = build
+    assert compile_main([*arguments, *options, "-o", str(tmp_path / "refused")]) == 2
+    assert capsys.readouterr().err == f"{message}\n"
+    assert not (tmp_path / "refused").exists()
+
+
+def test_run_shows_no_energy(build, capsys):
+    folder, _ = build
+    played = ["run", str(folder / "out"), "--events", str(folder / "few.npy")]
+    assert locsnn([*played, "--stop", "proven"]) == 0
+    said = capsys.readouterr().out
+    assert "mean per recording: " in said
+    assert "J" not in said
+    assert locsnn([*played, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["energy_pj"] == {}
+
+
+def test_two_builds_are_compared_by_time(build, capsys):
+    folder, _ = build
+    assert locsnn(["diff", str(folder / "out"), str(folder / "out"), "--json"]) == 0
+    capsys.readouterr()
+    assert locsnn(["diff", str(folder / "out"), str(folder / "out")]) == 0
+    assert "dynamic energy" not in capsys.readouterr().out
+
+
+def test_settings_are_ranked_by_cycles():
+    slow, fast = (Losses(1.0, 1.0, None, ns) for ns in (20.0, 10.0))
+    priced = Losses(1.0, 1.0, 5.0, 30.0)
+    assert min((slow, fast), key=lambda one: one.cost) is fast
+    assert [one.cost for one in (slow, fast, priced)] == [20.0, 10.0, 5.0]
