@@ -163,7 +163,7 @@ def test_nothing_that_compiles_reaches_what_imports_torch():
     """Inside functions neither; only what writes torch's own files does, and says how to get it."""
     heavy = {name for name in MODULES if "torch" in roots(imported(ROOT / f"{name}.py", lazy=False))}
     light = [name for name in MODULES if not name.startswith(TRAINS)]
-    light += [f"locsnn_compile/models/{name}" for name in ("checkpoint_reader", "windows", "branch_graph")]
+    light += [f"locsnn_compile/models/{name}" for name in ("checkpoint_reader", "graph_and_windows", "branch_graph")]
     assert len(heavy) > 10
     assert len(light) > 200
     assert not {" > ".join(way) for target, way in reached(light) if target in heavy}

@@ -2,8 +2,7 @@
 
 import math
 
-from locsnn_compile.data.frame import frame_size
-from locsnn_compile.data.sensor import SensorLayout
+from locsnn_compile.data.sensor import SensorLayout, frame_size
 from locsnn_compile.errors import InputError
 
 CONVOLUTIONS = (

@@ -57,7 +57,7 @@ def read_for_program(
 
 def chunks_for_program(args: argparse.Namespace, program: hw.ChipProgram) -> Iterator[Recordings]:
     """Yield the recordings of ``--events`` likewise, a few at a time where the file allows it."""
-    from locsnn_compile.data.in_chunks import read_in_chunks
+    from locsnn_compile.data.read import read_in_chunks
 
     return read_in_chunks(args.events, CHUNK, model=expected_by(program), **asked_reading(args))
 

@@ -102,7 +102,7 @@ def run(args: argparse.Namespace) -> int:
     need_torch("locsnn train")
 
     from locsnn_compile.training.export import export_checkpoint
-    from locsnn_compile.training.parts import all_classes, read_parts
+    from locsnn_compile.training.from_python import all_classes, read_parts
     from locsnn_compile.training.train import train
 
     recordings, test = read_parts(args.data, config, start)
@@ -232,7 +232,7 @@ def _confusion(found: IntArray, names: tuple[str, ...] | None = None) -> list[st
 
 def _after_epochs(args: argparse.Namespace, moved: Moved | None) -> Progress:
     """Return what is told of every epoch: a bar where somebody watches, lines elsewhere, and TensorBoard."""
-    from locsnn_compile.training.tensorboard import tensorboard_log
+    from locsnn_compile.training.profile import tensorboard_log
 
     log = tensorboard_log(Path(args.tensorboard)) if args.tensorboard else None
 

@@ -13,18 +13,21 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from hw_model.values import ByteArray
+from locsnn_compile.data.aedat4 import parse_aedat4
 from locsnn_compile.data.arrays import label_in_name
 from locsnn_compile.data.axes import to_step_major
-from locsnn_compile.data.event_stream import Binning, EventStream, bin_streams
+from locsnn_compile.data.event_formats import EVENT_BYTES, parse_slayer_events, parse_structured
+from locsnn_compile.data.event_stream import MAX_EVENTS, Binning, EventStream, bin_streams
 from locsnn_compile.data.members import TIMES, Members, open_members
 from locsnn_compile.data.npy import load_npy
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Binned, Recordings, clean_spikes
-from locsnn_compile.data.streams import EVENT_SUFFIXES, parse_events
-from locsnn_compile.data.structured import parse_structured
-from locsnn_compile.data.tact import SLIP_CLASSES
+from locsnn_compile.data.tact import SLIP_CLASSES, parse_tact
 from locsnn_compile.errors import InputError, check_most, did_you_mean
 
 PARTS = ("train", "test")
+EVENT_SUFFIXES = (".tact", ".bs1", ".bs2", ".bin", ".aedat4")
+#: Largest text of one recording: about 600,000 events.
+MAX_TEXT_BYTES = 10_000_000
 
 _ARRAY = re.compile(r"sample_\d{1,9}(?:_label_\d{1,6})?\.npy")
 _NUMBERED = re.compile(r"(.+)_\d{1,9}\.tact")
@@ -141,13 +144,19 @@ def _read(members: Members, names: list[str], binning: Binning) -> tuple[ByteArr
 
 
 def _events(members: Members, name: str, place: str) -> EventStream:
+    """Return the events of a file of them; next to a ``.tact`` there may be a file of its start and end."""
     file = PurePosixPath(name)
     times = file.with_suffix(".startend")
     beside = [str(times), str(file.parent.parent / TIMES / times.name)] if file.suffix == ".tact" else []
     held = [one for one in beside if one in members.sizes][:1]
     members.check_sizes(held)
-    startend = members.read(held[0]) if held else None
-    return parse_events(members.read(name), file.suffix, place, startend, members.place(times.name))
+    data, startend = members.read(name), members.read(held[0]) if held else None
+    limit = MAX_TEXT_BYTES if file.suffix == ".tact" else MAX_EVENTS * EVENT_BYTES
+    length = max(len(data), len(startend or b""))
+    check_most(length, limit, place, "it is too large", unit="bytes", fix="Give one recording.")
+    if file.suffix == ".tact":
+        return parse_tact(data, place, startend, members.place(times.name))
+    return parse_aedat4(data, place) if file.suffix == ".aedat4" else parse_slayer_events(data, file.suffix, place)
 
 
 def _check_fits(arrays: list[ByteArray], samples: int, where: str, place: str) -> None:

@@ -1,4 +1,4 @@
-"""Recordings in one array file: ``.npy``, ``.npz`` or ``.pt``; values 0 or 1, labels beside them."""
+"""Recordings in one file: arrays of 0 or 1 in ``.npy``, ``.npz``, ``.pt`` or HDF5, labels beside them, or events."""
 
 import io
 import re
@@ -12,12 +12,12 @@ import numpy as np
 from hw_model.io.zip_directory import check_directory, read_entry
 from hw_model.values import AnyArray
 from locsnn_compile.data.axes import Order, parse_axes, to_step_major
-from locsnn_compile.data.event_stream import Binning, EventStream, bin_streams
+from locsnn_compile.data.event_formats import MAX_PLACE, parse_structured
+from locsnn_compile.data.event_stream import MICROSECONDS, Binning, EventStream, bin_streams
 from locsnn_compile.data.expected import same
+from locsnn_compile.data.hdf5.read import Group, open_hdf5
 from locsnn_compile.data.npy import load_npy
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Recordings
-from locsnn_compile.data.spike_times import HDF5_SUFFIXES, read_hdf5
-from locsnn_compile.data.structured import parse_structured
 from locsnn_compile.data.tensors import Tensor
 from locsnn_compile.data.torch_file import load_plain, read_bytes
 from locsnn_compile.errors import InputError
@@ -26,6 +26,7 @@ _LABEL = re.compile(r"_label_(\d{1,6})(?=\.|_|$)")
 #: Entries of ``.npz`` and ``.pt`` files that are not the recordings.
 _BESIDE = ("labels", "step_seconds", "class_names", "axes")
 _TEXTS = _BESIDE[2:]
+HDF5_SUFFIXES = (".h5", ".hdf5")
 
 
 def read_arrays(path: Path, binning: Binning, asked_seconds: float | None) -> Recordings:
@@ -34,7 +35,7 @@ def read_arrays(path: Path, binning: Binning, asked_seconds: float | None) -> Re
     Shapes as in :func:`locsnn_compile.data.axes.to_step_major`, or as the entry ``axes`` or ``binning`` says. The
     recordings are the entry ``spikes``, or the only one that is none of ``labels``, ``step_seconds``, ``class_names``
     and ``axes``; a ``.pt`` may also be the array itself. In HDF5, a group ``spikes`` holds events instead: see
-    :func:`locsnn_compile.data.spike_times.read_hdf5`. Labels of a ``.npy`` come from ``<stem>_labels.npy`` beside it,
+    :func:`read_hdf5`. Labels of a ``.npy`` come from ``<stem>_labels.npy`` beside it,
     or of one recording from ``_label_<k>`` in its name. The width of a bin is the file's, and ``binning``'s where it
     does not say it, or where it holds single events. Raises ``InputError`` for anything else, where bins are not
     ``asked_seconds`` wide, and where the file says another order of axes than ``binning``.
@@ -185,3 +186,36 @@ def labels_beside(path: Path, samples: int) -> AnyArray | None:
         return load_npy(read_bytes(beside, where), where)
     label = label_in_name(path.name)
     return np.full(1, label, dtype=np.int64) if label is not None and samples == 1 else None
+
+
+def read_hdf5(path: Path, where: str) -> tuple[dict[str, AnyArray], list[EventStream]]:
+    """Return the arrays at the root of a file by name, and the recordings of its group ``spikes``, if it has one.
+
+    That is as Heidelberg's data sets (SHD, SSC) have them: ``spikes/times`` and ``spikes/units`` hold a row a
+    recording: seconds, and numbers of channels from 0; ``extra/keys`` are the names of the classes. Raises
+    ``InputError`` for rows that are none of these.
+    """
+    with open_hdf5(path, where) as (root, _):
+        values = [name for name in root.names() if not root.is_group(name)]
+        entries = {name: np.array(root.texts(name)) if name in _TEXTS else root.array(name) for name in values}
+        if "extra" in root and root.is_group("extra") and "keys" in (extra := root.group("extra")):
+            entries.setdefault("class_names", np.array(extra.texts("keys")))
+        streams = _streams(root.group("spikes"), where) if "spikes" in root and "spikes" not in values else []
+    return entries, streams
+
+
+def _streams(group: Group, where: str) -> list[EventStream]:
+    times, units = group.rows("times"), group.rows("units")
+    if [len(row) for row in times] != [len(row) for row in units]:
+        raise InputError(where, "its times and units differ in number", fix="Give a time and a unit for each spike.")
+    streams = []
+    for index, (row, unit) in enumerate(zip(times, units, strict=True)):
+        # Written so that NaN is refused too.
+        good = (row >= 0) & (row < 1e9) & (unit >= 0) & (unit < MAX_PLACE) & (unit == np.floor(unit))
+        if not good.all():
+            at = int(np.argmin(good))
+            measured, fix = f"spike {at}: {row[at]} s, unit {unit[at]}", "Give seconds from 0 on, and whole numbers."
+            raise InputError(f"{where}, recording {index}", "it holds no time and channel", measured=measured, fix=fix)
+        none = np.zeros(len(row), dtype=np.int64)
+        streams.append(EventStream(np.rint(row * MICROSECONDS).astype(np.int64), unit.astype(np.int64), none, none))
+    return streams

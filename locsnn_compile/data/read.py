@@ -1,19 +1,22 @@
 """Read recordings of any supported format."""
 
+import math
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from hw_model.io.given import checked
-from locsnn_compile.data.archives import PARTS, archive_parts, read_archive
-from locsnn_compile.data.arrays import read_arrays
-from locsnn_compile.data.axes import parse_axes
+from locsnn_compile.data.archives import EVENT_SUFFIXES, PARTS, archive_parts, read_archive
+from locsnn_compile.data.arrays import HDF5_SUFFIXES, labels_beside, read_arrays
+from locsnn_compile.data.axes import check_axes, is_one, parse_axes
 from locsnn_compile.data.division import PREPROCESSED, Division
 from locsnn_compile.data.event_stream import Binning
 from locsnn_compile.data.expected import OPEN, Expected
-from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.recordings import MAX_ELEMENTS, Recordings
 from locsnn_compile.data.sensor import SensorLayout
-from locsnn_compile.data.spike_times import HDF5_SUFFIXES
-from locsnn_compile.data.streams import EVENT_SUFFIXES
 from locsnn_compile.errors import InputError, check_known
 
 _SUFFIXES = (".zip", ".npy", ".npz", ".pt", *HDF5_SUFFIXES, *EVENT_SUFFIXES)
@@ -110,3 +113,47 @@ def _check_file(path: Path) -> None:
     if path.suffix not in _SUFFIXES:
         fix = f"Give one of: {', '.join(_SUFFIXES)}, or a folder."
         raise InputError(f"file {path.name!r}", "its kind is not known", measured=f"ending {path.suffix!r}", fix=fix)
+
+
+def read_in_chunks(path: str, many: int, *, model: Expected, **asked: Any) -> Iterator[Recordings]:
+    """Yield the recordings that :func:`read_recordings` returns, at most so many at a time from a ``.npy`` of bins.
+
+    Other files are read at once: the longest of their recordings decides the steps of all. What is wrong with a
+    recording is found when its turn comes.
+    """
+    chunks = _chunks(Path(path), many, model) if {*asked.values()} == {None} else None
+    return iter([read_recordings(path, model=model, **asked)]) if chunks is None else chunks
+
+
+def _chunks(path: Path, many: int, model: Expected) -> Iterator[Recordings] | None:
+    """Return the chunks of a file; None where it is of another kind, or :func:`read_recordings` says what is wrong."""
+    try:
+        mapped = np.load(path, mmap_mode="r")
+        shape, dtype, begin = mapped.shape, mapped.dtype, mapped.offset
+        one = math.prod(shape[1:])
+        if (
+            len(shape) not in (3, 4)
+            or is_one(shape, model.channels)
+            or not (mapped.flags.c_contiguous and 0 < one * many)
+        ):
+            return None
+    # A hostile header meets numpy's parser in many ways.
+    except Exception:
+        return None
+    labels = labels_beside(path, shape[0])
+    if dtype.kind not in "biuf" or one * many > MAX_ELEMENTS or (labels is not None and len(labels) != shape[0]):
+        return None
+    # Sizes tell an order where all recordings are seen, not where a few are.
+    check_axes(mapped, f"file {path.name!r}", model.channels)
+
+    def chunks() -> Iterator[Recordings]:
+        for start in range(0, shape[0], many):
+            count = min(many, shape[0] - start)
+            read = np.fromfile(path, dtype, count * one, offset=begin + start * one * dtype.itemsize)
+            if len(read) < count * one:
+                raise InputError(f"file {path.name!r}", "it became shorter while it was read", fix="Start again.")
+            bins = read.reshape(count, -1, shape[-1]).transpose(0, 2, 1)
+            its = None if labels is None else labels[start : start + count]
+            yield Recordings(bins, its, model.step_seconds, path.name, first=start)
+
+    return chunks()

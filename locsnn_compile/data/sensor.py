@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from hw_model.io.yaml_text import read_mapping
-from hw_model.values import FloatArray, Frozen
+from hw_model.values import FloatArray, Frozen, IntArray
 from locsnn_compile.errors import InputError, check_known
 
 #: Most channels of a sensor: a few times what any published tactile sensor has.
@@ -34,6 +34,8 @@ MANUAL_EDGES: tuple[tuple[int, int], ...] = tuple((a, b) for a, b in _FILE["edge
 #: Taxel numbers by row (y from -8.9 to 8.9 mm) and column (x from -6 to 6 mm); 0 where there is none. Every taxel has a
 #: cell of its own, so that the squared distances between taxels and the middles of their cells add up to the least.
 FRAME_OF_TAXELS: tuple[tuple[int, ...], ...] = tuple(map(tuple, _FILE["frame"]))
+_LEAST = 5
+"""Rows and columns of a frame of which two kernels of 3 leave any."""
 _FIX = "Correct the layout of the sensor."
 
 
@@ -184,3 +186,26 @@ _HOLDS: dict[str, tuple[str, Callable[[Any], bool]]] = {
     "positions": ("pairs of numbers, [[x, y], ...]", lambda value: _are(value, _is_place)),
     "names": ("a list of texts", lambda value: _are(value, lambda name: isinstance(name, str))),
 }
+
+
+def frame_size(layout: SensorLayout) -> tuple[int, int]:
+    """Return the rows and columns of the frame that a surface is laid out on: those of a grid, or 9 x 7 of NeuTouch.
+
+    Raises ``InputError`` for any other sensor, and for a grid that is too small to convolve twice.
+    """
+    if layout.is_neutouch:
+        return len(FRAME_OF_TAXELS), len(FRAME_OF_TAXELS[0])
+    rows = layout.taxels // (layout.columns or layout.taxels)
+    if layout.columns is None or min(rows, layout.columns) < _LEAST:
+        what = f"its frames need a grid of at least {_LEAST} x {_LEAST} taxels"
+        fix = "Give --grid WxH of the sensor, or take another network."
+        raise InputError("network 'cnn-3d'", what, measured=f"sensor {layout.name!r}", fix=fix)
+    return rows, layout.columns
+
+
+def frame_cells(layout: SensorLayout) -> IntArray:
+    """Return the cell of every taxel of a surface that has a frame, (taxels,), counted row by row from 0."""
+    if layout.columns is not None:
+        return np.arange(layout.taxels)
+    flat = np.array(FRAME_OF_TAXELS).ravel()
+    return np.array([int(np.flatnonzero(flat == taxel)[0]) for taxel in range(1, layout.taxels + 1)])

@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
+from locsnn_compile.data.event_formats import parse_structured
 from locsnn_compile.data.event_stream import MAX_EVENTS, Binning, bin_streams
 from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.data.structured import parse_structured
 from locsnn_compile.errors import InputError, check_most
 
 

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor, nn
 
 from locsnn_compile.baselines.ann_shapes import CONVOLUTIONS
-from locsnn_compile.data.frame import frame_cells, frame_size
+from locsnn_compile.data.sensor import frame_cells, frame_size
 from locsnn_compile.models.description import NetworkDescription
 from locsnn_compile.models.touch_model import TouchModel
 

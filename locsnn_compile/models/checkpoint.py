@@ -45,7 +45,7 @@ from locsnn_compile.data.torch_writer import torch_bytes
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.chip_entry import ChipNumbers, ChipPopulation, chip_entry
 from locsnn_compile.models.description import InputLayout, NetworkDescription
-from locsnn_compile.models.graph_parameters import GraphParameters
+from locsnn_compile.models.graph_and_windows import GraphParameters
 
 FORMAT = "locsnn-checkpoint"
 VERSION = 3

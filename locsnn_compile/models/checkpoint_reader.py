@@ -20,9 +20,8 @@ from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.models.checkpoint import CHIP_VERSION, FORMAT, VERSION, Checkpoint, Plain, check_weights
 from locsnn_compile.models.chip_entry import ChipNumbers, parse_chip_entry
 from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, Neuron, NeuronParameters
-from locsnn_compile.models.graph_parameters import GraphParameters
+from locsnn_compile.models.graph_and_windows import GraphParameters, WindowParameters
 from locsnn_compile.models.plain_checks import KIND_WORDS, WRITE_AGAIN, field_kinds, file_fault, is_one_of, is_whole
-from locsnn_compile.models.windows import WindowParameters
 
 _KEYS: dict[str, tuple[type, ...]] = {
     **dict.fromkeys(("format", "name", "architecture"), (str,)),

@@ -1,8 +1,15 @@
 """Layers whose forward pass is the chip's integer arithmetic, and whose gradient is that of the float neuron.
 
 Forward: latent float weights are rounded to mantissas, their sums over spikes are exact, and a compiled scan takes the
-chip's steps. Backward: rounding passes the gradient straight through (Bengio et al. 2013), and the steps count as
-linear filters of the chip's decays, behind SLAYER's surrogate (Shrestha and Orchard 2018) at the integer potential.
+chip's steps, of whatever strategy. Backward: rounding passes the gradient straight through (Bengio et al. 2013), and
+the steps count as linear filters of the chip's decays, behind SLAYER's surrogate (Shrestha and Orchard 2018) at the
+integer potential.
+
+The scans take charges (batch, steps, n), int32 in units of 64, that the spikes of each step send on: what step t sends
+arrives at step t + 1. A step is that of ``hw_model``: q and u wrap, v is clipped, a spike where v > threshold; ``keep``
+is 4096 less a decay, and ``ends`` are :func:`register_ends`. They fill ``potential`` (int32), v at the threshold before
+any reset, ``spikes`` (uint8) and ``live`` (uint8, 0 in a refractory step), all (batch, steps, n), and add to ``events``
+(3,): charge wraps, current wraps and voltage clips of all compartments of the population.
 """
 
 from typing import Any
@@ -12,11 +19,130 @@ import torch
 from torch import Tensor
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT, effective_weight
+from hw_model.engine.compiled import absorbed, compiled_with_arrays
+from hw_model.engine.lane_arithmetic import rz, wrap
 from hw_model.values import AnyArray, ByteArray, Int32Array, IntArray
 from locsnn_compile.models.chip_entry import USUAL_REGISTERS, ChipPopulation, RegisterWidths
-from locsnn_compile.models.chip_scan import charge_gradient, register_ends, scan
 from locsnn_compile.models.dense_layer import DenseLayer, to_device, to_host
 from locsnn_compile.models.description import NeuronParameters
+
+Ends = tuple[np.int32, np.int32, np.int32]
+
+
+def register_ends(registers: RegisterWidths) -> Ends:
+    """Return 2^bits of q, in units of 64, and of u, and the largest v."""
+    return (
+        np.int32(1 << (registers.charge_bits - WEIGHT_SHIFT)),
+        np.int32(1 << registers.current_bits),
+        np.int32((1 << registers.voltage_bits) - 1),
+    )
+
+
+@absorbed
+def _clip(x, last):  # type: ignore[no-untyped-def]
+    """Return x within the voltage register's limits."""
+    return np.int32(min(max(x, np.int32(-last)), last))
+
+
+@absorbed
+def _arrive(u, v, charge, keep_u, keep_v, ends):  # type: ignore[no-untyped-def]
+    """Take a compartment's step: return u and v, and 1 or 0 for a charge wrap, a current wrap and a voltage clip."""
+    half_charge, half_current, last = ends
+    q = wrap(charge, half_charge)
+    current = np.int32(rz(u, keep_u) + np.int32(q << np.int32(6)))
+    u = wrap(current, half_current)
+    voltage = np.int32(rz(v, keep_v) + u)
+    v = _clip(voltage, last)
+    return u, v, np.int32(q != charge), np.int32(u != current), np.int32(v != voltage)
+
+
+@compiled_with_arrays
+def scan(  # type: ignore[no-untyped-def]
+    charge, keep, threshold, pull, refractory, taps, ends, potential, spikes, live, events
+):
+    """Take all steps of a population, with whatever follows from its own spikes; what is None is not compiled.
+
+    ``keep`` is that of u and v. ``pull``: keep of a refractory dendrite, and the charge that an own spike sends it; a
+    memoryless soma adds both. ``refractory``: the count of the chip's own reset. ``taps`` (2, k), int32: delays, and
+    charges in units of 64, with which own spikes come back.
+    """
+    batch, steps, n = charge.shape
+    longest = 0
+    for k in range(taps.shape[1]):
+        longest = max(longest, taps[0, k])
+    due = np.zeros((steps + 1 + longest, n), np.int32)
+    u, v, fired = np.zeros(n, np.int32), np.zeros(n, np.int32), np.zeros(n, np.int32)
+    pull_u, pull_v, blocked = np.zeros(n, np.int32), np.zeros(n, np.int32), np.zeros(n, np.int32)
+    wraps_q, wraps_u, clips = np.zeros(n, np.int32), np.zeros(n, np.int32), np.zeros(n, np.int32)
+    many = np.uint64(n)
+    live[:] = 1
+    for b in range(batch):
+        for state in (u, v, pull_u, pull_v, fired, blocked):
+            state[:] = 0
+        due[1 : steps + 1] = charge[b]
+        due[steps + 1 :] = 0
+        for t in range(steps):
+            for i in range(many):
+                u[i], voltage, wrap_q, wrap_u, clip = _arrive(u[i], v[i], due[t, i], keep, keep, ends)
+                seen = voltage
+                if pull is not None:
+                    own = np.int32(pull[1] * fired[i])
+                    pull_u[i], pull_v[i], own_q, own_u, own_clip = _arrive(
+                        pull_u[i], pull_v[i], own, pull[0], pull[0], ends
+                    )
+                    soma = np.int32(voltage + pull_v[i])
+                    seen = _clip(soma, ends[2])
+                    wrap_q, wrap_u = np.int32(wrap_q + own_q), np.int32(wrap_u + own_u)
+                    clip = np.int32(clip + own_clip + np.int32(seen != soma))
+                if refractory is not None:
+                    open_now = np.int32(blocked[i] == 0)
+                    seen, clip = np.int32(seen * open_now), np.int32(clip * open_now)
+                    live[b, t, i] = np.uint8(open_now)
+                    fires = np.int32(open_now & np.int32(seen > threshold))
+                    voltage = np.int32(seen * (np.int32(1) - fires))
+                    held = np.int32(0) if open_now else np.int32(blocked[i] - np.int32(1))
+                    blocked[i] = np.int32(refractory - np.int32(1)) if fires else held
+                else:
+                    fires = np.int32(seen > threshold)
+
+                v[i] = voltage
+                wraps_q[i] += wrap_q
+                wraps_u[i] += wrap_u
+                clips[i] += clip
+                fired[i] = fires
+                potential[b, t, i] = seen
+                spikes[b, t, i] = np.uint8(fires)
+            if taps.shape[1] > 0 and fired.any():
+                for k in range(taps.shape[1]):
+                    row = np.uint64(t + 1 + taps[0, k])
+                    for i in range(many):
+                        due[row, i] += np.int32(taps[1, k] * fired[i])
+    events[0] += wraps_q.sum()
+    events[1] += wraps_u.sum()
+    events[2] += clips.sum()
+
+
+@compiled_with_arrays
+def charge_gradient(gradient, carry, constants, found):  # type: ignore[no-untyped-def]
+    """Write into ``found`` the gradient by the charge that each step sends on, of that by v, both (batch, steps, n).
+
+    The linear step, backwards: dv(t) = gradient(t) + keep_v * carry(t) * dv(t + 1), du(t) = dv(t) + keep_u * du(t + 1)
+    and, one step of latency later, found(t) = du(t + 1). ``carry`` (uint8) is 0 where v is reset and does not go on.
+    ``constants``: keep_u and keep_v as fractions, and 0, in the type of ``gradient``.
+    """
+    keep_u, keep_v, zero = constants
+    batch, steps, n = gradient.shape
+    du, dv = np.zeros(n, gradient.dtype), np.zeros(n, gradient.dtype)
+    many = np.uint64(n)
+    for b in range(batch):
+        du[:] = zero
+        dv[:] = zero
+        for t in range(steps - 1, -1, -1):
+            for i in range(many):
+                found[b, t, i] = du[i]
+                kept = keep_v * dv[i] if carry[b, t, i] else zero
+                dv[i] = gradient[b, t, i] + kept
+                du[i] = dv[i] + keep_u * du[i]
 
 
 class _Round(torch.autograd.Function):

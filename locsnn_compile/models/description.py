@@ -8,15 +8,13 @@ from collections.abc import Mapping
 
 from hw_model.values import AnyArray, Frozen, IntArray
 from locsnn_compile.baselines.ann_shapes import ann_shapes
-from locsnn_compile.data.frame import frame_size
 from locsnn_compile.data.orders import channel_walk, check_location_taxels
 from locsnn_compile.data.recordings import MAX_STEPS, clean_class_names
-from locsnn_compile.data.sensor import SensorLayout
+from locsnn_compile.data.sensor import SensorLayout, frame_size
 from locsnn_compile.errors import InputError, check_known
 from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
-from locsnn_compile.models.graph_parameters import GraphParameters
+from locsnn_compile.models.graph_and_windows import MAX_WINDOW_NEURONS, GraphParameters, WindowParameters, output_parts
 from locsnn_compile.models.plain_checks import is_number, require, require_count, require_positive, require_rising
-from locsnn_compile.models.windows import MAX_WINDOW_NEURONS, WindowParameters, output_parts
 
 #: Largest sizes accepted anywhere: a few times what any published tactile recording needs.
 MAX_UNITS = 4_096

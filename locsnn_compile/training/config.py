@@ -61,7 +61,7 @@ class TrainingConfig(Shown, eq=True):
     - ``location_weight`` is lambda of the weighted loss. ``branch_loss``: this share of the loss is the mean of those
       that each branch has by itself. ``loss`` spike-count uses ``target_right`` and
       ``target_wrong`` (spikes a recording), cross-entropy uses ``count_scale``, ``label_smoothing``, and
-      ``neighbour_smoothing`` of ``class_order``: see :mod:`locsnn_compile.training.loss`.
+      ``neighbour_smoothing`` of ``class_order``: see :mod:`locsnn_compile.training.measure`.
     - ``class_weights`` balanced: recordings of a rare class count for more in the loss, each class as much as another.
     - ``event_dropout``: every recording of a batch loses each event with a probability drawn from 0 to this;
       ``channel_dropout``: likewise each channel, with all its events; ``taxel_dropout``: each taxel, both polarities.
@@ -95,9 +95,9 @@ class TrainingConfig(Shown, eq=True):
     - ``hidden``: of a hidden layer; of networks with a graph of the first one, and the second has twice as many.
       ``graph`` joins the taxels (``neighbours`` and ``nearer_mm``: see
       :func:`locsnn_compile.data.taxel_graph.taxel_graph`); ``hops``, ``features`` and ``step_features``: see
-      :class:`locsnn_compile.models.graph_parameters.GraphParameters`.
+      :class:`locsnn_compile.models.graph_and_windows.GraphParameters`.
     - ``window_steps``, ``window_stride`` and ``window_levels`` (numbers of events, separated by spaces): see
-      :class:`locsnn_compile.models.windows.WindowParameters`.
+      :class:`locsnn_compile.models.graph_and_windows.WindowParameters`.
     - ``optimizer`` sgd has a momentum of 0.9. ``prototypes`` sets the output of ``window-snn`` for the recordings of
       all epochs, without descent, ``weight_decay`` being its smoothing: see
       :func:`locsnn_compile.training.prototypes.set_prototypes`.

@@ -11,8 +11,7 @@ from locsnn_compile.data.taxel_graph import taxel_graph
 from locsnn_compile.errors import InputError, check_most
 from locsnn_compile.models.architectures import ARCHITECTURES
 from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, Neuron, NeuronParameters
-from locsnn_compile.models.graph_parameters import GraphParameters
-from locsnn_compile.models.windows import WindowParameters
+from locsnn_compile.models.graph_and_windows import GraphParameters, WindowParameters
 from locsnn_compile.training.config import LOCATION_CONSTANTS, TrainingConfig
 
 

@@ -30,8 +30,7 @@ from locsnn_compile.models.touch_model import TouchModel
 from locsnn_compile.training.batches import batches, epoch_generator
 from locsnn_compile.training.config import EpochRecord, Progress, TrainingConfig
 from locsnn_compile.training.describe import check_recordings, describe
-from locsnn_compile.training.loss import Loss
-from locsnn_compile.training.measure import check_events, class_weights, data_remarks, evaluate, result_remarks
+from locsnn_compile.training.measure import Loss, check_events, class_weights, data_remarks, evaluate, result_remarks
 from locsnn_compile.training.profile import profile
 from locsnn_compile.training.prototypes import PROTOTYPES, set_prototypes
 from locsnn_compile.training.schedule import WeightAverage, choose_epoch, learning_rate

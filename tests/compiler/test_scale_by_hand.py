@@ -14,7 +14,7 @@ from locsnn_compile.passes.kernels import alpha_kernel, nearest_decays, own_char
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.passes.rounding.grades import shares
 from locsnn_compile.passes.rounding.task import Rounding, exponent_and_threshold
-from locsnn_compile.passes.srm.dendrite import whole_mantissas
+from locsnn_compile.passes.srm.quantize import whole_mantissas
 from locsnn_compile.pipeline import lower
 
 CHIP = hw.chip("loihi-sim")

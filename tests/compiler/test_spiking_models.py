@@ -15,7 +15,7 @@ from locsnn_compile.frontends.checkpoint import network_of
 from locsnn_compile.models.architectures import ARCHITECTURES
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
-from locsnn_compile.models.graph_parameters import GraphParameters
+from locsnn_compile.models.graph_and_windows import GraphParameters
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.models.touch_model import TouchModel
 from locsnn_compile.passes.rounding.task import FINE

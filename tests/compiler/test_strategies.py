@@ -15,8 +15,7 @@ from locsnn_compile.models.chip_entry import _OWN_MOST
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.passes.quantize import quantize
-from locsnn_compile.passes.srm.quantize import LAYOUTS
-from locsnn_compile.passes.srm.reset import refractory_count
+from locsnn_compile.passes.srm.quantize import LAYOUTS, refractory_count
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.reference.integer_neurons import input_response, own_spike_response

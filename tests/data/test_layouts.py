@@ -7,9 +7,16 @@ import numpy as np
 import pytest
 
 from locsnn_compile.data.axes import parse_axes, to_step_major
-from locsnn_compile.data.frame import frame_cells, frame_size
 from locsnn_compile.data.orders import BY_PLACE, location_order, order_text
-from locsnn_compile.data.sensor import SensorLayout, asked_layout, neutouch, parse_layout, read_layout
+from locsnn_compile.data.sensor import (
+    SensorLayout,
+    asked_layout,
+    frame_cells,
+    frame_size,
+    neutouch,
+    parse_layout,
+    read_layout,
+)
 from locsnn_compile.data.statistics import channel_place
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.data.taxel_graph import taxel_graph

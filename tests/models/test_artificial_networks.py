@@ -7,8 +7,7 @@ import pytest
 import torch
 from scipy.optimize import linear_sum_assignment
 
-from locsnn_compile.data.frame import frame_cells
-from locsnn_compile.data.sensor import FRAME_OF_TAXELS, TAXEL_COORDINATES_MM, SensorLayout, neutouch
+from locsnn_compile.data.sensor import FRAME_OF_TAXELS, TAXEL_COORDINATES_MM, SensorLayout, frame_cells, neutouch
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.ann import Cnn3d
 from locsnn_compile.models.description import InputLayout, NetworkDescription

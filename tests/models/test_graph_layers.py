@@ -16,7 +16,7 @@ from locsnn_compile.data.taxel_graph import GRAPHS, taxel_graph
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.branch_graph import BranchGraph, branch_graph, hop_matrix, spread_weights, step_edges
 from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription
-from locsnn_compile.models.graph_parameters import GraphParameters
+from locsnn_compile.models.graph_and_windows import GraphParameters
 from locsnn_compile.models.lif import GraphLayer, scan_spikes, spike
 
 SEEDS = st.integers(0, 2**31)

@@ -19,11 +19,11 @@ from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import Checkpoint, save_checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
+from locsnn_compile.models.graph_and_windows import WindowParameters
 from locsnn_compile.models.networks import HybridWindow, build_network
-from locsnn_compile.models.windows import WindowParameters
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.training.config import config_from_mapping
-from locsnn_compile.training.loss import weighted_counts
+from locsnn_compile.training.measure import weighted_counts
 from locsnn_compile.training.train import train
 from locsnn_compile.verification.over_time import OverTime, over_time
 

@@ -19,7 +19,7 @@ from locsnn_compile.models.architectures import ARCHITECTURES
 from locsnn_compile.models.checkpoint import save_checkpoint
 from locsnn_compile.models.checkpoint_reader import parse_checkpoint, read_checkpoint
 from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription
-from locsnn_compile.models.graph_parameters import GraphParameters
+from locsnn_compile.models.graph_and_windows import GraphParameters
 from locsnn_compile.models.networks import build_network
 
 AGAIN = "Write it again with 'locsnn train'."

@@ -22,8 +22,8 @@ from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import save_checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
-from locsnn_compile.models.window_network import WindowNetwork
-from locsnn_compile.models.windows import WindowParameters, output_parts
+from locsnn_compile.models.graph_and_windows import WindowParameters, output_parts
+from locsnn_compile.models.networks import WindowNetwork
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.training.config import config_from_mapping
 from locsnn_compile.training.train import train

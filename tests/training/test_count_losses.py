@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from locsnn_compile.errors import InputError
 from locsnn_compile.training.config import TrainingConfig
-from locsnn_compile.training.loss import Loss, label_shares, weighted_counts
-from locsnn_compile.training.measure import class_weights
+from locsnn_compile.training.measure import Loss, class_weights, label_shares, weighted_counts
 
 SEEDS = st.integers(0, 2**31)
 

@@ -22,7 +22,7 @@ from locsnn_compile.errors import TargetError
 from locsnn_compile.network.chip_neurons import ChipSrm, Refractory
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.passes.kernels import kernel, own_charges
-from locsnn_compile.passes.rounding.task import exponent_holding, own_grid
+from locsnn_compile.passes.rounding.task import Task, exponent_holding, own_grid
 
 TAPS_MAX = 256
 """Taps that are tried at most, on chips whose delays would allow more."""
@@ -49,15 +49,15 @@ class _Rounded(Frozen, eq=False):
     error: FloatArray
 
 
-def heaviest_charge(neuron: SrmAlpha, decay: int, chip: Chip, where: str) -> float:
+def heaviest_charge(neuron: SrmAlpha, decay: int, task: Task) -> float:
     """Return the largest own charge, in thresholds."""
     keep = (DECAY_ONE - decay) / DECAY_ONE
-    return float(np.abs(own_charges(_response(neuron, 1.0, _taps(chip)), keep)).max())
+    return float(np.abs(own_charges(_response(neuron, 1.0, _taps(task.chip)), keep)).max())
 
 
-def lay_out(neuron: SrmAlpha, size: int, decay: int, thresholds: Iterable[int], chip: Chip, where: str) -> ChipSrm:
+def lay_out(neuron: SrmAlpha, decay: int, thresholds: Iterable[int], task: Task) -> ChipSrm:
     """Return the neurons at that of the threshold mantissas whose taps round best."""
-    candidates = np.array(list(thresholds))
+    chip, candidates = task.chip, np.array(list(thresholds))
     # v > 64 * threshold is v >= 64 * threshold + 1 for integers: this value stands for theta.
     found = _round_taps(neuron, decay, 64.0 * candidates + 1, _taps(chip), own_grid(chip))
     best = found.error.min(axis=1)
@@ -66,7 +66,7 @@ def lay_out(neuron: SrmAlpha, size: int, decay: int, thresholds: Iterable[int], 
     error = float(found.error[last, chosen])
     if error > ERROR_MAX:
         raise TargetError(
-            where,
+            task.where,
             f"no {_taps(chip)} delayed synapses hold the refractory kernel of tau_ref {neuron.tau_ref:g}",
             measured=f"an error of {error:.2g} against {ERROR_MAX:g}; {chip.name} has delay_max "
             f"{chip.registers.delay_max}",
@@ -74,6 +74,7 @@ def lay_out(neuron: SrmAlpha, size: int, decay: int, thresholds: Iterable[int], 
         )
     mantissa, exponent = found.mantissa[: last + 1, :, chosen], found.exponent[: last + 1, :, chosen]
     delay, part = np.nonzero(mantissa)
+    size = task.population.size
     own = Refractory.of(size, mantissa[delay, part], exponent[delay, part], delay)
     return ChipSrm.of(size, decay_u=decay, decay_v=decay, threshold=int(candidates[chosen]), refractory=own)
 

@@ -15,8 +15,7 @@ from locsnn_compile.passes.rounding.drive import Drive, drive_of
 from locsnn_compile.passes.rounding.grades import Grades, coarsest, grades_for, in_grades, nearest, shares
 from locsnn_compile.passes.rounding.task import Rounded, Scaled, Task, heaviest_weight, own_grid
 from locsnn_compile.passes.rounding.together import round_together
-from locsnn_compile.passes.srm import dendrite as srm_dendrite
-from locsnn_compile.passes.srm.quantize import of_a_dendrite
+from locsnn_compile.passes.srm.quantize import dendrite_charge, of_a_dendrite, whole_mantissas
 from locsnn_compile.reference.evaluate import CHUNK, Calibration
 from locsnn_compile.reference.integer_neurons import ChipSrmSteps
 
@@ -69,7 +68,7 @@ def _scaled_apart(task: _Task, made: ChipSrm) -> ChipSrm:
     """Return the neurons each at the scale with which its potential errs least; the plain scale is always allowed."""
     share, dendrites = of_a_dendrite(task.neuron, made.dendrites), made.dendrites
     wanted = np.append(SCALES * _largest_threshold(task, share, dendrites), made.threshold[0])
-    thresholds, mantissas, exponent = srm_dendrite.whole_mantissas(share, wanted, own_grid(task.chip))
+    thresholds, mantissas, exponent = whole_mantissas(share, wanted, own_grid(task.chip))
     size = task.population.size
     candidates = _at(made, np.repeat(thresholds, size), np.repeat(mantissas, size), exponent)
     errors = _errors(task, candidates, len(thresholds))
@@ -89,7 +88,7 @@ def _at(made: ChipSrm, thresholds: IntArray, mantissas: IntArray, exponent: int)
 def _largest_threshold(task: _Task, share: SrmAlpha, dendrites: int) -> float:
     """Return the largest threshold mantissa that registers and own charges, a dendrite's share, leave to any neuron."""
     registers = task.chip.registers
-    own = srm_dendrite.heaviest_charge(share, 0, task.chip, task.where)
+    own = dendrite_charge(share, 0, task)
     caps = [registers.threshold_mantissa_max, dendrites * registers.voltage_max / (64 * HEADROOM_MIN)]
     return min(*caps, heaviest_weight(task.chip) / own - 1) if own else min(caps)
 

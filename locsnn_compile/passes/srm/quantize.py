@@ -1,47 +1,38 @@
 """Choose integers for SRM neurons, strategy by strategy.
 
 The threshold is exact, rule included: ``u >= theta`` holds where ``v > 64 * threshold``. The gain of the alpha kernel
-makes up for its rounded decay.
+makes up for its rounded decay. Strategy ``delay-line`` has a file of its own.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
-from typing import Protocol
+from typing import NamedTuple
 
 import numpy as np
 
-from hw_model.description.chip import Chip
-from locsnn_compile.network.chip_neurons import ChipNeuron, ChipSrm, integers
+from hw_model.arithmetic.fixed_point import DECAY_ONE, WeightGrid
+from hw_model.values import FloatArray, IntArray
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm, Refractory, integers
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.passes.kernels import alpha_kernel, fitted_decays
-from locsnn_compile.passes.rounding.task import Scaled, Task, checked_scale, heaviest_weight
-from locsnn_compile.passes.srm import delay_line, dendrite, reset
+from locsnn_compile.passes.rounding.task import Scaled, Task, checked_scale, exponent_holding, heaviest_weight, own_grid
+from locsnn_compile.passes.srm import delay_line
 from locsnn_compile.strategies import STRATEGIES
 
 SCALE_SLACK = 0.99
 """A scale may be up to one percent below the largest, if own weights round better there."""
 
 
-class Layout(Protocol):
-    """How SRM neurons are laid out: both functions are told the decay of the alpha kernel, and where they are."""
+class Layout(NamedTuple):
+    """How SRM neurons are laid out: both functions are told the decay of the alpha kernel.
 
-    def heaviest_charge(self, neuron: SrmAlpha, decay: int, chip: Chip, where: str, /) -> float:
-        """Return the heaviest charge of a neuron's own spike, in thresholds."""
+    ``heaviest_charge``: the heaviest charge of a neuron's own spike, in thresholds. ``lay_out``: the neurons of a task,
+    at one of the threshold mantissas, best first, within the limits of its chip.
+    """
 
-    def lay_out(
-        self, neuron: SrmAlpha, size: int, decay: int, candidates: Iterable[int], chip: Chip, where: str, /
-    ) -> ChipNeuron:
-        """Return so many neurons, at one of the threshold mantissas, within the limits of a chip."""
-
-
-LAYOUTS: dict[str, Layout] = {
-    "dendrite": dendrite,
-    "delay-line": delay_line,
-    "reset": reset,
-    # Each dendrite takes its share of every weight, own ones included.
-    "paired-dendrite": dendrite,
-}
+    heaviest_charge: Callable[[SrmAlpha, int, Task], float]
+    lay_out: Callable[[SrmAlpha, int, Iterable[int], Task], ChipNeuron]
 
 
 def quantize_srm(neuron: SrmAlpha, task: Task) -> Scaled:
@@ -49,21 +40,21 @@ def quantize_srm(neuron: SrmAlpha, task: Task) -> Scaled:
 
     Where decays are to be fitted, two instead of one, where the strategy can have them: taps are made for one.
     """
-    size, chip, strategy, where = task.population.size, task.chip, task.strategy, task.where
+    size, strategy, where = task.population.size, task.strategy, task.where
     layout, dendrites = LAYOUTS[strategy], STRATEGIES[strategy].dendrites
-    mantissa_max = chip.registers.threshold_mantissa_max
+    mantissa_max = task.chip.registers.threshold_mantissa_max
     decay, gain, _ = alpha_kernel(neuron.tau_sr, f"{where}: tau_sr")
     heaviest = float(task.largest.max()) * gain / neuron.theta / dendrites
     share = of_a_dendrite(neuron, dendrites)
-    own = layout.heaviest_charge(share, decay, chip, where)
-    most_own = heaviest_weight(chip)
+    own = layout.heaviest_charge(share, decay, task)
+    most_own = heaviest_weight(task.chip)
     if own > most_own / 2:
         measured = f"an own spike weighs {own:.3g} thresholds against {most_own / 2:.0f}"
         raise task.no_scale("refractory kernel", measured, "Use a smaller scale_ref, or strategy reset.")
     cap = int(min(most_own / own - 1, mantissa_max)) if own else mantissa_max
     exponent, most = checked_scale(task, heaviest, cap, 1)
     candidates = range(most, max(1, math.ceil(SCALE_SLACK * most)) - 1, -1)
-    made = layout.lay_out(share, size, decay, candidates, chip, where)
+    made = layout.lay_out(share, decay, candidates, task)
     if isinstance(made, ChipSrm):
         made = replace(made, dendrites=dendrites)
     if task.rounding.fitted_decays and strategy != "delay-line":
@@ -76,3 +67,82 @@ def quantize_srm(neuron: SrmAlpha, task: Task) -> Scaled:
 def of_a_dendrite(neuron: SrmAlpha, dendrites: int) -> SrmAlpha:
     """Return a neuron whose own spikes do what they do in each of so many refractory dendrites."""
     return replace(neuron, scale_ref=neuron.scale_ref / dendrites)
+
+
+def dendrite_charge(neuron: SrmAlpha, decay: int, task: Task) -> float:
+    """Return the largest own charge of a neuron that drives a refractory dendrite, in thresholds."""
+    return neuron.scale_ref * alpha_kernel(neuron.tau_ref, f"{task.where}: tau_ref")[1]
+
+
+def _with_dendrites(neuron: SrmAlpha, decay: int, thresholds: Iterable[int], task: Task) -> ChipSrm:
+    """Strategy ``dendrite``: own spikes drive a refractory dendrite, the kernel nu by one self-synapse.
+
+    The threshold mantissa is the one whose refractory weight rounds best.
+    """
+    refractory_decay, gain, _ = alpha_kernel(neuron.tau_ref, f"{task.where}: tau_ref")
+    size, grid = task.population.size, own_grid(task.chip)
+
+    def rounded(threshold: int) -> tuple[float, int, int]:
+        # v > 64 * threshold is v >= 64 * threshold + 1 for integers: this value stands for theta.
+        wanted = neuron.scale_ref * gain * (64 * threshold + 1) / 64
+        exponent = exponent_holding(wanted, grid)
+        mantissa = int(grid.round(np.array([wanted / 2.0**exponent]))[0])
+        error = abs(mantissa * 2.0**exponent - wanted) / wanted if wanted > 0 else 0.0
+        return error, -mantissa, exponent
+
+    threshold = min(thresholds, key=lambda t: rounded(t)[0])
+    _, mantissa, exponent = rounded(threshold)
+    own = Refractory.of(size, mantissa, exponent, refractory_decay=refractory_decay)
+    return ChipSrm.of(size, decay_u=decay, decay_v=decay, threshold=threshold, refractory=own)
+
+
+def whole_mantissas(neuron: SrmAlpha, thresholds: FloatArray, grid: WeightGrid) -> tuple[IntArray, IntArray, int]:
+    """Return threshold mantissas (k,) near those wanted, their refractory mantissas (k,), and the exponent of all.
+
+    A scale is free, so it is chosen for the refractory weight: its mantissa is the largest of the grid at which the
+    threshold is not above the one wanted, and the threshold follows from it. Where that would be 0, the threshold is
+    the one wanted, and the refractory weight is rounded.
+    """
+    _, gain, _ = alpha_kernel(neuron.tau_ref, "tau_ref")
+    charge = neuron.scale_ref * gain
+    heaviest = charge * (float(thresholds.max()) + 1 / 64)
+    if heaviest < 0.5:
+        return np.maximum(np.floor(thresholds), 1).astype(np.int64), np.zeros(len(thresholds), dtype=np.int64), 0
+    exponent = exponent_holding(heaviest, grid)
+    step = grid.step * 2.0**exponent
+    wanted = charge * (thresholds + 1 / 64) / step
+    steps = np.where(wanted < 1, np.rint(wanted), np.floor(wanted))
+    found = np.where(wanted < 1, np.floor(thresholds), np.rint(steps * step / charge - 1 / 64))
+    return np.maximum(found, 1).astype(np.int64), -(steps * grid.step).astype(np.int64), exponent
+
+
+def _with_resets(neuron: SrmAlpha, decay: int, thresholds: Iterable[int], task: Task) -> ChipCuba:
+    """Strategy ``reset``: the chip's own reset and refractory count stand in for the refractory kernel.
+
+    The threshold mantissa is the largest.
+    """
+    count = min(task.chip.registers.refractory_max, refractory_count(neuron, decay))
+    return ChipCuba.of(task.population.size, decay_u=decay, decay_v=decay, threshold=max(thresholds), refractory=count)
+
+
+def refractory_count(neuron: SrmAlpha, decay: int) -> int:
+    """Return the least count with which a spike takes as much from the potential, summed over steps, as nu does.
+
+    A reset takes a threshold, which would have faded by ``decay``: ``4096 / decay`` thresholds over all steps; each
+    blocked step one more. At the published time constants the reset alone takes twice what nu takes, and more blocked
+    steps only make it worse: on training recordings of both example networks a count of 1 kept most predictions.
+    """
+    kept = math.exp(-1.0 / neuron.tau_ref)
+    taken = neuron.scale_ref * math.e / neuron.tau_ref * kept / (1.0 - kept) ** 2
+    return 1 + max(0, math.ceil(taken - DECAY_ONE / decay))
+
+
+_DENDRITES = Layout(dendrite_charge, _with_dendrites)
+LAYOUTS = {
+    "dendrite": _DENDRITES,
+    "delay-line": Layout(delay_line.heaviest_charge, delay_line.lay_out),
+    # There are no self-synapses.
+    "reset": Layout(lambda *_: 0.0, _with_resets),
+    # Each dendrite takes its share of every weight, own ones included.
+    "paired-dendrite": _DENDRITES,
+}

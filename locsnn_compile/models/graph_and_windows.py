@@ -1,7 +1,7 @@
-"""Windows of a recording: what the hidden neurons of ``window-snn`` hear, and which of them an output hears.
+"""What first layers may be made of in place of dense weights, in plain values: graph convolutions, or windows.
 
-Channels are taken in the order of the walk. Hidden neuron ``(i * windows + w) * levels + k`` spikes where channel
-``walk[i]`` had at least ``levels[k]`` events in window ``w``. Nothing here imports torch, so that the compiler can make
+In ``window-snn``, hidden neuron ``(i * windows + w) * levels + k`` spikes where channel ``walk[i]`` had at least
+``levels[k]`` events in window ``w``. Nothing here imports torch, so that the compiler can read descriptions and make
 the synapses without it.
 """
 
@@ -12,7 +12,7 @@ from scipy import sparse
 
 from hw_model.values import Frozen, IntArray
 from locsnn_compile.errors import InputError, check_most
-from locsnn_compile.models.plain_checks import is_whole, require, require_rising
+from locsnn_compile.models.plain_checks import is_whole, require, require_count, require_rising, rises
 
 HEARD_BY_OUTPUT = 1_024
 """Hidden neurons that an output hears, if it hears several taxels.
@@ -24,6 +24,8 @@ AXONS_OF_CORE = 4_096
 """Input axons of a core of the chip, and so the hidden neurons that an output can hear at all."""
 MAX_WINDOW_NEURONS = 131_072
 """Hidden neurons of a network: 128 cores of 1,024."""
+MAX_HOPS = 16
+MAX_FEATURES = 1024
 
 
 class WindowParameters(Frozen):
@@ -82,3 +84,33 @@ def output_parts(hidden_of_taxel: Sequence[int] | IntArray) -> list[slice]:
             start = end
         end += size
     return [*parts, slice(start, end)]
+
+
+class GraphParameters(Frozen):
+    """The topology-adaptive graph convolutions of a network (Du et al. 2017), one for each of its branches.
+
+    ``taxel_edges``: pairs of 1-based taxel numbers of a fingertip, the lower first, each pair once; ``name`` says how
+    they were found. A node hears nodes up to ``hops`` edges away and gives ``features`` outputs; on the location axis,
+    where nodes are the time steps of the recording and neighbours in time are joined, ``step_features``.
+    """
+
+    name: str
+    taxel_edges: tuple[tuple[int, int], ...]
+    hops: int = 3
+    features: int = 64
+    step_features: int = 8
+
+    def check(self, taxels: int) -> None:
+        """Raise ``InputError`` for numbers out of range, and for a pair that is none of ``taxels`` taxels."""
+        limits = {"hops": MAX_HOPS, "features": MAX_FEATURES, "step_features": MAX_FEATURES}
+        for name, limit in limits.items():
+            require_count(f"graph {name!r}", getattr(self, name), limit)
+        seen: set[tuple[int, int]] = set()
+        for a, b in self.taxel_edges:
+            if not rises((a, b), 1, taxels):
+                what = "an edge is not a pair of taxels with the lower number first"
+                fix = "Correct the graph."
+                raise InputError("taxel graph", what, measured=f"got {a!r}-{b!r} against 1..{taxels}", fix=fix)
+            if (a, b) in seen:
+                raise InputError("taxel graph", f"edge {a}-{b} is given twice", fix="Give every edge once.")
+            seen.add((a, b))

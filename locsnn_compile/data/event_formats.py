@@ -1,0 +1,102 @@
+"""Formats of single events: structured arrays as Tonic has them, and the five bytes of SLAYER and N-MNIST.
+
+Structured arrays have the fields ``t`` in microseconds, ``x``, ``y`` if there is one, ``p``. Of five bytes, ``.bs1``
+has: neuron number, 16 bits, high byte first; ``.bs2`` and ``.bin``: x, then y, 8 bits each; all: polarity, 1 bit, and
+time in microseconds, 23 bits, so nothing is later than 8.388607 s. But in a ``.bin`` of N-MNIST or N-Caltech101, what
+has y 240 is no event: from it on, times are 8,192 microseconds later (Orchard et al. 2015, and their Read_Ndataset).
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hw_model.values import AnyArray, IntArray
+from locsnn_compile.data.event_stream import EventStream
+from locsnn_compile.errors import InputError
+
+_FIX = "Give the fields t (microseconds), x, y where there is one, and p (0 or 1)."
+#: Largest x and y.
+MAX_PLACE = 1 << 20
+#: The fields that are written; readers take them in any order and of any size.
+DTYPE = np.dtype([("t", "<i8"), ("x", "<i8"), ("p", "<i8")])
+EVENT_BYTES = 5
+OVERFLOW_ROW, OVERFLOW_MICROSECONDS = 240, 1 << 13
+MAX_MICROSECONDS = (1 << 23) - 1
+#: Columns of the grid that a recording without a shape of its own is laid out in: the taxels of a fingertip a row.
+COLUMNS = 39
+
+
+def parse_structured(array: AnyArray, where: str) -> EventStream:
+    """Return the events of a structured array, (events,); polarity -1 counts as 0.
+
+    Raises ``InputError`` for other fields, and for numbers that are no times, places or polarities.
+    """
+    names = array.dtype.names or ()
+    if array.ndim != 1 or not {"t", "x", "p"} <= set(names) <= {"t", "x", "y", "p"}:
+        shown = f"fields {', '.join(names)}"[:80] if array.ndim == 1 else f"{array.ndim} axes"
+        raise InputError(where, "its values are no events", measured=shown, fix=_FIX)
+    times = _whole(array, "t", 0, 2**53, where)
+    x = _whole(array, "x", 0, MAX_PLACE, where)
+    y = _whole(array, "y", 0, MAX_PLACE, where) if "y" in names else np.zeros_like(x)
+    return EventStream(times, x, y, (_whole(array, "p", -1, 1, where) > 0).astype(np.int64))
+
+
+def _whole(array: AnyArray, name: str, low: int, high: int, where: str) -> IntArray:
+    values = array[name]
+    if values.ndim != 1 or values.dtype.kind not in "biuf":
+        raise InputError(where, f"its field {name!r} is not one number", measured=f"{values.dtype}", fix=_FIX)
+    # Written so that NaN is refused too.
+    bad = ~((values >= low) & (values <= high) & (values == np.floor(values)))
+    if bad.any():
+        at = int(bad.argmax())
+        measured = f"{values[at]} of event {at} against whole numbers {low}..{high}"
+        raise InputError(where, f"its field {name!r} is out of range", measured=measured, fix=_FIX)
+    return values.astype(np.int64)
+
+
+def structured_events(times: IntArray, x: IntArray, polarity: IntArray) -> NDArray[np.void]:
+    """Return the structured array of events."""
+    events = np.empty(len(times), dtype=DTYPE)
+    events["t"], events["x"], events["p"] = times, x, polarity
+    return events
+
+
+def parse_slayer_events(data: bytes, suffix: str, where: str) -> EventStream:
+    """Return the events of the bytes of a ``.bs1``, ``.bs2`` or ``.bin`` file, in its order; any five are an event.
+
+    Raises ``InputError`` for bytes that end within an event.
+    """
+    if len(data) % EVENT_BYTES:
+        measured = f"{len(data)} bytes, {EVENT_BYTES} an event"
+        raise InputError(where, "it ends within an event", measured=measured, fix="Give a whole file.")
+    fields = np.frombuffer(data, dtype=np.uint8).reshape(-1, EVENT_BYTES).astype(np.int64).T
+    times = (fields[2] & 0x7F) << 16 | fields[3] << 8 | fields[4]
+    if suffix == ".bs1":
+        x, y = fields[0] << 8 | fields[1], np.zeros_like(times)
+    else:
+        x, y = fields[0], fields[1]
+    polarity = fields[2] >> 7
+    if suffix == ".bin":
+        overflow = y == OVERFLOW_ROW
+        times = times + OVERFLOW_MICROSECONDS * np.cumsum(overflow)
+        times, x, y, polarity = (values[~overflow] for values in (times, x, y, polarity))
+    return EventStream(times, x, y, polarity)
+
+
+def pack_slayer_events(times: IntArray, x: IntArray, y: IntArray | None, polarity: IntArray, where: str) -> bytes:
+    """Return the bytes of a ``.bs1`` file, or of ``.bs2`` where ``y`` is given; times in microseconds.
+
+    Raises ``InputError`` for what the fields cannot hold.
+    """
+    for name, values, limit in (
+        ("microsecond", times, MAX_MICROSECONDS),
+        ("x", x, 0xFF if y is not None else 0xFFFF),
+        ("y", times[:0] if y is None else y, 0xFF),
+        ("polarity", polarity, 1),
+    ):
+        if len(values) and not 0 <= values.min() <= values.max() <= limit:
+            measured = f"{int(values.max())} against {limit}"
+            raise InputError(where, f"an event's {name} does not fit its bits", measured=measured, fix="Write .npz.")
+    fields = np.empty((len(times), EVENT_BYTES), dtype=np.uint8)
+    fields[:, 0], fields[:, 1] = (x >> 8, x & 0xFF) if y is None else (x, y)
+    fields[:, 2], fields[:, 3], fields[:, 4] = polarity << 7 | times >> 16, times >> 8 & 0xFF, times & 0xFF
+    return fields.tobytes()
