@@ -30,7 +30,7 @@ bins of single events had to exceed, and there is, where it is not NeuTouch, the
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -45,13 +45,20 @@ from locsnn_compile.data.torch_writer import torch_bytes
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.chip_entry import ChipNumbers, ChipPopulation, chip_entry
 from locsnn_compile.models.description import InputLayout, NetworkDescription
-from locsnn_compile.models.graph_and_windows import GraphParameters
 
 FORMAT = "locsnn-checkpoint"
 VERSION = 3
 """The newest version."""
 CHIP_VERSION = 2
 """That of networks on a chip's arithmetic."""
+OPTIONAL: dict[str, type] = {
+    **dict.fromkeys(("delays", "location_delays"), list),
+    "location_neuron": dict,
+    "class_names": list,
+    "align_events": int,
+    "window": dict,
+}
+"""What of a description a file has only where it is not as usual, in this order, and its type."""
 
 #: What a training entry may be.
 Plain = str | int | float | bool | None
@@ -113,7 +120,7 @@ def checkpoint_values(checkpoint: Checkpoint) -> dict[str, Any]:
         check_weights(f"population {name!r}", weights[name], None if chip is None else chip.populations[name])
         kind = np.float32 if chip is None else np.int16
         arrays[name] = np.array(weights[name], dtype=kind, order="C")
-    srm = description.structure.neurons == "srm"
+    srm, order = description.structure.neurons == "srm", description.location_taxels
     values = {
         "format": FORMAT,
         "version": CHIP_VERSION if chip is not None else 1 if srm else VERSION,
@@ -121,7 +128,7 @@ def checkpoint_values(checkpoint: Checkpoint) -> dict[str, Any]:
         "architecture": description.architecture,
         "neuron": {} if description.neuron is None else asdict(description.neuron),
         "input": _input_entry(description.input),
-        "location_order": _order_entry(description),
+        "location_order": None if order is None else {"name": description.location_order, "taxels": list(order)},
         "hidden": description.hidden,
         "classes": description.classes,
         "weights": arrays,
@@ -130,19 +137,13 @@ def checkpoint_values(checkpoint: Checkpoint) -> dict[str, Any]:
     }
     if chip is not None:
         values["chip"] = chip_entry(chip)
-    for name in ("delays", "location_delays"):
-        if getattr(description, name) != (0,):
-            values[name] = list(getattr(description, name))
-    if description.location_neuron is not None:
-        values["location_neuron"] = asdict(description.location_neuron)
-    if description.class_names is not None:
-        values["class_names"] = list(description.class_names)
-    if description.align_events is not None:
-        values["align_events"] = description.align_events
-    if description.window is not None:
-        values["window"] = asdict(description.window)
+    usual = {field.name: field.default for field in fields(NetworkDescription)}
+    for name in OPTIONAL:
+        if (value := getattr(description, name)) != usual[name]:
+            values[name] = asdict(value) if is_dataclass(value) else list(value) if isinstance(value, tuple) else value
     if not srm:
-        values["graph"] = _graph_entry(description.graph)
+        graph = description.graph
+        values["graph"] = graph and asdict(graph) | {"taxel_edges": [list(edge) for edge in graph.taxel_edges]}
     return values
 
 
@@ -172,15 +173,3 @@ def _input_entry(layout: InputLayout) -> dict[str, Any]:
     else:
         entry["sensor"] = sensor.document()
     return entry if layout.event_threshold is None else entry | {"event_threshold": layout.event_threshold}
-
-
-def _order_entry(description: NetworkDescription) -> dict[str, Any] | None:
-    if description.location_taxels is None:
-        return None
-    return {"name": description.location_order, "taxels": list(description.location_taxels)}
-
-
-def _graph_entry(graph: GraphParameters | None) -> dict[str, Any] | None:
-    if graph is None:
-        return None
-    return asdict(graph) | {"taxel_edges": [list(edge) for edge in graph.taxel_edges]}

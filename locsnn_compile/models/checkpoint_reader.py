@@ -7,7 +7,7 @@ that names the entry.
 import hashlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -17,22 +17,19 @@ from locsnn_compile.data.sensor import POLARITIES, TAXELS, SensorLayout, neutouc
 from locsnn_compile.data.tensors import Tensor
 from locsnn_compile.data.torch_file import load_plain, read_bytes
 from locsnn_compile.errors import InputError, did_you_mean
-from locsnn_compile.models.checkpoint import CHIP_VERSION, FORMAT, VERSION, Checkpoint, Plain, check_weights
+from locsnn_compile.models.checkpoint import CHIP_VERSION, FORMAT, OPTIONAL, VERSION, Checkpoint, Plain, check_weights
 from locsnn_compile.models.chip_entry import ChipNumbers, parse_chip_entry
 from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, Neuron, NeuronParameters
 from locsnn_compile.models.graph_and_windows import GraphParameters, WindowParameters
 from locsnn_compile.models.plain_checks import KIND_WORDS, WRITE_AGAIN, field_kinds, file_fault, is_one_of, is_whole
+
+T = TypeVar("T")
 
 _KEYS: dict[str, tuple[type, ...]] = {
     **dict.fromkeys(("format", "name", "architecture"), (str,)),
     **dict.fromkeys(("version", "hidden", "classes"), (int,)),
     **dict.fromkeys(("neuron", "input", "weights", "training"), (dict,)),
     **dict.fromkeys(("location_order", "recordings"), (dict, type(None))),
-}
-_OPTIONAL: dict[str, tuple[type, ...]] = {
-    **dict.fromkeys(("delays", "location_delays", "class_names"), (list,)),
-    **dict.fromkeys(("location_neuron", "window"), (dict,)),
-    "align_events": (int,),
 }
 
 
@@ -72,35 +69,31 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
         raise InputError(where, "it was written by a newer version", measured=against, fix="Update locsnn-compile.")
     more: dict[object, dict[str, tuple[type, ...]]]
     more = {CHIP_VERSION: {"chip": (dict,)}, VERSION: {"graph": (dict, type(None))}}
-    optional = {name: kinds for name, kinds in _OPTIONAL.items() if name in values}
+    optional = {name: (kind,) for name, kind in OPTIONAL.items() if name in values}
     check_keys(where, "", values, _KEYS | more.get(version, {}) | optional)
     if version not in (1, *more):
         raise file_fault(where, "its version does not exist", against)
     name = _name(where, "name", values["name"])
-    order_name, taxels = _location_order(where, values["location_order"])
-    own = values.get("location_neuron", {})
+    if (order := values["location_order"]) is not None:
+        check_keys(where, "location_order.", order, {"name": (str,), "taxels": (list, tuple)})
+    srm = version != VERSION
     try:
         description = NetworkDescription(
             architecture=values["architecture"],
             input=_input(where, values["input"]),
             classes=values["classes"],
             hidden=values["hidden"],
-            neuron=_neuron(where, values["neuron"], srm=version != VERSION),
-            location_neuron=_neuron(where, own, srm=version != VERSION and "location_neuron" in values),
-            location_order=order_name,
-            location_taxels=taxels,
+            neuron=_neuron(where, values["neuron"], srm=srm),
+            location_order=order and order["name"],
+            location_taxels=order and tuple(order["taxels"]),
             name=name,
             graph=_graph(where, values.get("graph")),
-            delays=tuple(values.get("delays", (0,))),
-            location_delays=tuple(values.get("location_delays", (0,))),
-            class_names=tuple(values["class_names"]) if "class_names" in values else None,
-            window=_window(where, values.get("window")),
-            align_events=values.get("align_events"),
+            **{key: _optional(where, key, values[key], srm=srm) for key in optional},
         )
     except InputError as error:
         place = error.where if error.where.startswith(where) else f"{where}, {error.where}"
         raise InputError(place, error.what, measured=error.measured, fix=error.fix) from None
-    if (description.structure.neurons == "srm") != (version != VERSION):
+    if (description.structure.neurons == "srm") != srm:
         raise file_fault(where, f"version {version} does not hold such networks")
     chip = parse_chip_entry(where, values["chip"], description.weight_shapes) if version == CHIP_VERSION else None
     training = _training(where, values["training"])
@@ -159,37 +152,34 @@ def _neuron(where: str, entry: dict[Any, Any], *, srm: bool) -> Neuron | None:
     if not entry and not srm:
         return None
     kind = NeuronParameters if srm else WindowParameters if "levels" in entry else LifParameters
-    check_keys(where, "neuron.", entry, field_kinds(kind))
-    return kind(**_tuples(entry))
+    return _record(where, "neuron", kind, entry)
 
 
-def _window(where: str, entry: dict[Any, Any] | None) -> WindowParameters | None:
-    if entry is None:
-        return None
-    check_keys(where, "window.", entry, field_kinds(WindowParameters))
-    return WindowParameters(**_tuples(entry))
+def _optional(where: str, name: str, value: Any, *, srm: bool) -> Any:
+    """Return what an entry of :data:`OPTIONAL` holds."""
+    if name == "location_neuron":
+        return _neuron(where, value, srm=srm)
+    return _record(where, name, WindowParameters, value) if name == "window" else _tuples(value)
 
 
-def _tuples(entry: dict[Any, Any]) -> dict[str, Any]:
-    return {key: tuple(value) if isinstance(value, list) else value for key, value in entry.items()}
+def _record(where: str, name: str, kind: type[T], entry: dict[Any, Any]) -> T:
+    """Return the dataclass whose fields an entry holds."""
+    check_keys(where, f"{name}.", entry, field_kinds(kind))
+    return kind(**{key: _tuples(value) for key, value in entry.items()})
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value
 
 
 def _graph(where: str, entry: dict[Any, Any] | None) -> GraphParameters | None:
     if entry is None:
         return None
-    check_keys(where, "graph.", entry, field_kinds(GraphParameters))
-    edges = entry["taxel_edges"]
-    if any(not isinstance(edge, list) or len(edge) != 2 for edge in edges):
+    graph = _record(where, "graph", GraphParameters, entry)
+    if any(not isinstance(edge, list) or len(edge) != 2 for edge in entry["taxel_edges"]):
         raise file_fault(where, "entry 'graph.taxel_edges' must be a list of pairs")
-    values = entry | {"name": _name(where, "graph.name", entry["name"])}
-    return GraphParameters(**values | {"taxel_edges": tuple((a, b) for a, b in edges)})
-
-
-def _location_order(where: str, entry: dict[Any, Any] | None) -> tuple[str | None, tuple[int, ...] | None]:
-    if entry is None:
-        return None, None
-    check_keys(where, "location_order.", entry, {"name": (str,), "taxels": (list, tuple)})
-    return entry["name"], tuple(entry["taxels"])
+    _name(where, "graph.name", graph.name)
+    return graph
 
 
 def _weights(

@@ -1,6 +1,7 @@
 """Everything that decides a training run, in one frozen value that a YAML file can hold."""
 
 from collections.abc import Callable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, cast, get_type_hints
 
@@ -10,7 +11,7 @@ from hw_model.values import Frozen, Shown
 from locsnn_compile.data.sensor import MAX_CHANNELS, SensorLayout, asked_layout
 from locsnn_compile.data.taxel_graph import GRAPHS
 from locsnn_compile.errors import InputError, check_known, did_you_mean
-from locsnn_compile.models.architectures import ARCHITECTURES
+from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
 from locsnn_compile.models.plain_checks import KIND_WORDS, field_kinds, is_one_of, is_whole
 from locsnn_compile.strategies import TRAINABLE
 
@@ -53,6 +54,36 @@ class Range(NamedTuple):
 
     low: float
     high: float
+
+
+class Need(NamedTuple):
+    """Where an option counts: elsewhere nothing comes of it, for a reason; and what to do there."""
+
+    counts: "Callable[[TrainingConfig, Architecture], bool]"
+    why: str
+    fix: str = "Leave it out."
+
+
+CHIP = Need(
+    lambda c, _: c.target != "float", "the network is trained in float, and no chip holds it", "Add --target CHIP."
+)
+RESETS = Need(lambda c, _: c.strategy == "reset", "only strategy reset has it", "Add strategy reset.")
+LOCATION = Need(lambda _, a: "location" in a.branches, "the network has no location branch")
+BRANCHES = Need(lambda _, a: len(a.branches) > 1, "the network has no second branch")
+SPIKING = Need(lambda _, a: a.branches != (), "the network reads recordings from their first step")
+LEARNED = Need(lambda _, a: a.neurons != "windows", "events and windows decide the hidden neurons")
+GRAPH = Need(lambda _, a: a.graph, "the network has no graph", "Choose a model with one, such as hybrid-graph.")
+SRM = Need(lambda _, a: a.neurons == "srm", "the network has no spike response neurons")
+LIF = Need(lambda _, a: a.neurons == "lif", "it has no integrate-and-fire neurons")
+WINDOWS = Need(lambda _, a: a.window_branch != "", "the network has no windows", "Choose the model window-snn.")
+SPIKE_COUNT = Need(
+    lambda c, _: c.loss == "spike-count", "the loss is cross-entropy, which has no target", "Add --loss spike-count."
+)
+CROSS_ENTROPY = Need(lambda c, _: c.loss == "cross-entropy", "the loss is spike-count, which takes counts as they are")
+CLASS_ORDER = Need(
+    lambda c, _: c.class_order != "", "nothing says which classes are neighbours", "Add class_order, such as '0-4 5-9'."
+)
+NEIGHBOURS = Need(lambda c, _: c.neighbour_smoothing > 0, "neighbours get no share", "Add neighbour_smoothing.")
 
 
 class TrainingConfig(Shown, eq=True):
@@ -110,20 +141,20 @@ class TrainingConfig(Shown, eq=True):
     """
 
     model: Annotated[str, tuple(ARCHITECTURES)] = "hybrid"
-    order: str = "loop"
+    order: Annotated[str, LOCATION] = "loop"
     delays: str = "0"
-    location_delays: str = "0"
-    hidden: Annotated[int, Range(1, 4096)] = 32
+    location_delays: Annotated[str, LOCATION] = "0"
+    hidden: Annotated[int, Range(1, 4096), LEARNED] = 32
     loss: Annotated[str, LOSSES] = "cross-entropy"
-    location_weight: Annotated[float, Range(0.0, 1e3)] = 1.0
-    branch_loss: Annotated[float, Range(0.0, 1.0)] = 0.0
-    target_right: Annotated[float, Range(0.0, 1e6)] = 60.0
-    target_wrong: Annotated[float, Range(0.0, 1e6)] = 3.0
-    count_scale: Annotated[float, Range(1e-6, 1e3)] = 0.1
+    location_weight: Annotated[float, Range(0.0, 1e3), BRANCHES] = 1.0
+    branch_loss: Annotated[float, Range(0.0, 1.0), BRANCHES] = 0.0
+    target_right: Annotated[float, Range(0.0, 1e6), SPIKE_COUNT] = 60.0
+    target_wrong: Annotated[float, Range(0.0, 1e6), SPIKE_COUNT] = 3.0
+    count_scale: Annotated[float, Range(1e-6, 1e3), CROSS_ENTROPY] = 0.1
     class_weights: Annotated[str, CLASS_WEIGHTS] = "equal"
-    label_smoothing: Annotated[float, Range(0.0, 0.999)] = 0.05
-    neighbour_smoothing: Annotated[float, Range(0.0, 0.5)] = 0.0
-    class_order: str = ""
+    label_smoothing: Annotated[float, Range(0.0, 0.999), CROSS_ENTROPY] = 0.05
+    neighbour_smoothing: Annotated[float, Range(0.0, 0.5), CROSS_ENTROPY, CLASS_ORDER] = 0.0
+    class_order: Annotated[str, CROSS_ENTROPY, NEIGHBOURS] = ""
     optimizer: Annotated[str, OPTIMIZERS] = "adamw"
     schedule: Annotated[str, SCHEDULES] = "cosine"
     learning_rate: Annotated[float, Range(1e-9, 1e3)] = 0.003
@@ -148,43 +179,43 @@ class TrainingConfig(Shown, eq=True):
     step_seconds: Annotated[float | None, Range(1e-6, 1e3)] = None
     steps: Annotated[int | None, Range(1, 20_000)] = None
     event_threshold: Annotated[int | None, Range(0, 20_000_000)] = None
-    psi: Annotated[float | None, Range(0.0, 1e6)] = None
+    psi: Annotated[float | None, Range(0.0, 1e6), BRANCHES] = None
     grid: str | None = None
     polarities: Annotated[int | None, Range(1, 2)] = None
     channels: Annotated[int | None, Range(1, MAX_CHANNELS)] = None
     layout: str | None = None
     axes: str | None = None
-    align_events: Annotated[int | None, Range(1, 20_000)] = None
+    align_events: Annotated[int | None, Range(1, 20_000), SPIKING] = None
     split: Annotated[float | None, Range(0.001, 0.9)] = None
     fold: Annotated[int | None, Range(1, 1_000)] = None
-    theta: Annotated[float, Range(1e-6, 1e6)] = 10.0
-    tau_sr: Annotated[float, Range(1e-3, 1e5)] = 10.0
-    tau_ref: Annotated[float, Range(1e-3, 1e5)] = 1.0
-    scale_ref: Annotated[float, Range(0.0, 1e6)] = 2.0
-    tau_rho: Annotated[float, Range(1e-6, 1e6)] = 1.0
-    scale_rho: Annotated[float, Range(1e-6, 1e6)] = 1.0
-    decay: Annotated[float, Range(0.0, 1.0)] = 0.2
-    threshold: Annotated[float, Range(1e-6, 1e6)] = 0.5
-    window: Annotated[float, Range(1e-6, 1e6)] = 0.5
-    location_theta: Annotated[float | None, Range(1e-6, 1e6)] = None
-    location_tau_sr: Annotated[float | None, Range(1e-3, 1e5)] = None
-    location_tau_ref: Annotated[float | None, Range(1e-3, 1e5)] = None
-    location_decay: Annotated[float | None, Range(0.0, 1.0)] = None
-    location_threshold: Annotated[float | None, Range(1e-6, 1e6)] = None
-    graph: Annotated[str, GRAPHS] = "manual"
-    neighbours: Annotated[int, Range(1, 38)] = 3
-    nearer_mm: Annotated[float, Range(0.0, 100.0)] = 3.0
-    hops: Annotated[int, Range(1, 16)] = 3
-    features: Annotated[int, Range(1, 1024)] = 64
-    step_features: Annotated[int, Range(1, 1024)] = 8
-    window_steps: Annotated[int, Range(1, 20_000)] = 6
-    window_stride: Annotated[int, Range(1, 20_000)] = 3
-    window_levels: str = "1 2"
+    theta: Annotated[float, Range(1e-6, 1e6), SRM] = 10.0
+    tau_sr: Annotated[float, Range(1e-3, 1e5), SRM] = 10.0
+    tau_ref: Annotated[float, Range(1e-3, 1e5), SRM] = 1.0
+    scale_ref: Annotated[float, Range(0.0, 1e6), SRM] = 2.0
+    tau_rho: Annotated[float, Range(1e-6, 1e6), SRM] = 1.0
+    scale_rho: Annotated[float, Range(1e-6, 1e6), SRM] = 1.0
+    decay: Annotated[float, Range(0.0, 1.0), LIF] = 0.2
+    threshold: Annotated[float, Range(1e-6, 1e6), LIF] = 0.5
+    window: Annotated[float, Range(1e-6, 1e6), LIF] = 0.5
+    location_theta: Annotated[float | None, Range(1e-6, 1e6), LOCATION, SRM] = None
+    location_tau_sr: Annotated[float | None, Range(1e-3, 1e5), LOCATION, SRM] = None
+    location_tau_ref: Annotated[float | None, Range(1e-3, 1e5), LOCATION, SRM] = None
+    location_decay: Annotated[float | None, Range(0.0, 1.0), LOCATION, LIF] = None
+    location_threshold: Annotated[float | None, Range(1e-6, 1e6), LOCATION, LIF] = None
+    graph: Annotated[str, GRAPHS, GRAPH] = "manual"
+    neighbours: Annotated[int, Range(1, 38), GRAPH] = 3
+    nearer_mm: Annotated[float, Range(0.0, 100.0), GRAPH] = 3.0
+    hops: Annotated[int, Range(1, 16), GRAPH] = 3
+    features: Annotated[int, Range(1, 1024), GRAPH] = 64
+    step_features: Annotated[int, Range(1, 1024), GRAPH] = 8
+    window_steps: Annotated[int, Range(1, 20_000), WINDOWS] = 6
+    window_stride: Annotated[int, Range(1, 20_000), WINDOWS] = 3
+    window_levels: Annotated[str, WINDOWS] = "1 2"
     target: str = "float"
-    strategy: Annotated[str, TRAINABLE] = "dendrite"
-    weight_bits: Annotated[int, WEIGHT_BITS] = 8
-    weight_room: Annotated[float, Range(1e-3, 1e3)] = 1.25
-    refractory: Annotated[int, Range(1, 65_535)] = 1
+    strategy: Annotated[str, TRAINABLE, CHIP] = "dendrite"
+    weight_bits: Annotated[int, WEIGHT_BITS, CHIP] = 8
+    weight_room: Annotated[float, Range(1e-3, 1e3), CHIP] = 1.25
+    refractory: Annotated[int, Range(1, 65_535), CHIP, RESETS] = 1
     pruned: Annotated[float, Range(0.0, 0.999)] = 0.0
     spike_cost: Annotated[float, Range(0.0, 1e3)] = 0.0
 
@@ -194,9 +225,27 @@ class TrainingConfig(Shown, eq=True):
         return asked_layout(self.grid, self.polarities, self.channels, self.layout)
 
     def __post_init__(self) -> None:
-        hints = get_type_hints(TrainingConfig, include_extras=True)
         for name, kinds in field_kinds(TrainingConfig).items():
-            _check(name, kinds, getattr(self, name), *getattr(hints[name], "__metadata__", ()))
+            limits = next((one for one in _said()[name] if not isinstance(one, Need)), None)
+            _check(name, kinds, getattr(self, name), limits)
+
+
+@cache
+def _said() -> dict[str, tuple[Any, ...]]:
+    """Return what the annotation of each option says beside its type."""
+    hints = get_type_hints(TrainingConfig, include_extras=True)
+    return {name: getattr(hint, "__metadata__", ()) for name, hint in hints.items()}
+
+
+def check_used(given: Mapping[str, str], *configs: TrainingConfig) -> None:
+    """Refuse options that change nothing in any of the configurations with an ``InputError``.
+
+    ``given``: how messages show each option that was given.
+    """
+    for option, shown in given.items():
+        for need in _said()[option]:
+            if isinstance(need, Need) and not any(need.counts(c, ARCHITECTURES[c.model]) for c in configs):
+                raise InputError(shown, f"it would change nothing: {need.why}", fix=need.fix)
 
 
 def config_from_mapping(values: Mapping[str, Any], where: str = "training configuration") -> TrainingConfig:
@@ -224,9 +273,7 @@ def read_config(path: Path | str) -> dict[str, Any]:
     return values
 
 
-def _check(
-    name: str, kinds: tuple[type, ...], value: object, limits: Range | tuple[str | int, ...] | None = None
-) -> None:
+def _check(name: str, kinds: tuple[type, ...], value: object, limits: Range | tuple[str | int, ...] | None) -> None:
     """Refuse a value that is none of ``kinds``, or out of its range, or none of its choices."""
     where = f"training option {name!r}"
     if not is_one_of(value, kinds):

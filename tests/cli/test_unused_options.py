@@ -17,8 +17,7 @@ from locsnn_compile.cli.train import _config
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.data.write import write_recordings
 from locsnn_compile.settings import check_matters
-from locsnn_compile.training.config import config_from_mapping, read_config
-from locsnn_compile.training.unused import check_used
+from locsnn_compile.training.config import check_used, config_from_mapping, read_config
 
 ROOT = Path(__file__).parents[2]
 MODELS = ROOT / "examples/models"
