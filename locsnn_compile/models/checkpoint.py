@@ -30,7 +30,7 @@ bins of single events had to exceed, and there is, where it is not NeuTouch, the
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, fields, is_dataclass
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
@@ -138,9 +138,9 @@ def checkpoint_values(checkpoint: Checkpoint) -> dict[str, Any]:
     if chip is not None:
         values["chip"] = chip_entry(chip)
     usual = {field.name: field.default for field in fields(NetworkDescription)}
-    for name in OPTIONAL:
+    for name, held_as in OPTIONAL.items():
         if (value := getattr(description, name)) != usual[name]:
-            values[name] = asdict(value) if is_dataclass(value) else list(value) if isinstance(value, tuple) else value
+            values[name] = asdict(value) if held_as is dict else held_as(value)
     if not srm:
         graph = description.graph
         values["graph"] = graph and asdict(graph) | {"taxel_edges": [list(edge) for edge in graph.taxel_edges]}

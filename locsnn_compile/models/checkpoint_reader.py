@@ -7,7 +7,7 @@ that names the entry.
 import hashlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -22,8 +22,6 @@ from locsnn_compile.models.chip_entry import ChipNumbers, parse_chip_entry
 from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, Neuron, NeuronParameters
 from locsnn_compile.models.graph_and_windows import GraphParameters, WindowParameters
 from locsnn_compile.models.plain_checks import KIND_WORDS, WRITE_AGAIN, field_kinds, file_fault, is_one_of, is_whole
-
-T = TypeVar("T")
 
 _KEYS: dict[str, tuple[type, ...]] = {
     **dict.fromkeys(("format", "name", "architecture"), (str,)),
@@ -152,7 +150,8 @@ def _neuron(where: str, entry: dict[Any, Any], *, srm: bool) -> Neuron | None:
     if not entry and not srm:
         return None
     kind = NeuronParameters if srm else WindowParameters if "levels" in entry else LifParameters
-    return _record(where, "neuron", kind, entry)
+    neuron: Neuron = _record(where, "neuron", kind, entry)
+    return neuron
 
 
 def _optional(where: str, name: str, value: Any, *, srm: bool) -> Any:
@@ -162,7 +161,7 @@ def _optional(where: str, name: str, value: Any, *, srm: bool) -> Any:
     return _record(where, name, WindowParameters, value) if name == "window" else _tuples(value)
 
 
-def _record(where: str, name: str, kind: type[T], entry: dict[Any, Any]) -> T:
+def _record(where: str, name: str, kind: Any, entry: dict[Any, Any]) -> Any:
     """Return the dataclass whose fields an entry holds."""
     check_keys(where, f"{name}.", entry, field_kinds(kind))
     return kind(**{key: _tuples(value) for key, value in entry.items()})
@@ -175,7 +174,7 @@ def _tuples(value: Any) -> Any:
 def _graph(where: str, entry: dict[Any, Any] | None) -> GraphParameters | None:
     if entry is None:
         return None
-    graph = _record(where, "graph", GraphParameters, entry)
+    graph: GraphParameters = _record(where, "graph", GraphParameters, entry)
     if any(not isinstance(edge, list) or len(edge) != 2 for edge in entry["taxel_edges"]):
         raise file_fault(where, "entry 'graph.taxel_edges' must be a list of pairs")
     _name(where, "graph.name", graph.name)

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from hw_model.values import IntArray
 from locsnn_compile.errors import InputError
+from locsnn_compile.models.networks import WindowNetwork
 from locsnn_compile.models.touch_model import TouchModel
-from locsnn_compile.models.window_network import WindowNetwork
 
 PROTOTYPES = "prototypes"
 """The ``optimizer`` of a configuration that asks for them."""

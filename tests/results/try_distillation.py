@@ -24,8 +24,7 @@ from locsnn_compile.data.read import read_recordings
 from locsnn_compile.models.touch_model import TouchModel
 from locsnn_compile.training import train as training
 from locsnn_compile.training.batches import batches
-from locsnn_compile.training.loss import Loss, weighted_counts
-from locsnn_compile.training.measure import class_scores
+from locsnn_compile.training.measure import Loss, class_scores, weighted_counts
 
 
 def distilling(said: Tensor, weight: float) -> tuple[Any, Any]:

@@ -10,7 +10,7 @@ from hw_model.values import FloatArray
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.errors import InputError
-from locsnn_compile.models.window_network import WindowNetwork
+from locsnn_compile.models.networks import WindowNetwork
 from locsnn_compile.training.config import EpochRecord, TrainingConfig, config_from_mapping
 from locsnn_compile.training.measure import class_scores
 from locsnn_compile.training.train import train
