@@ -53,6 +53,12 @@ SHIPPED = (
 )
 
 
+EARLY = tuple(
+    Shipped("objects", "Objects, Window-SNN, ends cut in training", f"objects-window-early-{seed}.pt") for seed in SEEDS
+)
+"""Networks of ``--work`` that learned to answer early."""
+
+
 class Study:
     """The data and the files of figures that all studies share."""
 
@@ -65,7 +71,8 @@ class Study:
 
     @cache  # noqa: B019
     def program(self, shipped: Shipped) -> hw.ChipProgram:
-        network = lc.load(MODELS / shipped.file)
+        own = MODELS / shipped.file
+        network = lc.load(own if own.exists() else self.work / shipped.file)
         events = self.part(shipped.dataset, "train").subset(np.arange(16))
         return lc.compile(network, strategy=shipped.strategy, events=events, diagnosis=False).program
 
@@ -153,8 +160,8 @@ SEEN = (0.25, 0.5, 0.75, 1.0)
 
 def seen(study: Study) -> Table:
     """The accuracy on the chip after shares of a recording, and where it is proven that nothing can change."""
-    rows = []
-    for shipped in SHIPPED:
+    found: dict[str, list[dict[str, Any]]] = {}
+    for shipped in (*SHIPPED, *(early for early in EARLY if (study.work / early.file).exists())):
 
         def measured(shipped: Shipped = shipped) -> dict[str, Any]:
             program, test = study.program(shipped), study.part(shipped.dataset, "test")
@@ -165,11 +172,33 @@ def seen(study: Study) -> Table:
             ]
             return {"right": right} | of_stops(program, hw.stop_when_proven(program, test.spikes), test)
 
-        found = study.figures(f"seen-{Path(shipped.file).stem}", measured)
-        shares = [f"{accuracy:.3f}" for accuracy in found["right"]]
-        rows.append([shipped.label, *shares, *saved(found)])
+        found.setdefault(shipped.label, []).append(study.figures(f"seen-{Path(shipped.file).stem}", measured))
+    rows = []
+    for label, each in found.items():
+        shares = [
+            spread(column) if len(column) > 1 else f"{column[0]:.3f}"
+            for column in zip(*(f["right"] for f in each), strict=True)
+        ]
+        rows.append([label, *shares, *saved(each[0])])
     heads = [f"after {share:.0%} of the steps" for share in SEEN[:-1]]
     return ["network", *heads, "at the end", *(f"stopped when proven: {what}" for what in SAVED)], rows
+
+
+def before(study: Study) -> None:
+    """Keep what the hybrids that ship predict of the test part, which pictures compare with the best."""
+    for shipped in SHIPPED:
+
+        def predicted(shipped: Shipped = shipped) -> dict[str, Any]:
+            test = study.part(shipped.dataset, "test")
+            assert test.labels is not None
+            played = hw.simulate(study.program(shipped), test.spikes).prediction
+            return {
+                "classes": 1 + int(test.labels.max()),
+                "labels": test.labels.tolist(),
+                "predictions": np.asarray(played).tolist(),
+            }
+
+        study.figures(f"predicted-{Path(shipped.file).stem}", predicted)
 
 
 SAVED = ("steps", "of", "energy, µJ", "of, µJ")
@@ -360,6 +389,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     args = parser.parse_args(arguments)
     args.work.mkdir(parents=True, exist_ok=True)
     study = Study(args.data, args.work, args.tables)
+    before(study)
     for name in args.only:
         write_table(args.tables / f"{name}.csv", TABLES[name](study))
 

@@ -105,6 +105,24 @@ def levels(work: Path) -> Figure | None:
     return figure
 
 
+def objects(work: Path) -> Figure | None:
+    """Confusions of Objects on the chip: the paper's hybrid before, the best after."""
+    named = {
+        "Hybrid": sorted(work.glob("predicted-objects-hybrid.json")),
+        "Window-SNN and hybrid, joined": sorted(work.glob("objects-windows-and-hybrid-[0-9].json")),
+    }
+    counts = {label: counts_of(files) for label, files in named.items()}
+    if any(found is None for found in counts.values()):
+        return None
+    figure, panels = plt.subplots(1, len(counts), figsize=(7.6, 4.2), layout="constrained")
+    for axes, (label, found) in zip(panels, counts.items(), strict=True):
+        assert found is not None
+        axes.imshow(found / found.sum(axis=1, keepdims=True), cmap="Blues", vmin=0, vmax=1)
+        axes.set(title=f"{label}\n{int(found.sum())} predictions", xlabel="object predicted", ylabel="object")
+        axes.set(xticks=range(0, len(found), 5), yticks=range(0, len(found), 5))
+    return figure
+
+
 def _matrix(axes: Axes, part: np.ndarray[Any, Any], what: str) -> None:
     shares = part / part.sum(axis=1, keepdims=True)
     axes.imshow(shares, cmap="Blues", vmin=0, vmax=1)
@@ -209,7 +227,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     tables = args.docs / "results"
     with mpl.rc_context(STYLE):
         drawn = {
-            "orders": orders(), "operations": operations(tables), "levels": levels(args.work),
+            "orders": orders(), "operations": operations(tables), "levels": levels(args.work), "objects": objects(args.work),
             "profiles": profiles(args.work), "learning-curve": curves(tables), "front": front(tables),
         }  # fmt: skip
         for name, figure in drawn.items():

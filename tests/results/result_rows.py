@@ -107,6 +107,13 @@ ROWS = (
         {"model": "window-snn"},
         config="{recipe}-window-snn-prototypes.yaml",
     ),
+    Row(
+        "window-early",
+        "Window-SNN, ends cut",
+        {"model": "window-snn"},
+        config="objects-window-snn-early.yaml",
+        only="objects",
+    ),
     Row("windows-and-hybrid", "Window-SNN and hybrid, joined", {}, parts=("hybrid", "window-snn"), only="objects"),
     Row(
         "window-snn-levels",

@@ -65,11 +65,12 @@ def test_the_margin_is_the_smallest_that_keeps_the_accuracy() -> None:
 
 
 def test_the_points_name_files_that_ship_or_are_made() -> None:
-    from chip_studies import MODELS, POINTS, SHIPPED
-    from result_rows import DATASETS, ROW_NAMES
+    from chip_studies import EARLY, MODELS, POINTS, SHIPPED
+    from result_rows import DATASETS, ROW_NAMES, SEEDS
 
     made = {f"{dataset}-{row}-{{}}.pt" for dataset in DATASETS for row in ROW_NAMES}
-    for name in {name for point in POINTS for name in point.files} | {shipped.file for shipped in SHIPPED}:
+    made |= {name.format(seed) for name in made for seed in SEEDS}
+    for name in {name for point in POINTS for name in point.files} | {shipped.file for shipped in (*SHIPPED, *EARLY)}:
         assert name in made or (MODELS / name).exists(), name
 
 
