@@ -12,7 +12,9 @@ module commands #(
     parameter integer COMPARTMENTS = 512,
     parameter integer VISITS = 128,
     parameter integer WEIGHTS = 16,
-    parameter integer SETTINGS = 16  // the last one starts the core
+    parameter integer PHASES = 0,
+    parameter integer SETTINGS = 16,
+    parameter integer RUN = 15  // the setting that starts the core
 ) (
     input  logic         clk,
     input  logic         reset,
@@ -39,7 +41,7 @@ module commands #(
     output logic         running       // a recording is under way, or its answer is
 );
     localparam logic [7:0] HELLO = 1, LOAD = 2, WORDS = 3, REPORT = 4;
-    localparam logic [7:0] NO_TYPE = 6, FORM = 7, NO_PLACE = 8, BUSY = 9, NO_PROGRAM = 10, CUT_OFF = 11;
+    localparam logic [7:0] CUT_OFF = 6, NO_TYPE = 7, FORM = 8, NO_PLACE = 9, BUSY = 10, NO_PROGRAM = 11;
     localparam logic [1:0] END = 2, STOP = 3;
     localparam logic [2:0] TYPE = 0, NUMBER = 1, PAYLOAD = 2, WORD = 3, SKIP = 4, CUT = 5, DROP = 6, SETTLE = 7;
 
@@ -69,7 +71,8 @@ module commands #(
             2: words = SYNAPSES;
             3, 4: words = COMPARTMENTS;
             5: words = VISITS;
-            default: words = WEIGHTS;
+            6: words = WEIGHTS;
+            default: words = PHASES;
         endcase
 
     logic [7:0] unfit;  // what is wrong with a frame, once its type and number are known
@@ -81,7 +84,7 @@ module commands #(
         else if (kind == WORDS && !loaded) unfit = NO_PROGRAM;
     end
 
-    wire no_place = item[39:32] > 6 || item[7:0] == 0 || item[7:0] > 16;
+    wire no_place = item[39:32] > 7 || item[7:0] == 0 || item[7:0] > 16;
     wire no_word = item[23:18] != 0;
     wire no_switch = item[7:1] != 0;
     logic [7:0] wrong;  // what is wrong with it at this byte of the payload
@@ -111,7 +114,7 @@ module commands #(
         load_valid <= 0;
         if (load_valid) begin
             load_address <= load_address + 1;
-            loaded <= load_memory == 0 && {8'b0, load_address} == SETTINGS - 1;
+            loaded <= load_memory == 0 && {8'b0, load_address} == RUN;
         end
         if (word_taken) begin
             open <= !word_kind[1];

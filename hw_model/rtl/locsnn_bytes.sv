@@ -70,6 +70,8 @@ module locsnn_bytes #(
         /* verilator lint_on PINCONNECTEMPTY */
     );
 
+    wire [15:0] winner = answer_error == 0 ? answer_class : 16'b0;
+
     // Cycles from the first word of a recording to its answer, a slow host included.
     logic [31:0] cycles;
     always_ff @(posedge clk) begin
@@ -80,7 +82,7 @@ module locsnn_bytes #(
     wire         spike_valid, spike_ready, spike_more;
     wire [23:0]  spike, lost;
     spike_report #(.DEPTH(SPIKES)) reporter (
-        .clk, .wanted(report), .running, .update, .fired,
+        .clk, .reset, .wanted(report), .running, .update, .fired,
         .head_valid(spike_valid), .head(spike), .more(spike_more), .pop(spike_ready), .lost
     );
 
@@ -92,8 +94,8 @@ module locsnn_bytes #(
         .clk, .reset, .error_valid, .error, .expected,
         .reply_valid, .reply_ready, .reply_hello, .reply_error, .reply_number, .loaded,
         .spike_valid, .spike_ready, .spike, .spike_more, .answer_valid, .answer_ready,
-        .answer({5'b0, answer_error, answer_class, cycles, synapses, updates, active_updates, spikes, charge_wraps,
-                 current_wraps, voltage_clips, lost}),
+        .answer({5'b0, answer_error, winner, cycles, synapses, updates, active_updates, spikes, charge_wraps, current_wraps,
+                 voltage_clips, lost}),
         .frame_valid(reply_frame_valid), .frame_ready(reply_frame_ready), .frame_data(reply_frame_data),
         .frame_last(reply_frame_last)
     );

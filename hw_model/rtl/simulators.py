@@ -6,7 +6,6 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Mapping
-from dataclasses import asdict
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -28,20 +27,24 @@ def sources() -> dict[str, str]:
     return {entry.name: entry.read_text("utf-8") for entry in entries if entry.name.endswith(".sv")}
 
 
-def built(simulator: Simulator, sizes: Sizes, texts: Mapping[str, str]) -> Path:
-    """Return the built simulator, kept in the user's cache folder; a tool that is missing is an ``InputError``."""
+def built(simulator: str, sizes: Sizes, texts: Mapping[str, str], top: str = "bench", **more: int) -> Path:
+    """Return the built simulator, kept in the user's cache folder; a tool that is missing is an ``InputError``.
+
+    ``more``: parameters of the module ``top`` besides the sizes.
+    """
     if simulator not in SIMULATORS:
         raise InputError(f"simulator {simulator!r}", "does not exist", fix=did_you_mean(simulator, SIMULATORS))
     tool = _PROGRAMS[simulator]
     if shutil.which(tool) is None:
         raise InputError(f"simulator {simulator!r}", f"{tool} is not installed", fix=f"Debian: apt-get install {tool}")
-    named = hashlib.sha256(repr((simulator, asdict(sizes), sorted(texts.items()))).encode()).hexdigest()[:16]
+    given = parameters(sizes) | {name.upper(): value for name, value in more.items()}
+    named = hashlib.sha256(repr((simulator, given, top, sorted(texts.items()))).encode()).hexdigest()[:16]
     found = cache_folder() / f"rtl-{named}-{_BINARY[simulator]}"
     if not found.exists():
         with tempfile.TemporaryDirectory(dir=found.parent) as folder:
             for name, text in texts.items():
                 (Path(folder) / name).write_text(text)
-            _run(_command(simulator, sizes, sorted(texts)), Path(folder), simulator)
+            _run(_command(simulator, given, top, sorted(texts)), Path(folder), simulator)
             os.replace(Path(folder) / _BINARY[simulator], found)
     return found
 
@@ -55,17 +58,21 @@ def cache_folder() -> Path:
 
 def run(binary: Path, folder: Path, patience: int) -> None:
     """Play ``load`` and ``words`` of a folder; what the bench writes lies there, too."""
-    interpreter = ["vvp", "-n"] if binary.suffix == ".vvp" else []
-    _run([*interpreter, str(binary), f"+patience={patience}"], folder, "the open core")
+    _run([*command_of(binary), f"+patience={patience}"], folder, "the open core")
 
 
-def _command(simulator: Simulator, sizes: Sizes, names: list[str]) -> list[str]:
-    prefix = "-Pbench." if simulator == "icarus" else "-G"
-    given = [f"{prefix}{name}={value}" for name, value in parameters(sizes).items()]
+def command_of(binary: Path) -> list[str]:
+    """Return what starts a built simulator."""
+    return [*(["vvp", "-n"] if binary.suffix == ".vvp" else []), str(binary)]
+
+
+def _command(simulator: str, given: Mapping[str, int], top: str, names: list[str]) -> list[str]:
+    prefix = f"-P{top}." if simulator == "icarus" else "-G"
+    options = [f"{prefix}{name}={value}" for name, value in given.items()]
     if simulator == "icarus":
-        return ["iverilog", "-g2012", "-s", "bench", "-o", _BINARY[simulator], *given, *names]
-    options = "--binary --timing -j 1 -O3 -CFLAGS -O1 -Wno-lint -Wno-fatal --top-module bench --Mdir ."
-    return ["verilator", *options.split(), "-o", _BINARY[simulator], *given, *names]
+        return ["iverilog", "-g2012", "-s", top, "-o", _BINARY[simulator], *options, *names]
+    plain = "--binary --timing -j 1 -O3 -CFLAGS -O1 -Wno-lint -Wno-fatal --Mdir ."
+    return ["verilator", *plain.split(), "--top-module", top, "-o", _BINARY[simulator], *options, *names]
 
 
 def _run(command: list[str], folder: Path, where: str) -> None:

@@ -6,6 +6,7 @@ module spike_report #(
     parameter integer DEPTH = 256  // a power of two
 ) (
     input  logic        clk,
+    input  logic        reset,
     input  logic        wanted,
     input  logic        running,
     input  logic        update,
@@ -23,7 +24,7 @@ module spike_report #(
     assign more = level > 1;
 
     held_queue #(.WIDTH(24), .DEPTH(DEPTH)) waiting (
-        .clk, .clear(!wanted), .push(spike && !full), .pushed(index), .commit(1'b1), .drop(1'b0), .full,
+        .clk, .clear(reset || !wanted), .push(spike && !full), .pushed(index), .commit(1'b1), .drop(1'b0), .full,
         .head_valid, .head, .pop, .level
     );
 

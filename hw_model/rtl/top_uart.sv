@@ -2,7 +2,7 @@
 // serves every program that fits its parameters.
 module top_uart #(
     parameter integer CLOCK = 12000000,  // Hz
-    parameter integer BAUD = 115200,     // bits per second; CLOCK is at least 8 times as much
+    parameter integer BAUD = 1000000,    // bits per second; CLOCK is at least 8 times as much
     parameter integer AXONS = 2048,
     parameter integer SYNAPSES = 16384,
     parameter integer COMPARTMENTS = 512,

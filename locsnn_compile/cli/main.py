@@ -3,7 +3,20 @@
 import sys
 from collections.abc import Sequence
 
-from locsnn_compile.cli import compile, completion, diff, events, explore, pack, rtl_sim, run, stress, targets, train
+from locsnn_compile.cli import (
+    compile,
+    completion,
+    diff,
+    events,
+    explore,
+    pack,
+    rtl_sim,
+    rtl_stream,
+    run,
+    stress,
+    targets,
+    train,
+)
 from locsnn_compile.cli.shell import Parser, add_command, add_common, guarded
 
 COMMANDS = (compile, train, pack, run, events, explore, diff, stress, targets, completion)
@@ -16,8 +29,10 @@ def parser() -> Parser:
     commands = made.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for command in COMMANDS:
         add_command(commands, command.__name__.rpartition(".")[2], command)
-    core = commands.add_parser("rtl", help="simulate the open core in SystemVerilog")
-    add_command(core.add_subparsers(title="commands", metavar="COMMAND", required=True), "sim", rtl_sim)
+    core = commands.add_parser("rtl", help="run programs on the open core, simulated or on a board")
+    kinds = core.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    for name, command in (("sim", rtl_sim), ("stream", rtl_stream)):
+        add_command(kinds, name, command)
     return made
 
 

@@ -9,7 +9,7 @@ import tomllib
 
 from fences import ROOT
 
-NAMES = {"pyyaml": {"yaml"}, "dask": {"distributed"}, "lazy-loader": {"lazy_loader"}}
+NAMES = {"pyyaml": {"yaml"}, "pyserial": {"serial"}, "dask": {"distributed"}, "lazy-loader": {"lazy_loader"}}
 """Modules of a distribution, where they are not called as it is."""
 OURS = {"hw_model", "locsnn_compile"}
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
@@ -35,12 +35,21 @@ def imported():
 
 def test_what_is_imported_is_declared():
     extras = PROJECT["optional-dependencies"]
-    assert imported() == modules(PROJECT["dependencies"]) | modules(extras["dask"] + extras["train"] + extras["aedat"])
+    assert imported() == modules(PROJECT["dependencies"]) | modules(
+        extras["dask"] + extras["train"] + extras["aedat"] + extras["rtl"]
+    )
 
 
 def test_the_page_says_what_each_is_for():
     page = (ROOT / "docs/install.md").read_text("utf-8")
     extras = PROJECT["optional-dependencies"]
     rows = re.findall(r"^\| `([\w-]+)` \|", page, flags=re.MULTILINE)
-    declared = [*PROJECT["dependencies"], *extras["train"], *extras["dask"], *extras["aedat"], *extras["tonic"]]
+    declared = [
+        *PROJECT["dependencies"],
+        *extras["train"],
+        *extras["dask"],
+        *extras["aedat"],
+        *extras["rtl"],
+        *extras["tonic"],
+    ]
     assert sorted(rows) == sorted(re.match(r"[\w-]+", requirement)[0] for requirement in declared)

@@ -1,0 +1,156 @@
+"""A board that runs the open core: programs loaded over its line, recordings played, answers checked."""
+
+import struct
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict
+
+import numpy as np
+
+from hw_model.errors import InputError
+from hw_model.rtl.cosimulation import words_of
+from hw_model.rtl.frames import (
+    ANSWER,
+    DONE,
+    ERROR,
+    HELLO,
+    LOAD,
+    REPORT,
+    SPIKES,
+    WELCOME,
+    WORDS,
+    Frame,
+    FrameReader,
+    framed,
+)
+from hw_model.rtl.images import CoreProgram, Sizes
+from hw_model.rtl.ports import Port
+from hw_model.rtl.refused import refuse_unless
+from hw_model.values import ByteArray, Frozen
+
+PROBLEMS = (
+    "",
+    "a byte has no stop bit",
+    "a checksum is wrong",
+    "a frame is too short",
+    "a frame is longer than its buffer",
+    "a frame is out of order",
+    "a recording was cut off",
+    "there is no such command",
+    "a payload has the wrong form",
+    "an address is outside its memory",
+    "a program was loaded during a recording",
+    "words came before a program",
+)
+"""What a board says by number; the first are those of the line, where sending again helps."""
+LINE, OUT_OF_ORDER, CUT_OFF = range(1, 5), 5, 6
+TRIES = 4
+
+
+class Answer(Frozen):
+    """What a board made of a recording: an error of the stream or 0, a class, cycles, counts, and spikes if asked.
+
+    ``counts``: synaptic operations, updates, active updates, spikes, and wraps and clips, as ``cosimulation.ANSWER``
+    names them. ``spikes``: each as the number of updates before it; ``lost``: those that the board had no room for.
+    """
+
+    error: int
+    winner: int
+    cycles: int
+    counts: tuple[int, ...]
+    lost: int
+    spikes: tuple[int, ...]
+
+
+class Board:
+    """A board on a port, greeted: ``sizes`` and ``buffer`` are what it says of itself.
+
+    ``cut_off``: an earlier host left a recording in the middle, which the board dropped.
+    """
+
+    def __init__(self, port: Port) -> None:
+        self._port, self._frames, self._number = port, FrameReader(port.read), 0
+        self.cut_off = False
+        self._spikes: list[int] = []
+        self._answers: list[Answer] = []
+        self.buffer, *sizes = _numbers(self._command(HELLO)[2:])
+        self._answers.clear()
+        self._spikes.clear()
+        self.sizes = Sizes(*sizes)
+
+    def load(self, core: CoreProgram) -> None:
+        """Fill the memories with a program, and start it; a ``TargetError`` names what has no room."""
+        for name, need in asdict(core.needs).items():
+            room = getattr(self.sizes, name)
+            refuse_unless(need <= room, core.program, f"room on this board for its {name}", f"{need} against {room}")
+        rows = np.packbits(core.load_words(self.sizes)[:, ::-1], axis=1)
+        place = rows[:, :4].astype(np.int64) @ (1 << np.arange(24, -1, -8))
+        for block in np.split(rows, np.flatnonzero(np.diff(place) != 1) + 1):
+            size = 16 - int(np.flatnonzero(block[:, 4:].any(axis=0)).min(initial=15))
+            for part in _parts(block, (self.buffer - 7) // size):
+                self._command(LOAD, part[0, :4].tobytes() + bytes((size,)) + part[:, -size:].tobytes())
+
+    def report(self, wanted: bool) -> None:
+        """Ask for spikes, or for none."""
+        self._command(REPORT, bytes((wanted,)))
+
+    def play(self, core: CoreProgram, recording: ByteArray) -> Answer:
+        """Stream a recording (rows, channels) and return its answer."""
+        words = np.array(words_of(core, recording), dtype=">u4").view(np.uint8).reshape(-1, 4)[:, 1:]
+        for part in _parts(words, (self.buffer - 2) // 3):
+            self._command(WORDS, part.tobytes())
+        while not self._answers:
+            if self._heard() is None:
+                raise InputError("board", "a recording was not answered", fix="Check the line; play it again.")
+        return self._answers.pop()
+
+    def _command(self, kind: int, payload: bytes = b"") -> bytes:
+        """Send a frame until it is carried out; return what the board says to it. A refusal is an ``InputError``."""
+        wanted, following = WELCOME if kind == HELLO else DONE, (self._number + 1) % 256
+        for _ in range(TRIES):
+            self._port.write(framed(kind, self._number, payload))
+            while (frame := self._heard()) is not None:
+                said, number, body = frame
+                problem = body[0] if said == ERROR else 0
+                # Carried out already, if the board waits for the next one: what it said to it was lost on the line.
+                if (said, number) == (wanted, self._number) or (problem, number) == (OUT_OF_ORDER, following):
+                    self._number = following
+                    return body
+                self.cut_off |= problem == CUT_OFF
+                if problem in LINE:
+                    break
+                if problem > CUT_OFF:
+                    raise InputError("board", f"it says that {PROBLEMS[problem]}", fix="Report it.")
+        raise InputError("board", "it does not answer", fix="Check the port, the baud rate and the bitstream.")
+
+    def _heard(self) -> Frame | None:
+        """Return the next frame, None if nothing comes; keep spikes and answers."""
+        frame = self._frames.next()
+        if frame and frame[0] == SPIKES:
+            self._spikes += _numbers(frame[2])
+        if frame and frame[0] == ANSWER:
+            error, winner, cycles, *counts = struct.unpack(">BHI7I", frame[2][:-3])
+            (lost,) = _numbers(frame[2][-3:])
+            self._answers.append(Answer(error, winner, cycles, tuple(counts), lost, tuple(self._spikes)))
+            self._spikes.clear()
+        return frame
+
+
+def _numbers(payload: bytes) -> list[int]:
+    return [int.from_bytes(payload[at : at + 3], "big") for at in range(0, len(payload), 3)]
+
+
+def _parts(rows: ByteArray, most: int) -> Iterator[ByteArray]:
+    return (rows[at : at + most] for at in range(0, len(rows), most))
+
+
+def spike_numbers(core: CoreProgram, spikes: Mapping[str, ByteArray]) -> list[int]:
+    """Return the spikes of a simulation as a board reports them; ``spikes[population]`` (steps, n)."""
+    parts = []
+    for phase in core.phases:
+        numbers = core.numbers[phase.name]
+        fired = np.zeros((core.length[phase.name], len(numbers)), dtype=np.uint8)
+        for name, columns in core.program.columns_of(phase.name).items():
+            if name in spikes:
+                fired[:, columns] = spikes[name]
+        parts.append(fired[:, np.argsort(numbers)].ravel())
+    return np.flatnonzero(np.concatenate(parts)).tolist()

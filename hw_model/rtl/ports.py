@@ -1,0 +1,83 @@
+"""Ways to a board: a serial device, or a simulated board with its serial line."""
+
+import subprocess
+
+from hw_model.errors import InputError
+from hw_model.rtl.images import SIMULATED, Sizes, sizes_for
+from hw_model.rtl.simulators import built, command_of, sources
+
+WAIT = 512
+"""What makes the simulated line wait for a byte from the board."""
+
+
+class SimulatedBoard:
+    """``board_bench.sv`` as a port; the line stands still between calls. ``more``: parameters of it by name."""
+
+    def __init__(self, simulator: str, sizes: Sizes, **more: int) -> None:
+        binary = built(simulator, sizes, sources(), "board_bench", **more)
+        self._process = subprocess.Popen(command_of(binary), stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+
+    def write(self, data: bytes) -> None:
+        """Send bytes."""
+        self.drive(*data)
+
+    def drive(self, *tokens: int) -> None:
+        """Do what the bench's numbers say."""
+        assert self._process.stdin is not None
+        self._process.stdin.write("".join(f"{token}\n" for token in tokens).encode())
+        self._process.stdin.flush()
+
+    def read(self) -> bytes:
+        """Let time pass until a byte comes."""
+        assert self._process.stdout is not None
+        self.drive(WAIT)
+        came = bytearray()
+        for line in self._process.stdout:
+            if line == b".\n":
+                break
+            came.append(int(line))
+        return bytes(came)
+
+    def close(self) -> None:
+        """End the simulation."""
+        self._process.communicate()
+
+
+class SerialPort:
+    """A serial device, by pyserial."""
+
+    def __init__(self, name: str, baud: int) -> None:
+        try:
+            import serial
+        except ImportError:
+            raise InputError(
+                f"port {name!r}", "pyserial is not installed", fix="pip install 'locsnn-compile[rtl]'"
+            ) from None
+        try:
+            self._device = serial.Serial(name, baud, timeout=2 + 40_000 / baud)
+        except (OSError, ValueError) as error:
+            raise InputError(
+                f"port {name!r}", "cannot be opened", measured=str(error), fix="Name a serial device, or sim:verilator."
+            ) from None
+
+    def write(self, data: bytes) -> None:
+        """Send bytes."""
+        self._device.write(data)
+
+    def read(self) -> bytes:
+        """Return what came."""
+        return bytes(self._device.read(max(1, self._device.in_waiting)))
+
+    def close(self) -> None:
+        """Close the device."""
+        self._device.close()
+
+
+Port = SimulatedBoard | SerialPort
+"""A line to a board. ``read`` returns the bytes that came, none after some time without any."""
+
+
+def open_port(name: str, baud: int, needs: Sizes) -> Port:
+    """Open a serial device, or with ``sim:NAME`` a simulated board that has what is needed."""
+    kind, _, simulator = name.partition(":")
+    return SimulatedBoard(simulator, sizes_for(needs, SIMULATED)) if kind == "sim" else SerialPort(name, baud)

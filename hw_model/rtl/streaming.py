@@ -1,0 +1,53 @@
+"""Recordings streamed to a board that runs the open core, and its answers compared with the simulator's."""
+
+from contextlib import closing
+from typing import Any
+
+import numpy as np
+
+from hw_model.engine.playing import Spikes, read_streams
+from hw_model.errors import InputError
+from hw_model.program.chip_program import ChipProgram
+from hw_model.rtl.board import Board, spike_numbers
+from hw_model.rtl.cosimulation import ANSWER
+from hw_model.rtl.images import CoreProgram
+from hw_model.rtl.ports import open_port
+from hw_model.simulation import simulate
+
+
+def stream(program: ChipProgram, spikes: Spikes, port: str, baud: int, report: bool) -> dict[str, Any]:
+    """Load a program, play recordings (batch, steps, channels), and return answers and what differs, per recording.
+
+    ``report``: compare every spike, not only classes and counts. A board that does not answer is an ``InputError``.
+    """
+    recordings = np.concatenate(list(read_streams(program, spikes)[0].values()), axis=2)
+    core = CoreProgram(program, recordings.shape[1], None)
+    with closing(open_port(port, baud, core.needs)) as line:
+        try:
+            board = Board(line)
+            board.load(core)
+            board.report(report)
+            answers = [board.play(core, one) for one in recordings]
+        except OSError as error:
+            raise InputError(f"port {port!r}", "the line broke", measured=str(error), fix="Plug it in again.") from None
+    expected = simulate(program, spikes, probe=("spikes",))
+    different: list[list[str]] = []
+    for i, answer in enumerate(answers):
+        winner = answer.winner if expected.prediction is None else expected.prediction[i]
+        counts = [expected.per_recording[i][name] for name in ANSWER[3:]]
+        found = dict(zip(ANSWER, (answer.error == 0, answer.winner == winner, True), strict=False))
+        found |= {name: a == b for name, a, b in zip(ANSWER[3:], answer.counts, counts, strict=True)}
+        if report:
+            times = spike_numbers(core, {name: its[i] for name, its in expected.spikes.items()})
+            found["times of spikes"] = list(answer.spikes) == times
+        different.append([name for name, same in found.items() if not same])
+    return {
+        "recordings": len(answers),
+        "classes": [answer.winner for answer in answers],
+        "expected": None if expected.prediction is None else expected.prediction.tolist(),
+        "errors": [answer.error for answer in answers],
+        "lost_spikes": [answer.lost for answer in answers],
+        "cycles": [answer.cycles for answer in answers],
+        "different": different,
+        "mismatches": sum(map(bool, different)),
+    }

@@ -1,0 +1,50 @@
+"""``locsnn rtl stream``: load a board over its serial line, stream recordings, and compare the answers.
+
+Load a program onto a board that runs the open core, stream recordings to it, and compare its classes and counts with
+the simulator. Exit code 3 if a recording differs.
+
+example:
+  locsnn rtl stream build/objects-hybrid --events examples/recordings/touches.npz --port sim:verilator --recordings 1
+
+sim:verilator and sim:icarus simulate the board and its line; Icarus is slow. A board is named by its serial device,
+such as /dev/ttyUSB0, and needs pyserial: pip install 'locsnn-compile[rtl]'.
+"""
+
+import argparse
+import json
+
+import hw_model as hw
+from locsnn_compile.cli.checks import check_number
+from locsnn_compile.cli.shell import EXIT_GATE
+from locsnn_compile.cli.step_options import add_step_options, read_for_program
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
+    add = parser.add_argument
+    add("program", metavar="DIR", help="folder that locsnn-compile wrote")
+    add("--events", required=True, metavar="FILE", help="recordings: .zip, folder, .npy, .npz, .pt, .h5, or of events")
+    add("--port", required=True, metavar="PORT", help="serial device, or sim:verilator or sim:icarus")
+    add("--baud", type=int, default=1_000_000, metavar="N", help="bits per second of the line (default 1000000)")
+    add("--recordings", type=int, metavar="N", help="play only the first N")
+    add("--spikes", action="store_true", help="have the board report its spikes, and compare each")
+    add_step_options(parser)
+    add("--json", action="store_true", help="print the result as JSON")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Stream; print the class of each recording and what differs, or the result as JSON."""
+    from hw_model.rtl.streaming import stream
+
+    check_number("--recordings", args.recordings, "nothing to play", lambda x: x > 0, "Give 1 or more.")
+    check_number("--baud", args.baud, "not a rate of a serial line", lambda x: x > 0, "Give 1 or more.")
+    program = hw.load_program(args.program)
+    spikes = read_for_program(args, args.events, program).spikes[: args.recordings]
+    found = stream(program, spikes, args.port, args.baud, args.spikes)
+    if args.json:
+        print(json.dumps(found, indent=2))
+        return EXIT_GATE if found["mismatches"] else 0
+    for index, (winner, differs) in enumerate(zip(found["classes"], found["different"], strict=True)):
+        print(f"recording {index}: class {winner}" + (f"; different: {', '.join(differs)}" if differs else ""))
+    print(f"recordings {found['recordings']}, different from the simulator {found['mismatches']}")
+    return EXIT_GATE if found["mismatches"] else 0

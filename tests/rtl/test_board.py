@@ -1,0 +1,292 @@
+"""The board's protocol: answers equal the simulator's, each fault is answered, and none harms what follows."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from desk import PRESS, Desk, said, say
+
+import hw_model as hw
+from hw_model.rtl.board import PROBLEMS, Board, spike_numbers
+from hw_model.rtl.cosimulation import ANSWER, END, TICK, words_of
+from hw_model.rtl.frames import ANSWER as ANSWERED
+from hw_model.rtl.frames import DONE, ERROR, HELLO, LOAD, REPORT, SPIKES, WELCOME, WORDS, framed
+
+pytestmark = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
+LINE, CHECKSUM, SHORT, OVERRUN, SEQUENCE, CUT_OFF, NO_TYPE, FORM, NO_PLACE, BUSY, NO_PROGRAM = range(1, 12)
+
+
+@pytest.fixture(scope="module")
+def desk(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        yield Desk()
+
+
+@pytest.fixture(scope="module")
+def loaded(desk):
+    """Return a port of a loaded board, and what it answers to the recording."""
+    port = desk.port()
+    board = Board(port)
+    board.load(desk.core)
+    yield port, board.play(desk.core, desk.spikes[0])
+    port.close()
+
+
+def stream_words(words) -> bytes:
+    return b"".join(word.to_bytes(3, "big") for word in words)
+
+
+def greeted(port) -> None:
+    """Begin anew: the next number is 1."""
+    assert say(port, HELLO, 0)[-1][:2] == (WELCOME, 0)
+
+
+def test_it_says_what_it_is(desk):
+    port = desk.port(buffer=512)
+    board = Board(port)
+    port.close()
+    assert (board.sizes, board.buffer, board.cut_off) == (desk.sizes, 512, False)
+
+
+def test_answers_equal_the_simulators(desk, loaded):
+    port, first = loaded
+    expected = hw.simulate(desk.program, desk.spikes, probe=("spikes",))
+    board = Board(port)
+    board.report(True)
+    with_spikes = board.play(desk.core, desk.spikes[0])
+    of_simulation = tuple(expected.per_recording[0][name] for name in ANSWER[3:])
+    for answer in (first, with_spikes):
+        assert (answer.error, answer.winner, answer.counts) == (0, expected.prediction[0], of_simulation)
+    times = spike_numbers(desk.core, {name: its[0] for name, its in expected.spikes.items()})
+    assert len(times) > 10
+    assert (first.spikes, list(with_spikes.spikes), with_spikes.lost) == ((), times, 0)
+
+
+def damaged(frame: bytes) -> bytes:
+    return frame[:3] + bytes((frame[3] ^ 1,)) + frame[4:]
+
+
+WORD = stream_words([TICK])
+SPOILED = {
+    "a byte without its stop bit": (LINE, lambda port: port.drive(0x7E, HELLO, 256 + 1, 0x7E)),
+    "a wrong checksum": (CHECKSUM, lambda port: port.write(damaged(framed(WORDS, 1, WORD)))),
+    "a frame cut off in the middle": (CHECKSUM, lambda port: port.write(framed(WORDS, 1, WORD)[:5] + b"\x7e")),
+    "a frame that ends in an escape": (CHECKSUM, lambda port: port.write(framed(WORDS, 1, WORD)[:-1] + b"\x7d\x7e")),
+    "three bytes": (SHORT, lambda port: port.write(b"\x7eabc\x7e")),
+    "bytes outside of frames": (SHORT, lambda port: port.write(b"a\x7e")),
+    "more than its buffer": (OVERRUN, lambda port: port.write(framed(WORDS, 1, bytes(1200)))),
+    "a number too high": (SEQUENCE, lambda port: port.write(framed(WORDS, 2, WORD))),
+    "a number again": (SEQUENCE, lambda port: port.write(framed(WORDS, 0, WORD))),
+}
+
+
+@pytest.mark.parametrize("name", SPOILED)
+def test_a_frame_that_is_spoiled_is_answered_once_and_does_nothing(desk, loaded, name):
+    port, plain = loaded
+    problem, spoil = SPOILED[name]
+    greeted(port)
+    spoil(port)
+    assert said(port) == [(ERROR, 1, bytes((problem,)))]
+    # The number that is told still works, and nothing of the frame is left.
+    assert say(port, WORDS, 1, stream_words(words_of(desk.core, desk.spikes[0])))[0] == (DONE, 1, b"")
+    board = Board(port)
+    assert not board.cut_off
+    assert board.play(desk.core, desk.spikes[0]) == plain
+
+
+REFUSED_LOADS = {
+    "an empty load": (FORM, LOAD, b""),
+    "a load without words": (FORM, LOAD, b"\x01\0\0\0\x04"),
+    "a load of a word and a half": (FORM, LOAD, b"\x01\0\0\0\x04abcdef"),
+    "a load of words without bytes": (FORM, LOAD, b"\x01\0\0\0\x00abc"),
+    "a load of words of 17 bytes": (FORM, LOAD, b"\x01\0\0\0\x11" + bytes(17)),
+    "a memory that does not exist": (FORM, LOAD, b"\x08\0\0\0\x04abcd"),
+    "an address outside its memory": (NO_PLACE, LOAD, b"\x01\x00\x01\x00\x04abcd"),
+    "a word that runs over the end": (NO_PLACE, LOAD, b"\x01\x00\x00\xff\x04abcdabcd"),
+}
+REFUSED = {
+    "a type that does not exist": (NO_TYPE, 9, b""),
+    "type 0": (NO_TYPE, 0, b"abc"),
+    "half a word of the stream": (FORM, WORDS, b"\1\0"),
+    "bits above a word": (FORM, WORDS, b"\4\0\0"),
+    "a switch that is neither": (FORM, REPORT, b"\2"),
+    "a switch and more": (FORM, REPORT, b"\1\1"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_frame_that_is_refused_is_answered(loaded, name):
+    port, _ = loaded
+    problem, kind, payload = REFUSED[name]
+    greeted(port)
+    assert say(port, kind, 1, payload) == [(ERROR, 1, bytes((problem,)))]
+    assert say(port, REPORT, 2, b"\0") == [(DONE, 2, b"")]
+
+
+@pytest.fixture(scope="module")
+def empty(desk):
+    """Return a port of a board without a program."""
+    port = desk.port()
+    yield port
+    port.close()
+
+
+@pytest.mark.parametrize("name", REFUSED_LOADS)
+def test_a_load_that_is_refused_is_answered(empty, name):
+    problem, kind, payload = REFUSED_LOADS[name]
+    greeted(empty)
+    assert say(empty, kind, 1, payload) == [(ERROR, 1, bytes((problem,)))]
+    assert say(empty, REPORT, 2, b"\0") == [(DONE, 2, b"")]
+
+
+def test_a_hello_has_no_payload(loaded):
+    port, _ = loaded
+    greeted(port)
+    assert say(port, HELLO, 1, b"a") == [(ERROR, 1, bytes((FORM,)))]
+
+
+def test_a_load_during_a_recording_is_refused_and_the_recording_goes_on(desk, loaded):
+    port, plain = loaded
+    words = words_of(desk.core, desk.spikes[0])
+    greeted(port)
+    assert say(port, WORDS, 1, stream_words(words[:5])) == [(DONE, 1, b"")]
+    assert say(port, LOAD, 2, b"\x01\0\0\0\x04abcd") == [(ERROR, 2, bytes((BUSY,)))]
+    done, answer = say(port, WORDS, 3, stream_words(words[5:]))
+    assert done == (DONE, 3, b"")
+    assert answer[2][:3] == bytes((plain.error, 0, plain.winner))
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+def test_a_recording_that_is_cut_off_does_no_harm(desk, loaded, share):
+    port, plain = loaded
+    words = words_of(desk.core, desk.spikes[0])
+    greeted(port)
+    say(port, REPORT, 1, b"\1")
+    say(port, WORDS, 2, stream_words(words[: int(share * len(words))]))
+    assert [kind for kind, _, _ in say(port, HELLO, 0) if kind != SPIKES] == [ERROR, WELCOME]
+    assert Board(port).play(desk.core, desk.spikes[0]) == plain
+
+
+def test_the_host_says_that_a_recording_was_cut_off(loaded):
+    port, _ = loaded
+    greeted(port)
+    say(port, WORDS, 1, WORD)
+    assert Board(port).cut_off
+    assert not Board(port).cut_off
+
+
+def test_a_hello_waits_for_the_answer_that_is_due(desk, loaded):
+    port, _ = loaded
+    greeted(port)
+    port.write(framed(WORDS, 1, stream_words(words_of(desk.core, desk.spikes[0]))) + framed(HELLO, 7, b""))
+    assert [(kind, number) for kind, number, _ in said(port)] == [(DONE, 1), (ANSWERED, 0), (WELCOME, 7)]
+
+
+STREAM = {
+    "no such channel": (1, lambda core: [core.channels, TICK, END]),
+    "channels that do not ascend": (2, lambda core: [1, 0, TICK, END]),
+    "more steps than the program has": (3, lambda core: [TICK] * (core.heard + 1) + [END]),
+    "an end before the tick": (4, lambda core: [0, END]),
+}
+
+
+@pytest.mark.parametrize("name", STREAM)
+def test_an_error_of_the_stream_is_answered(desk, loaded, name):
+    port, plain = loaded
+    number, words = STREAM[name]
+    greeted(port)
+    done, answer = say(port, WORDS, 1, stream_words(words(desk.core)))
+    assert (done, answer[0], answer[2][0]) == ((DONE, 1, b""), ANSWERED, number)
+    assert Board(port).play(desk.core, desk.spikes[0]) == plain
+
+
+def test_words_before_a_program_are_refused(desk):
+    port = desk.port()
+    assert say(port, HELLO, 0)[0][2][1] == 0
+    assert say(port, WORDS, 1, WORD) == [(ERROR, 1, bytes((NO_PROGRAM,)))]
+    Board(port).load(desk.core)
+    assert say(port, HELLO, 0)[0][2][1] == 1
+    # Half a program is none, and a reset forgets that there is one.
+    assert say(port, LOAD, 1, b"\x01\0\0\0\x04abcd") == [(DONE, 1, b"")]
+    assert say(port, WORDS, 2, WORD) == [(ERROR, 2, bytes((NO_PROGRAM,)))]
+    Board(port).load(desk.core)
+    port.drive(PRESS)
+    assert say(port, WORDS, 0, WORD) == [(ERROR, 0, bytes((NO_PROGRAM,)))]
+    port.close()
+
+
+def test_spikes_without_room_are_counted(desk):
+    port = desk.port(spikes=2)
+    board = Board(port)
+    board.load(desk.core)
+    board.report(True)
+    answer = board.play(desk.core, desk.spikes[0])
+    port.close()
+    every = spike_numbers(desk.core, {n: s[0] for n, s in hw.simulate(desk.program, desk.spikes).spikes.items()})
+    assert answer.lost > 0
+    assert answer.lost + len(answer.spikes) == len(every)
+    assert set(answer.spikes) < set(every)
+
+
+class Noisy:
+    """A line that damages a byte of every so many, to the board and from it."""
+
+    def __init__(self, port, every: int, seed: int) -> None:
+        self.port, self.every, self.random = port, every, np.random.default_rng(seed)
+        self.damaged = 0
+
+    def spoil(self, data: bytes) -> bytes:
+        bits = self.random.integers(1, 256, len(data)) * (self.random.random(len(data)) < 1 / self.every)
+        self.damaged += np.count_nonzero(bits)
+        return bytes(np.frombuffer(data, dtype=np.uint8) ^ bits.astype(np.uint8))
+
+    def write(self, data: bytes) -> None:
+        self.port.write(self.spoil(data))
+
+    def read(self) -> bytes:
+        return self.spoil(self.port.read())
+
+
+def test_damaged_bytes_do_no_harm(desk):
+    port = desk.port(buffer=64, patience=2000)
+    line = Noisy(port, 100, 1)
+    board = Board(line)
+    board.load(desk.core)
+    line.every = 1 << 30
+    answer = board.play(desk.core, desk.spikes[0])
+    port.close()
+    assert line.damaged > 5
+    assert (answer.error, answer.winner) == (0, hw.simulate(desk.program, desk.spikes).prediction[0])
+
+
+def test_a_board_that_is_silent(desk):
+    class Silent:
+        def write(self, data):
+            pass
+
+        def read(self):
+            return b""
+
+    with pytest.raises(hw.InputError) as caught:
+        Board(Silent())
+    assert str(caught.value) == "board: it does not answer. Check the port, the baud rate and the bitstream."
+
+
+def test_a_program_that_has_no_room(desk):
+    board = object.__new__(Board)
+    board.sizes = replace(desk.sizes, synapses=16)
+    with pytest.raises(hw.TargetError) as caught:
+        board.load(desk.core)
+    need = desk.core.needs.synapses
+    assert str(caught.value) == (
+        f"program {desk.program.name!r}: the open core has no room on this board for its synapses "
+        f"({need} against 16). Simulate it instead."
+    )
+
+
+def test_each_problem_has_a_text():
+    assert len(PROBLEMS) == NO_PROGRAM + 1

@@ -1,0 +1,87 @@
+"""The serial line: bytes pass at rates that differ a little, and a board on a line does what it does without one."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from desk import PATIENCE, Desk, said, say
+
+import hw_model as hw
+from hw_model.rtl.board import Board
+from hw_model.rtl.frames import ERROR, HELLO, WELCOME
+from hw_model.rtl.ports import SimulatedBoard
+from hw_model.rtl.simulators import sources
+
+RTL = Path(hw.__file__).parent / "rtl"
+icarus = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
+verilator = pytest.mark.skipif(shutil.which("verilator") is None, reason="Verilator is not installed")
+
+
+def heard(folder: Path, bit: int, host_bit: int) -> list[str]:
+    """Return what a receiver hears of every byte, at these lengths of a bit."""
+    files = [RTL / "uart_rx.sv", RTL / "uart_tx.sv", Path(__file__).parent / "uart_rates.sv"]
+    given = [f"-Puart_rates.BIT={bit}", f"-Puart_rates.HOST_BIT={host_bit}"]
+    binary = folder / "rates.vvp"
+    subprocess.run(["iverilog", "-g2012", "-s", "uart_rates", "-o", binary, *given, *files], check=True)
+    return subprocess.run(["vvp", "-n", binary], check=True, capture_output=True, text=True).stdout.split()
+
+
+@icarus
+@pytest.mark.parametrize(
+    ("bit", "host_bit"), [(100, 100), (100, 98), (100, 102), (100, 104), (100, 96), (8, 8), (217, 213)]
+)
+def test_every_byte_passes_at_a_rate_within_the_tolerance(tmp_path, bit, host_bit):
+    assert heard(tmp_path, bit, host_bit) == [str(byte) for byte in range(256)]
+
+
+@icarus
+@pytest.mark.parametrize("host_bit", [80, 125])
+def test_a_wrong_rate_breaks_bytes(tmp_path, host_bit):
+    assert "broken" in heard(tmp_path, 100, host_bit)
+
+
+@pytest.fixture
+def desk(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    return Desk()
+
+
+@icarus
+def test_a_greeting_over_the_line(desk):
+    port = desk.port(bit=8, patience=200)
+    board = Board(port)
+    # A stop bit that lacks is told at once, and the next frame is heard.
+    port.drive(256 + ord("a"))
+    broken = said(port)
+    welcome = say(port, HELLO, 3)
+    port.close()
+    assert board.sizes == desk.sizes
+    assert broken == [(ERROR, 1, b"\1")]
+    assert [found[:2] for found in welcome] == [(WELCOME, 3)]
+
+
+@verilator
+@pytest.mark.slow
+@pytest.mark.parametrize("host_bit", [98, 102])
+def test_a_recording_at_a_rate_that_is_two_percent_off(desk, host_bit):
+    port = SimulatedBoard("verilator", desk.sizes, bit=100, host_bit=host_bit, patience=PATIENCE)
+    board = Board(port)
+    board.load(desk.core)
+    answer = board.play(desk.core, desk.spikes[0])
+    port.close()
+    assert (answer.error, answer.winner) == (0, hw.simulate(desk.program, desk.spikes).prediction[0])
+
+
+@verilator
+@pytest.mark.parametrize("top", ["top_uart", "locsnn_axis"])
+def test_the_tops_have_no_warning(top, tmp_path):
+    names = [name for name in sources() if not name.endswith("bench.sv")]
+    command = ["verilator", "--lint-only", "-Wall", "--top-module", top, *names]
+    done = subprocess.run(
+        command, cwd=RTL, capture_output=True, text=True, check=False, env={**os.environ, "HOME": str(tmp_path)}
+    )
+    assert (done.returncode, done.stderr) == (0, "")
