@@ -28,8 +28,8 @@ def run(args: argparse.Namespace) -> int:
     from locsnn_compile.cli.places import check_places
     from locsnn_compile.data.torch_writer import need_torch
     from locsnn_compile.frontends.checkpoint import network_of
+    from locsnn_compile.models.checkpoint import Pack
     from locsnn_compile.models.checkpoint_reader import read_checkpoint
-    from locsnn_compile.models.pack import Pack
 
     reads = {f"MODEL {path!r}": path for path in args.model} | {"--calibration": args.calibration}
     check_places(reads, [("--output", Path(args.output))])

@@ -62,7 +62,7 @@ def load(
         network = load_slayer(path, Path(config), kernels)
     elif kind == _CHECKPOINT:
         from locsnn_compile.frontends.checkpoint import network_of
-        from locsnn_compile.models.pack import read_models
+        from locsnn_compile.models.checkpoint_reader import read_models
 
         way_out = "Give slayerPytorch's YAML with it (--config FILE.yaml)."
         held = model if isinstance(model, Checkpoint) else read_models(path, state_dict=way_out)

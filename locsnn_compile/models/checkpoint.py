@@ -25,14 +25,18 @@ onto ``location_hidden``, ``"location_neuron": {...}``, where the location branc
 ``"window": {"steps", "stride", "levels"}`` of a branch that counts in windows next to others, ``"align_events"`` of the
 step at which recordings start, and ``"class_names": [names]``. In ``input`` there may be the ``event_threshold`` that
 bins of single events had to exceed, and there is, where it is not NeuTouch, the ``sensor`` in place of its sizes: see
-:class:`locsnn_compile.data.sensor.SensorLayout`. Written here, read by
+:class:`locsnn_compile.data.sensor.SensorLayout`. Several in one
+file are ``locsnn-committee``:
+
+    {"format", "version", "members": {"1": {"sha256", "weight", "checkpoint": as in a file of its own}, "2": ...}}
+
+Only the first member that carries recordings keeps them. Written here, read by
 :mod:`locsnn_compile.models.checkpoint_reader`, which never runs code of the file.
 """
 
-from collections.abc import Mapping
-from dataclasses import asdict, fields
+from dataclasses import asdict, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,13 +78,17 @@ class Checkpoint(Shown):
 
     description: NetworkDescription
     weights: dict[str, AnyArray]
-    recordings: Recordings | None
-    training: dict[str, Plain]
-    sha256: str
+    recordings: Recordings | None = None
+    training: dict[str, Plain] = field(default_factory=dict)
+    sha256: str = ""
     chip: ChipNumbers | None = None
 
     def save(self, path: Path | str) -> None:
-        """Write it to a file, whole or not at all."""
+        """Write it to a file, whole or not at all; equal ones give equal bytes under one version of torch.
+
+        Raises ``InputError`` for weights that do not fit the description, are not finite or not on the grid, and where
+        the folder cannot be written.
+        """
         where = f"checkpoint {Path(path).name!r}"
         replace_file(Path(path), torch_bytes(checkpoint_values(self), where), where)
 
@@ -93,25 +101,8 @@ class Checkpoint(Shown):
         return {name: (mantissa * units[name]).astype(np.float32) for name, mantissa in self.weights.items()}
 
 
-def save_checkpoint(
-    path: Path | str,
-    description: NetworkDescription,
-    weights: Mapping[str, AnyArray],
-    *,
-    recordings: Recordings | None = None,
-    training: Mapping[str, Plain] | None = None,
-    chip: ChipNumbers | None = None,
-) -> None:
-    """Write a checkpoint whole or not at all; equal arguments give equal bytes under one version of torch.
-
-    With ``chip`` the weights are mantissas on the grid of its numbers, else floats. Raises ``InputError`` for weights
-    that do not fit the description, are not finite or not on the grid, and where the folder cannot be written.
-    """
-    Checkpoint(description, dict(weights), recordings, dict(training or {}), "", chip).save(path)
-
-
 def checkpoint_values(checkpoint: Checkpoint) -> dict[str, Any]:
-    """Return what a file holds, weights as arrays; see :func:`save_checkpoint`."""
+    """Return what a file holds, weights as arrays; see :meth:`Checkpoint.save`."""
     description, weights = checkpoint.description, checkpoint.weights
     chip, recordings = checkpoint.chip, checkpoint.recordings
     arrays = {}
@@ -137,7 +128,7 @@ def checkpoint_values(checkpoint: Checkpoint) -> dict[str, Any]:
     }
     if chip is not None:
         values["chip"] = chip_entry(chip)
-    usual = {field.name: field.default for field in fields(NetworkDescription)}
+    usual = {its.name: its.default for its in fields(NetworkDescription)}
     for name, held_as in OPTIONAL.items():
         if (value := getattr(description, name)) != usual[name]:
             values[name] = asdict(value) if held_as is dict else held_as(value)
@@ -145,6 +136,32 @@ def checkpoint_values(checkpoint: Checkpoint) -> dict[str, Any]:
         graph = description.graph
         values["graph"] = graph and asdict(graph) | {"taxel_edges": [list(edge) for edge in graph.taxel_edges]}
     return values
+
+
+class Pack(Shown):
+    """Checkpoints whose class scores are added, each by its weight; ``sha256`` of the file."""
+
+    members: tuple[Checkpoint, ...]
+    weights: tuple[float, ...]
+    sha256: str = ""
+
+    FORMAT: ClassVar[str] = "locsnn-committee"
+    VERSION: ClassVar[int] = 1
+
+    def save(self, path: Path | str) -> None:
+        """Write it to a file, whole or not at all."""
+        carrying = next((member for member in self.members if member.recordings is not None), None)
+        members = {
+            str(number): {
+                "sha256": member.sha256,
+                "weight": float(weight),
+                "checkpoint": checkpoint_values(member if member is carrying else replace(member, recordings=None)),
+            }
+            for number, (member, weight) in enumerate(zip(self.members, self.weights, strict=True), start=1)
+        }
+        where = f"committee {Path(path).name!r}"
+        content = torch_bytes({"format": self.FORMAT, "version": self.VERSION, "members": members}, where)
+        replace_file(Path(path), content, where)
 
 
 def check_weights(where: str, weights: AnyArray, numbers: ChipPopulation | None) -> None:

@@ -5,6 +5,7 @@ that names the entry.
 """
 
 import hashlib
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,16 @@ from locsnn_compile.data.sensor import POLARITIES, TAXELS, SensorLayout, neutouc
 from locsnn_compile.data.tensors import Tensor
 from locsnn_compile.data.torch_file import load_plain, read_bytes
 from locsnn_compile.errors import InputError, did_you_mean
-from locsnn_compile.models.checkpoint import CHIP_VERSION, FORMAT, OPTIONAL, VERSION, Checkpoint, Plain, check_weights
+from locsnn_compile.models.checkpoint import (
+    CHIP_VERSION,
+    FORMAT,
+    OPTIONAL,
+    VERSION,
+    Checkpoint,
+    Pack,
+    Plain,
+    check_weights,
+)
 from locsnn_compile.models.chip_entry import ChipNumbers, parse_chip_entry
 from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, Neuron, NeuronParameters
 from locsnn_compile.models.graph_and_windows import GraphParameters, WindowParameters
@@ -31,6 +41,9 @@ _KEYS: dict[str, tuple[type, ...]] = {
 }
 
 
+_MEMBER: dict[str, tuple[type, ...]] = {"sha256": (str,), "weight": (float,), "checkpoint": (dict,)}
+
+
 def read_checkpoint(path: Path | str, *, state_dict: str = WRITE_AGAIN) -> Checkpoint:
     """Return the checkpoint at ``path``; ``InputError`` for anything that is not one, whatever is wrong with it.
 
@@ -38,6 +51,28 @@ def read_checkpoint(path: Path | str, *, state_dict: str = WRITE_AGAIN) -> Check
     """
     values, where, sha256 = read_plain(Path(path), state_dict)
     return parse_checkpoint(values, where, Path(path).name, sha256)
+
+
+def read_models(path: Path | str, *, state_dict: str = WRITE_AGAIN) -> Checkpoint | Pack:
+    """Return the checkpoint at ``path``, or the pack of several; ``InputError`` for anything else."""
+    values, where, sha256 = read_plain(Path(path), state_dict)
+    if not isinstance(values, dict) or values.get("format") != Pack.FORMAT:
+        return parse_checkpoint(values, where, Path(path).name, sha256)
+    if values.get("version") != Pack.VERSION:
+        raise file_fault(where, "its version does not exist", f"version {values.get('version')} against {Pack.VERSION}")
+    check_keys(where, "", values, {"format": (str,), "version": (int,), "members": (dict,)})
+    check_keys(where, "members.", values["members"], dict.fromkeys(values["members"], (dict,)))
+    members, weights = [], []
+    for number, entry in values["members"].items():
+        place = f"{where}, member {str(number)[:20]!r}"
+        check_keys(place, "", entry, _MEMBER)
+        if not re.fullmatch("[0-9a-f]{64}|", entry["sha256"]):
+            raise file_fault(place, "its sha256 is not one")
+        members.append(parse_checkpoint(entry["checkpoint"], place, Path(path).name, entry["sha256"]))
+        weights.append(entry["weight"])
+    if not members:
+        raise file_fault(where, "it has no members")
+    return Pack(tuple(members), tuple(weights), sha256)
 
 
 def read_plain(path: Path, state_dict: str) -> tuple[object, str, str]:

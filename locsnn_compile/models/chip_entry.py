@@ -15,7 +15,7 @@ from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_BITS, WEIGHT_EXPON
 from hw_model.values import Frozen
 from locsnn_compile.models.plain_checks import file_fault, is_whole
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm, Refractory
-from locsnn_compile.strategies import TRAINABLE
+from locsnn_compile.settings import TRAINABLE
 
 
 class RegisterWidths(Frozen):

@@ -1,6 +1,5 @@
 """From a trained network to a checkpoint: the test part measured once, and what the file says of its training."""
 
-from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 
@@ -9,7 +8,7 @@ import numpy as np
 from hw_model.values import AnyArray, IntArray
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
-from locsnn_compile.models.checkpoint import Checkpoint, Plain, save_checkpoint
+from locsnn_compile.models.checkpoint import Checkpoint, Plain
 from locsnn_compile.training.config import TrainingConfig
 from locsnn_compile.training.measure import confusion
 from locsnn_compile.training.train import TrainingResult
@@ -95,18 +94,12 @@ def export_checkpoint(
     where there is none), spread over the classes, go into the file, for checks.
     """
     network = result.network
-    weights: Mapping[str, AnyArray] = network.weights() if network.chip is None else network.mantissas()
+    weights: dict[str, AnyArray] = {**(network.weights() if network.chip is None else network.mantissas())}
     found = None if test is None else measure(result, test)
     kept: Recordings | None = None
     if carried > 0:
         pool = recordings if test is None else test
         kept = pool.subset(carried_rows(pool.labels, len(pool), carried))
-    save_checkpoint(
-        path,
-        network.description,
-        weights,
-        recordings=kept,
-        training=training_entry(result, config, recordings, found) | _start_entry(start),
-        chip=network.chip,
-    )
+    training = training_entry(result, config, recordings, found) | _start_entry(start)
+    Checkpoint(network.description, weights, kept, training, chip=network.chip).save(path)
     return found

@@ -43,7 +43,7 @@ def chip_numbers(
     for name, shape in description.weight_shapes.items():
         most = USUAL_LARGEST * description.srm(name).theta if start is None else float(np.abs(start[name]).max())
         largest[name] = np.full(shape, config.weight_room * most, dtype=np.float32)
-    network = network_of(Checkpoint(description, largest, recordings=None, training={}, sha256=""))
+    network = network_of(Checkpoint(description, largest))
     weight_bits = min(config.weight_bits, chip.registers.weight_bits[-1])
     quantized = quantize(network, chip, weight_bits, config.strategy)
     populations = {}

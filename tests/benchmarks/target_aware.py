@@ -27,9 +27,9 @@ import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.models.checkpoint import Checkpoint, save_checkpoint
+from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
-from locsnn_compile.strategies import TRAINABLE
+from locsnn_compile.settings import TRAINABLE
 from locsnn_compile.training.config import TrainingConfig, config_from_mapping, read_config
 from locsnn_compile.training.describe import FINE_TUNING, fine_tuning_config
 from locsnn_compile.training.export import export_checkpoint, training_entry
@@ -110,7 +110,7 @@ def train_float(args: argparse.Namespace, dataset: str, seed: int) -> None:
     assert state is not None
     selected = {name.removesuffix(".weight"): weight.numpy() for name, weight in state.chosen_weights.items()}
     entry = training_entry(result, replace(config, refit=False), recordings, None, None)
-    save_checkpoint(folder / f"{dataset}-{seed}-select.pt", result.network.description, selected, training=entry)
+    Checkpoint(result.network.description, selected, training=entry).save(folder / f"{dataset}-{seed}-select.pt")
     export_checkpoint(folder / f"{dataset}-{seed}.pt", result, config, recordings, test, carried=0)
     state_path.unlink()
 

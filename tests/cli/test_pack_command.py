@@ -15,8 +15,8 @@ import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.cli import compile as compile_command
 from locsnn_compile.cli import main as locsnn
-from locsnn_compile.models.checkpoint_reader import read_checkpoint
-from locsnn_compile.models.pack import Pack, read_models
+from locsnn_compile.models.checkpoint import Pack
+from locsnn_compile.models.checkpoint_reader import read_checkpoint, read_models
 
 HERE = Path(__file__).parents[1] / "compatibility/version_0_1_0"
 TOUCHES = str(HERE / "touches.npz")

@@ -10,7 +10,7 @@ from distributed import Client, LocalCluster
 from locsnn_compile.cli.main import main
 from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.explore.point import Figures, Point
-from locsnn_compile.models.checkpoint import save_checkpoint
+from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.settings import AXES, Setting
 
@@ -26,7 +26,7 @@ def model(tmp_path_factory):
     r = np.random.default_rng(0)
     weights = {name: r.normal(0.5, 2.0, shape).astype(np.float32) for name, shape in description.weight_shapes.items()}
     path = tmp_path_factory.mktemp("model") / "small.pt"
-    save_checkpoint(path, description, weights)
+    Checkpoint(description, weights).save(path)
     return path
 
 

@@ -13,8 +13,7 @@ from locsnn_compile.cli import explore as explore_cli
 from locsnn_compile.cli.compile import parser
 from locsnn_compile.errors import InputError
 from locsnn_compile.explore import result
-from locsnn_compile.settings import AXES, Axis, Setting, settings
-from locsnn_compile.strategies import STRATEGIES
+from locsnn_compile.settings import AXES, STRATEGIES, Axis, Setting, settings
 
 
 @pytest.mark.parametrize("axis", AXES, ids=lambda axis: axis.name)

@@ -31,7 +31,7 @@ from locsnn_compile.cli import diff  # noqa: E402
 from locsnn_compile.data import Recordings, read_recordings, synthetic_touches, write_recordings  # noqa: E402
 from locsnn_compile.data.sensor import LOCATION_ORDERS, neutouch, read_layout  # noqa: E402
 from locsnn_compile.errors import InputError  # noqa: E402
-from locsnn_compile.models.checkpoint import save_checkpoint  # noqa: E402
+from locsnn_compile.models.checkpoint import Checkpoint  # noqa: E402
 from locsnn_compile.models.description import InputLayout, NetworkDescription  # noqa: E402
 from locsnn_compile.models.networks import build_network  # noqa: E402
 from locsnn_compile.training.config import config_from_mapping, read_config  # noqa: E402
@@ -58,12 +58,11 @@ def checkpoints(folder):
     order = {"location_order": "arch", "location_taxels": LOCATION_ORDERS["arch"]}
     description = NetworkDescription("hybrid", layout, classes=3, hidden=4, name="small", **order)
     spikes = (np.random.default_rng(0).random((2, 6, 78)) < 0.2).astype(np.uint8)
-    save_checkpoint(
-        folder / "a.pt",
+    Checkpoint(
         description,
         build_network(description, seed=1).weights(),
         recordings=Recordings(spikes, np.array([0, 2]), 0.02, "small"),
-    )
+    ).save(folder / "a.pt")
     (folder / "b.pt").write_bytes((EXAMPLES / "models/objects-hybrid-loihi.pt").read_bytes())
     return ["a.pt", "b.pt", as_before_torch_1_6(folder / "a.pt")]
 

@@ -16,7 +16,7 @@ from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.data.write import write_recordings
 from locsnn_compile.errors import InputError
-from locsnn_compile.models.checkpoint import save_checkpoint
+from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.networks import build_network
@@ -51,7 +51,7 @@ def network_of(model: str) -> tuple[NetworkDescription, torch.nn.Module]:
 def test_torch_the_reference_and_the_chip_start_alike(model: str, tmp_path: Path) -> None:
     description, network = network_of(model)
     played = late_touches()
-    save_checkpoint(tmp_path / "a.pt", description, network.weights())
+    Checkpoint(description, network.weights()).save(tmp_path / "a.pt")
     found = read_checkpoint(tmp_path / "a.pt")
     assert found.description == description
     loaded = lc.load(tmp_path / "a.pt")

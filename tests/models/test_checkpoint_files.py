@@ -19,7 +19,7 @@ import torch
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import LOCATION_ORDERS, neutouch
 from locsnn_compile.errors import InputError
-from locsnn_compile.models.checkpoint import save_checkpoint
+from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.networks import build_network
@@ -43,7 +43,7 @@ def recordings(samples: int = 2) -> Recordings:
 
 def save(path: Path) -> Path:
     weights = build_network(DESCRIPTION, seed=1).weights()
-    save_checkpoint(path, DESCRIPTION, weights, recordings=recordings(), training={"seed": 1, "dataset": "none"})
+    Checkpoint(DESCRIPTION, weights, recordings=recordings(), training={"seed": 1, "dataset": "none"}).save(path)
     return path
 
 
@@ -64,7 +64,7 @@ def test_what_is_written_comes_back(tmp_path: Path) -> None:
 def test_a_step_that_nobody_said_comes_back_as_not_known(tmp_path: Path) -> None:
     description = replace(DESCRIPTION, input=replace(DESCRIPTION.input, step_seconds=None))
     weights = build_network(description).weights()
-    save_checkpoint(tmp_path / "w.pt", description, weights, recordings=recordings())
+    Checkpoint(description, weights, recordings=recordings()).save(tmp_path / "w.pt")
     found = read_checkpoint(tmp_path / "w.pt")
     assert found.recordings is not None
     assert (found.description.input.step_seconds, found.recordings.step_seconds) == (None, None)
@@ -82,7 +82,7 @@ def test_recordings_say_whether_the_network_was_trained_on_them(
     tmp_path: Path, training: dict[str, int | None], origin: str
 ) -> None:
     weights = build_network(DESCRIPTION).weights()
-    save_checkpoint(tmp_path / "w.pt", DESCRIPTION, weights, recordings=recordings(), training=training)
+    Checkpoint(DESCRIPTION, weights, recordings=recordings(), training=training).save(tmp_path / "w.pt")
     found = read_checkpoint(tmp_path / "w.pt").recordings
     assert found is not None
     assert (found.origin, found.subset([1]).origin) == (origin, origin)
@@ -94,7 +94,7 @@ def test_arrays_are_read_only(tmp_path: Path) -> None:
 
 
 def test_weights_alone(tmp_path: Path) -> None:
-    save_checkpoint(tmp_path / "w.pt", DESCRIPTION, build_network(DESCRIPTION).weights())
+    Checkpoint(DESCRIPTION, build_network(DESCRIPTION).weights()).save(tmp_path / "w.pt")
     assert read_checkpoint(tmp_path / "w.pt").recordings is None
 
 
@@ -418,7 +418,7 @@ def test_saving_refuses_weights_that_do_not_fit(tmp_path: Path) -> None:
     weights = build_network(DESCRIPTION).weights()
     del weights["time_output"]
     with pytest.raises(InputError) as caught:
-        save_checkpoint(tmp_path / "x.pt", DESCRIPTION, weights)
+        Checkpoint(DESCRIPTION, weights).save(tmp_path / "x.pt")
     assert str(caught.value) == (
         "population 'time_output': its weights do not fit the network (got none against (3, 4)). "
         "Save the weights of a network of this description."
@@ -428,5 +428,5 @@ def test_saving_refuses_weights_that_do_not_fit(tmp_path: Path) -> None:
 
 def test_saving_into_no_folder(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
-        save_checkpoint(tmp_path / "none" / "x.pt", DESCRIPTION, build_network(DESCRIPTION).weights())
+        Checkpoint(DESCRIPTION, build_network(DESCRIPTION).weights()).save(tmp_path / "none" / "x.pt")
     assert str(caught.value) == ("checkpoint 'x.pt': its folder does not exist. Make the folder first.")

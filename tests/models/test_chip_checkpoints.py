@@ -13,7 +13,7 @@ import torch
 from locsnn_compile.data.orders import location_order
 from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.errors import InputError
-from locsnn_compile.models.checkpoint import save_checkpoint
+from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.chip_entry import ChipNumbers, ChipPopulation, chip_entry
 from locsnn_compile.models.description import InputLayout, NetworkDescription
@@ -48,7 +48,7 @@ CHIP = chip_of(with_dendrite)
 
 
 def save(path: Path, chip: ChipNumbers = CHIP) -> Path:
-    save_checkpoint(path, DESCRIPTION, build_network(DESCRIPTION, chip=chip).mantissas(), chip=chip)
+    Checkpoint(DESCRIPTION, build_network(DESCRIPTION, chip=chip).mantissas(), chip=chip).save(path)
     return path
 
 
@@ -227,7 +227,7 @@ def test_only_mantissas_of_the_grid_are_written(tmp_path: Path) -> None:
     mantissas = {name: np.full(shape, 16) for name, shape in DESCRIPTION.weight_shapes.items()}
     mantissas["location_output"] = mantissas["location_output"] + 1
     with pytest.raises(InputError) as caught:
-        save_checkpoint(tmp_path / "small.pt", DESCRIPTION, mantissas, chip=CHIP)
+        Checkpoint(DESCRIPTION, mantissas, chip=CHIP).save(tmp_path / "small.pt")
     assert str(caught.value) == (
         "population 'location_output': mantissa [0, 0] is not on the grid of 4 bits (got 17, 12 such mantissas). "
         "Train the network again."

@@ -16,7 +16,7 @@ from locsnn_compile.models.chip_entry import USUAL_REGISTERS, ChipPopulation, Re
 from locsnn_compile.models.chip_layers import ChipLayer
 from locsnn_compile.models.description import NeuronParameters
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm
-from locsnn_compile.strategies import TRAINABLE
+from locsnn_compile.settings import TRAINABLE
 
 CHIP = hw.chip("loihi-sim")
 EVENTS = ("charge_wraps", "current_wraps", "voltage_clips")

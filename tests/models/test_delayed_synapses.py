@@ -19,12 +19,12 @@ from locsnn_compile.data import write_recordings
 from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.errors import InputError
-from locsnn_compile.models.checkpoint import save_checkpoint
+from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.networks import build_network, delayed
 from locsnn_compile.reference.evaluate import evaluate
-from locsnn_compile.strategies import TRAINABLE
+from locsnn_compile.settings import TRAINABLE
 from locsnn_compile.training.config import TrainingConfig
 from locsnn_compile.training.export import export_checkpoint
 from locsnn_compile.training.train import train
@@ -61,7 +61,7 @@ def test_without_delays_nothing_is_copied() -> None:
 
 def test_the_reference_hears_each_delay(tmp_path: Path) -> None:
     network = build_network(hybrid(), seed=3, initial_scale=10.0).double()
-    save_checkpoint(tmp_path / "net.pt", network.description, network.weights())
+    Checkpoint(network.description, network.weights()).save(tmp_path / "net.pt")
     loaded = lc.load(tmp_path / "net.pt")
     assert [(p.source, p.delay) for p in loaded.into("time_hidden")] == [("touch", delay) for delay in DELAYS]
     with torch.no_grad():
@@ -77,7 +77,7 @@ def test_the_reference_hears_each_delay(tmp_path: Path) -> None:
 
 def test_a_checkpoint_keeps_delays(tmp_path: Path) -> None:
     network = build_network(description(), seed=1)
-    save_checkpoint(tmp_path / "net.pt", network.description, network.weights())
+    Checkpoint(network.description, network.weights()).save(tmp_path / "net.pt")
     found = read_checkpoint(tmp_path / "net.pt")
     assert found.description.delays == DELAYS
     assert found.weights["time_hidden"].shape == (5, 3 * 78)
@@ -102,7 +102,7 @@ def test_trained_on_the_chip_the_program_spikes_the_same(strategy: str, tmp_path
 
 def test_a_float_network_compiles(tmp_path: Path) -> None:
     network = build_network(hybrid(), seed=3, initial_scale=10.0)
-    save_checkpoint(tmp_path / "net.pt", network.description, network.weights())
+    Checkpoint(network.description, network.weights()).save(tmp_path / "net.pt")
     report = lc.compile(lc.load(tmp_path / "net.pt"), strategy="dendrite", events=RECORDINGS, diagnosis=False).report
     assert report["match"]["spike_agreement"] > 0.8
 

@@ -16,7 +16,7 @@ from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.data.write import write_recordings
 from locsnn_compile.errors import InputError
-from locsnn_compile.models.checkpoint import Checkpoint, save_checkpoint
+from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.graph_and_windows import WindowParameters
@@ -51,7 +51,7 @@ def random_network(description: NetworkDescription) -> HybridWindow:
 def test_torch_reference_and_both_engines_read_out_one_sum(tmp_path: Path) -> None:
     description = described()
     network, x = random_network(description), touches(5)
-    save_checkpoint(tmp_path / "h.pt", description, network.weights())
+    Checkpoint(description, network.weights()).save(tmp_path / "h.pt")
     loaded = lc.load(tmp_path / "h.pt")
     assert [phase.name for phase in loaded.phases] == ["time", "location", "window"]
     outputs = loaded.readout.populations
@@ -107,7 +107,7 @@ def test_lambda_weighs_the_location_branch_only() -> None:
 def test_its_file_keeps_its_windows(tmp_path: Path) -> None:
     description = described()
     weights = random_network(description).weights()
-    save_checkpoint(tmp_path / "h.pt", description, weights)
+    Checkpoint(description, weights).save(tmp_path / "h.pt")
     found = read_checkpoint(tmp_path / "h.pt")
     assert found.description == description
     assert list(found.weights) == list(description.weight_shapes)
@@ -130,7 +130,7 @@ def test_its_file_keeps_its_windows(tmp_path: Path) -> None:
 )
 def test_windows_that_are_none(tmp_path: Path, window: dict[str, object], message: str) -> None:
     description = described()
-    save_checkpoint(tmp_path / "h.pt", description, random_network(description).weights())
+    Checkpoint(description, random_network(description).weights()).save(tmp_path / "h.pt")
     values = torch.load(tmp_path / "h.pt", weights_only=True)
     torch.save(values | {"window": window}, tmp_path / "h.pt")
     with pytest.raises(InputError) as caught:

@@ -16,13 +16,13 @@ from locsnn_compile.data import write_recordings
 from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.errors import InputError
-from locsnn_compile.models.checkpoint import save_checkpoint
+from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, NeuronParameters
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.reference.evaluate import evaluate
-from locsnn_compile.strategies import TRAINABLE
+from locsnn_compile.settings import TRAINABLE
 from locsnn_compile.training.config import TrainingConfig
 from locsnn_compile.training.describe import describe, fixed_by
 from locsnn_compile.training.export import export_checkpoint
@@ -77,7 +77,7 @@ def test_a_location_branch_has_its_own_constants_and_delays() -> None:
 @pytest.mark.parametrize("own", [description(), LIF], ids=["LSRM", "LLIF"])
 def test_file_reference_and_torch_are_equal(own: NetworkDescription, tmp_path: Path) -> None:
     network = build_network(own, seed=3, initial_scale=10.0).double()
-    save_checkpoint(tmp_path / "net.pt", network.description, network.weights())
+    Checkpoint(network.description, network.weights()).save(tmp_path / "net.pt")
     assert read_checkpoint(tmp_path / "net.pt").description == own
     loaded = lc.load(tmp_path / "net.pt")
     assert [(p.source, p.delay) for p in loaded.into("location_hidden")] == [("touch_transposed", d) for d in DELAYS]
@@ -93,7 +93,7 @@ def test_file_reference_and_torch_are_equal(own: NetworkDescription, tmp_path: P
 @pytest.mark.parametrize("own", [description(), LIF], ids=["LSRM", "LLIF"])
 def test_both_engines_play_it_alike(own: NetworkDescription, tmp_path: Path) -> None:
     network = build_network(own, seed=3, initial_scale=10.0)
-    save_checkpoint(tmp_path / "net.pt", own, network.weights())
+    Checkpoint(own, network.weights()).save(tmp_path / "net.pt")
     strategy = "auto" if own is LIF else "dendrite"
     compiled = lc.compile(lc.load(tmp_path / "net.pt"), strategy=strategy, events=RECORDINGS, diagnosis=False)
     assert compiled.report["match"]["spike_agreement"] > 0.8
@@ -104,7 +104,7 @@ def test_both_engines_play_it_alike(own: NetworkDescription, tmp_path: Path) -> 
 
 def test_a_session_says_what_a_simulation_says(tmp_path: Path) -> None:
     own = description()
-    save_checkpoint(tmp_path / "net.pt", own, build_network(own, seed=3, initial_scale=10.0).weights())
+    Checkpoint(own, build_network(own, seed=3, initial_scale=10.0).weights()).save(tmp_path / "net.pt")
     program = lc.compile(lc.load(tmp_path / "net.pt"), strategy="dendrite", events=RECORDINGS, diagnosis=False).program
     recording = RECORDINGS.spikes[0]
     found = hw.Session(program).push(recording)
@@ -223,7 +223,7 @@ def test_a_delay_that_the_chip_does_not_hold() -> None:
 
 def test_a_checkpoint_without_them_is_as_before(tmp_path: Path) -> None:
     plain = description(location_neuron=None, location_delays=(0,))
-    save_checkpoint(tmp_path / "net.pt", plain, build_network(plain).weights())
+    Checkpoint(plain, build_network(plain).weights()).save(tmp_path / "net.pt")
     data = (tmp_path / "net.pt").read_bytes()
     assert b"location_neuron" not in data
     assert b"location_delays" not in data

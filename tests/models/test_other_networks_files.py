@@ -16,7 +16,7 @@ from locsnn_compile.data.tensors import Tensor
 from locsnn_compile.data.torch_file import load_plain
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.architectures import ARCHITECTURES
-from locsnn_compile.models.checkpoint import save_checkpoint
+from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import parse_checkpoint, read_checkpoint
 from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription
 from locsnn_compile.models.graph_and_windows import GraphParameters
@@ -44,7 +44,7 @@ def description(name: str) -> NetworkDescription:
 
 
 def save(path: Path, name: str) -> Path:
-    save_checkpoint(path, description(name), build_network(description(name), seed=1).weights())
+    Checkpoint(description(name), build_network(description(name), seed=1).weights()).save(path)
     return path
 
 
@@ -181,7 +181,7 @@ def test_a_weight_that_is_not_finite_is_named_by_its_place(tmp_path: Path) -> No
     weights = build_network(description("cnn-3d")).weights()
     weights["conv_1.weight"][1, 0, 2, 0, 1] = np.inf
     with pytest.raises(InputError) as caught:
-        save_checkpoint(tmp_path / "bad.pt", description("cnn-3d"), weights)
+        Checkpoint(description("cnn-3d"), weights).save(tmp_path / "bad.pt")
     assert str(caught.value) == (
         "population 'conv_1.weight': weight [1, 0, 2, 0, 1] is not finite (got inf, 1 such weights). "
         "Train the network again."

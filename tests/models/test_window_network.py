@@ -19,7 +19,7 @@ from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.data.write import write_recordings
 from locsnn_compile.errors import InputError
-from locsnn_compile.models.checkpoint import save_checkpoint
+from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.graph_and_windows import WindowParameters, output_parts
@@ -194,7 +194,7 @@ def test_the_chip_adds_what_the_network_adds(
 ) -> None:
     description = described(steps, fingertips, windows)
     network, x = random_network(description), touches(6, steps, fingertips, 0.1)
-    save_checkpoint(tmp_path / "w.pt", description, network.weights())
+    Checkpoint(description, network.weights()).save(tmp_path / "w.pt")
     loaded = lc.load(tmp_path / "w.pt")
     outputs = loaded.readout.populations
     assert len(outputs) == len(description.output_parts)

@@ -16,7 +16,7 @@ from locsnn_compile.cli.compile import main
 from locsnn_compile.data.recordings import Binned, Origin, Recordings
 from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.frontends.parts import synthetic_recordings
-from locsnn_compile.models.checkpoint import save_checkpoint
+from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.network.network import Network
@@ -52,7 +52,7 @@ def saved(path: Path, *, step_seconds: float | None = 0.02, **more: Any) -> Path
         "tactile-snn", InputLayout(neutouch(1), 40, step_seconds), classes=3, hidden=4, name="small"
     )
     weights = {name: np.abs(w) for name, w in build_network(description, seed=1).weights().items()}
-    save_checkpoint(path, description, weights, **more)
+    Checkpoint(description, weights, **more).save(path)
     return path
 
 

@@ -20,7 +20,7 @@ from locsnn_compile.api import CompiledModel
 from locsnn_compile.cli.compile import main
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import neutouch
-from locsnn_compile.models.checkpoint import save_checkpoint
+from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.report.figures.document import report_document
 from locsnn_compile.report.renderers.markdown import render_markdown
@@ -39,7 +39,7 @@ def checkpoint(path: Path, **weights: float) -> Path:
     r = np.random.default_rng(0)
     drawn = {name: r.normal(0.5, 2.0, shape).astype(np.float32) for name, shape in described.weight_shapes.items()}
     held = {name: np.full_like(array, weights.get(name, 0.0)) for name, array in drawn.items()}
-    save_checkpoint(path, described, {name: held[name] if name in weights else drawn[name] for name in drawn})
+    Checkpoint(described, {name: held[name] if name in weights else drawn[name] for name in drawn}).save(path)
     return path
 
 

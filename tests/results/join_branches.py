@@ -20,7 +20,7 @@ import torch
 
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.models.checkpoint import Checkpoint, save_checkpoint
+from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.training.measure import confusion
@@ -50,7 +50,7 @@ def write(path: Path, hybrid: Checkpoint, windows: Checkpoint, test: Recordings 
         network.load_weights(found.weights)
         right = confusion(network.double(), test)
         training |= {"test_recordings": int(right.sum()), "test_accuracy": int(np.trace(right)) / int(right.sum())}
-    save_checkpoint(path, found.description, found.weights, training=training)
+    Checkpoint(found.description, found.weights, training=training).save(path)
     return training.get("test_accuracy")
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from locsnn_compile.data.synthetic import synthetic_touches
-from locsnn_compile.models.checkpoint import save_checkpoint
+from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.training.config import config_from_mapping
@@ -29,7 +29,7 @@ def test_the_sum_is_that_of_log_probabilities(tmp_path: Path, monkeypatch: pytes
         )
         result = train(made, config, name=model)
         entry = training_entry(result, config, made, None)
-        save_checkpoint(tmp_path / f"{model}.pt", result.network.description, result.network.weights(), training=entry)
+        Checkpoint(result.network.description, result.network.weights(), training=entry).save(tmp_path / f"{model}.pt")
         logits.append(config.count_scale * class_scores(result.network, made.spikes))
     main([str(tmp_path / "hybrid.pt"), str(tmp_path / "window-snn.pt"), "-o", str(tmp_path / "both.pt")])
     found = read_checkpoint(tmp_path / "both.pt")
