@@ -3,8 +3,8 @@ from .api import compile as compile
 from .api import diagnose as diagnose
 from .api import verify as verify
 from .choose_strategy import Choice as Choice
-from .data.expected import Expected as Expected
 from .data.read import read_recordings as read_recordings
+from .data.recordings import Expected as Expected
 from .data.recordings import Recordings as Recordings
 from .data.sensor import SensorLayout as SensorLayout
 from .errors import InputError as InputError

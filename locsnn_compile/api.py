@@ -36,8 +36,7 @@ from locsnn_compile.report.renderers.csv_files import csv_files
 from locsnn_compile.report.renderers.html import render_html, render_summary
 from locsnn_compile.report.renderers.markdown import render_markdown
 from locsnn_compile.report.sections.verdict import matches
-from locsnn_compile.settings import Setting, has_both_axes
-from locsnn_compile.strategies import AUTO, NATIVE, STRATEGIES
+from locsnn_compile.settings import AUTO, NATIVE, STRATEGIES, Setting, has_both_axes
 from locsnn_compile.verification.diagnosis import Diagnosis
 from locsnn_compile.verification.diagnosis import diagnose as find_diagnosis
 from locsnn_compile.verification.error_bounds import ErrorBudget

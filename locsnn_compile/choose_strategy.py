@@ -18,8 +18,7 @@ from locsnn_compile.network.network import Network
 from locsnn_compile.passes.rounding.task import FINE
 from locsnn_compile.pipeline import Levels, lower
 from locsnn_compile.reference.evaluate import Calibration, calibrate
-from locsnn_compile.settings import Setting
-from locsnn_compile.strategies import AUTO, STRATEGIES
+from locsnn_compile.settings import AUTO, STRATEGIES, Setting
 from locsnn_compile.verification.error_bounds import ErrorBudget, Losses, default_budget
 from locsnn_compile.verification.matching import compare
 

@@ -1,4 +1,8 @@
-"""How a network can be compiled: settings, the axes they lie on, and the grid of those that are explored."""
+"""How a network can be compiled: strategies, settings, the axes they lie on, and the grid of those that are explored.
+
+A strategy lays out spike response neurons on a chip; they stand in the order in which they are tried. Nothing here
+imports anything heavy, so that help and completion can say the names.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,45 @@ from dataclasses import astuple, dataclass
 from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.errors import InputError, did_you_mean
-from locsnn_compile.strategies import AUTO, STRATEGIES
+
+NATIVE = "native"
+"""What neurons are that the chip has as they are: they need no strategy."""
+AUTO = "auto"
+"""The cheapest strategy that loses no more than it may."""
+
+
+@dataclass(frozen=True)
+class Strategy:
+    """``layout``: a neuron in compartments, in words; it has so many ``dendrites`` of each kind.
+
+    ``trainable``: networks can be trained on its integers. A ``last_resort`` costs more than any other, with split
+    weights or without: it is tried where no other keeps a budget, or where it is asked for.
+    """
+
+    layout: str
+    dendrites: int = 1
+    trainable: bool = True
+    last_resort: bool = False
+
+
+STRATEGIES = {
+    "dendrite": Strategy("three joined compartments per neuron: alpha dendrite, refractory dendrite, memoryless soma"),
+    "delay-line": Strategy("two joined compartments per neuron, the refractory kernel through delayed self-synapses"),
+    "reset": Strategy("one compartment per neuron with the chip's own reset, an approximation"),
+    "paired-dendrite": Strategy(
+        "five joined compartments per neuron: dendrite with two dendrites of each kind, at a finer scale",
+        dendrites=2,
+        trainable=False,
+        last_resort=True,
+    ),
+}
+LAYOUTS = {name: strategy.layout for name, strategy in STRATEGIES.items()} | {
+    NATIVE: "one compartment per neuron, as the model has it"
+}
+TRAINABLE = tuple(name for name, strategy in STRATEGIES.items() if strategy.trainable)
+USUAL = tuple(name for name, strategy in STRATEGIES.items() if not strategy.last_resort)
+"""Those that are tried first."""
+
 
 if TYPE_CHECKING:
     from locsnn_compile.network.network import Network

@@ -24,7 +24,7 @@ from locsnn_compile.cli.shell import EXIT_GATE, OPTIONS_HELP, Parser, add_common
 from locsnn_compile.cli.step_options import add_step_options, asked_reading, with_steps
 from locsnn_compile.errors import InputError, check_known
 from locsnn_compile.report.figures.flat import picked
-from locsnn_compile.strategies import AUTO, STRATEGIES
+from locsnn_compile.settings import AUTO, STRATEGIES
 from locsnn_compile.verification.gates import GATES, Gate, check_gates, gates_entry, junit_file
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from locsnn_compile.backends import EMIT_KINDS
 from locsnn_compile.cli.explore import ENGINES, PARTS
 from locsnn_compile.cli.run import STOPS
 from locsnn_compile.errors import check_known
-from locsnn_compile.strategies import AUTO, STRATEGIES
+from locsnn_compile.settings import AUTO, STRATEGIES
 
 SHELLS = ("bash", "zsh", "fish")
 PROGRAMS = ("locsnn", "locsnn-compile")

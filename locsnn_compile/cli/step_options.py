@@ -11,8 +11,7 @@ from locsnn_compile.report.figures.flat import picked
 
 if TYPE_CHECKING:
     import hw_model as hw
-    from locsnn_compile.data.expected import Expected
-    from locsnn_compile.data.recordings import Recordings
+    from locsnn_compile.data.recordings import Expected, Recordings
     from locsnn_compile.network.network import Network
 
 CHUNK = 16
@@ -64,7 +63,7 @@ def chunks_for_program(args: argparse.Namespace, program: hw.ChipProgram) -> Ite
 
 def expected_by(program: hw.ChipProgram) -> Expected:
     """Return what a program expects of recordings."""
-    from locsnn_compile.data.expected import Expected
+    from locsnn_compile.data.recordings import Expected
 
     fixed = [phase.steps for phase in program.phases if phase.axis == "time" and phase.steps is not None]
     for item in program.inputs:

@@ -27,7 +27,7 @@ from locsnn_compile.cli.shell import EXIT_INTERRUPTED, Moved, progress_bar
 from locsnn_compile.cli.step_options import add_sensor_options, add_step_options
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.architectures import ARCHITECTURES
-from locsnn_compile.strategies import TRAINABLE
+from locsnn_compile.settings import TRAINABLE
 
 if TYPE_CHECKING:
     from hw_model.values import IntArray

@@ -8,9 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from locsnn_compile.data.arrays import load_npy
 from locsnn_compile.data.event_formats import parse_structured
 from locsnn_compile.data.event_stream import MAX_EVENTS, EventStream
-from locsnn_compile.data.npy import load_npy
 from locsnn_compile.errors import InputError
 
 _CHILD = Path(__file__).with_name("aedat4_child.py")

@@ -1,29 +1,38 @@
 """One recording a file, in a zip archive or a folder: ``.npy``, ``.bs1``, ``.bs2`` or ``.tact``.
 
 The published EvTouch archives have the members ``Ev-*/train/sample_<i>_label_<k>.npy`` and ``Ev-*/test/...``; each is
-one recording, (taxels, polarities, steps). They are read straight from the archive and sorted by their sample number.
+one recording, (taxels, polarities, steps). They are read where they lie and sorted by their sample number: nothing is
+unpacked to disk, and sizes come first.
 ``.npy`` files are recordings where they are named ``sample_<i>.npy`` or ``sample_<i>_label_<k>.npy``, files of events
 whatever they are called.
 """
 
 import re
-from collections.abc import Callable
+import stat
+import zipfile
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from hw_model.values import ByteArray
+from hw_model.io.zip_directory import check_directory, read_entry
+from hw_model.values import ByteArray, Frozen
 from locsnn_compile.data.aedat4 import parse_aedat4
-from locsnn_compile.data.arrays import label_in_name
+from locsnn_compile.data.arrays import label_in_name, load_npy
 from locsnn_compile.data.axes import to_step_major
 from locsnn_compile.data.event_formats import EVENT_BYTES, parse_slayer_events, parse_structured
 from locsnn_compile.data.event_stream import MAX_EVENTS, Binning, EventStream, bin_streams
-from locsnn_compile.data.members import TIMES, Members, open_members
-from locsnn_compile.data.npy import load_npy
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Binned, Recordings, clean_spikes
 from locsnn_compile.data.tact import SLIP_CLASSES, parse_tact
+from locsnn_compile.data.torch_file import read_bytes
 from locsnn_compile.errors import InputError, check_most, did_you_mean
 
+#: The folder of ``.startend`` files next to that of recordings, as VT_SNN has it.
+TIMES = "traj_start_ends"
+#: Largest number of recordings, bytes of one of them unpacked, and of all of them.
+MAX_MEMBERS, MAX_MEMBER_BYTES, MAX_TOTAL_BYTES = 100_000, 100_000_000, 1_600_000_000
 PARTS = ("train", "test")
 EVENT_SUFFIXES = (".tact", ".bs1", ".bs2", ".bin", ".aedat4")
 #: Largest text of one recording: about 600,000 events.
@@ -32,6 +41,84 @@ MAX_TEXT_BYTES = 10_000_000
 _ARRAY = re.compile(r"sample_\d{1,9}(?:_label_\d{1,6})?\.npy")
 _NUMBERED = re.compile(r"(.+)_\d{1,9}\.tact")
 _NUMBER = re.compile(r"\d{1,18}")
+
+
+class Members(Frozen, eq=False):
+    """``sizes`` of the files by name, unpacked and with forward slashes; ``read`` gives the bytes of one."""
+
+    where: str
+    sizes: dict[str, int]
+    read: Callable[[str], bytes]
+    inside: str
+    """What errors say before the name of a file."""
+
+    def place(self, name: str) -> str:
+        """Return how errors name a file."""
+        return f"{self.inside}{PurePosixPath(name).name!r}"
+
+    def check_sizes(self, names: list[str]) -> None:
+        """Refuse files that are too many or too large, before any is read."""
+        total = sum(self.sizes[name] for name in names)
+        check_most(len(names), MAX_MEMBERS, self.where, "it holds too many recordings", fix="Give fewer.")
+        check_most(total, MAX_TOTAL_BYTES, self.where, "its recordings are too large together", fix="Give fewer.")
+        for name in names:
+            size, fix = self.sizes[name], "Give one recording."
+            check_most(size, MAX_MEMBER_BYTES, self.place(name), "it is too large", unit="bytes", fix=fix)
+
+
+@contextmanager
+def open_members(path: Path) -> Iterator[Members]:
+    """Open a folder, an archive or one file of events, as a folder of it and the ``.startend`` file beside it.
+
+    Raises ``InputError`` for an archive that is damaged, or holds a name twice.
+    """
+    if path.suffix != ".zip" or path.is_dir():
+        yield _plain_files(path)
+        return
+    where = f"archive {path.name!r}"
+    fix = "Fetch the archive again."
+    try:
+        with path.open("rb") as stream:
+            check_directory(stream)
+        archive = zipfile.ZipFile(path)
+    except OSError as error:
+        raise InputError(where, "it cannot be read", measured=error.strerror or "", fix="Check the path.") from None
+    # zipfile raises more kinds on hostile bytes than it documents.
+    except Exception:
+        raise InputError(where, "it is damaged, truncated or not a zip archive", fix=fix) from None
+
+    def read(name: str) -> bytes:
+        try:
+            return read_entry(archive, archive.getinfo(name))
+        except Exception:
+            raise InputError(f"{where}, {PurePosixPath(name).name!r}", "it is damaged", fix=fix) from None
+
+    with archive:
+        files_inside = [member for member in archive.infolist() if not member.filename.endswith("/")]
+        twice = [name for name, count in Counter(member.filename for member in files_inside).items() if count > 1]
+        if twice:
+            raise InputError(where, f"it holds {twice[0][:80]!r} twice", fix=fix)
+        links = [member.filename for member in files_inside if stat.S_ISLNK(member.external_attr >> 16)]
+        if links:
+            raise InputError(
+                where, f"{links[0][:80]!r} is a link, and links are not followed", fix="Store the file itself."
+            )
+        yield Members(where, {member.filename: member.file_size for member in files_inside}, read, f"{where}, ")
+
+
+def _plain_files(path: Path) -> Members:
+    """Return the files of a folder, or a file and the one beside it, and those of the folder of times next to it."""
+    folder = path.absolute() if path.is_dir() else path.absolute().parent
+    times = {f"{TIMES}/{file.name}": file for file in sorted((folder.parent / TIMES).glob("*.startend"))}
+    if path.is_dir():
+        where, inside = f"folder {path.name!r}", f"folder {path.name!r}, "
+        files = {file.relative_to(path).as_posix(): file for file in sorted(path.rglob("*")) if file.is_file()}
+    else:
+        where, inside = f"file {path.name!r}", "file "
+        files = {file.name: file for file in (path, path.with_suffix(".startend")) if file.exists()}
+    files = times | files
+    sizes = {name: file.stat().st_size for name, file in files.items()}
+    return Members(where, sizes, lambda name: read_bytes(files[name], f"{inside}{files[name].name!r}"), inside)
 
 
 def archive_parts(path: Path) -> tuple[str, ...]:

@@ -1,6 +1,7 @@
 """Recordings in one file: arrays of 0 or 1 in ``.npy``, ``.npz``, ``.pt`` or HDF5, labels beside them, or events."""
 
 import io
+import math
 import re
 import zipfile
 from collections.abc import Mapping
@@ -14,10 +15,8 @@ from hw_model.values import AnyArray
 from locsnn_compile.data.axes import Order, parse_axes, to_step_major
 from locsnn_compile.data.event_formats import MAX_PLACE, parse_structured
 from locsnn_compile.data.event_stream import MICROSECONDS, Binning, EventStream, bin_streams
-from locsnn_compile.data.expected import same
 from locsnn_compile.data.hdf5.read import Group, open_hdf5
-from locsnn_compile.data.npy import load_npy
-from locsnn_compile.data.recordings import MAX_ELEMENTS, Recordings
+from locsnn_compile.data.recordings import MAX_ELEMENTS, Recordings, same
 from locsnn_compile.data.tensors import Tensor
 from locsnn_compile.data.torch_file import load_plain, read_bytes
 from locsnn_compile.errors import InputError
@@ -27,6 +26,32 @@ _LABEL = re.compile(r"_label_(\d{1,6})(?=\.|_|$)")
 _BESIDE = ("labels", "step_seconds", "class_names", "axes")
 _TEXTS = _BESIDE[2:]
 HDF5_SUFFIXES = (".h5", ".hdf5")
+
+
+def load_npy(data: bytes, where: str, kinds: str = "biuf") -> AnyArray:
+    """Return the array in the bytes of a ``.npy`` file, of these kinds or structured, never unpickling anything.
+
+    The declared shape and type are checked before anything is allocated. Raises ``InputError`` for bytes that are no
+    such file, values that are no numbers, a declared shape that is too large, and bytes that end before the array does.
+    """
+    fix = "Write it again with numpy.save."
+    stream = io.BytesIO(data)
+    try:
+        version = np.lib.format.read_magic(stream)
+        shape, _, dtype = getattr(np.lib.format, "read_array_header_{}_{}".format(*version))(stream)
+    # A hostile header meets numpy's parser in many ways; each means the same to the user.
+    except Exception:
+        raise InputError(where, "it is damaged or not a numpy file", fix=fix) from None
+    if dtype.kind not in kinds and (dtype.names is None or dtype.hasobject):
+        raise InputError(where, "its values are no numbers", measured=f"dtype {dtype}", fix=fix)
+    if any(size < 0 for size in shape) or math.prod(shape) * max(1, dtype.itemsize // 8) > MAX_ELEMENTS:
+        measured = f"{'x'.join(str(size) for size in shape)} against {MAX_ELEMENTS} values"
+        raise InputError(where, "its declared shape is too large", measured=measured, fix="Give fewer recordings.")
+    held, needed = len(data) - stream.tell(), math.prod(shape) * dtype.itemsize
+    if held < needed:
+        raise InputError(where, "it is truncated", measured=f"{held} of {needed} bytes", fix=fix)
+    array: AnyArray = np.load(io.BytesIO(data), allow_pickle=False)
+    return array
 
 
 def read_arrays(path: Path, binning: Binning, asked_seconds: float | None) -> Recordings:

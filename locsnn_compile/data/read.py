@@ -14,8 +14,7 @@ from locsnn_compile.data.arrays import HDF5_SUFFIXES, labels_beside, read_arrays
 from locsnn_compile.data.axes import check_axes, is_one, parse_axes
 from locsnn_compile.data.division import PREPROCESSED, Division
 from locsnn_compile.data.event_stream import Binning
-from locsnn_compile.data.expected import OPEN, Expected
-from locsnn_compile.data.recordings import MAX_ELEMENTS, Recordings
+from locsnn_compile.data.recordings import MAX_ELEMENTS, OPEN, Expected, Recordings
 from locsnn_compile.data.sensor import SensorLayout
 from locsnn_compile.errors import InputError, check_known
 

@@ -11,8 +11,7 @@ import numpy as np
 from hw_model.mapping.graph import AXES, Axis, Phase
 from hw_model.mapping.graph import Readout as Readout
 from hw_model.values import ByteArray, FloatArray, Frozen, IntArray, Shown
-from locsnn_compile.data.expected import Expected
-from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.recordings import Expected, Recordings
 from locsnn_compile.data.sensor import SensorLayout
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.first_touch import from_first_touch

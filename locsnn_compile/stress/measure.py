@@ -18,7 +18,7 @@ from locsnn_compile.network.projections import values_of
 from locsnn_compile.network.quantized import QuantizedPopulation
 from locsnn_compile.pipeline import Levels, lower
 from locsnn_compile.reference.evaluate import calibrate, evaluate
-from locsnn_compile.strategies import NATIVE
+from locsnn_compile.settings import NATIVE
 from locsnn_compile.stress.bounds import SOURCES, Bound, error_bound
 from locsnn_compile.stress.cases.case import POPULATION, SEED, Case, random_input
 from locsnn_compile.stress.row import Lost, Measured

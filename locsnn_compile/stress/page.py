@@ -11,7 +11,7 @@ from locsnn_compile.report.figures.flat import csv_bytes, flatten
 from locsnn_compile.report.format import count, plural
 from locsnn_compile.report.pictures.chart import Panel, draw
 from locsnn_compile.report.renderers.markdown import line, text
-from locsnn_compile.strategies import NATIVE
+from locsnn_compile.settings import NATIVE
 from locsnn_compile.stress.bounds import SOURCES, Source
 from locsnn_compile.stress.cases import LEADS
 from locsnn_compile.stress.row import VERDICTS, Drift, Measured, Row, by_verdict, stress_document

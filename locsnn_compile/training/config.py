@@ -13,7 +13,7 @@ from locsnn_compile.data.taxel_graph import GRAPHS
 from locsnn_compile.errors import InputError, check_known, did_you_mean
 from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
 from locsnn_compile.models.plain_checks import KIND_WORDS, field_kinds, is_one_of, is_whole
-from locsnn_compile.strategies import TRAINABLE
+from locsnn_compile.settings import TRAINABLE
 
 LOSSES = ("cross-entropy", "spike-count")
 OPTIMIZERS = ("adamw", "rmsprop", "sgd", "prototypes")

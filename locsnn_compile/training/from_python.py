@@ -13,9 +13,8 @@ import numpy as np
 
 from hw_model.io.given import checked
 from hw_model.values import ArrayLike
-from locsnn_compile.data.expected import OPEN, Expected
 from locsnn_compile.data.read import read_recordings, recording_parts
-from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.recordings import OPEN, Expected, Recordings
 from locsnn_compile.data.torch_writer import need_torch
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint

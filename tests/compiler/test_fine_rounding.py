@@ -16,10 +16,10 @@ from hw_model.arithmetic.fixed_point import WEIGHT_BITS, WEIGHT_EXPONENTS, weigh
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.passes.kernels import alpha_kernel, fitted_decays
-from locsnn_compile.passes.rounding.drive import RIDGE, drive_of
 from locsnn_compile.passes.rounding.grades import Grades, coarsest, nearest
 from locsnn_compile.passes.rounding.task import FINE, NEAREST, Rounding
 from locsnn_compile.passes.rounding.together import Metric, round_together
+from locsnn_compile.passes.srm.fine import RIDGE, drive_of
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import SAMPLES, calibrate, evaluate
 from locsnn_compile.reference.integer_neurons import effective

@@ -10,7 +10,7 @@ import pytest
 import hw_model as hw
 from locsnn_compile.backends import LEVEL_KINDS
 from locsnn_compile.pipeline import LEVEL_TEXTS, lower
-from locsnn_compile.strategies import STRATEGIES
+from locsnn_compile.settings import STRATEGIES
 
 GOLDEN = Path(__file__).parent / "golden"
 OWN_LEVELS = ("network", "quantized", "compartments")

@@ -19,7 +19,7 @@ from locsnn_compile.passes.srm.quantize import LAYOUTS, refractory_count
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.reference.integer_neurons import input_response, own_spike_response
-from locsnn_compile.strategies import STRATEGIES, TRAINABLE
+from locsnn_compile.settings import STRATEGIES, TRAINABLE
 
 CHIP = hw.chip("loihi-sim")
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from locsnn_compile.data.expected import OPEN, Expected
 from locsnn_compile.data.read import read_in_chunks, read_recordings
+from locsnn_compile.data.recordings import OPEN, Expected
 from locsnn_compile.errors import InputError
 
 TWENTY = (np.random.default_rng(0).random((20, 39, 2, 7)) < 0.3).astype(np.uint8)

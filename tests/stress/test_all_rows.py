@@ -13,7 +13,7 @@ from locsnn_compile.errors import LocsnnError
 from locsnn_compile.passes.rounding.task import FINE
 from locsnn_compile.report.renderers.html import render_html
 from locsnn_compile.report.renderers.markdown import render_markdown
-from locsnn_compile.strategies import NATIVE
+from locsnn_compile.settings import NATIVE
 from locsnn_compile.stress.cases import cases
 from locsnn_compile.stress.run import run_stress
 

@@ -14,13 +14,13 @@ from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.frontends import load
-from locsnn_compile.models.checkpoint import Checkpoint, save_checkpoint
+from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.network.network import Network
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
-from locsnn_compile.strategies import TRAINABLE
+from locsnn_compile.settings import TRAINABLE
 from locsnn_compile.training.config import TrainingConfig, config_from_mapping, read_config
 from locsnn_compile.training.target import chip_numbers
 from tests.real_recordings import REAL, on_real_recordings
@@ -100,7 +100,7 @@ def test_shipped_networks_reach_their_test_accuracy(name: str) -> None:
 def test_shipped_networks_survive_a_round_trip(tmp_path: Path, name: str) -> None:
     path = ROOT / f"examples/models/{name}-hybrid.pt"
     found = read_checkpoint(path)
-    save_checkpoint(tmp_path / "again.pt", found.description, found.weights, training=found.training)
+    Checkpoint(found.description, found.weights, training=found.training).save(tmp_path / "again.pt")
     again = read_checkpoint(tmp_path / "again.pt")
     assert again.description == found.description
     assert all(np.array_equal(again.weights[key], found.weights[key]) for key in found.weights)
@@ -199,7 +199,7 @@ def test_every_strategy_spikes_as_trained_on_all_recordings(
     chip = chip_numbers(config, start.description, start.weights)
     own = build_network(start.description, chip=chip)
     own.load_weights(start.weights)
-    save_checkpoint(tmp_path / "on-chip.pt", start.description, own.mantissas(), chip=chip)
+    Checkpoint(start.description, own.mantissas(), chip=chip).save(tmp_path / "on-chip.pt")
     found, network = read_checkpoint(tmp_path / "on-chip.pt"), load(tmp_path / "on-chip.pt")
     for split in ("test", "train"):
         recordings = read_recordings(REAL / f"Ev-{name.title()}.zip", split=split)

@@ -21,7 +21,7 @@ from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.chip_entry import RegisterWidths
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.pipeline import lower
-from locsnn_compile.strategies import TRAINABLE
+from locsnn_compile.settings import TRAINABLE
 from locsnn_compile.training.config import TrainingConfig
 from locsnn_compile.training.describe import check_fits_start, fine_tuning_config
 from locsnn_compile.training.export import export_checkpoint

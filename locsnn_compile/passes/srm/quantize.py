@@ -18,7 +18,7 @@ from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.passes.kernels import alpha_kernel, fitted_decays
 from locsnn_compile.passes.rounding.task import Scaled, Task, checked_scale, exponent_holding, heaviest_weight, own_grid
 from locsnn_compile.passes.srm import delay_line
-from locsnn_compile.strategies import STRATEGIES
+from locsnn_compile.settings import STRATEGIES
 
 SCALE_SLACK = 0.99
 """A scale may be up to one percent below the largest, if own weights round better there."""

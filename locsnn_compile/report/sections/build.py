@@ -7,7 +7,7 @@ from locsnn_compile.report.content import Bar, Bullets, Document, Section, Table
 from locsnn_compile.report.format import NONE, agreed, any_value, count, energy, memory, plural, share, time
 from locsnn_compile.report.sections.verdict import fullness, outside
 from locsnn_compile.report.words import limit_words, listed, sentence, words
-from locsnn_compile.strategies import LAYOUTS
+from locsnn_compile.settings import LAYOUTS
 
 if TYPE_CHECKING:
     from locsnn_compile.choose_strategy import Candidate, Choice

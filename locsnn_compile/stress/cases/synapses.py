@@ -10,7 +10,7 @@ from hw_model.arithmetic.fixed_point import WEIGHT_BITS, WEIGHT_EXPONENTS
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm
 from locsnn_compile.network.projections import Signs
 from locsnn_compile.passes.rounding.task import FINE, NEAREST, Rounding
-from locsnn_compile.strategies import NATIVE
+from locsnn_compile.settings import NATIVE
 from locsnn_compile.stress.cases import case as usual
 from locsnn_compile.stress.cases.case import CHANNELS, NEURONS, THETA, Case, case_of, lif, lif_case, srm, srm_cases
 from locsnn_compile.stress.cases.case import weights as usual_weights
