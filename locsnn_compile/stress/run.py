@@ -1,7 +1,7 @@
 """Run all cases, one row after the other, and the long runs: whether the difference of both sides grows.
 
-In a long run the float network goes block by block; of the program a byte is held for each compartment and step, and
-the potentials of one population. A session, which holds no more than a block, must count the same spikes.
+Of a long run, spikes and the potentials of one population are held. A session, which holds no more than a block, must
+count the same spikes.
 """
 
 import warnings
@@ -16,8 +16,7 @@ import hw_model as hw
 from hw_model.values import BoolArray, ByteArray
 from locsnn_compile.errors import LocsnnError
 from locsnn_compile.network.network import Network
-from locsnn_compile.network.projections import Projection, charge
-from locsnn_compile.reference.evaluate import steps_of
+from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.report.format import share, short
 from locsnn_compile.stress.cases import cases
 from locsnn_compile.stress.cases.case import BLOCK, POPULATION, Case, LongRun, long_runs
@@ -93,7 +92,7 @@ def measure_drift(run: LongRun, chip: hw.Chip, wanted: Float) -> tuple[Drift, st
     """Return figures by tenth of the run, and what differs from the simulation, if anything does."""
     steps = len(wanted.spikes)
     levels = lowered(run.case, chip, steps)
-    played = np.tile(run.block, (-(-steps // len(run.block)), 1))[:steps]
+    played = _repeated(run.block, steps)
     found = hw.simulate(levels.program, played, probe=("spikes", hw.Probe("potential", (POPULATION,))))
     spikes, potential = found.spikes[POPULATION], found.potential[POPULATION]
     scale = levels.quantized.population(POPULATION).scale
@@ -114,19 +113,13 @@ def measure_drift(run: LongRun, chip: hw.Chip, wanted: Float) -> tuple[Drift, st
 
 
 def play_float(network: Network, block: ByteArray, steps: int) -> Float:
-    """Step a float population on a block (steps, channels) that repeats; return (steps, n), in its own units."""
-    (population,), (projection,) = network.populations, network.projections
-    n = population.size
-    assert isinstance(projection, Projection)  # long runs are of float networks
-    # A spike of the last row of a block arrives in the first step of the next.
-    arriving = np.roll(charge(block, projection.weights), 1, axis=0)
-    state = steps_of(population.neuron, 1, n)
-    spikes, potential = np.empty((steps, n), dtype=np.uint8), np.empty((steps, n))
-    silence = np.zeros((1, n))
-    for step in range(steps):
-        fired, seen = state.step(arriving[None, step % len(block)] if step else silence)
-        spikes[step], potential[step] = fired[0], seen[0]
-    return Float(spikes, potential)
+    """Play a block (steps, channels) over and over to a float network; return (steps, n), in its own units."""
+    found = evaluate(replace(network, steps=steps), _repeated(block, steps)[None], potentials=True)
+    return Float(found.spikes[POPULATION][0], found.potential[POPULATION][0])
+
+
+def _repeated(block: ByteArray, steps: int) -> ByteArray:
+    return np.resize(block, (steps, block.shape[1]))
 
 
 def _bound(run: LongRun, chip: hw.Chip, quiet: BoolArray, steps: int) -> float:
