@@ -74,13 +74,14 @@ def run(args: argparse.Namespace) -> int:
     wanted: dict[str, list[Value]] = {axis.name: getattr(args, axis.name) for axis in AXES}
     _check_options(args, wanted)
     from hw_model.io.build_folder import check_folder, default_folder, write_build
+    from locsnn_compile.cluster.spread import spread_over
 
     folder = Path(args.output) if args.output else default_folder(args.model, "-explore")
     check_folder(folder, WRITTEN)
     _check_places(args, folder, WRITTEN)
-    spread = _spread(args)
     try:
-        found = _explore(args, wanted, folder, spread)
+        with spread_over(args.scheduler, args.workers) as spread:
+            found = _explore(args, wanted, folder, spread)
     except KeyboardInterrupt:
         print("Stopped. The same command goes on where it was.", file=sys.stderr)
         return EXIT_INTERRUPTED
@@ -141,14 +142,6 @@ def _check_places(args: argparse.Namespace, folder: Path, names: Sequence[str]) 
 
     reads = {"MODEL": args.model, **given(args, READ)}
     check_places(reads, [], [(f"-o {str(folder)!r}", folder / name) for name in names])
-
-
-def _spread(args: argparse.Namespace) -> Spread:
-    from locsnn_compile.cluster.spread import here, in_processes, on_dask
-
-    if args.scheduler:
-        return on_dask(args.scheduler)
-    return in_processes(args.workers) if args.workers else here
 
 
 def _check_options(args: argparse.Namespace, wanted: Mapping[str, Sequence[Value]]) -> None:

@@ -14,6 +14,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import cache, lru_cache, partial
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from multiprocessing import active_children, get_context
 from pathlib import Path
@@ -120,40 +121,23 @@ class Cluster(Frozen):
 
 
 @contextmanager
-def spread_over(address: str | None) -> Iterator[Spread]:
-    """Give what does the parts of a job: the cluster of a scheduler, or this process where none is named."""
+def spread_over(address: str | None, processes: int | None = None) -> Iterator[Spread]:
+    """Give what does the parts of a job: the cluster of a scheduler, so many processes, or else this one."""
     if address is None:
-        yield here
+        yield partial(_in_processes, processes) if processes else here
         return
     with connected(address) as cluster:
         yield cluster.spread
 
 
-def on_dask(address: str) -> Spread:
-    """Return what connects to a scheduler once there is a part to do; ``InputError`` where Dask is not installed."""
-    installed_dask()
-
-    def spread(work: Callable[[Part], Result], parts: Iterable[Part], /) -> Generator[Result, None, None]:
-        with connected(address) as cluster:
-            yield from cluster.spread(work, parts)
-
-    return spread
-
-
-def installed_dask() -> ModuleType:
-    """Return the package; ``InputError`` where it is not installed."""
+@contextmanager
+def connected(address: str) -> Iterator[Cluster]:
+    """Connect to a scheduler that has at least one worker, all of them with this code; Dask has to be installed."""
     try:
-        import distributed
+        distributed = import_module("distributed")
     except ImportError:
         fix = "Install it with: pip install 'locsnn-compile[dask]'"
         raise InputError("--scheduler", "Dask is not installed", fix=fix) from None
-    return distributed
-
-
-@contextmanager
-def connected(address: str) -> Iterator[Cluster]:
-    """Connect to a scheduler that has at least one worker, all of them with this code."""
-    distributed = installed_dask()
     where, waited = f"--scheduler {address}", f"within {PATIENCE_SECONDS} s"
     try:
         client = distributed.Client(address, timeout=PATIENCE_SECONDS, set_as_default=False)
@@ -184,14 +168,10 @@ ATTEMPTS = 3
 """Pools of processes in a row that may die without having finished a part."""
 
 
-def in_processes(workers: int) -> Spread:
-    """Return what has parts done by so many processes of this machine; it gives results as they come, in any order."""
-    return partial(_in_processes, workers)
-
-
 def _in_processes(
     workers: int, work: Callable[[Part], Result], parts: Iterable[Part], /
 ) -> Generator[Result, None, None]:
+    """Have parts done by so many processes of this machine; results come as they are there, in any order."""
     job, left = packed(work), dict(enumerate(map(packed, parts)))
     attempts = ATTEMPTS
     while left and attempts:

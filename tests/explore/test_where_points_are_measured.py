@@ -14,7 +14,7 @@ from small_model import explore, lasting, narrow, setting, workers_of
 import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.cluster import spread
-from locsnn_compile.cluster.spread import here, in_processes, on_dask, packed, work_packed
+from locsnn_compile.cluster.spread import here, packed, spread_over, work_packed
 from locsnn_compile.errors import InputError
 from locsnn_compile.explore.exploration import choose_events
 from locsnn_compile.explore.point import Study, measure
@@ -83,7 +83,8 @@ def test_dask_finds_the_same_bytes(model, events, serial, cluster, tmp_path):
 
 def test_a_process_killed_in_the_middle_takes_nothing_along(study, grid, points, tmp_path):
     progress, killed = killed_after(2, lambda: [multiprocessing.active_children()[0].pid])
-    assert sweep(study, grid, Store(tmp_path), in_processes(2), progress) == points
+    with spread_over(None, 2) as processes:
+        assert sweep(study, grid, Store(tmp_path), processes, progress) == points
     assert len(killed) == 1
 
 
@@ -91,15 +92,16 @@ def test_a_process_killed_in_the_middle_takes_nothing_along(study, grid, points,
 def test_dask_workers_killed_in_the_middle_take_nothing_along(study, grid, points, cluster, tmp_path, many):
     before = workers_of(cluster)
     progress, killed = killed_after(2, lambda: before[:many])
-    assert sweep(study, grid, Store(tmp_path), on_dask(cluster.scheduler_address), progress) == points
+    with spread_over(cluster.scheduler_address) as workers:
+        assert sweep(study, grid, Store(tmp_path), workers, progress) == points
     assert killed == before[:many]
     assert len(list(tmp_path.iterdir())) == len(grid)
 
 
 def test_processes_that_always_die_are_one_error(study, grid, monkeypatch):
     monkeypatch.setattr(spread, "_one_pool", lambda *arguments: iter(()))
-    with pytest.raises(InputError) as caught:
-        list(in_processes(2)(partial(measure, study), grid[:1]))
+    with pytest.raises(InputError) as caught, spread_over(None, 2) as processes:
+        list(processes(partial(measure, study), grid[:1]))
     assert str(caught.value) == (
         "--workers 2: its processes die (3 times in a row, 1 settings left). "
         "Give fewer workers, or fewer recordings with --recordings."
@@ -127,12 +129,12 @@ def test_schedulers_that_do_not_answer(model, address, line, tmp_path, monkeypat
     assert capsys.readouterr() == ("", f"--scheduler {address}: {line}\n")
 
 
-def test_a_cluster_without_workers(study, grid, monkeypatch):
+def test_a_cluster_without_workers(monkeypatch):
     monkeypatch.setattr(spread, "PATIENCE_SECONDS", 0.2)
     with LocalCluster(n_workers=0, dashboard_address=":0", silence_logs=50) as empty:
         address = empty.scheduler_address
-        with pytest.raises(InputError) as caught:
-            list(on_dask(address)(partial(measure, study), grid))
+        with pytest.raises(InputError) as caught, spread_over(address):
+            pass
     assert str(caught.value) == (
         f"--scheduler {address}: it has no workers (within 0.2 s). Start some with: dask worker {address}"
     )
@@ -148,10 +150,10 @@ def other_code(monkeypatch):
     spread.code_version.cache_clear()
 
 
-def test_workers_with_other_code_are_refused(study, grid, cluster, other_code):
+def test_workers_with_other_code_are_refused(cluster, other_code):
     address = cluster.scheduler_address
-    with pytest.raises(InputError) as caught:
-        list(on_dask(address)(partial(measure, study), grid))
+    with pytest.raises(InputError) as caught, spread_over(address):
+        pass
     wanted = "another version of locsnn-compile runs there ({} against {}). Install the same one everywhere."
     assert str(caught.value) == f"--scheduler {address}: {wanted.format(other_code, spread.code_version())}"
 
