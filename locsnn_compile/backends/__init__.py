@@ -9,18 +9,20 @@ BENCH_KINDS = ("vectors", "vcd", "trace", "sanafe", "graphml", "dot")
 """Programs and a recording played to them, for test benches, viewers and other simulators."""
 EXCHANGE_KINDS = ("nir", "net")
 """The model itself, as a file of another tool."""
-EMIT_KINDS = (*LEVEL_KINDS, *BENCH_KINDS, *EXCHANGE_KINDS, "csv", "viewer")
-"""All that ``--emit`` takes."""
-BUILD_NAMES = ("program.yaml", "program.npz", "report.json", "report.md", "report.html")
-"""What every build holds."""
 EMITTED_NAMES = {
+    **{kind: f"{kind}.txt" for kind in LEVEL_KINDS},
     "vectors": "vectors/",
     "vcd": "waves.vcd",
     "trace": "trace.json",
     "sanafe": "sanafe/",
     "graphml": "program.graphml",
     "dot": "program.dot",
+    **{kind: f"network.{kind}" for kind in EXCHANGE_KINDS},
     "csv": "csv/",
     "viewer": "viewer.html",
 }
 """What the kinds write, a folder where it ends in a slash."""
+EMIT_KINDS = tuple(EMITTED_NAMES)
+"""All that ``--emit`` takes."""
+BUILD_NAMES = ("program.yaml", "program.npz", "report.json", "report.md", "report.html")
+"""What every build holds."""

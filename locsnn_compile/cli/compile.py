@@ -17,7 +17,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from locsnn_compile.backends import BENCH_KINDS, BUILD_NAMES, EMIT_KINDS, EMITTED_NAMES, EXCHANGE_KINDS, LEVEL_KINDS
+from locsnn_compile.backends import BENCH_KINDS, BUILD_NAMES, EMIT_KINDS, EMITTED_NAMES
 from locsnn_compile.cli.checks import add_weights, check_psi, given, recording_of
 from locsnn_compile.cli.completion import answer_shell
 from locsnn_compile.cli.shell import EXIT_GATE, OPTIONS_HELP, Parser, add_common, guarded, progress_bar, texts_of
@@ -195,8 +195,7 @@ def _check_places(args: Namespace, folder: Path) -> None:
 
 def written_names(emit: Sequence[str]) -> tuple[str, ...]:
     """Return the entries of a build's folder; names of folders end in /."""
-    levels = {kind: f"{kind}.txt" for kind in LEVEL_KINDS} | {kind: f"network.{kind}" for kind in EXCHANGE_KINDS}
-    return (*BUILD_NAMES, *((levels | EMITTED_NAMES)[kind] for kind in emit))
+    return (*BUILD_NAMES, *(EMITTED_NAMES[kind] for kind in emit))
 
 
 def _emitted(args: Namespace, compiled: "CompiledModel", recordings: "Recordings", number: int) -> dict[str, bytes]:

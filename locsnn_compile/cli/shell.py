@@ -212,10 +212,9 @@ def _system_error(error: OSError) -> LocsnnError:
 
 def _ready_streams() -> None:
     """Go on where a stream is closed, and where the locale has no code for a letter, which is then a ``?``."""
-    if sys.stdout is None:
-        sys.stdout = open(os.devnull, "w", encoding="utf-8")
-    if sys.stderr is None:
-        sys.stderr = open(os.devnull, "w", encoding="utf-8")
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")
 

@@ -28,9 +28,9 @@ def step_ticks(steps: range, *, centred: bool) -> tuple[tuple[float, str], ...]:
     return tuple(((number - steps.start + shift) / length, f"{int(number):,}") for number in whole)
 
 
-def value_axis(values: Sequence[float], about: int = 4) -> tuple[float, float, list[float]]:
+def value_axis(values: Sequence[float]) -> tuple[float, float, list[float]]:
     """Return the ends of an axis that holds the values, with room, and round numbers on it."""
     low, high = min(values), max(values)
     room = 0.06 * (high - low) or abs(high) or 1.0
     low, high = low - room, high + room
-    return low, high, round_numbers(low, high, about)
+    return low, high, round_numbers(low, high, 4)

@@ -140,25 +140,25 @@ def lif(tau: float = 10.0, size: int = NEURONS, **changes: ArrayLike) -> Cuba:
     return Cuba.of(size, **{"decay_v": -np.expm1(-1.0 / tau), "threshold": THETA, **changes})
 
 
-def weights(tau: float = 10.0, *, response: str = "alpha", size: int = NEURONS, channels: int = CHANNELS) -> FloatArray:
-    """Return random weights (size, channels) under which potentials of any time constant stray about the threshold.
+def weights(tau: float = 10.0, *, response: str = "alpha", size: int = NEURONS) -> FloatArray:
+    """Return random weights (size, CHANNELS) under which potentials of any time constant stray about the threshold.
 
     Let h be the response to a spike. Random input lifts a potential by ``w * channels * rate * sum over k of h(k)`` on
     average, and moves it by ``w * sqrt(channels * rate * sum over k of h(k)^2)`` about there. The sums are about
     ``e tau`` and ``e^2 tau / 4`` of an alpha kernel, ``tau`` and ``tau / 2`` of a leaky integrator.
     """
     lift, energy = (math.e * tau, math.e**2 * tau / 4) if response == "alpha" else (tau, tau / 2)
-    drawn = np.random.default_rng(SEED).normal(0.0, 1.0, (size, channels))
+    drawn = np.random.default_rng(SEED).normal(0.0, 1.0, (size, CHANNELS))
     drawn -= drawn.mean(axis=1, keepdims=True)
-    found: FloatArray = THETA * (drawn / np.sqrt(1.0 + energy) + 1.0 / (channels * RATE * (1.0 + lift)))
+    found: FloatArray = THETA * (drawn / np.sqrt(1.0 + energy) + 1.0 / (CHANNELS * RATE * (1.0 + lift)))
     return found
 
 
 def random_input(
-    steps: int = STEPS, *, channels: int = CHANNELS, rate: float = RATE, samples: int = SAMPLES, seed: int = SEED + 1
+    steps: int = STEPS, *, channels: int = CHANNELS, samples: int = SAMPLES, seed: int = SEED + 1
 ) -> ByteArray:
-    """Return recordings (samples, steps, channels) in which every channel spikes at random, at a rate a step."""
-    drawn = np.random.default_rng(seed).random((samples, steps, channels)) < rate
+    """Return recordings (samples, steps, channels) in which every channel spikes at random, at ``RATE`` a step."""
+    drawn = np.random.default_rng(seed).random((samples, steps, channels)) < RATE
     return drawn.astype(np.uint8)
 
 
