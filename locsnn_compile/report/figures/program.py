@@ -12,14 +12,14 @@ def program_figures(program: hw.ChipProgram) -> Document:
 
     Of many settings: the least and the largest. Weights are effective ones, ``64 * floor(mantissa * 2^exponent)``.
     """
-    parts: dict[str, dict[str, list[AnyArray]]] = {}
+    parts: dict[str, list[dict[str, AnyArray]]] = {}
     for core in program.cores:
         axons = core.axons
         weights = core.effective_weights
         for piece in core.slices:
             here = slice(piece.offset, piece.offset + piece.size)
             onto = (axons.target >= here.start) & (axons.target < here.stop)
-            values = {
+            held = {
                 "decay_u": core.setting("decay_u")[here],
                 "decay_v": core.setting("decay_v")[here],
                 "refractory": core.setting("refractory")[here],
@@ -28,19 +28,12 @@ def program_figures(program: hw.ChipProgram) -> Document:
                 "synaptic_delay": axons.delay[onto],
                 "weight": weights[onto],
             }
-            group = parts.setdefault(piece.group, {})
-            for name, found in values.items():
-                group.setdefault(name, []).append(found)
-    return {
-        "cores": len(program.cores),
-        "groups": {
-            name: _group({key: np.concatenate(arrays) for key, arrays in found.items()})
-            for name, found in parts.items()
-        },
-    }
+            parts.setdefault(piece.group, []).append(held)
+    return {"cores": len(program.cores), "groups": {name: _group(its) for name, its in parts.items()}}
 
 
-def _group(found: dict[str, AnyArray]) -> Document:
+def _group(parts: list[dict[str, AnyArray]]) -> Document:
+    found = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
     weights = found["weight"].astype(np.int64)
     return {
         "compartments": len(found["decay_u"]),

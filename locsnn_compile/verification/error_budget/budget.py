@@ -53,18 +53,11 @@ def phases_of(levels: Levels) -> tuple[Phase, ...]:
     phases = []
     for phase in levels.network.phases:
         forms = [forms_of(q.population.neuron, levels, q) for q in populations if q.population.phase == phase.name]
-        numbers = _joined([float_neurons for float_neurons, _ in forms])
+        numbers = sum((float_neurons for float_neurons, _ in forms), start=Numbers())
         exact = all(float_neurons is program_neurons for float_neurons, program_neurons in forms)
-        program = numbers if exact else _joined([program_neurons for _, program_neurons in forms])
+        program = numbers if exact else sum((program_neurons for _, program_neurons in forms), start=Numbers())
         phases.append(Phase(phase.name, registers, numbers, program))
     return tuple(phases)
-
-
-def _joined(populations: Sequence[Numbers]) -> Numbers:
-    return Numbers(
-        tuple(group for numbers in populations for group in numbers.groups),
-        tuple(synapses for numbers in populations for synapses in numbers.synapses),
-    )
 
 
 def lines_of(network: Network, phase: Phase, recordings: ByteArray) -> dict[str, ByteArray]:

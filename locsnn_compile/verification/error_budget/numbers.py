@@ -9,7 +9,7 @@ from scipy import sparse
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, effective_weight
 from hw_model.mapping.graph import CompartmentGraph, Compartments
-from hw_model.values import FloatArray, Frozen, IntArray
+from hw_model.values import FloatArray, Frozen, IntArray, Sums, added
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.projections import Matrix, Projection, by_delay, of_target, values_of, with_values
 from locsnn_compile.passes.kernels import best_gain
@@ -54,11 +54,11 @@ class SynapseNumbers(Frozen, eq=False):
         return self.exact_fitted if chip_decays else self.exact.weights
 
 
-class Numbers(Frozen, eq=False):
+class Numbers(Sums, eq=False):
     """Groups, children before their parents, and synapses."""
 
-    groups: tuple[GroupNumbers, ...]
-    synapses: tuple[SynapseNumbers, ...]
+    groups: tuple[GroupNumbers, ...] = ()
+    synapses: tuple[SynapseNumbers, ...] = ()
 
 
 def beside_chip(
@@ -85,8 +85,7 @@ def exact_synapses(network: Network, population: str, target: str, gain: FloatAr
     for projection in network.into(population):
         assert isinstance(projection, Projection)  # the network's own check: float weights reach float neurons
         for delay, weights in by_delay(projection.weights, projection.delay):
-            key, scaled = (projection.source, delay), times(weights, gain)
-            found[key] = found[key] + scaled if key in found else scaled
+            found = added(found, {(projection.source, delay): times(weights, gain)})
     return [TwinSynapses(source, target, weights, delay) for (source, delay), weights in found.items()]
 
 
@@ -101,8 +100,7 @@ def chip_weights(graph: CompartmentGraph, target: str) -> dict[tuple[str, int], 
                 here = s.delay == delay
                 ends = (s.target_index[here], s.source_index[here])
                 part = sparse.csr_array((weights[here], ends), shape=(size[target], size[s.source]))
-                key = (s.source, int(delay))
-                found[key] = found[key] + part if key in found else part
+                found = added(found, {(s.source, int(delay)): part})
     return found
 
 
