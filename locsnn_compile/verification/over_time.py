@@ -54,14 +54,8 @@ class OverTime(Frozen, eq=False):
     proven: Stops
 
 
-class LeftOut(Frozen):
-    """Predictions were not followed over time, for this reason."""
-
-    reason: str
-
-
-def over_time(levels: Levels, recordings: ByteArray, labels: IntArray | None, psi: float = PSI) -> OverTime | LeftOut:
-    """Follow the predictions of a program over some recordings, evenly spread over those at hand.
+def over_time(levels: Levels, recordings: ByteArray, labels: IntArray | None, psi: float = PSI) -> OverTime | str:
+    """Follow the predictions of a program over some recordings, evenly spread over those at hand, or say why not.
 
     ``recordings`` (samples, steps, channels), of the network's own steps and channels; ``labels`` (samples,). A psi
     below 0 is an ``InputError``.
@@ -70,18 +64,18 @@ def over_time(levels: Levels, recordings: ByteArray, labels: IntArray | None, ps
     check_psi(psi)
     many = WORK // _work(levels.network)
     if many == 0:
-        return LeftOut("the network is too large to be followed step by step within seconds")
+        return "the network is too large to be followed step by step within seconds"
     try:
         hw.Session(program)
     except InputError as error:
-        return LeftOut(f"{error.where} {error.what}")
+        return f"{error.where} {error.what}"
     chosen = spread_sample(levels.network, len(recordings), min(SAMPLE, many))
     played = recordings[list(chosen)]
     scores = _scores(program, played, psi)
     wanted = decided(scores[TOGETHER][:, -1]) if labels is None else labels[list(chosen)]
     known = np.full(len(wanted), labels is not None) | (wanted >= 0)
     if not known.any():
-        return LeftOut("all class scores tie after the last step of every recording")
+        return "all class scores tie after the last step of every recording"
     return OverTime(
         recordings=chosen,
         available=len(recordings),

@@ -12,7 +12,7 @@ from locsnn_compile.report.figures.flat import picked
 from locsnn_compile.verification.diagnosis import EDGES, Diagnosis, PopulationMargins
 from locsnn_compile.verification.error_budget.budget import Cause, Deviation
 from locsnn_compile.verification.matching import PopulationMatch
-from locsnn_compile.verification.over_time import LeftOut, OverTime, savings
+from locsnn_compile.verification.over_time import OverTime, savings
 
 _REGISTERS = ("peak_u", "share_u", "peak_v", "share_v", "headroom_bits", "wraps", "clips")
 _POINTS = 50
@@ -86,10 +86,10 @@ def _population(found: PopulationMargins) -> Document:
     }
 
 
-def over_time_entry(found: OverTime | LeftOut, program: ChipProgram, step_seconds: float | None) -> dict[str, Any]:
+def over_time_entry(found: OverTime | str, program: ChipProgram, step_seconds: float | None) -> dict[str, Any]:
     """Return ``over_time``; where nothing was followed, only why."""
-    if isinstance(found, LeftOut):
-        return {"left_out": found.reason}
+    if isinstance(found, str):
+        return {"left_out": found}
     steps = len(next(iter(found.right.values())))
     kept = np.unique(np.ceil(np.arange(1, _POINTS + 1) * steps / _POINTS).astype(np.int64))
     return {

@@ -20,7 +20,7 @@ from locsnn_compile.report.figures.flat import picked
 from locsnn_compile.verification.diagnosis import Diagnosis
 from locsnn_compile.verification.grounds import Grounds
 from locsnn_compile.verification.matching import Match, PopulationMatch
-from locsnn_compile.verification.over_time import LeftOut, OverTime
+from locsnn_compile.verification.over_time import OverTime
 
 SCHEMA = "locsnn-report/1"
 OPERATION_KEYS = ("synaptic_ops", "neuron_updates", "spikes", "input_events", "transpose_events")
@@ -31,7 +31,7 @@ def report_document(
     match: Match,
     grounds: Grounds,
     diagnosis: Diagnosis | None = None,
-    followed: OverTime | LeftOut | None = None,
+    followed: OverTime | str | None = None,
 ) -> Document:
     """Return the report; every ``per_sample`` figure is a mean over the recordings of the check.
 
