@@ -9,6 +9,7 @@ its row, one of the chip alone in the lower half. So the sides are told apart by
 
 from collections.abc import Iterable, Sequence
 from html import escape
+from itertools import accumulate, product
 
 from locsnn_compile.report.content import Bar, Mesh, Plot, Raster, Span, Stack, Strokes
 from locsnn_compile.report.format import plain
@@ -65,10 +66,8 @@ def bar(cell: Bar) -> str:
 
 def stack(drawn: Stack) -> str:
     """Return one bar cut into its shares, each with its own pattern."""
-    parts, start = [], 0.0
-    for part in drawn.shares:
-        parts.append(_part(start, part.share, part.pattern, 28))
-        start += part.share
+    starts = accumulate((part.share for part in drawn.shares), initial=0.0)
+    parts = [_part(start, part.share, part.pattern, 28) for start, part in zip(starts, drawn.shares, strict=False)]
     label = f"{drawn.label}: {'; '.join(part.label for part in drawn.shares) or 'nothing'}"
     return _track("stack", 28, label, parts)
 
@@ -159,11 +158,10 @@ def mesh(drawn: Mesh) -> str:
     gap = wide * 0.08
     core_wide = (wide - gap) / drawn.tile_columns
     tile_high = _CORE * drawn.tile_rows + _GAP
-    parts = []
-    for row in range(drawn.rows):
-        for column in range(drawn.columns):
-            left, top = column * wide + gap / 2, row * tile_high
-            parts.append(_rect("tile", left, top, wide - gap, _CORE * drawn.tile_rows))
+    parts = [
+        _rect("tile", column * wide + gap / 2, row * tile_high, wide - gap, _CORE * drawn.tile_rows)
+        for row, column in product(range(drawn.rows), range(drawn.columns))
+    ]
     for core in drawn.cores:
         tile_column, within_column = divmod(core.column, drawn.tile_columns)
         tile_row, within_row = divmod(core.row, drawn.tile_rows)

@@ -84,8 +84,9 @@ def _verdict(verdict: content.Verdict) -> str:
 
 
 def _assumptions(sentences: tuple[str, ...]) -> str:
-    items = "".join(f"<li>{text(one)}</li>" for one in sentences)
-    return f'<div class="notice" role="note"><strong>{text(ASSUMED)}</strong><ul>{items}</ul></div>' if items else ""
+    if not sentences:
+        return ""
+    return f'<div class="notice" role="note"><strong>{text(ASSUMED)}</strong>{_list(map(text, sentences))}</div>'
 
 
 def _notice(notice: content.Notice) -> str:
@@ -93,8 +94,13 @@ def _notice(notice: content.Notice) -> str:
 
 
 def _contents(report: content.Report) -> str:
-    links = "".join(f'<li><a href="#{section.key}">{text(section.title)}</a></li>' for section in report.sections)
-    return f'<nav aria-label="Sections"><ul>{links}</ul></nav>'
+    links = (f'<a href="#{section.key}">{text(section.title)}</a>' for section in report.sections)
+    return f'<nav aria-label="Sections">{_list(links)}</nav>'
+
+
+def _list(items: Iterable[str]) -> str:
+    """Return a list of items, which are markup already."""
+    return f"<ul>{''.join(f'<li>{item}</li>' for item in items)}</ul>"
 
 
 def _section(section: content.Section) -> str:
@@ -112,7 +118,7 @@ def _block(block: content.Block) -> str:
         case content.Facts():
             return f'<div class="facts">{_facts(block.facts)}</div>'
         case content.Bullets():
-            return _bullets(block)
+            return f'<div class="bullets"><h3>{text(block.title)}</h3>{_list(map(text, block.items))}</div>'
         case content.Table():
             return _table(block)
         case content.Stack():
@@ -143,17 +149,13 @@ def _rows(entries: Iterable[tuple[str, str]]) -> str:
     return "".join(f"<div><dt>{name}</dt><dd>{text(value)}</dd></div>" for name, value in entries)
 
 
-def _bullets(block: content.Bullets) -> str:
-    items = "".join(f"<li>{text(item)}</li>" for item in block.items)
-    return f'<div class="bullets"><h3>{text(block.title)}</h3><ul>{items}</ul></div>'
-
-
 def _table(table: content.Table) -> str:
     """Return a table that scrolls inside its place where it is wider; by keyboard, too, where that may be."""
     last = len(table.rows) - 1
     shown = [*range(min(MAX_ROWS, last)), last] if table.rows else []
     kinds = _column_kinds(table)
-    heads = "".join(_head(name, kind) for name, kind in zip(table.columns, kinds, strict=True))
+    named = zip(table.columns, kinds, strict=True)
+    heads = "".join(f'<th scope="col"{kind}>{text(name) or _DRAWN}</th>' for name, kind in named)
     body = "".join(_table_row(kinds, table.rows[i], table.total and i == last) for i in shown)
     look = ["plain"] if all(table.columns) else ["barred"]
     if len(table.columns) > _MANY_COLUMNS:
@@ -178,10 +180,6 @@ def _column_kinds(table: content.Table) -> list[str]:
         texts = any(isinstance(cell, str) and len(cell) > _LONGEST_NUMBER for cell in cells)
         kinds.append(' class="words"' if texts and i else "" if name else ' class="drawn"')
     return kinds
-
-
-def _head(name: str, kind: str) -> str:
-    return f'<th scope="col"{kind}>{text(name) or _DRAWN}</th>'
 
 
 def _table_row(kinds: list[str], row: tuple[str | content.Bar, ...], total: bool) -> str:
