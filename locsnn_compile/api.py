@@ -111,7 +111,7 @@ class CompiledModel(Frozen, eq=False):
 @checked
 def compile(
     network: Network | Checkpoint | Sequence[Network | Checkpoint],
-    target: str | Path = "loihi-sim",
+    target: str | Path | hw.Chip = "loihi-sim",
     strategy: str = AUTO,
     weight_bits: int | None = None,
     events: Events | None = None,
@@ -130,9 +130,9 @@ def compile(
 
     Several become one program that adds their class scores, by ``weights`` or as :func:`join` weighs them.
 
-    ``target``: a chip's name, or the path of a chip YAML. ``profile``: the costs that ``auto`` and the report go by, a
-    profile of the chip, by default its first, or the path of a YAML file like one. ``events``: recordings to check on -
-    a file, archive or folder, or an array (samples, steps, channels) of 0 and 1; by default those that the model
+    ``target``: a chip, its name, or the path of a chip YAML. ``profile``: the costs that ``auto`` and the report go by,
+    a profile of the chip, by default its first, or the path of a YAML file like one. ``events``: recordings to check on
+    - a file, archive or folder, or an array (samples, steps, channels) of 0 and 1; by default those that the model
     carries, else synthetic touches. ``labels`` (samples,) where ``events`` is an array. ``diagnosis``: take the error
     apart too, follow predictions over time, on some of the recordings, and keep an excerpt of one to look at; ``psi``
     is that of the time-weighted prediction, by default the model's own or 10; a program keeps what was said.
@@ -145,7 +145,8 @@ def compile(
     Raises ``InputError`` for what cannot be used and ``TargetError`` for a model that the chip cannot hold.
     """
     check_known(f"strategy {strategy!r}", "unknown lowering strategy", strategy, (AUTO, *STRATEGIES))
-    chip = hw.chip(target) if profile is None else hw.priced_by(hw.chip(target), profile)
+    chip = target if isinstance(target, hw.Chip) else hw.chip(target)
+    chip = chip if profile is None else hw.priced_by(chip, profile)
     weight_bits = weight_bits_of(chip, weight_bits)
     _check_share(split_weights)
     if isinstance(network, Sequence):

@@ -5,7 +5,6 @@ All points of an exploration share a study: a model, its file, a chip, recording
 
 import hashlib
 import json
-import tempfile
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, astuple
@@ -19,7 +18,7 @@ import numpy as np
 import hw_model as hw
 from hw_model.simulation import Engine
 from hw_model.values import ByteArray, Frozen
-from locsnn_compile.api import CompiledModel, compile
+from locsnn_compile.api import compile
 from locsnn_compile.cluster.spread import code_version
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError, LocsnnError, TargetError
@@ -167,27 +166,19 @@ class Point(Frozen):
 def measure(study: Study, setting: Setting) -> Point:
     """Compile and check a setting as ``locsnn-compile`` does, then time each engine."""
     try:
-        compiled = _compile(study, setting)
-    except LocsnnError as error:
-        return Point(setting, None, Refusal.of(error), {}, code_version())
-    played = compiled.network.fit(study.recordings.spikes, study.recordings.source)
-    timings = _timings(compiled.program, played, study.engines)
-    return Point(setting, Figures.of(compiled.report), None, timings, code_version())
-
-
-def _compile(study: Study, setting: Setting) -> CompiledModel:
-    with tempfile.TemporaryDirectory() as folder:
-        # The chip's file may lie on another machine.
-        chip_file = Path(folder) / "chip.yaml"
-        chip_file.write_text(study.chip.document, encoding="utf-8")
-        return compile(
+        compiled = compile(
             study.network,
-            chip_file,
+            study.chip,
             events=study.recordings,
             calibration=study.calibration,
             diagnosis=False,
             **asdict(setting),
         )
+    except LocsnnError as error:
+        return Point(setting, None, Refusal.of(error), {}, code_version())
+    played = compiled.network.fit(study.recordings.spikes, study.recordings.source)
+    timings = _timings(compiled.program, played, study.engines)
+    return Point(setting, Figures.of(compiled.report), None, timings, code_version())
 
 
 def _timings(program: hw.ChipProgram, recordings: ByteArray, engines: tuple[Engine, ...]) -> dict[str, Timing]:

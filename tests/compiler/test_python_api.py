@@ -46,6 +46,12 @@ def compiled():
     return lc.compile(network, events=recordings(network, rate=0.6), labels=[0, 1, 0])
 
 
+def test_a_target_may_be_a_chip(compiled):
+    network, given = compiled.network, compiled.match.labels
+    found = lc.compile(network, hw.chip("loihi-sim"), events=recordings(network, rate=0.6), labels=given)
+    assert found.files() == compiled.files()
+
+
 @pytest.fixture(scope="module")
 def values(compiled):
     """One of every public type that holds much."""

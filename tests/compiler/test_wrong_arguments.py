@@ -59,7 +59,7 @@ WITHOUT = [
     ("energy by a name", lambda: hw.energy_pj(hw.Counts(), "sanafe"), "energy_pj, profile: it must be a Profile (got str 'sanafe'). Take chip.profile(name)."),
 ]  # fmt: skip
 OF_A_NETWORK = [
-    ("target", 3, "compile, target: it must be a str or Path (got int 3). Correct it."),
+    ("target", 3, "compile, target: it must be a str or Path or Chip (got int 3). Take hw.chip('loihi-sim'), or hw.chip(path) of a chip file."),
     ("strategy", 5, "compile, strategy: it must be a str (got int 5). Correct it."),
     ("weight_bits", "8", "compile, weight_bits: it must be an int (got str '8'). Correct it."),
     ("weight_bits", True, "compile, weight_bits: it must be an int (got bool True). Correct it."),
