@@ -158,7 +158,12 @@ def play_recordings(
         spikes=result("spikes"), u=result("u"), v=result("v"), potential=result("potential"),
         activity={phase: tuple(items) for phase, items in activity.items()},
         count_tables={phase: np.concatenate(tables) for phase, tables in counts.items()},
-        events={name: dict(zip(EVENTS, found.tolist(), strict=True)) for name, found in events.items() if found.any()},
+        events={
+            name: dict(zip(EVENTS, kinds, strict=True))
+            for phase, found in events.items()
+            for name, kinds in zip(program.columns_of(phase), found.tolist(), strict=True)
+            if any(kinds)
+        },
         scores=None if program.readout is None else (score if batched else score[0]),
     )  # fmt: skip
 
@@ -180,12 +185,12 @@ def _engine(engine: Engine, skip: bool) -> tuple[Run, Player]:
 
 
 def _add_events(program: ChipProgram, phase: str, trace: PhaseTrace, events: dict[str, IntArray]) -> None:
-    """Add up wraps and clips by population."""
+    """Add up wraps and clips by phase, (populations, kinds)."""
     if not trace.events.any():
         return
-    found = trace.events.sum(axis=0)
-    for name, columns in program.columns_of(phase).items():
-        events[name] = events.get(name, np.zeros(len(EVENTS), dtype=np.int64)) + found[:, columns].sum(axis=1)
+    starts = [columns.start for columns in program.columns_of(phase).values()]
+    found = np.add.reduceat(trace.events.sum(axis=0), starts, axis=1)
+    events[phase] = events.get(phase, 0) + found.T
 
 
 def _add_scores(program: ChipProgram, phase: str, trace: PhaseTrace, scores: FloatArray) -> None:

@@ -7,10 +7,10 @@ import numpy as np
 
 from hw_model.accounting.mesh_routes import PER_PACKET, Routes, routes_of
 from hw_model.description.counts import BY_CORE, COUNTED
-from hw_model.engine.trace import EVENTS, PhaseInput, PhaseTrace
+from hw_model.engine.trace import TOTALS, PhaseInput, PhaseTrace
 from hw_model.program.chip_program import ChipProgram
 from hw_model.program.pieces import Pieces, pieces_of
-from hw_model.values import BoolArray, ByteArray, FloatArray, Int32Array, IntArray, Shown
+from hw_model.values import BoolArray, FloatArray, Int32Array, IntArray, Shown
 
 
 class StepActivity(Shown):
@@ -64,28 +64,20 @@ def stacked(items: Sequence[StepActivity]) -> StepActivity:
 
 PER_SPIKE = ("synaptic_ops", "spikes", *PER_PACKET, "input_packets")
 """Counts of a recording that are a sum over its spikes and input events."""
+_COLUMN = {name: k for k, name in enumerate(COUNTED)}
+_OF_SPIKES, _OF_TOTALS = [_COLUMN[name] for name in PER_SPIKE], [_COLUMN[name] for name in TOTALS]
 
 
 def count_totals(program: ChipProgram, phase: str, played: PhaseInput, trace: PhaseTrace) -> IntArray:
     """Return the counts of every recording, (batch, fields of Counts): spikes of each source times what one causes."""
-    due_late, totals = fan_out(program, phase)
-    events = trace.events.sum(axis=2)
-    columns = {
-        **dict(zip(PER_SPIKE, (trace.sent @ totals).T, strict=True)),
-        "input_events": played.input_events,
-        "transpose_events": played.transpose_events,
-        "events_dropped": played.events_dropped,
-        "synaptic_ops_after_end": _due_after_end(played, trace.spikes, due_late),
-        "neuron_updates": (played.stop - played.start) * trace.spikes.shape[2],
-        "neuron_updates_active": trace.active.sum(axis=(1, 2), dtype=np.int64),
-        **{name: events[:, k] for k, name in enumerate(EVENTS)},
-        "skipped_steps": trace.skipped,
-        "aligned_steps": played.aligned_steps,
-        "cycles": 0,
-    }
-    table = np.empty((len(trace.sent), len(COUNTED)), dtype=np.int64)
-    for k, name in enumerate(COUNTED):
-        table[:, k] = columns[name]
+    table = np.zeros((len(trace.sent), len(COUNTED)), dtype=np.int64)
+    table[:, _OF_SPIKES] = trace.sent @ fan_out(program, phase)
+    table[:, _OF_TOTALS] = trace.totals
+    table[:, _COLUMN["input_events"]] = played.input_events
+    table[:, _COLUMN["transpose_events"]] = played.transpose_events
+    table[:, _COLUMN["events_dropped"]] = played.events_dropped
+    table[:, _COLUMN["neuron_updates"]] = (played.stop - played.start) * trace.spikes.shape[2]
+    table[:, _COLUMN["aligned_steps"]] = played.aligned_steps
     return table
 
 
@@ -133,43 +125,19 @@ def _whole(sums: FloatArray) -> IntArray:
     return sums.astype(np.int64)
 
 
-def _due_after_end(played: PhaseInput, spikes: ByteArray, due_late: IntArray) -> IntArray:
-    """A spike d rows before the end is too late for the synapses whose delay is at least d."""
-    lines = sum(played.sizes)
-    late = np.zeros(len(spikes), dtype=np.int64)
-    for d in range(min(len(due_late), played.steps)):
-        here = np.flatnonzero(played.stop - d > played.start)
-        row = played.stop[here] - 1 - d
-        late[here] += spikes[here, row].astype(np.int64) @ due_late[d, lines:]
-        offset = 0
-        for events, size in zip(played.events, played.sizes, strict=True):
-            recording, channel = events.at(here, row)
-            np.add.at(late, recording, due_late[d, offset + channel])
-            offset += size
-    return late
-
-
 @lru_cache(maxsize=8)
-def fan_out(program: ChipProgram, phase: str) -> tuple[IntArray, IntArray]:
-    """Return what one spike of each source causes; sources are input lines, then columns.
-
-    First (longest delay + 1, sources): synapses with at least that delay. Then (sources, counts): what it adds to each
-    of :data:`PER_SPIKE`.
-    """
+def fan_out(program: ChipProgram, phase: str) -> IntArray:
+    """Return what one spike of each source, input lines and then columns, adds to each of :data:`PER_SPIKE`."""
     cores = program.cores_of(phase)
     lines = sum(item.size for item in program.inputs_of(phase))
     count = lines + sum(core.compartments for core in cores)
-    longest = max((int(core.axons.delay.max(initial=0)) for core in cores), default=0)
     synapses = np.zeros(count, dtype=np.int64)
-    due_late = np.zeros((longest + 1, count), dtype=np.int64)
     packets = np.zeros((count, len(PER_PACKET)), dtype=np.int64)
     input_packets = np.zeros(lines, dtype=np.int64)
     for core in cores:
         # What arrives: each input axon of a core has a sender of its own.
         axons, source = core.axons, program.senders[core.number]
         synapses[source] += np.diff(axons.list_start)
-        by_delay = _tally(axons.axon_of_synapse, axons.delay, (axons.input_axons, longest + 1))
-        due_late[:, source] += by_delay[:, ::-1].cumsum(axis=1)[:, ::-1].T
         input_packets[source[source < lines]] += 1
         # What is sent.
         hops = {int(to): program.chip.hops(core.slot, program.cores[to].slot) for to in np.unique(axons.out_core)}
@@ -177,8 +145,7 @@ def fan_out(program: ChipProgram, phase: str) -> tuple[IntArray, IntArray]:
         sender = lines + program.columns_of_core(core)[axons.out_compartment]
         np.add.at(packets, sender, np.array(ways, dtype=np.int64).reshape(-1, len(PER_PACKET)))
     to_inputs = np.pad(input_packets, (0, count - lines))
-    totals = np.column_stack((synapses, np.arange(count) >= lines, packets, to_inputs)).astype(np.int64)
-    return due_late, totals
+    return np.column_stack((synapses, np.arange(count) >= lines, packets, to_inputs)).astype(np.int64)
 
 
 @lru_cache(maxsize=8)

@@ -1,11 +1,13 @@
 """Lists of events, compiled: the same as those of :mod:`hw_model.engine.playing`, made in one pass over a recording."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from hw_model.engine.compiled import compiled
 from hw_model.engine.trace import EventLists
 from hw_model.mapping.graph import Input
-from hw_model.values import ByteArray
+from hw_model.values import ByteArray, IntArray
 
 
 def list_events(recordings: ByteArray) -> EventLists:
@@ -13,7 +15,8 @@ def list_events(recordings: ByteArray) -> EventLists:
     first = np.zeros((len(recordings), recordings.shape[1] + 1), dtype=np.int64)
     channel = np.empty(np.count_nonzero(recordings) + 1, dtype=np.int32)
     # A copy of what is read-only: loops are compiled anew for it.
-    _list(np.require(recordings, requirements=("C", "W")), first, channel)
+    plain = recordings if recordings.flags.carray else np.array(recordings, order="C")
+    _list(plain, first, channel)
     return EventLists(first, channel[:-1])
 
 
@@ -22,19 +25,24 @@ def transpose(events: EventLists, item: Input, steps: int) -> EventLists:
 
     An event (step t, channel c) becomes line ``first_lines[c] + t`` at step ``positions[c]``, if both exist.
     """
-    assert item.positions is not None
-    # A copy, whatever is given: loops are compiled anew for what is read-only.
-    first_lines = np.zeros_like(item.positions) if item.first_lines is None else np.array(item.first_lines)
-    # Channels of one step have lines of their own, so that visit by visit, and by time within one, lines ascend.
-    visits = np.lexsort((first_lines, item.positions))
-    visit_of = np.argsort(visits)
-    begins = np.searchsorted(item.positions[visits], np.arange(steps + 1))
+    visit_of, first_lines, begins = _visits(item, steps)
     first = np.empty((len(events.first), steps + 1), dtype=np.int64)
     many = min(item.rows, events.rows)
     line = np.empty(int(events.until(many).sum()), dtype=np.int32)
     place = np.empty(begins[-1] + 1, dtype=np.int64)
     found = _transpose(events.first, events.channel, visit_of, first_lines, begins, many, first, line, place)
     return EventLists(first, line[:found])
+
+
+@lru_cache(maxsize=8)
+def _visits(item: Input, steps: int) -> tuple[IntArray, IntArray, IntArray]:
+    """Return the visit and the first line of every channel, and the first visit of every step."""
+    assert item.positions is not None
+    # A copy, whatever is given: loops are compiled anew for what is read-only.
+    first_lines = np.zeros_like(item.positions) if item.first_lines is None else np.array(item.first_lines)
+    # Channels of one step have lines of their own, so that visit by visit, and by time within one, lines ascend.
+    visits = np.lexsort((first_lines, item.positions))
+    return np.argsort(visits), first_lines, np.searchsorted(item.positions[visits], np.arange(steps + 1))
 
 
 @compiled

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from hw_model.engine import tiles
-from hw_model.engine.compiled import compiled, entry, in_parts
+from hw_model.engine.compiled import compiled, entry, in_parts, inner
 from hw_model.engine.layout import CHARGE_WRAPS, FIELDS, LANES, FastLayout, fast_layout
-from hw_model.engine.trace import EVENTS, NOTHING, REGISTERS, EventLists, PhaseInput, PhaseTrace, Register, Window
+from hw_model.engine.trace import NOTHING, REGISTERS, SKIPPED, EventLists, PhaseInput, PhaseTrace, Register, Window
 from hw_model.program.chip_program import ChipProgram
 from hw_model.values import Int32Array, IntArray
 
@@ -22,14 +22,8 @@ def run_phase(
 ) -> PhaseTrace:
     """Run a batch through one phase, in threads; keep of the registers what the windows ask for."""
     layout = fast_layout(program, phase)
-    batch, n = len(played.input_events), layout.columns
-    trace = PhaseTrace(
-        spikes=np.zeros((batch, played.steps, n), np.uint8), sent=np.zeros((batch, sum(played.sizes) + n), np.int64),
-        active=np.zeros((batch, played.steps, layout.pieces), np.int64), skipped=np.zeros(batch, np.int64),
-        events=np.zeros((batch, len(EVENTS), n), np.int64),
-        registers={kind: window.empty(batch) for kind, window in windows.items()},
-    )  # fmt: skip
-    in_parts(lambda start, stop: _run_part(layout, played, trace, windows, skip, slice(start, stop)), batch)
+    trace = PhaseTrace.empty(played, layout.columns, layout.pieces, windows)
+    in_parts(lambda start, stop: _run_part(layout, played, trace, windows, skip, slice(start, stop)), len(trace.sent))
     return trace
 
 
@@ -52,7 +46,7 @@ def _run_part(
     arguments = (
         *join_lists(played.events, part), played.start[part], played.stop[part],
         layout.nodes, layout.chunks, layout.links, *room, skip,
-        trace.spikes[part], trace.sent[part], trace.active[part], trace.events[part], trace.skipped[part], kept,
+        trace.spikes[part], trace.sent[part], trace.active[part], trace.events[part], trace.totals[part], kept,
     )  # fmt: skip
     if not loop:
         loop.append(entry(_run, *arguments))
@@ -88,7 +82,7 @@ def join_lists(events: Sequence[EventLists], part: slice) -> tuple[IntArray, Int
 
 @compiled
 def _run(  # type: ignore[no-untyped-def]
-    first, line, start, stop, nodes, chunks, links, state, work, skip, spikes, sent, active, events, skipped, kept
+    first, line, start, stop, nodes, chunks, links, state, work, skip, spikes, sent, active, events, totals, kept
 ):
     """Run recordings one after the other, each tile by tile."""
     tile = len(work.masks)
@@ -96,7 +90,7 @@ def _run(  # type: ignore[no-untyped-def]
         tiles.reset(state)
         for step in range(start[b], stop[b], tile):
             rows = min(tile, stop[b] - step)
-            skipped[b] += tiles.run_tile(
+            totals[b, SKIPPED] += tiles.run_tile(
                 step, rows, first[b, step:], line, nodes, chunks, links, state, work, skip,
                 spikes[b, step:], sent[b], active[b, step:], b, kept,
             )  # fmt: skip
@@ -105,3 +99,24 @@ def _run(  # type: ignore[no-untyped-def]
                 at = k * FIELDS * LANES + i
                 for event in range(3):
                     events[b, event, chunks.first_column[k] + i] = state.registers[at + (CHARGE_WRAPS + event) * LANES]
+        _add_up(start[b], stop[b], first[b], line, nodes, links, spikes[b], active[b], events[b], totals[b])
+
+
+@inner
+def _add_up(start, stop, first, line, nodes, links, spikes, active, events, totals):  # type: ignore[no-untyped-def]
+    """Add up what :func:`hw_model.engine.trace.add_up` does, of one recording."""
+    due_late, columns = links.due_late, spikes.shape[1]
+    lines = due_late.shape[1] - columns
+    for late in range(min(len(due_late), stop - start)):
+        row = stop - 1 - late
+        for m in range(first.shape[1]):
+            for e in range(first[row, m], first[row + 1, m]):
+                totals[0] += due_late[late, nodes.first[m] + line[e]]
+        for column in range(columns):
+            totals[0] += spikes[row, column] * due_late[late, lines + column]
+    for row in range(start, stop):
+        for piece in range(active.shape[1]):
+            totals[1] += active[row, piece]
+    for event in range(len(events)):
+        for column in range(columns):
+            totals[2 + event] += events[event, column]

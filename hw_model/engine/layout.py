@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT
+from hw_model.engine.trace import due_late
 from hw_model.mapping.circles import sources_first
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.program.pieces import Pieces, pieces_of
@@ -101,7 +102,7 @@ class Links(NamedTuple):
     of the slot, from ``target[l]`` on; ``late_bits`` of the delay, beyond ``delay[l]``; and the weight, in units of
     2^``weight_shift``. From ``reach_start`` likewise, ``reach_chunk`` and ``reach_late`` list the chunks and delays of
     a list once each. Links into block k from other nodes are rows ``into_block[k]`` to the next;
-    those from node n into its own block are rows ``from_node[n]`` to the next.
+    those from node n into its own block are rows ``from_node[n]`` to the next. ``due_late`` counts them by delay.
     """
 
     source: IntArray
@@ -125,6 +126,7 @@ class Links(NamedTuple):
     reach_late: Int32Array
     into_block: IntArray
     from_node: IntArray
+    due_late: IntArray
 
 
 class Nodes(NamedTuple):
@@ -150,7 +152,6 @@ class FastLayout(Frozen, eq=False):
     chunks: Chunks
     links: Links
     slot: IntArray
-    longest_delay: int
 
     @property
     def columns(self) -> int:
@@ -165,7 +166,7 @@ def fast_layout(program: ChipProgram, phase: str) -> FastLayout:
     cut = _cut(pieces_of(program, phase), nodes)
     synapses = _synapses(program, phase, nodes)
     blocks = _blocks(nodes, synapses)
-    links = _links(nodes, synapses, blocks, cut)
+    links = _links(nodes, synapses, blocks, cut, due_late(program, phase))
     return FastLayout(
         inputs=nodes.inputs,
         pieces=len(pieces_of(program, phase).group),
@@ -173,7 +174,6 @@ def fast_layout(program: ChipProgram, phase: str) -> FastLayout:
         chunks=_chunks(program, phase, nodes, blocks, cut, links),
         links=links,
         slot=cut.slot,
-        longest_delay=max((int(core.axons.delay.max(initial=0)) for core in program.cores_of(phase)), default=0),
     )
 
 
@@ -357,7 +357,9 @@ def _largest_sum(program: ChipProgram, phase: str, arrived: AnyArray) -> int:
     return max(found)
 
 
-def _links(nodes: _Numbering, synapses: dict[Ends, list[_Synapses]], blocks: list[list[int]], cut: _Cut) -> Links:
+def _links(
+    nodes: _Numbering, synapses: dict[Ends, list[_Synapses]], blocks: list[list[int]], cut: _Cut, by_delay: IntArray
+) -> Links:
     """Lay out the synapses by their ends; they are taken out, so that no more than one link is there twice."""
     slot = cut.slot
     block_of = {node: k for k, block in enumerate(blocks) for node in block}
@@ -409,6 +411,7 @@ def _links(nodes: _Numbering, synapses: dict[Ends, list[_Synapses]], blocks: lis
         **heads, matrix=matrix, packed=np.concatenate([nothing[0].astype(np.int32), *packed]), list_start=list_start,
         slot=slot_of, weight=weight, late=late, reach_start=reach_start, reach_chunk=reach_chunk, reach_late=reach_late,
         into_block=np.cumsum([0, *map(len, external)]), from_node=np.cumsum([0, *map(len, internal)]) + outside,
+        due_late=by_delay,
     )  # fmt: skip
 
 

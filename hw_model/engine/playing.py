@@ -92,7 +92,8 @@ def play(
     length = length_of(program, phase, rows, steps)
     played, transposed, dropped = (np.zeros(batch, dtype=np.int64) for _ in range(3))
     inputs = program.inputs_of(phase.name)
-    before, start, stop = np.zeros(batch, dtype=np.int64), np.zeros(batch, dtype=np.int64), np.full(batch, length)
+    before, start = np.zeros(batch, dtype=np.int64), np.zeros(batch, dtype=np.int64)
+    stop = start + length
     if phase.align_events is not None:
         before = first_touch([streams[name] for name in {item.stream for item in inputs}], phase.align_events)
         if phase.axis == "time":
@@ -105,21 +106,25 @@ def play(
         if item.positions is None:
             late = recorded if phase.align_events is None else recorded.between(start, stop)
             lists.append(_fit(late, length))
-            played += lists[-1].until(length)
+            counted = played
         else:
             late = recorded if phase.align_events is None else recorded.moved(before)
             lists.append(player.transpose(late, item, length))
-            transposed += lists[-1].until(length)
-        dropped += recorded.until(rows) - lists[-1].until(length)
+            counted = transposed
+        given = lists[-1].until(length)
+        counted += given
+        dropped += recorded.until(rows) - given
     sizes = tuple(item.size for item in inputs)
     return PhaseInput(length, sizes, tuple(lists), played, transposed, dropped, start, stop, before)
 
 
 def length_of(program: ChipProgram, phase: Phase, rows: int, steps: int | None = None) -> int:
     """Return the steps of a phase: its own, else those asked for, else until its recording and its visits are over."""
+    fixed = phase.steps or steps
+    if fixed:
+        return fixed
     visits = [item.positions for item in program.inputs_of(phase.name)]
-    ends = [rows if at is None else int(at.max(initial=0)) + 1 for at in visits]
-    return phase.steps or steps or max(ends, default=rows)
+    return max((rows if at is None else int(at.max(initial=0)) + 1 for at in visits), default=rows)
 
 
 def first_touch(streams: Sequence[EventLists], events: int) -> IntArray:

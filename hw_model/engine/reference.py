@@ -7,7 +7,7 @@ step to the accumulator slots of the steps in which their charge is due.
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import clip, decay, wrap
-from hw_model.engine.trace import EVENTS, PhaseInput, PhaseTrace, Register, Window
+from hw_model.engine.trace import EVENTS, PhaseInput, PhaseTrace, Register, Window, add_up
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.values import ByteArray, IntArray
 
@@ -20,12 +20,14 @@ def run_phase(program: ChipProgram, phase: str, played: PhaseInput, windows: dic
     spikes = np.stack([trace[0] for trace in traces])
     lines_sent = np.stack([lines.sum(axis=0, dtype=np.int64) for lines in recordings])
     sent = np.concatenate((lines_sent, spikes.sum(axis=1, dtype=np.int64)), axis=1)
+    active = np.stack([trace[1] for trace in traces])
+    events = np.stack([trace[2] for trace in traces])
     return PhaseTrace(
         spikes,
         sent,
-        active=np.stack([trace[1] for trace in traces]),
-        events=np.stack([trace[2] for trace in traces]),
-        skipped=np.zeros(len(traces), dtype=np.int64),
+        active,
+        events,
+        totals=add_up(program, phase, played, spikes, active, events),
         registers={kind: np.stack([trace[3][kind] for trace in traces]) for kind in windows},
     )
 

@@ -70,7 +70,7 @@ def first_state(layout: FastLayout, tile: int = TILE) -> State:
     """Return the state before the first step."""
     registers = layout.chunks.registers.reshape(-1)
     at_rest = (layout.chunks.registers[:, BIAS] == 0).min(axis=1)
-    chunks, rows = len(at_rest), tile + layout.longest_delay + 1
+    chunks, rows = len(at_rest), tile + len(layout.links.due_late)
     charge = aligned((rows, chunks * LANES), registers.dtype)
     touched = np.zeros((rows, chunks), dtype=np.uint8)
     current = aligned(registers.shape, registers.dtype)

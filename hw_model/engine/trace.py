@@ -5,10 +5,12 @@ Columns are the compartments of the phase, group by group, as
 """
 
 from dataclasses import field
+from functools import lru_cache
 from typing import Literal, get_args
 
 import numpy as np
 
+from hw_model.program.chip_program import ChipProgram
 from hw_model.values import ByteArray, Frozen, Int32Array, IntArray
 
 Register = Literal["u", "v", "potential"]
@@ -16,6 +18,9 @@ REGISTERS: tuple[Register, ...] = get_args(Register)
 """``u`` and ``v`` are registers after the step (v is 0 on a spike row); ``potential`` is v as the threshold saw it."""
 
 EVENTS = ("charge_wraps", "current_wraps", "voltage_clips")
+TOTALS = ("synaptic_ops_after_end", "neuron_updates_active", *EVENTS, "skipped_steps")
+"""Counts that an engine adds up over all steps and compartments; steps in which nothing had to be updated are last."""
+SKIPPED = TOTALS.index("skipped_steps")
 
 
 class Window(Frozen, eq=False):
@@ -50,13 +55,6 @@ class EventLists(Frozen, eq=False):
     def until(self, rows: int) -> IntArray:
         """Count the events of every recording before a row, (batch,)."""
         return self.first[:, min(rows, self.rows)] - self.first[:, 0]
-
-    def at(self, recordings: IntArray, rows: IntArray) -> tuple[IntArray, Int32Array]:
-        """Return the recording and the channel of every spike of a row of each of some recordings."""
-        begin, end = self.first[recordings, rows], self.first[recordings, rows + 1]
-        recording = np.repeat(recordings, end - begin)
-        parts = [self.channel[low:high] for low, high in zip(begin.tolist(), end.tolist(), strict=True)]
-        return recording, np.concatenate([self.channel[:0], *parts])
 
     def between(self, start: IntArray, stop: IntArray) -> "EventLists":
         """Return the lists without the spikes of rows before ``start`` and from ``stop`` on, (batch,) each."""
@@ -107,13 +105,56 @@ class PhaseTrace(Frozen, eq=False):
     ``spikes`` (batch, steps, n); ``sent`` (batch, lines + n): spikes of every source over all steps, input lines first;
     ``active`` (batch, steps, pieces): compartments of each piece (:mod:`hw_model.program.pieces`) with anything to
     work on;
-    ``events`` (batch, 3, n): how often each compartment met each of :data:`EVENTS`; ``skipped`` (batch,): steps in
-    which no compartment had to be updated; ``registers``: the windows asked for.
+    ``events`` (batch, 3, n): how often each compartment met each of :data:`EVENTS`; ``totals`` (batch,
+    :data:`TOTALS`); ``registers``: the windows asked for.
     """
 
     spikes: ByteArray
     sent: IntArray
     active: IntArray
     events: IntArray
-    skipped: IntArray
+    totals: IntArray
     registers: dict[Register, IntArray] = field(default_factory=dict)
+
+    @classmethod
+    def empty(cls, played: PhaseInput, n: int, pieces: int, windows: dict[Register, Window]) -> "PhaseTrace":
+        """Return room for a trace, all 0."""
+        batch = len(played.input_events)
+        return cls(
+            spikes=np.zeros((batch, played.steps, n), np.uint8),
+            sent=np.zeros((batch, sum(played.sizes) + n), np.int64),
+            active=np.zeros((batch, played.steps, pieces), np.int64),
+            events=np.zeros((batch, len(EVENTS), n), np.int64),
+            totals=np.zeros((batch, len(TOTALS)), np.int64),
+            registers={kind: window.empty(batch) for kind, window in windows.items()},
+        )
+
+
+@lru_cache(maxsize=8)
+def due_late(program: ChipProgram, phase: str) -> IntArray:
+    """Return how many synapses each source, lines and then columns, has with a delay of d or more, (longest + 1, n)."""
+    cores = program.cores_of(phase)
+    longest = max((int(core.axons.delay.max(initial=0)) for core in cores), default=0)
+    lines = sum(item.size for item in program.inputs_of(phase))
+    found = np.zeros((longest + 1, lines + sum(core.compartments for core in cores)), dtype=np.int64)
+    for core in cores:
+        # Each input axon of a core has a sender of its own.
+        axons, shape = core.axons, (longest + 1, core.axons.input_axons)
+        by_delay = np.bincount(axons.delay * shape[1] + axons.axon_of_synapse, minlength=shape[0] * shape[1])
+        found[:, program.senders[core.number]] += by_delay.reshape(shape)[::-1].cumsum(axis=0)[::-1]
+    return found
+
+
+def add_up(
+    program: ChipProgram, phase: str, played: PhaseInput, spikes: ByteArray, active: IntArray, events: IntArray
+) -> IntArray:
+    """Return the totals of a trace that skips nothing.
+
+    A spike d steps before the end is too late for a delay of d or more.
+    """
+    table = due_late(program, phase)
+    late = np.zeros(len(spikes), dtype=np.int64)
+    for b, (start, stop) in enumerate(zip(played.start, played.stop, strict=True)):
+        sent = np.hstack((played.lines(b), spikes[b]))[max(start, stop - len(table)) : stop][::-1]
+        late[b] = (sent * table[: len(sent)]).sum()
+    return np.column_stack((late, active.sum(axis=(1, 2)), events.sum(axis=2), np.zeros_like(late)))

@@ -68,8 +68,6 @@ def test_lists_hold_the_recording_and_transpose_it(module, recordings):
         assert np.array_equal(played.lines(b), recording)
         assert np.array_equal(played.lines(b, steps - 1), recording[-1:])
         assert np.array_equal(transposed.lines(b), recording.T[::-1])
-    recording, channel = events.at(np.arange(len(recordings)), np.full(len(recordings), steps - 1))
-    assert np.array_equal(np.stack((recording, channel)), np.nonzero(recordings[:, -1]))
     assert np.array_equal(events.until(steps), recordings.sum(axis=(1, 2)))
 
 
