@@ -2,8 +2,8 @@
 
 Every draw comes from a generator of (seed, purpose, epoch), so an epoch needs no state but its number. Changes take and
 return spikes (batch, steps, channels), float32, 0 or 1, and draw anew for every recording: taxels come from another
-recording of the class, events are added, events, channels and taxels are dropped, ends are cut, taxels and recordings
-move in time. What is off draws nothing, so that it does not change what the others draw.
+recording of the class, events are added, events, channels and taxels are dropped, time is stretched, ends are cut,
+taxels and recordings move in time. What is off draws nothing, so that it does not change what the others draw.
 """
 
 from collections.abc import Iterator
@@ -48,6 +48,7 @@ def augmented(spikes: Spikes, config: TrainingConfig, rng: np.random.Generator, 
     spikes = drop_events(spikes, config.event_dropout, rng)
     spikes = drop_channels(spikes, config.channel_dropout, rng)
     spikes = drop_taxels(spikes, config.taxel_dropout, rng, polarities)
+    spikes = stretch_time(spikes, config.time_stretch, rng)
     spikes = cut_end(spikes, config.cut_end, rng)
     spikes = shift_in_time(spikes, config.taxel_shift, rng, parts=spikes.shape[2] // polarities)
     return shift_in_time(spikes, config.time_shift, rng)
@@ -98,6 +99,22 @@ def cut_end(spikes: Spikes, largest: float, rng: np.random.Generator) -> Spikes:
     kept = 1.0 - rng.random((len(spikes), 1, 1), dtype=np.float32) * np.float32(largest)
     steps = spikes.shape[1]
     return np.where(np.arange(steps)[np.newaxis, :, np.newaxis] < np.ceil(kept * steps), spikes, np.float32(0))
+
+
+def stretch_time(spikes: Spikes, largest: float, rng: np.random.Generator) -> Spikes:
+    """Play each recording slower or faster, its times multiplied by 1 - ``largest`` to 1 + ``largest``.
+
+    What leaves the recording is lost, and events that meet are one, as by a clock that is off.
+    """
+    if largest == 0:
+        return spikes
+    rate = 1.0 + largest * rng.uniform(-1.0, 1.0, len(spikes))
+    sample, step, channel = np.nonzero(spikes)
+    step = np.floor((step + 0.5) * rate[sample]).astype(np.int64)
+    kept = step < spikes.shape[1]
+    moved = np.zeros_like(spikes)
+    moved[sample[kept], step[kept], channel[kept]] = 1
+    return moved
 
 
 def shift_in_time(spikes: Spikes, largest: int, rng: np.random.Generator, parts: int = 1) -> Spikes:

@@ -97,9 +97,10 @@ class TrainingConfig(Shown, eq=True):
     - ``event_dropout``: every recording of a batch loses each event with a probability drawn from 0 to this;
       ``channel_dropout``: likewise each channel, with all its events; ``taxel_dropout``: each taxel, both polarities.
       ``event_noise``: it gains an event with such a probability wherever it has none; ``mixing``: each of its taxels is
-      with such a probability that of another recording of its class. ``time_shift``: every recording of a batch moves
-      by up to so many steps to either side; ``taxel_shift``: each taxel by itself. ``cut_end``: it ends after a share
-      of its steps, which is drawn from 1 less this to 1.
+      with such a probability that of another recording of its class. ``time_stretch``: its times are multiplied by 1
+      less this to 1 plus this. ``cut_end``: it ends after a share of its steps, which is drawn from 1 less this to 1.
+      ``time_shift``: every recording of a batch moves by up to so many steps to either side; ``taxel_shift``: each
+      taxel by itself.
     - ``weight_average``: measure and keep a running average of the weights, which retains this share of itself at every
       step; 0 keeps the weights of the last step.
     - ``initial_scale``: weights start uniform within +-this / sqrt(inputs of their layer).
@@ -168,6 +169,7 @@ class TrainingConfig(Shown, eq=True):
     event_noise: Annotated[float, Range(0.0, 1.0)] = 0.0
     mixing: Annotated[float, Range(0.0, 1.0)] = 0.0
     cut_end: Annotated[float, Range(0.0, 1.0)] = 0.0
+    time_stretch: Annotated[float, Range(0.0, 0.9)] = 0.0
     time_shift: Annotated[int, Range(0, 20_000)] = 0
     taxel_shift: Annotated[int, Range(0, 20_000)] = 0
     weight_average: Annotated[float, Range(0.0, 0.99999)] = 0.0

@@ -19,6 +19,7 @@ from locsnn_compile.training.batches import (
     epoch_generator,
     mix_taxels,
     shift_in_time,
+    stretch_time,
 )
 from locsnn_compile.training.config import TrainingConfig
 
@@ -172,3 +173,34 @@ def test_recordings_end_early() -> None:
     assert (ends.min(), ends.max()) == (21, 40)
     assert ends.mean() == pytest.approx(30.5, abs=0.8)
     assert cut_end(spikes, 0.0, epoch_generator(0, 1, 1)) is spikes
+
+
+def test_times_are_stretched_recording_by_recording() -> None:
+    spikes = np.zeros((400, 100, 2), dtype=np.float32)
+    spikes[:, [20, 80], 1] = 1
+    moved = stretch_time(spikes, 0.1, epoch_generator(0, 1, 1))
+    assert moved.dtype == np.float32
+    assert not moved[:, :, 0].any()
+    early, late = (moved[:, half, 1] for half in (slice(0, 50), slice(50, 100)))
+    assert (early.sum(axis=1) == 1).all()
+    assert (late.sum(axis=1) == 1).all()
+    first, second = early.argmax(axis=1), 50 + late.argmax(axis=1)
+    assert (first.min(), first.max(), second.min(), second.max()) == (18, 22, 72, 88)
+    # One rate for a recording: its later event moves four times as far.
+    assert np.corrcoef(first, second)[0, 1] > 0.9
+    assert stretch_time(spikes, 0.0, epoch_generator(0, 1, 1)) is spikes
+
+
+def test_stretched_events_that_leave_are_lost_and_those_that_meet_are_one() -> None:
+    spikes = np.ones((200, 50, 3), dtype=np.float32)
+    moved = stretch_time(spikes, 0.5, epoch_generator(0, 1, 1))
+    assert set(np.unique(moved)) == {0, 1}
+    ends = 50 - moved[:, ::-1, 0].argmax(axis=1)  # played faster, a recording ends early
+    assert (ends.min(), ends.max()) == (25, 50)
+
+
+def test_a_configuration_stretches_time() -> None:
+    spikes = np.zeros((60, 40, 4), dtype=np.float32)
+    spikes[:, 30] = 1
+    config = TrainingConfig(event_dropout=0.0, channel_dropout=0.0, time_stretch=0.2)
+    assert len({int(step) for step in augmented(spikes, config, epoch_generator(0, 1, 1))[:, :, 0].argmax(axis=1)}) > 5
