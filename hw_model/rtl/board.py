@@ -8,6 +8,7 @@ import numpy as np
 
 from hw_model.errors import InputError
 from hw_model.rtl.cosimulation import words_of
+from hw_model.rtl.cycles import fired_in_order
 from hw_model.rtl.frames import (
     ANSWER,
     DONE,
@@ -143,14 +144,7 @@ def _parts(rows: ByteArray, most: int) -> Iterator[ByteArray]:
     return (rows[at : at + most] for at in range(0, len(rows), most))
 
 
-def spike_numbers(core: CoreProgram, spikes: Mapping[str, ByteArray]) -> list[int]:
+def spike_numbers(core: CoreProgram, recording: ByteArray, spikes: Mapping[str, ByteArray]) -> list[int]:
     """Return the spikes of a simulation as a board reports them; ``spikes[population]`` (steps, n)."""
-    parts = []
-    for phase in core.phases:
-        numbers = core.numbers[phase.name]
-        fired = np.zeros((core.length[phase.name], len(numbers)), dtype=np.uint8)
-        for name, columns in core.program.columns_of(phase.name).items():
-            if name in spikes:
-                fired[:, columns] = spikes[name]
-        parts.append(fired[:, np.argsort(numbers)].ravel())
+    parts = [fired_in_order(core, phase, recording, spikes).ravel() for phase in core.phases]
     return np.flatnonzero(np.concatenate(parts)).tolist()

@@ -11,10 +11,10 @@ module commands #(
     parameter integer SYNAPSES = 16384,
     parameter integer COMPARTMENTS = 512,
     parameter integer VISITS = 128,
-    parameter integer WEIGHTS = 16,
-    parameter integer PHASES = 0,
+    parameter integer WEIGHTS = 64,
+    parameter integer PHASES = 512,
     parameter integer SETTINGS = 16,
-    parameter integer RUN = 15  // the setting that starts the core
+    parameter integer RUN = 12  // the setting that starts the core
 ) (
     input  logic         clk,
     input  logic         reset,

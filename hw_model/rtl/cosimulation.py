@@ -76,19 +76,20 @@ def play_on_core(
         run(binary, folder, patience)
         answers = _numbers(folder / "answers", (batch, len(ANSWER)))
         scores = _numbers(folder / "scores", (batch, classes)) / core.scale
-        of_recording = sum(core.length[phase] * len(numbers) for phase, numbers in core.numbers.items())
-        updates = _numbers(folder / "updates", (batch, of_recording, len(UPDATE)))
+        runs = [len(p.span(one)) * len(core.numbers[p.name]) for one in recordings for p in core.phases]
+        ends = np.cumsum([0, *runs])
+        updates = _numbers(folder / "updates", (int(ends[-1]), len(UPDATE)))
 
-    played_so_far = dict.fromkeys(core.length, 0)
+    names, played_so_far = [phase.name for phase in core.phases], dict.fromkeys(core.numbers, 0)
 
     def run_phase(program: ChipProgram, phase: str, played: PhaseInput, windows: dict[Register, Window]) -> PhaseTrace:
         begin = played_so_far[phase]
         played_so_far[phase] += len(played.input_events)
-        here = slice(begin, played_so_far[phase])
-        return _trace(core, phase, played, windows, updates[here])
+        places = len(names) * np.arange(begin, played_so_far[phase]) + names.index(phase)
+        return _trace(core, phase, played, windows, [updates[ends[at] : ends[at + 1]] for at in places])
 
     found = play_recordings(program, spikes, steps, probe, run_phase, Player())
-    found.count_tables[core.phases[-1].name][:, COUNTED.index("cycles")] = answers[:, 2]
+    found.count_tables[names[-1]][:, COUNTED.index("cycles")] = answers[:, 2]
     return replace(found, scores=(scores if batched else scores[0]) if readout else None), answers
 
 
@@ -117,18 +118,18 @@ def _trace(
     phase: str,
     played: PhaseInput,
     windows: dict[Register, Window],
-    updates: IntArray,
+    updates: list[IntArray],
 ) -> PhaseTrace:
-    """Return what an engine does, of all updates (batch, updates, fields) of the recordings that are played."""
+    """Return what an engine does, of the updates (updates, fields) of each of the recordings that are played."""
     numbers = core.numbers[phase]
-    count = core.length[phase] * len(numbers)
-    is_first = core.direct is not None and phase == core.direct.name
-    mine = updates[:, :count] if is_first else updates[:, -count:]
-    by_column = mine.reshape(len(mine), -1, len(numbers), len(UPDATE))[:, :, np.argsort(np.argsort(numbers))]
-    by_column[by_column[..., 0] != numbers] = -1
+    by_column = np.zeros((len(updates), played.steps, len(numbers), len(UPDATE)), dtype=np.int64)
+    for rows, start, mine in zip(by_column, played.start.tolist(), updates, strict=True):
+        here = mine.reshape(-1, len(numbers), len(UPDATE))[:, np.argsort(np.argsort(numbers))]
+        here[here[..., 0] != numbers] = -1
+        rows[start : start + len(here)] = here
     fields = dict(zip(UPDATE, np.moveaxis(by_column, -1, 0), strict=True))
     spikes = fields["fired"].astype(np.uint8)
-    lines = np.stack([played.lines(b).sum(axis=0, dtype=np.int64) for b in range(len(mine))])
+    lines = np.stack([played.lines(b).sum(axis=0, dtype=np.int64) for b in range(len(updates))])
     pieces = pieces_of(core.program, phase)
     active = np.stack([pieces.of_spikes((one > 0).astype(np.uint8)) for one in fields["active"]])
     events = np.stack([fields[name].sum(axis=1) for name in EVENTS], axis=1)

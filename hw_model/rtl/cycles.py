@@ -8,10 +8,14 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from hw_model.rtl.images import BITMAP_BITS, CoreProgram
-from hw_model.values import ByteArray
+from hw_model.rtl.phases import CorePhase
+from hw_model.values import BoolArray, ByteArray
 
-TICK, END, LAST = -1, -2, -3
-"""Words that are not sources: a step is over; the stream is, and silent steps may follow; the phase is."""
+TICK, END, LAST, DROPPED, HIDDEN = -1, -2, -3, -4, -5
+"""Words that are not sources: a step is over; the stream is, and silent steps may follow; the phase is; a word after
+the last step of the first phase; an event of a row that a visit does not tell of."""
+FETCHED = 9
+"""Cycles in which the fields of a phase are read."""
 Word = tuple[int, int]
 """Cycles from the word before it to its own, at least, and its source or kind."""
 
@@ -22,11 +26,14 @@ def core_cycles(core: CoreProgram, recording: ByteArray, spikes: Mapping[str, By
     ``recording`` (rows, channels); ``spikes[population]`` (steps, n), as a simulation gives them.
     """
     clock = _Clock(np.maximum(np.diff(core.lists), 1).tolist(), core.first_source)
-    for phase, words in ((core.direct, _streamed), (core.turned, _transposed)):
-        if phase is not None:
-            clock.play(words(core, recording), *_fired(core, phase.name, spikes))
-        elif words is _streamed:
-            clock.play(words(core, recording), range(0), [])
+    at = 0
+    for index, (phase, end) in enumerate(zip(core.phases, core.ends, strict=True)):
+        compartments = range(core.ends[index - 1] if index else 0, end)
+        numbers = np.sort(core.numbers[phase.name])
+        fired = [numbers[row].tolist() for row in fired_in_order(core, phase, recording, spikes)]
+        words = _transposed(core, phase, at, recording) if index else _streamed(core, recording)
+        at += phase.visits.shape[1]
+        clock.play(words, compartments, fired)
     return clock.consumed + _readout(core) + 2
 
 
@@ -48,12 +55,16 @@ class _Clock:
         for wait, word in words:
             self.prepared = max(self.prepared + wait, self.consumed)
             earliest = max(self.prepared + 1, self.row)
+            if word == HIDDEN:
+                continue
             if word >= 0:
                 self.consumed = self._request(earliest, word)
             elif word == TICK:
                 # The last charge is handed on three cycles after the walk of its list.
                 self.consumed = max(earliest, self.walked + 3)
                 self.row = self._update(self.consumed + 1, compartments, next(step, []))
+            elif word == DROPPED:
+                self.consumed = earliest
             else:
                 self.consumed = self.prepared if word == END else max(earliest, self.walked + 3)
         self.prepared = self.consumed
@@ -77,37 +88,50 @@ class _Clock:
         return max(issued + 8 if compartments else issued, accepted + 1) + 1
 
 
-def _fired(core: CoreProgram, phase: str, spikes: Mapping[str, ByteArray]) -> tuple[range, list[list[int]]]:
-    """Return the compartments of a phase, and those that fire in each step, in the order of their updates."""
-    first, end = (0, core.ends[0]) if core.direct and phase == core.direct.name else core.ends
-    fired = np.zeros((core.length[phase], end - first), dtype=bool)
-    for name, columns in core.program.columns_of(phase).items():
+def fired_in_order(
+    core: CoreProgram, phase: CorePhase, recording: ByteArray, spikes: Mapping[str, ByteArray]
+) -> BoolArray:
+    """Return which compartments of a phase fire in its steps, (steps, n), in the order of their updates."""
+    span, numbers = phase.span(recording), core.numbers[phase.name]
+    fired = np.zeros((len(span), len(numbers)), dtype=np.bool_)
+    for name, columns in core.program.columns_of(phase.name).items():
         if name in spikes:
-            fired[:, core.numbers[phase][columns] - first] = spikes[name]
-    return range(first, end), [(first + np.flatnonzero(row)).tolist() for row in fired]
+            fired[:, columns] = spikes[name][span.start : span.stop]
+    return fired[:, np.argsort(numbers)]
 
 
 def _streamed(core: CoreProgram, recording: ByteArray) -> Iterator[Word]:
-    heard = recording[: core.heard]
-    for row in heard:
-        yield from ((1, channel) for channel in np.flatnonzero(row).tolist())
-        yield 1, TICK
+    heard, steps = recording[: core.heard], core.phases[0].steps
+    for step, row in enumerate(heard):
+        yield from ((1, channel if step < steps else DROPPED) for channel in np.flatnonzero(row).tolist())
+        yield 1, TICK if step < steps else DROPPED
     yield 1, END
-    yield from [(1, TICK)] * (core.heard - len(heard))
+    yield from ((1, TICK if step < steps else DROPPED) for step in range(len(heard), core.heard))
     yield 1, LAST
 
 
-def _transposed(core: CoreProgram, recording: ByteArray) -> Iterator[Word]:
-    """Yield words as the scan of the buffer finds them: three cycles for a visit, one for every word of 32 steps."""
-    assert core.turned is not None
-    visits = list(zip(*(column.tolist() for column in core.tables["visits"].values()), strict=True))
-    wait, at = 3, 0
-    for step in range(core.length[core.turned.name]):
+def _transposed(core: CoreProgram, phase: CorePhase, at: int, recording: ByteArray) -> Iterator[Word]:
+    """Yield words as the scan of the buffer finds them, from visit ``at`` on.
+
+    A channel of a row takes a cycle, a visit three and one for every word of 32 rows.
+    """
+    end, origin = at + phase.visits.shape[1], phase.origin(recording)
+    visits = list(zip(*(column[at:end].tolist() for column in core.tables["visits"].values()), strict=True))
+    wait, at = FETCHED + 3, 0
+    span = phase.span(recording)
+    for step in span:
+        if phase.by_rows:
+            read, wait = 0, wait + 2
+            for channel in np.flatnonzero(recording[step : step + 1].any(axis=0)).tolist():
+                yield wait + channel - read, phase.row_source + channel
+                read, wait = channel, 0
+            wait += core.channels - read
         while at < len(visits) and visits[at][0] == step:
             _, place, source = visits[at]
             read, wait = 0, wait + 2
             for row in np.flatnonzero(recording[: core.kept, place >> core.row_shift]).tolist():
-                yield wait + row // BITMAP_BITS + 1 - read, source + row
+                shown = 0 <= row - origin < phase.rows
+                yield wait + row // BITMAP_BITS + 1 - read, source + row - origin if shown else HIDDEN
                 read, wait = row // BITMAP_BITS + 1, 1
             wait += core.row_words - read + 3
             at += 1

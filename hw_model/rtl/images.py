@@ -1,7 +1,7 @@
 """A program as one core holds it: the words of every memory, and which layouts they have.
 
-All cores of a program become one. What sends spikes has one number: channels of the recording, then lines of the
-transpose buffer, then compartments, phase by phase. Compartments are numbered in the order of their updates: deepest
+All cores of a program become one. What sends spikes has one number: channels of the recording, then what phases read
+from the buffer, then compartments, phase by phase. Compartments are numbered in the order of their updates: deepest
 children first, siblings together, and a parent at least ``JOIN_DISTANCE`` after its last child; a word that is not
 valid fills a gap.
 """
@@ -13,16 +13,16 @@ import numpy as np
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT
 from hw_model.description.chip import Sizes as Sizes
-from hw_model.engine.playing import length_of
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.rtl.memory_words import BitArray, Layout
-from hw_model.rtl.refused import kept_rows, phases_of, refuse_unless
+from hw_model.rtl.phases import core_phases
+from hw_model.rtl.refused import refuse_unless, refuse_unplayable
 from hw_model.values import IntArray
 
 JOIN_DISTANCE = 6
 """Cycles from the issue of a child to the earliest of its parent: the sum is written in cycle 8 and read in cycle 3."""
 STEP_BITS, LOAD_BITS, BITMAP_BITS = 24, 128, 32
-MEMORIES = ("settings", "axons", "synapses", "leaks", "fires", "visits", "weights")
+MEMORIES = ("settings", "axons", "synapses", "leaks", "fires", "visits", "weights", "phases")
 """By the number that the load port knows them by."""
 PLACE = Layout.of(address=24, memory=8)
 """What follows the data of a word on the load port."""
@@ -60,6 +60,7 @@ def layouts(sizes: Sizes) -> dict[str, Layout]:
         ),
         "visits": Layout.of(step=STEP_BITS, place=place, source=source),
         "weights": Layout.of(magnitude=32, negative=1),
+        "phases": Layout.of(value=STEP_BITS),
         "settings": Layout.of(value=STEP_BITS),
     }  # fmt: skip
 
@@ -67,43 +68,39 @@ def layouts(sizes: Sizes) -> dict[str, Layout]:
 class CoreProgram:
     """A program in the numbers of the core, for recordings of so many ``rows``; ``steps`` of phases of no fixed length.
 
-    ``direct``, ``turned``: the phase that hears recordings as they come, and the one behind the transpose buffer.
-    ``numbers[phase]`` (columns,): compartments by column; ``ends``: the first number after each of the two phases.
-    ``lists`` (sources + 1,): where the synapses of each source begin. ``heard``: rows of a recording that the core
-    takes; ``kept``: those that the transpose buffer does. ``scale``: what scores are multiplied by. ``needs``: the
-    least sizes. What the core cannot run is a ``TargetError``.
+    ``phases``: in order, the first while the recording arrives. ``numbers[phase]`` (columns,): compartments by column;
+    ``ends`` (phases,): the first number after each phase. ``lists`` (sources + 1,): where the synapses of each source
+    begin. ``heard``: rows of a recording that the core takes; ``kept``: those that the buffer does. ``scale``: what
+    scores are multiplied by. ``needs``: the least sizes. What the core cannot run is a ``TargetError``.
     """
 
     def __init__(self, program: ChipProgram, rows: int, steps: int | None = None) -> None:
         self.program = program
-        self.direct, self.turned = phases_of(program)
-        self.phases = tuple(phase for phase in (self.direct, self.turned) if phase is not None)
-        self.length = {p.name: length_of(program, p, rows, steps) for p in self.phases}
-        self.kept = kept_rows(program, self.turned, self.length[self.direct.name] if self.direct else None)
-        self.heard = self.length[self.direct.name] if self.direct else self.kept
+        refuse_unplayable(program)
+        self.phases, self.first_source = core_phases(program, rows, steps)
+        self.kept = max(phase.kept for phase in self.phases)
+        self.heard = max(self.kept, self.phases[0].steps)
         self.row_words = -(-self.kept // BITMAP_BITS)
         self.row_shift = max(self.row_words - 1, 0).bit_length()
         self.channels = sum(program.streams.values())
-        ends = np.cumsum([0, *program.streams.values()]).tolist()
-        self.first_channel = dict(zip(program.streams, ends, strict=False))
-        self.lines = sum(item.size for item in program.inputs_of(self.turned.name)) if self.turned else 0
-        self.first_source = self.channels + self.lines
         self._number()
         synapses = self._synapses()
         by_source = np.argsort(synapses["source"], kind="stable")
-        sources = np.arange(self.first_source + self.ends[1] + 1)
+        sources = np.arange(self.first_source + self.ends[-1] + 1)
         self.lists = np.searchsorted(synapses.pop("source")[by_source], sources)
         lengths = np.diff(self.lists)
         ratios = [weight.as_integer_ratio() for weight in program.readout.weights] if program.readout else []
         self.scale = max((below for _, below in ratios), default=1)
         # Larger weights are refused, and need not fit 64 bits for that.
         weights = [min(max(above * (self.scale // below), -(1 << 40)), 1 << 40) for above, below in ratios]
+        visits = np.hstack([phase.visits for phase in self.phases])
         self.tables = {
             "axons": {"start": np.where(lengths > 0, self.lists[:-1], 0), "length": lengths},
             "synapses": {name: column[by_source] for name, column in synapses.items()},
             "compartments": self._compartments(),
-            "visits": self._visits(),
+            "visits": {"step": visits[0], "place": visits[1] << self.row_shift, "source": visits[2]},
             "weights": {"magnitude": _array(map(abs, weights)), "negative": _array(weight < 0 for weight in weights)},
+            "phases": {"value": self._phase_fields()},
         }
         self.needs = self._needs()
 
@@ -128,23 +125,23 @@ class CoreProgram:
         cores = self.program.cores
         begin = np.cumsum([0, *(core.compartments for core in cores)])
         parent = self._joined(lambda core: np.where(core.parent < 0, -1, begin[core.number] + core.parent))
-        late = self._joined(lambda core: np.array(self.direct is None or core.phase != self.direct.name))
+        names = [phase.name for phase in self.phases]
+        turn = self._joined(lambda core: names.index(core.phase))
         depth, above = np.zeros_like(parent), parent
         while (above >= 0).any():
             depth += above >= 0
             above = np.where(above >= 0, parent[above], -1)
         self.number, self.parent, following = np.empty_like(parent), parent, 0
         earliest: dict[int, int] = {}
-        for index in np.lexsort((parent, -depth, late)).tolist():
+        for index in np.lexsort((parent, -depth, turn)).tolist():
             self.number[index] = max(following, earliest.get(index, 0))
             following = int(self.number[index]) + 1
             earliest[int(parent[index])] = following + JOIN_DISTANCE - 1
-        self.ends = (int(self.number[late == 0].max(initial=-1)) + 1, following)
+        last = [self.number[turn == index].max(initial=-1) for index in range(len(names))]
+        self.ends = [end + 1 for end in np.maximum.accumulate(last).tolist()]
         self.numbers = {
-            p.name: self.program.by_column(
-                p.name, lambda core: self.number[begin[core.number] : begin[core.number + 1]]
-            )
-            for p in self.phases
+            name: self.program.by_column(name, lambda core: self.number[begin[core.number] : begin[core.number + 1]])
+            for name in names
         }
 
     def _joined(self, values: Callable[[Core], IntArray | int]) -> IntArray:
@@ -156,23 +153,30 @@ class CoreProgram:
         """Return memory 0, a setting an address; writing the last one starts the core."""
         readout, slots = self.program.readout, _power(self.needs.slots)
         return {
-            "time_steps": self.heard,
-            "time_end": self.ends[0],
-            "location_steps": self.length[self.turned.name] if self.turned else 0,
-            "location_end": self.ends[1],
-            "rows": self.kept,
+            "heard": self.heard,
+            "kept": self.kept,
             "channels": self.channels,
-            "visits": len(self.tables["visits"]["step"]),
             "row_words": self.row_words,
             "row_shift": self.row_shift,
+            "align_events": max(phase.align_events or 0 for phase in self.phases),
+            "phases": len(self.phases),
             "slot_mask": slots - 1,
-            "sweep": max(slots * sizes.compartments, self.needs.bitmap),
+            "sweep": max(slots * sizes.compartments, self.needs.bitmap, self.needs.entries),
             "classes": self.program.populations[readout.populations[0]] if readout else 0,
             "populations": len(readout.populations) if readout else 0,
-            "potentials_from": min(max(readout.from_step.values(), default=0), (1 << STEP_BITS) - 1) if readout else 0,
             "first_source": self.first_source,
             "run": 1,
         }
+
+    def _phase_fields(self) -> IntArray:
+        """Return eight words for each phase; :class:`hw_model.rtl.phases.CorePhase` says what they are."""
+        visits = np.cumsum([phase.visits.shape[1] for phase in self.phases]).tolist()
+        longest = (1 << STEP_BITS) - 1
+        rows = [
+            (p.steps, end, seen, p.rows, p.row_source, min(p.potentials_from, longest), p.by_rows, bool(p.align_events))
+            for p, end, seen in zip(self.phases, self.ends, visits, strict=True)
+        ]
+        return np.array(rows, dtype=np.int64).ravel()
 
     def _needs(self) -> Sizes:
         synapses, compartments = self.tables["synapses"], self.tables["compartments"]
@@ -182,7 +186,7 @@ class CoreProgram:
         return Sizes(
             axons=len(self.lists) - 1,
             synapses=len(charges) + 1,
-            compartments=self.ends[1],
+            compartments=self.ends[-1],
             slots=int(synapses["delay"].max(initial=0)) + 2,
             charge=int(charge).bit_length() + 1,
             join=24 + int(children).bit_length(),
@@ -195,12 +199,10 @@ class CoreProgram:
         """Return the synapses of all cores, in any order, with their sources."""
         parts = []
         for core in self.program.cores:
-            inputs, axons = self.program.inputs_of(core.phase), core.axons
-            heard = [self.first_channel[item.stream] + np.arange(item.size) for item in inputs]
-            if self.turned is not None and core.phase == self.turned.name:
-                heard = [self.channels + np.arange(self.lines)]
+            axons = core.axons
+            heard = next(phase.sources for phase in self.phases if phase.name == core.phase)
             numbers = self.numbers[core.phase]
-            source = np.concatenate((*heard, self.first_source + numbers))
+            source = np.concatenate((heard, self.first_source + numbers))
             exponent = _array(form.exponent for form in axons.formats)[axons.format_index]
             parts.append({
                 "source": source[self.program.senders[core.number][axons.axon_of_synapse]],
@@ -236,30 +238,18 @@ class CoreProgram:
             "parent": parent * child,
         }
         table = {
-            name: np.zeros(self.ends[1], dtype=np.int64) for name in (*columns, "read_out", "by_potential", "entry")
+            name: np.zeros(self.ends[-1], dtype=np.int64) for name in (*columns, "read_out", "by_potential", "entry")
         }
         for name, column in columns.items():
             table[name][self.number] = column
         readout = self.program.readout
         for index, name in enumerate(readout.populations if readout else ()):
-            phase = next(p.name for p in self.phases if name in self.program.columns_of(p.name))
+            phase = next(p.name for p in self.program.phases if name in self.program.columns_of(p.name))
             members = self.numbers[phase][self.program.columns_of(phase)[name]]
             table["read_out"][members] = 1
             table["by_potential"][members] = readout is not None and name in readout.from_step
             table["entry"][members] = index * len(members) + np.arange(len(members))
         return table
-
-    def _visits(self) -> Table:
-        """Return when each channel is visited, where its bits are, and the source of its first line."""
-        rows, first_line = [np.empty((3, 0), dtype=np.int64)], self.first_source - self.lines
-        for item in self.program.inputs_of(self.turned.name) if self.turned else ():
-            assert item.positions is not None
-            channels = self.first_channel[item.stream] + np.arange(item.channels)
-            lines = np.zeros_like(item.positions) if item.first_lines is None else item.first_lines
-            rows.append(np.stack((item.positions, channels << self.row_shift, first_line + lines)))
-            first_line += item.size
-        table = np.hstack(rows)
-        return dict(zip(("step", "place", "source"), table[:, np.argsort(table[0], kind="stable")], strict=True))
 
 
 def parameters(sizes: Sizes) -> dict[str, int]:

@@ -5,9 +5,9 @@
 //               `-> transpose                        |     v
 //                                       requests ->  delivery <- queue
 //
-// Phases follow each other, the time phase while the recording arrives, then the location phase from the transpose
-// buffer. A step is: deliver its input spikes, update every compartment, deliver the spikes of these. Charges of step t
-// go to the slots of t + 1 and later, so the order of deliveries does not matter.
+// Phases follow each other: the first while the recording arrives, all others from the buffer of its events. A step is:
+// deliver its input spikes, update every compartment of the phase, deliver the spikes of these. Charges of step t go to
+// the slots of t + 1 and later, so the order of deliveries does not matter.
 //
 // Memories are filled through the load port, between recordings; setting RUN, the last one, cleans all state and starts.
 // State is cleaned after every recording, answered or stopped. The layouts of all words are in docs/hardware.md.
@@ -63,33 +63,43 @@ module locsnn_core #(
     localparam integer ENTRY = $clog2(ENTRIES);
 
     // Settings: memory 0 of the load port.
-    localparam integer TIME_STEPS = 0, TIME_END = 1, LOCATION_STEPS = 2, LOCATION_END = 3, ROWS = 4, CHANNELS = 5,
-        COUNT_VISITS = 6, ROW_WORDS = 7, ROW_SHIFT = 8, SLOT_MASK = 9, SWEEP = 10, CLASSES = 11, POPULATIONS = 12,
-        POTENTIALS_FROM = 13, FIRST_SOURCE = 14, RUN = 15;
+    localparam integer HEARD = 0, KEPT = 1, CHANNELS = 2, ROW_WORDS = 3, ROW_SHIFT = 4, ALIGN_EVENTS = 5, PHASES = 6,
+        SLOT_MASK = 7, SWEEP = 8, CLASSES = 9, POPULATIONS = 10, FIRST_SOURCE = 11, RUN = 12;
     logic [23:0] settings[0:15];
     wire         set = load_valid && load_memory == 0;
     wire         run = set && {8'b0, load_address} == RUN;
     always_ff @(posedge clk) if (set && !run) settings[load_address[3:0]] <= load_data[23:0];
 
+    // Fields of a phase: memory 7, eight words a phase. They come one by one, each pushing the others on.
+    localparam integer STEPS = 0, NUMBER_END = 1, VISITS_END = 2, ROWS = 3, ROW_SOURCE = 4, POTENTIALS_FROM = 5,
+        BY_ROWS = 6, ALIGNED = 7;
+    logic [23:0] its[0:7];
+    logic [5:0]  phase;
+    logic [3:0]  field;
+    wire [23:0]  next_field;
+
     // Sequencer.
-    localparam logic [2:0] STOPPED = 0, CLEAN = 1, ROW = 2, UPDATE = 3, SPIKES = 4, READOUT = 5, ANSWER = 6;
+    localparam logic [2:0] STOPPED = 0, CLEAN = 1, PHASE = 2, ROW = 3, UPDATE = 4, SPIKES = 5, READOUT = 6, ANSWER = 7;
     localparam logic [1:0] EVENT = 0, TICK = 1;
     logic [2:0]        state;
-    logic              location;  // which phase it is
     logic [23:0]       step;
     logic [SLOT-1:0]   slot;
     logic [23:0]       sweep_at;
-    logic [23:0]       number;
-    wire  [23:0]       number_end = location ? settings[LOCATION_END] : settings[TIME_END];
-    wire  [23:0]       number_begin = location ? settings[TIME_END] : 24'd0;
+    logic [23:0]       number, number_begin;
+    wire               buffered = phase != 0;
     wire               clear = reset || state == CLEAN;
+    memory #(.WIDTH(24), .DEPTH(512)) phases (
+        .clk,
+        .write(load_valid && load_memory == 7), .write_address(load_address[8:0]), .write_data(load_data[23:0]),
+        .read(state == PHASE), .read_address({phase, field[2:0]}), .read_data(next_field)
+    );
 
     wire              event_valid, line_valid;
     wire [1:0]        event_kind, line_kind;
     wire [SOURCE-1:0] event_source, line_source;
-    wire              word_valid = state == ROW && (location ? line_valid : event_valid);
-    wire [1:0]        word_kind = location ? line_kind : event_kind;
-    wire [SOURCE-1:0] word_source = location ? line_source : event_source;
+    wire              word_valid = state == ROW && (buffered ? line_valid : event_valid);
+    wire [1:0]        word_kind = buffered ? line_kind : event_kind;
+    wire [SOURCE-1:0] word_source = buffered ? line_source : event_source;
     wire              mark, stop, failed;
     wire [15:0]       mark_channel;
     wire [23:0]       mark_step;
@@ -97,26 +107,41 @@ module locsnn_core #(
     wire              delivering, updating, delivery_ready, read_out_done;
     wire              head_valid, queue_empty;
     wire [NUMBER-1:0] head;
-    wire word_ready = state == ROW && (word_kind == EVENT ? delivery_ready : !delivering);
+    // A recording may be longer than the first phase: the buffer has the rest.
+    wire over = step == its[STEPS];
+    wire is_event = word_kind == EVENT, is_tick = word_kind == TICK;
+    wire word_ready = state == ROW && (over && (is_event || is_tick) || (is_event ? delivery_ready : !delivering));
     wire word_taken = word_valid && word_ready;
-    wire begin_location = word_taken && word_kind != EVENT && word_kind != TICK && !location && settings[LOCATION_STEPS] != 0;
+    wire phase_over = word_taken && !is_event && !is_tick;
+    wire last_phase = {18'b0, phase} + 1 == settings[PHASES];
 
     always_ff @(posedge clk) begin
         case (state)
             CLEAN: begin
                 sweep_at <= sweep_at + 1;
-                if (sweep_at == settings[SWEEP]) state <= ROW;
-                {location, step, slot} <= 0;
+                if (sweep_at == settings[SWEEP]) state <= PHASE;
+                {phase, field} <= 0;
             end
-            ROW: if (word_taken) begin
+            PHASE: begin
+                if (field == 0) number_begin <= buffered ? its[NUMBER_END] : 24'd0;
+                else {its[0], its[1], its[2], its[3], its[4], its[5], its[6], its[7]}
+                    <= {its[1], its[2], its[3], its[4], its[5], its[6], its[7], next_field};
+                field <= field + 1;
+                {step, slot} <= 0;
+                if (field == 8) state <= ROW;
+            end
+            ROW: begin
                 number <= number_begin;
-                if (word_kind == TICK) state <= number_begin == number_end ? SPIKES : UPDATE;
-                else if (begin_location) {location, step, slot} <= {1'b1, 24'd0, {SLOT{1'b0}}};
-                else if (word_kind != EVENT) state <= READOUT;
+                field <= 0;
+                if (word_taken && is_tick && !over) state <= number_begin == its[NUMBER_END] ? SPIKES : UPDATE;
+                if (phase_over) begin
+                    state <= last_phase ? READOUT : PHASE;
+                    phase <= phase + 1;
+                end
             end
             UPDATE: begin
                 number <= number + 1;
-                if (number + 1 == number_end) state <= SPIKES;
+                if (number + 1 == its[NUMBER_END]) state <= SPIKES;
             end
             SPIKES: if (!updating && queue_empty) begin
                 step <= step + 1;
@@ -141,20 +166,23 @@ module locsnn_core #(
     assign answer_error = error;
 
     event_input #(.SOURCE(SOURCE)) events (
-        .clk, .clear, .listen(!location && (state == ROW || state == UPDATE || state == SPIKES)),
-        .steps(settings[TIME_STEPS]), .channels(settings[CHANNELS]),
+        .clk, .clear, .listen(!buffered && (state == ROW || state == UPDATE || state == SPIKES)),
+        .steps(settings[HEARD]), .channels(settings[CHANNELS]),
         .in_valid, .in_ready, .in_kind, .in_channel,
-        .out_valid(event_valid), .out_ready(word_ready && !location), .out_kind(event_kind), .out_source(event_source),
+        .out_valid(event_valid), .out_ready(word_ready && !buffered), .out_kind(event_kind), .out_source(event_source),
         .mark, .mark_channel, .mark_step, .stop, .failed, .error
     );
 
     transpose #(.BITMAP(BITMAP), .VISITS(VISITS), .SOURCE(SOURCE)) buffer (
         .clk, .clear, .load_visit(load_valid && load_memory == 5), .load_address, .load_data,
-        .rows(settings[ROWS]), .row_words(settings[ROW_WORDS]), .row_shift(settings[ROW_SHIFT]),
-        .visits(settings[COUNT_VISITS]), .steps(settings[LOCATION_STEPS]),
+        .kept(settings[KEPT]), .channels(settings[CHANNELS]),
+        .row_words(settings[ROW_WORDS]), .row_shift(settings[ROW_SHIFT]), .align_events(settings[ALIGN_EVENTS]),
+        .steps(its[STEPS]), .visits_end(its[VISITS_END]), .rows(its[ROWS]), .row_source(its[ROW_SOURCE]),
+        .by_rows(its[BY_ROWS][0]), .aligned(its[ALIGNED][0]),
         .mark, .mark_channel, .mark_step,
-        .sweep(clear && {8'b0, sweep_at} < BITMAP), .sweep_address(sweep_at[$clog2(BITMAP)-1:0]), .start(begin_location),
-        .out_valid(line_valid), .out_ready(word_ready && location), .out_kind(line_kind), .out_source(line_source)
+        .sweep(clear && {8'b0, sweep_at} < BITMAP), .sweep_address(sweep_at[$clog2(BITMAP)-1:0]),
+        .start(state == PHASE && field == 8 && buffered),
+        .out_valid(line_valid), .out_ready(word_ready && buffered), .out_kind(line_kind), .out_source(line_source)
     );
 
     // Spikes to deliver: of lines in a row, of compartments after their update.
@@ -172,7 +200,7 @@ module locsnn_core #(
     delivery #(.AXONS(AXONS), .SYNAPSES(SYNAPSES), .COMPARTMENTS(COMPARTMENTS), .SLOTS(SLOTS), .CHARGE(CHARGE)) deliver (
         .clk, .clear, .load_axon(load_valid && load_memory == 1), .load_synapse(load_valid && load_memory == 2),
         .load_address, .load_data,
-        .request(state == SPIKES ? head_valid : word_valid && word_kind == EVENT), .ready(delivery_ready),
+        .request(state == SPIKES ? head_valid : word_valid && is_event && !over), .ready(delivery_ready),
         .source(state == SPIKES ? {{(SOURCE-NUMBER){1'b0}}, head} + settings[FIRST_SOURCE][SOURCE-1:0] : word_source),
         .base(slot + {{(SLOT-1){1'b0}}, 1'b1}), .slot_mask(settings[SLOT_MASK][SLOT-1:0]),
         .add, .add_address, .add_charge, .busy(delivering)
@@ -199,9 +227,10 @@ module locsnn_core #(
     readout #(.ENTRIES(ENTRIES)) decide (
         .clk, .clear, .load_weight(load_valid && load_memory == 6), .load_address, .load_data,
         .classes(settings[CLASSES]), .populations(settings[POPULATIONS]),
-        .potentials_from(settings[POTENTIALS_FROM]), .step,
+        .potentials_from(its[POTENTIALS_FROM]), .step,
+        .sweep(clear && {8'b0, sweep_at} < ENTRIES), .sweep_address(sweep_at[ENTRY-1:0]),
         .early_read, .early_entry, .read_out, .by_potential, .entry, .fired, .potential,
-        .start(state == ROW && word_taken && word_kind != EVENT && word_kind != TICK && !begin_location),
+        .start(phase_over && last_phase),
         .done(read_out_done), .winner(answer_class), .score_valid(probe_score_valid), .score(probe_score)
     );
 
@@ -218,5 +247,5 @@ module locsnn_core #(
     assign {probe_fired, probe_active, probe_charge_wrap} = {fired, active, charge_wrap};
     assign {probe_current_wraps, probe_voltage_clip} = {current_wraps, voltage_clip};
 
-    wire unused = &{1'b0, settings[SLOT_MASK], settings[FIRST_SOURCE]};
+    wire unused = &{1'b0, settings[SLOT_MASK], settings[FIRST_SOURCE], its[BY_ROWS], its[ALIGNED]};
 endmodule

@@ -1,7 +1,7 @@
 // The readout: a tally for each compartment that is read out, and the class whose weighted tallies add up to the most.
 //
 // A tally counts spikes or, with `by_potential`, holds the largest potential from a step on (0 where there is no such
-// step). Tallies of a population follow each other, population by population. At the end the score of a class is the sum
+// step: all begin with 0). Tallies of a population follow each other, population by population. At the end the score of a class is the sum
 // of weight * tally over populations, multiplied bit by bit; the first of equal classes wins.
 module readout #(
     parameter integer ENTRIES = 128
@@ -15,6 +15,8 @@ module readout #(
     input  logic [23:0]                populations,
     input  logic [23:0]                potentials_from,
     input  logic [23:0]                step,
+    input  logic                       sweep,
+    input  logic [$clog2(ENTRIES)-1:0] sweep_address,
     input  logic                       early_read,   // two cycles before the others
     input  logic [$clog2(ENTRIES)-1:0] early_entry,
     input  logic                       read_out,
@@ -30,6 +32,7 @@ module readout #(
     output logic signed [63:0]         score
 );
     localparam integer ENTRY = $clog2(ENTRIES);
+    localparam integer GROUPS = 64, GROUP = 6;  // populations that are read out, at most
     localparam logic [2:0] IDLE = 0, READ = 1, LOAD = 2, MULTIPLY = 3, COMPARE = 4;
 
     logic [2:0]         state;
@@ -39,9 +42,9 @@ module readout #(
 
     memory #(.WIDTH(24), .DEPTH(ENTRIES)) tallies (
         .clk,
-        .write        (read_out && write),
-        .write_address(entry),
-        .write_data   (new_tally),
+        .write        (sweep || (read_out && write)),
+        .write_address(sweep ? sweep_address : entry),
+        .write_data   (sweep ? 24'b0 : new_tally),
         .read         (early_read || state != IDLE),
         .read_address (state == IDLE ? early_entry : address),
         .read_data    (stored)
@@ -49,21 +52,30 @@ module readout #(
     always_ff @(posedge clk) tally8 <= stored;
 
     always_comb begin
-        write = step == 0 || fired;
-        new_tally = (step == 0 ? 24'd0 : tally8) + {23'b0, fired};
+        write = fired;
+        new_tally = tally8 + {23'b0, fired};
         if (by_potential) begin
-            write = step == 0 || step == potentials_from || (step > potentials_from && potential > tally8);
-            new_tally = step < potentials_from ? 24'd0 : potential;
+            write = step == potentials_from || (step > potentials_from && potential > tally8);
+            new_tally = potential;
         end
     end
 
     // Weights are a sign and a magnitude.
-    logic [32:0]        weights[0:15];
-    logic [23:0]        class_number, population;
+    logic [32:0]        weight;
+    logic [23:0]        population;
+    memory #(.WIDTH(33), .DEPTH(GROUPS)) weights (
+        .clk,
+        .write        (load_weight),
+        .write_address(load_address[GROUP-1:0]),
+        .write_data   (load_data[32:0]),
+        .read         (state == READ),
+        .read_address (population[GROUP-1:0]),
+        .read_data    (weight)
+    );
+    logic [23:0]        class_number;
     logic [31:0]        factor;
     logic               negative;
     logic signed [63:0] addend, best;
-    always_ff @(posedge clk) if (load_weight) weights[load_address[3:0]] <= load_data[32:0];
 
     assign score_valid = state == COMPARE;
     always_ff @(posedge clk) begin
@@ -79,7 +91,7 @@ module readout #(
             READ: state <= LOAD;
             LOAD: begin
                 addend <= {{40{stored[23]}}, stored};
-                {negative, factor} <= weights[population[3:0]];
+                {negative, factor} <= weight;
                 state <= MULTIPLY;
             end
             MULTIPLY:

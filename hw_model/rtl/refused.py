@@ -6,7 +6,7 @@ from hw_model.program.chip_program import ChipProgram
 
 REGISTERS = {"charge_bits": 21, "current_bits": 23, "voltage_bits": 23}
 """Widths that are fixed in its logic, the sign not counted."""
-MOST_POPULATIONS, MOST_CHANNELS = 16, 1 << 16
+MOST_POPULATIONS, MOST_CHANNELS, MOST_PHASES = 64, 1 << 16, 64
 
 
 def refuse_unless(fits: bool, program: ChipProgram, what: str, found: object) -> None:
@@ -17,8 +17,8 @@ def refuse_unless(fits: bool, program: ChipProgram, what: str, found: object) ->
         )
 
 
-def phases_of(program: ChipProgram) -> tuple[Phase | None, Phase | None]:
-    """Return the phase that hears recordings as they come and the one behind the transpose buffer; refuse the rest."""
+def refuse_unplayable(program: ChipProgram) -> None:
+    """Raise a ``TargetError`` for the first thing of a program that the core does not have."""
     for name, bits in REGISTERS.items():
         found = getattr(program.chip.registers, name)
         refuse_unless(found == bits, program, f"{name} other than {bits}", found)
@@ -27,29 +27,25 @@ def phases_of(program: ChipProgram) -> tuple[Phase | None, Phase | None]:
     read = program.readout.populations if program.readout else ()
     refuse_unless(len(read) <= MOST_POPULATIONS, program, f"readout of more than {MOST_POPULATIONS} groups", len(read))
     refuse_unless(len(set(read)) == len(read), program, "readout of a group twice", ", ".join(read))
-    first = sorted(set(program.readout.from_step.values())) if program.readout else []
-    refuse_unless(len(first) < 2, program, "readout of potentials from several steps", first)
     for core in program.cores:
         for power in (1 - core.vmin, core.vmax + 1):
             refuse_unless(power & (power - 1) == 0, program, "voltage limit that is not 2^k from 1", power)
-    phases: dict[bool, list[Phase]] = {False: [], True: []}
+    count = len(program.phases)
+    refuse_unless(count < MOST_PHASES, program, f"more than {MOST_PHASES - 1} phases", count)
+    starts = sorted({phase.align_events for phase in program.phases if phase.align_events is not None})
+    refuse_unless(len(starts) < 2, program, "phases that start at different numbers of events", starts)
     for phase in program.phases:
-        kinds = {item.positions is not None for item in program.inputs_of(phase.name)}
-        aligned = phase.align_events
-        refuse_unless(aligned is None, program, "phase that starts at the first touch", f"align_events {aligned}")
-        refuse_unless(len(kinds) < 2, program, "phase of direct and transposed inputs", repr(phase.name))
-        phases[kinds == {True}].append(phase)
-    for kind, several in (("direct", phases[False]), ("transposed", phases[True])):
-        names = ", ".join(repr(phase.name) for phase in several)
-        refuse_unless(len(several) < 2, program, f"second {kind} phase", names)
-    return next(iter(phases[False]), None), next(iter(phases[True]), None)
+        _refuse_phase(program, phase)
 
 
-def kept_rows(program: ChipProgram, turned: Phase | None, heard: int | None) -> int:
-    """Return the rows of a recording that the transpose buffer keeps: equally many of every input, all heard."""
-    rows = {item.rows for item in program.inputs_of(turned.name)} if turned else {0}
-    refuse_unless(len(rows) == 1, program, "transpose buffer of inputs of different lengths", sorted(rows))
-    (kept,) = rows
-    fits = heard is None or kept <= heard
-    refuse_unless(fits, program, "step of a recording after the direct phase", f"{kept} against {heard}")
-    return kept
+def _refuse_phase(program: ChipProgram, phase: Phase) -> None:
+    inputs, first = program.inputs_of(phase.name), program.readout.from_step if program.readout else {}
+    begins = sorted({first[name] for name in program.columns_of(phase.name) if name in first})
+    refuse_unless(len(begins) < 2, program, "readout of potentials from several steps of a phase", begins)
+    rows = sorted({item.rows for item in inputs if item.positions is not None})
+    refuse_unless(len(rows) < 2, program, "phase of transposed inputs of different lengths", rows)
+    if phase.align_events is not None:
+        names = sorted({item.stream for item in inputs})
+        refuse_unless(len(names) == len(program.streams), program, "start by some of several streams", ", ".join(names))
+        late = bool(begins) and phase.axis == "time"
+        refuse_unless(not late, program, "readout of potentials of a phase that starts late", repr(phase.name))

@@ -38,7 +38,7 @@ def stream(program: ChipProgram, spikes: Spikes, port: str, baud: int, report: b
         found = dict(zip(ANSWER, (answer.error == 0, answer.winner == winner, True), strict=False))
         found |= {name: a == b for name, a, b in zip(ANSWER[3:], answer.counts, counts, strict=True)}
         if report:
-            times = spike_numbers(core, {name: its[i] for name, its in expected.spikes.items()})
+            times = spike_numbers(core, recordings[i], {name: its[i] for name, its in expected.spikes.items()})
             found["times of spikes"] = list(answer.spikes) == times
         different.append([name for name, same in found.items() if not same])
     return {

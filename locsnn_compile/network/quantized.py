@@ -80,15 +80,15 @@ class QuantizedNetwork(Frozen, eq=False):
         """What reads the integers as the network's readout reads floats.
 
         Potentials are added, and each population has a scale of its own: they are brought to that of the first. Where
-        populations give different things, a spike counts 1, a potential 1 over its scale; these weights are made
-        whole, the least of at least :data:`LEAST_WEIGHT`, so that sums are exact.
+        populations give different things, a spike counts 1, a potential 1 over its scale. Weights with more than a few
+        bits are made whole, the least of at least :data:`LEAST_WEIGHT`, so that sums are exact, on any hardware.
         """
         readout, read = self.network.readout, self.network.readout.from_step
         mixed = isinstance(readout.potentials_from, tuple)
         scale = {name: float(self.population(name).scale.max()) for name in read}
         unit = 1.0 if mixed else next(iter(scale.values()), 1.0)
         weights = [w * unit / scale.get(name, 1.0) for name, w in readout.terms]
-        if mixed and not all(w.is_integer() for w in weights):
+        if not all((w * LEAST_WEIGHT).is_integer() for w in weights):
             factor = LEAST_WEIGHT / min(abs(w) for w in weights if w)
             weights = [float(round(w * factor)) for w in weights]
         return replace(readout, weights=tuple(weights))

@@ -45,7 +45,9 @@ def test_scores_of_the_chip_are_those_of_the_network() -> None:
     assert scales[0] > 10 * scales[1]
     wanted, played = evaluate(network, x).scores, np.asarray(hw.simulate(levels.program, x).scores)
     assert np.array_equal(played, evaluate(levels.quantized.on_grid(), x).scores)
-    assert np.abs(played / scales[0] - wanted).max() < 0.02 * np.abs(wanted).max()
+    weights = levels.program.readout.weights
+    assert (min(weights), all(weight.is_integer() for weight in weights)) == (16_384, True)
+    assert np.abs(played / (scales[0] * weights[0]) - wanted).max() < 0.02 * np.abs(wanted).max()
 
 
 def test_spikes_and_potentials_are_added_in_whole_numbers(tmp_path) -> None:

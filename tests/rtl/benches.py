@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import hybrids
 import numpy as np
 
 import hw_model as hw
-from hw_model.mapping.graph import Readout
+from hw_model.mapping.graph import CompartmentGraph, Phase, Readout, read_only
 from hw_model.rtl.images import Sizes
 
 CHIP = hw.chip("loihi-sim")
@@ -85,8 +87,83 @@ def by_potentials() -> tuple[hw.ChipProgram, np.ndarray]:
     return program, (r.random((3, 30, 2)) < 0.4).astype(np.uint8)
 
 
+def in_phase(branch, phase: Phase, *visits: dict) -> CompartmentGraph:
+    """Move a branch into a phase; ``visits[i]``: what its input i has of positions and first lines."""
+    given = [*visits, *[{}] * (len(branch.inputs) - len(visits))]
+    return replace(
+        branch,
+        phases=(phase,),
+        inputs=tuple(
+            replace(item, phase=phase.name, stream="touch", **{name: read_only(value) for name, value in its.items()})
+            for item, its in zip(branch.inputs, given, strict=True)
+        ),
+        groups=tuple(replace(group, phase=phase.name) for group in branch.groups),
+    )
+
+
+def together(*branches: CompartmentGraph) -> hw.ChipProgram:
+    """Phases of all branches, and a readout of their last groups with weights of both signs."""
+    groups = tuple(f"{branch.phases[0].name}/y" for branch in branches)
+    return hybrids.assembled(CHIP, Readout(groups, (1.0, -2.0, 0.5, 3.0, 1.5)[: len(groups)]), *branches)
+
+
+def several_phases() -> tuple[hw.ChipProgram, np.ndarray]:
+    """Two phases over time and two over channels; the first hears less than the buffer keeps."""
+    r = np.random.default_rng(9)
+    channels, rows = 4, 20
+
+    def branch(name, lines):
+        return hybrids.random_branch(r, name, lines, 3, CHIP)
+
+    program = together(
+        in_phase(branch("a", rows), Phase("a", "location", 5), {"positions": r.permutation(channels)}),
+        in_phase(branch("b", channels), Phase("b", "time", 9)),
+        in_phase(branch("c", channels), Phase("c", "time", 14)),
+        in_phase(
+            branch("d", 2 * 12), Phase("d", "location", 3), {"positions": [1, 0, 0, 1], "first_lines": [0, 0, 12, 12]}
+        ),
+    )
+    return program, (r.random((2, rows, channels)) < 0.3).astype(np.uint8)
+
+
+def both_ways() -> tuple[hw.ChipProgram, np.ndarray]:
+    """A phase that reads the buffer by rows and by visits."""
+    r = np.random.default_rng(11)
+    channels, rows = 3, 36
+    b = hw.ProgramBuilder(CHIP, name="both ways")
+    x, turned = b.add_input("x", channels), b.add_input("turned", rows)
+    y = b.add_compartments("both/y", 4, decay_u=390, decay_v=300, threshold=60)
+    b.connect(x, y, 2 * r.integers(-30, 60, (4, channels)), delay=2)
+    b.connect(turned, y, 2 * r.integers(-30, 60, (4, rows)))
+    program = together(in_phase(b.graph(), Phase("both", "time", 9), {}, {"positions": [2, 2 + 5, 2 + 3]}))
+    return program, (r.random((1, rows, channels)) < 0.3).astype(np.uint8)
+
+
+def late_starts() -> tuple[hw.ChipProgram, np.ndarray]:
+    """Phases that begin with the first row of two events, late, at once, never, and in the last row."""
+    r = np.random.default_rng(12)
+    channels, rows = 3, 40
+    at, short = {"positions": r.permutation(channels)}, 30
+
+    def branch(name, lines):
+        return hybrids.random_branch(r, name, lines, 2, CHIP)
+
+    program = together(
+        in_phase(branch("a", channels), Phase("a", "time", short, 2)),
+        in_phase(branch("b", short), Phase("b", "location", 4, 2), at),
+        in_phase(branch("c", rows), Phase("c", "location", 3), at),
+    )
+    spikes = (r.random((4, rows, channels)) < 0.3).astype(np.uint8)
+    spikes[:, :, 1:] &= spikes[:, :, :1] ^ 1
+    spikes[1, 0] = spikes[0, 7, :2] = spikes[3, rows - 1] = 1
+    spikes[2] = np.eye(3, dtype=np.uint8)[r.integers(0, 3, rows)]
+    spikes[0, :7, 1:] = spikes[3, :-1, 1:] = 0
+    return program, spikes
+
+
 def all_benches() -> list[tuple[hw.ChipProgram, np.ndarray]]:
     program, spikes = hybrid(22)
     potentials, few = by_potentials()
     shorter = [(program, spikes[:, :-2]), (potentials, few[:, :3])]
-    return [ends_of_ranges(), families(), (potentials, few), *map(hybrid, (43, 0, 22)), *shorter, long()]
+    phases = [several_phases(), both_ways(), late_starts()]
+    return [ends_of_ranges(), families(), (potentials, few), *map(hybrid, (43, 0, 22)), *shorter, long(), *phases]

@@ -49,7 +49,7 @@ def beats_of(desk) -> list[int]:
 
 def expected(desk) -> tuple[list[int], list[str]]:
     found = hw.simulate(desk.program, desk.spikes, probe=("spikes",))
-    times = spike_numbers(desk.core, {name: its[0] for name, its in found.spikes.items()})
+    times = spike_numbers(desk.core, desk.spikes[0], {name: its[0] for name, its in found.spikes.items()})
     counts = [found.per_recording[0][name] for name in ANSWER[3:]]
     return [int(found.prediction[0]), *counts, 0], list(map(str, times))
 

@@ -61,7 +61,7 @@ def test_answers_equal_the_simulators(desk, loaded):
     of_simulation = tuple(expected.per_recording[0][name] for name in ANSWER[3:])
     for answer in (first, with_spikes):
         assert (answer.error, answer.winner, answer.counts) == (0, expected.prediction[0], of_simulation)
-    times = spike_numbers(desk.core, {name: its[0] for name, its in expected.spikes.items()})
+    times = spike_numbers(desk.core, desk.spikes[0], {name: its[0] for name, its in expected.spikes.items()})
     assert len(times) > 10
     assert (first.spikes, list(with_spikes.spikes), with_spikes.lost) == ((), times, 0)
 
@@ -226,7 +226,9 @@ def test_spikes_without_room_are_counted(desk):
     board.report(True)
     answer = board.play(desk.core, desk.spikes[0])
     port.close()
-    every = spike_numbers(desk.core, {n: s[0] for n, s in hw.simulate(desk.program, desk.spikes).spikes.items()})
+    every = spike_numbers(
+        desk.core, desk.spikes[0], {n: s[0] for n, s in hw.simulate(desk.program, desk.spikes).spikes.items()}
+    )
     assert answer.lost > 0
     assert answer.lost + len(answer.spikes) == len(every)
     assert set(answer.spikes) < set(every)

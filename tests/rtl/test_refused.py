@@ -1,0 +1,92 @@
+"""What the core cannot run is refused in one line that names it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import benches
+import hybrids
+import numpy as np
+import pytest
+
+import hw_model as hw
+from hw_model.mapping.graph import Phase, Readout
+from hw_model.rtl.images import CoreProgram
+
+CHANNELS = 3
+
+
+def branch(name: str, phase: Phase, lines: int = CHANNELS, *visits: dict):
+    r = np.random.default_rng(1)
+    return benches.in_phase(hybrids.random_branch(r, name, lines, 2, benches.CHIP), phase, *visits)
+
+
+def other_widths() -> hw.ChipProgram:
+    chip = replace(benches.CHIP, registers=replace(benches.CHIP.registers, current_bits=20))
+    b = hw.ProgramBuilder(chip, name="program")
+    b.connect(b.add_input("x", 1), b.add_compartments("y", 1, decay_u=0, decay_v=0, threshold=1), [[2]])
+    return b.build()
+
+
+def a_group_twice() -> hw.ChipProgram:
+    return hybrids.assembled(benches.CHIP, Readout(("a/y", "a/y"), (1.0, 2.0)), branch("a", Phase("a", "time", 5)))
+
+
+def heavy_weights() -> hw.ChipProgram:
+    return hybrids.assembled(benches.CHIP, Readout(("a/y",), (0.1,)), branch("a", Phase("a", "time", 5)))
+
+
+def two_starts() -> hw.ChipProgram:
+    return benches.together(*(branch(name, Phase(name, "time", 5, events)) for name, events in (("a", 1), ("b", 2))))
+
+
+def late_potentials() -> hw.ChipProgram:
+    return hybrids.assembled(benches.CHIP, Readout(("a/y",), (1.0,), 2), branch("a", Phase("a", "time", 5, 1)))
+
+
+def a_stream_of_two() -> hw.ChipProgram:
+    other = branch("b", Phase("b", "time", 5))
+    other = replace(other, inputs=tuple(replace(item, stream="other") for item in other.inputs))
+    return benches.together(branch("a", Phase("a", "time", 5, 1)), other)
+
+
+def different_lengths() -> hw.ChipProgram:
+    b = hw.ProgramBuilder(benches.CHIP)
+    y = b.add_compartments("a/y", 2, decay_u=390, decay_v=300, threshold=60)
+    for rows in (4, 5):
+        b.connect(b.add_input(f"x{rows}", rows), y, np.full((2, rows), 20))
+    at = {"positions": np.arange(CHANNELS)}
+    return benches.together(benches.in_phase(b.graph(), Phase("a", "location", CHANNELS), at, at))
+
+
+def two_first_steps() -> hw.ChipProgram:
+    b = hw.ProgramBuilder(benches.CHIP)
+    x = b.add_input("x", 1)
+    for name in ("y", "z"):
+        b.connect(x, b.add_compartments(name, 1, decay_u=390, decay_v=300, threshold=60), [[20]])
+    return hybrids.assembled(benches.CHIP, Readout(("y", "z"), (1.0, 1.0), (1, 2)), b.graph())
+
+
+CASES = {
+    other_widths: "current_bits other than 23 (20)",
+    a_group_twice: "readout of a group twice (a/y, a/y)",
+    heavy_weights: "magnitude of more than 32 bits (1099511627776)",
+    two_starts: "phases that start at different numbers of events ([1, 2])",
+    late_potentials: "readout of potentials of a phase that starts late ('a')",
+    a_stream_of_two: "start by some of several streams (touch)",
+    different_lengths: "phase of transposed inputs of different lengths ([4, 5])",
+    two_first_steps: "readout of potentials from several steps of a phase ([1, 2])",
+}
+
+
+def loaded(program: hw.ChipProgram) -> np.ndarray:
+    core = CoreProgram(program, 8)
+    return core.load_words(core.needs)
+
+
+@pytest.mark.parametrize("make", CASES, ids=lambda make: make.__name__)
+def test_it_is_named(make):
+    program = make()
+    with pytest.raises(hw.TargetError) as told:
+        loaded(program)
+    assert str(told.value) == f"program {program.name!r}: the open core has no {CASES[make]}. Simulate it instead."
