@@ -1,8 +1,7 @@
 """Gates: bounds that a build must keep, checked against its report, and written for a CI server as JUnit XML."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 from hw_model.io.xml_text import xml_file, xml_text
@@ -10,8 +9,7 @@ from hw_model.io.xml_text import xml_file, xml_text
 Report = Mapping[str, Any]
 
 
-@dataclass(frozen=True)
-class Gate:
+class Gate(NamedTuple):
     """An option's bound and what was measured, None where nothing was compared; ``found`` is a line without its end."""
 
     option: str
@@ -21,8 +19,7 @@ class Gate:
     found: str
 
 
-@dataclass(frozen=True)
-class _Rule:
+class _Rule(NamedTuple):
     option: str
     measure: Callable[[Report], float | None]
     text: str
