@@ -60,7 +60,8 @@ def error_bound(
             (state.rounding[0], _apart(pair.chip, pair.exact_fitted)),
             (state.rounding[1], _apart(pair.exact_fitted, pair.exact.weights)),
         ):
-            into[:, 1 + delay :] += _delivered(due, matrix)
+            # Weights (n,) are one to one.
+            into[:, 1 + delay :] += due * matrix if matrix.ndim == 1 else due @ matrix.T
     found = np.zeros((len(SOURCES), *spikes[population].shape))
     for step in range(steps):
         for state in states.values():
@@ -132,9 +133,3 @@ def _cut(keep: FloatArray) -> FloatArray:
 def _apart(one: Matrix, other: Matrix) -> Matrix:
     """Return the magnitudes of the differences of two matrices of the same connections."""
     return with_values(one, np.abs(values_of(one) - values_of(other)))
-
-
-def _delivered(spikes: FloatArray, weights: Matrix) -> FloatArray:
-    """Return the charge (batch, steps, n_target) of spikes (batch, steps, n_source); weights (n,) are one to one."""
-    found: FloatArray = spikes * weights if weights.ndim == 1 else spikes @ weights.T
-    return found

@@ -61,10 +61,7 @@ def cause(document: Document) -> str | None:
     distance = first["reference_potential"] - first["threshold"]
     side = f"{abs(distance):.3g} {'below' if distance < 0 else 'above'}" if distance else "at"
     enough = listed([stage_words(stage) for stage in found["enough_alone"]] or ["no stage"])
-    return (
-        f"Cause: the float potential lies {side} the threshold, and the chip's arithmetic moves it by "
-        f"{_signed(found['moved_together'])}: {listed(parts)}. Sufficient by itself: {enough}."
-    )
+    return sentence("cause", side=side, moved=_signed(found["moved_together"]), parts=listed(parts), enough=enough)
 
 
 def sample(entry: Document, *, named: bool = True) -> str:

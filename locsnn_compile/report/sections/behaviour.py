@@ -9,6 +9,8 @@ from locsnn_compile.report.words import listed, no_spikes, sentence, words
 
 _SCORE = 1.959964
 """Two-sided 95 % point of the normal distribution."""
+_FIRES = {(True, False): "the float neuron fires", (False, True): "the chip fires"}
+"""What is said of which side reaches the threshold, the float network and the chip."""
 
 
 def agreement(document: Document) -> Section:
@@ -130,17 +132,9 @@ def _first_divergence(document: Document) -> str:
         return "First difference: none, every spike is equal."
     reference, chip, threshold = first["reference_potential"], first["chip_potential"], first["threshold"]
     a, b, at = told_apart((reference, chip, threshold))
-    where = (
-        f"First difference: recording {any_value(first['recording'])}, population {first['population']}, "
-        f"neuron {any_value(first['neuron'])}, step {any_value(first['step'])} (all counted from 0)."
-    )
-    if reference >= threshold > chip:
-        why = f"The float potential {a} reaches the threshold {at} and fires; the chip's {b} does not."
-    elif chip >= threshold > reference:
-        why = f"The chip's potential {b} reaches the threshold {at} and fires; the float potential {a} does not."
-    else:
-        why = f"The potential is {a} in the float network and {b} on the chip; the threshold is {at}."
-    return f"{where} {why}"
+    fires = _FIRES.get((reference >= threshold, chip >= threshold), "the sides differ")
+    place = {key: any_value(first[key]) for key in ("recording", "population", "neuron", "step")}
+    return f"{sentence('first difference', **place)} {sentence(fires, float=a, chip=b, threshold=at)}"
 
 
 def _interval(document: Document) -> str:

@@ -45,10 +45,8 @@ def _shown(excerpt: Excerpt) -> str:
     thinned = [item.name for item in excerpt.populations if len(item.numbers) < item.size]
     if thinned:
         parts.append("Of a large population, the neurons with the most differences in the recording are drawn.")
-    if excerpt.populations_left_out:
-        parts.append(
-            f"{plural(excerpt.populations_left_out, 'further population is', 'further populations are')} not drawn."
-        )
+    if left := excerpt.populations_left_out:
+        parts.append(f"{plural(left, 'further population is', 'further populations are')} not drawn.")
     return " ".join(parts)
 
 
