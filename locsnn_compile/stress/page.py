@@ -31,7 +31,8 @@ def write_page(path: Path, rows: Sequence[Row], chip: hw.Chip) -> None:
     drawn = {f"{path.stem}-{name}": picture for name, picture in _pictures(rows).items()}
     table = path.with_suffix(TABLE)
     said = f"Every row with its figures is in [{table.name}]({table.name})."
-    body = "\n\n".join([_summary(rows, chip), said, *(f"![{_alt(name)}]({PICTURES}/{name})" for name in drawn)])
+    shown = (f"![{Path(name).stem.replace('-', ' ')}]({PICTURES}/{name})" for name in drawn)
+    body = "\n\n".join([_summary(rows, chip), said, *shown])
     try:
         (path.parent / PICTURES).mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -79,10 +80,6 @@ def _summary(rows: Sequence[Row], chip: hw.Chip) -> str:
         for name, part, lead in [*parts, ("**all**", rows, "")]
     ]
     return f"{plural(len(rows), 'row')} on {text(chip.name)}.\n\n" + "\n".join(lines)
-
-
-def _alt(name: str) -> str:
-    return name.removesuffix(".svg").replace("-", " ")
 
 
 def _pictures(rows: Sequence[Row]) -> dict[str, bytes]:

@@ -17,19 +17,18 @@ SPIKE_FOR_SPIKE = "Yes, spike for spike"
 def matches(document: Document) -> Verdict:
     """Does the chip do what the network does?"""
     match = document["match"]
-    predicted, agreement = match["samples"] - match["tied_predictions"], match["prediction_agreement"]
+    tied, agreement = match["tied_predictions"], match["prediction_agreement"]
+    predicted = match["samples"] - tied
     network = "the network in its own integers" if match["reference"] == "integers" else "the float network"
     same = f"in {count(round(agreement * predicted))} of {plural(predicted, 'recording')}" if predicted else ""
     equal = f"The chip predicts the same class as {network} {same}" if predicted else "Every class score ties"
     status, answer = _answer(match)
-    sentence = f"{equal}, and every spike is equal" if answer == SPIKE_FOR_SPIKE else equal
+    said = f"{equal}, and every spike is equal" if answer == SPIKE_FOR_SPIKE else equal
     if status == "unknown":
         unproven = "nothing was compared" if match["spike_agreement"] is None else "no prediction was compared"
-        sentence = f"{_not_compared(match)}, in {network} or on the chip: {unproven}"
-    elif predicted and match["tied_predictions"]:
-        sentence += (
-            f"; {count(match['tied_predictions'])} more are not predicted, as all class scores tie on both sides"
-        )
+        said = f"{_not_compared(match)}, in {network} or on the chip: {unproven}"
+    elif predicted and tied:
+        said += f"; {count(tied)} more are not predicted, as all class scores tie on both sides"
     silent = SILENT if match["readout"]["silent"] else NONE
     return Verdict(
         question="Does it match?",
@@ -37,7 +36,7 @@ def matches(document: Document) -> Verdict:
         answer=answer,
         figure=known(agreement, share, silent),
         figure_label=f"same prediction, {same}" if predicted else "no prediction to compare",
-        sentence=f"{sentence}.",
+        sentence=f"{said}.",
         facts=(
             Fact("accuracy", _accuracy(document)),
             Fact("spikes", known(match["spike_agreement"], _equal_spikes, "none on either side")),
