@@ -71,18 +71,14 @@ def _add(found: list[AnnCounts], counter: Counter, module: nn.Module, inputs: tu
     found.append(counter(module, inputs[0], output if isinstance(output, Tensor) else output[0]))
 
 
-def _nothing(module: nn.Module, given: Tensor, output: Tensor) -> AnnCounts:
-    return AnnCounts(0, 0, 0)
-
-
-def _linear(module: nn.Linear, given: Tensor, output: Tensor) -> AnnCounts:
-    macs = output.numel() * module.in_features
+def _products(of_output: Callable[[Any], int], module: nn.Module, given: Tensor, output: Tensor) -> AnnCounts:
+    """Count the products with weights that each output adds up, so many by its module."""
+    macs = output.numel() * of_output(module)
     return AnnCounts(macs, macs, macs)
 
 
-def _convolution(module: nn.Conv1d | nn.Conv2d | nn.Conv3d, given: Tensor, output: Tensor) -> AnnCounts:
-    macs = output.numel() * module.in_channels // module.groups * prod(module.kernel_size)
-    return AnnCounts(macs, macs, macs)
+def _heard_by_pixel(module: nn.Conv1d | nn.Conv2d | nn.Conv3d) -> int:
+    return module.in_channels // module.groups * prod(module.kernel_size)
 
 
 def _recurrent(gates: int, products: int, sums: int, module: nn.RNNBase, given: Tensor, output: Tensor) -> AnnCounts:
@@ -104,12 +100,10 @@ _FREE: tuple[type[nn.Module], ...] = (
     *(nn.Dropout, nn.Dropout1d, nn.Dropout2d, nn.Dropout3d, nn.MaxPool1d, nn.MaxPool2d, nn.MaxPool3d),
 )
 _COUNTERS: dict[type[nn.Module], Counter] = {
-    nn.Linear: _linear,
-    nn.Conv1d: _convolution,
-    nn.Conv2d: _convolution,
-    nn.Conv3d: _convolution,
+    nn.Linear: partial(_products, lambda linear: linear.in_features),
+    **dict.fromkeys((nn.Conv1d, nn.Conv2d, nn.Conv3d), partial(_products, _heard_by_pixel)),
     nn.RNN: partial(_recurrent, 1, 0, 0),
     nn.GRU: partial(_recurrent, 3, 3, 1),
     nn.LSTM: partial(_recurrent, 4, 3, 1),
-    **dict.fromkeys(_FREE, _nothing),
+    **dict.fromkeys(_FREE, partial(_products, lambda _: 0)),
 }
