@@ -6,12 +6,15 @@ time in microseconds, 23 bits, so nothing is later than 8.388607 s. But in a ``.
 has y 240 is no event: from it on, times are 8,192 microseconds later (Orchard et al. 2015, and their Read_Ndataset).
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from hw_model.values import AnyArray, IntArray
-from locsnn_compile.data.event_stream import EventStream
-from locsnn_compile.errors import InputError
+from locsnn_compile.data.event_stream import MAX_EVENTS, Binning, EventStream, bin_streams
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.errors import InputError, check_most
 
 _FIX = "Give the fields t (microseconds), x, y where there is one, and p (0 or 1)."
 #: Largest x and y.
@@ -100,3 +103,33 @@ def pack_slayer_events(times: IntArray, x: IntArray, y: IntArray | None, polarit
     fields[:, 0], fields[:, 1] = (x >> 8, x & 0xFF) if y is None else (x, y)
     fields[:, 2], fields[:, 3], fields[:, 4] = polarity << 7 | times >> 16, times >> 8 & 0xFF, times & 0xFF
     return fields.tobytes()
+
+
+def from_tonic(
+    dataset: Any, *, step_seconds: float | None = None, threshold: int | None = None, steps: int | None = None
+) -> Recordings:
+    """Return the recordings of a data set of the package Tonic, or of any sequence of (events, label).
+
+    Tonic is not imported, only what it returns is read.
+    Events are structured arrays of ``t`` (microseconds), ``x``, (``y``,) ``p``, and become bins as in
+    :class:`locsnn_compile.data.event_stream.Binning`. ``sensor_size`` of the data set, (columns, rows, polarities),
+    says which channels there are, and ``classes`` names them. Raises ``InputError`` for anything else.
+    """
+    where, source = f"data set {type(dataset).__name__!r}", type(dataset).__name__
+    places = [f"{where}, recording {index}" for index in range(len(dataset))]
+    streams, labels, events = [], [], 0
+    for index, place in enumerate(places):
+        array, label = dataset[index]
+        streams.append(parse_structured(np.asarray(array), place))
+        labels.append(label)
+        events += len(array)
+        check_most(events, MAX_EVENTS, where, "it has too many events", fix="Give a part of it.")
+    columns, rows, polarities = getattr(dataset, "sensor_size", None) or (None, None, None)
+    channels = None if columns is None else columns * rows * polarities
+    binning = Binning(step_seconds, threshold, channels, steps, polarities, columns)
+    spikes, width, binned = bin_streams(streams, places, where, binning)
+    if not all(isinstance(label, int | np.integer) for label in labels):
+        raise InputError(where, "its labels are not class numbers", fix="Give a target_transform that makes them so.")
+    names = getattr(dataset, "classes", None)
+    named = None if names is None else tuple(map(str, names))
+    return Recordings(spikes, np.array(labels), width, source, binned=binned, class_names=named)

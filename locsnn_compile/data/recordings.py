@@ -212,12 +212,9 @@ class Expected(Frozen):
             raise InputError(f"recordings {recordings.source!r}", what, measured=measured, fix=fix)
         own, given = self.step_seconds, recordings.step_seconds
         if self.steps is not None and own is not None and given is not None and not same(own, given):
-            raise InputError(
-                f"recordings {recordings.source!r}",
-                f"their steps are not as long as those of {self.whose}",
-                measured=f"{given:g} s against {own:g} s",
-                fix="Give recordings that were binned for it, or their single events.",
-            )
+            what, measured = f"their steps are not as long as those of {self.whose}", f"{given:g} s against {own:g} s"
+            fix = "Give recordings that were binned for it, or their single events."
+            raise InputError(f"recordings {recordings.source!r}", what, measured=measured, fix=fix)
 
 
 OPEN = Expected("no model")

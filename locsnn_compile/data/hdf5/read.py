@@ -80,7 +80,7 @@ class Group:
 
     def value(self, name: str) -> AnyArray | str:
         """Return a dataset of text or of numbers."""
-        return self.text(name) if self.is_text(name) else self.array(name)
+        return self.text(name) if self._dataset(name).dtype.kind in "OS" else self.array(name)
 
     def text(self, name: str) -> str:
         """Return a dataset of exactly one text."""
@@ -92,10 +92,6 @@ class Group:
     def is_group(self, name: str) -> bool:
         """Tell whether there is a group of this name."""
         return hasattr(self._held(name), "keys")
-
-    def is_text(self, name: str) -> bool:
-        """Tell whether a dataset holds text."""
-        return self._dataset(name).dtype.kind in "OS"
 
     def texts(self, name: str) -> list[str]:
         """Return a dataset of texts, row by row."""
