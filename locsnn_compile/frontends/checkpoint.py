@@ -10,7 +10,7 @@ from scipy import sparse
 from hw_model.mapping.graph import Axis
 from hw_model.values import AnyArray
 from locsnn_compile.errors import TargetError
-from locsnn_compile.frontends.parts import Parts
+from locsnn_compile.frontends.parts import VIEW_NAMES, Parts
 from locsnn_compile.models.branch_graph import branch_graph, spread_weights
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.description import LifParameters
@@ -22,9 +22,6 @@ LAYERS = 2
 """Steps from an event to the outputs."""
 UNREACHED = 1.1
 """The threshold of an output, as a multiple of all that can come at once: it never spikes, rounded weights or not."""
-
-
-VIEW_NAMES: dict[Axis, str] = {"time": "touch", "location": "touch_transposed"}
 
 
 def _add_windows(parts: Parts, checkpoint: Checkpoint) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.mapping.graph import Readout
+from hw_model.mapping.graph import Axis, Readout
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import POLARITIES, TAXELS
 from locsnn_compile.data.synthetic import synthetic_touches
@@ -15,6 +15,9 @@ from locsnn_compile.errors import InputError
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.projections import ChipProjection, Matrix, Projection, Signs, values_of
 
+VIEW_NAMES: dict[Axis, str] = {"time": "touch", "location": "touch_transposed"}
+STEPS = 100
+"""Steps of synthetic recordings where nothing says it."""
 SAMPLES = 8
 RATE = 0.05
 """Share of channels that spike in a step."""

@@ -19,13 +19,11 @@ from hw_model.values import IntArray, sealed
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.lava_dl.layers import NetFile, NetLayer, export_again, read_net
 from locsnn_compile.frontends.linear_maps import Ints, Shape, Window, check_entries, check_shape, convolution, pooling
-from locsnn_compile.frontends.parts import Parts, eight_bit_signs
+from locsnn_compile.frontends.parts import STEPS, Parts, eight_bit_signs
 from locsnn_compile.network.chip_neurons import ChipCuba, integers
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.projections import ChipProjection, Matrix, matrix, of_source, of_target, values_of
 
-STEPS = 100
-"""Steps of synthetic recordings where the file names no tSample."""
 INPUT = "input"
 DELAY_MAX = 62
 THRESHOLD_MAX = 2**17 - 1

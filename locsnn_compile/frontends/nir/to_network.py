@@ -18,7 +18,7 @@ from locsnn_compile.frontends.nir.flat import NEURONS, READOUTS, FlatGraph, flat
 from locsnn_compile.frontends.nir.graph import NirGraph, NirNode, read_nir
 from locsnn_compile.frontends.nir.neurons import DT_SECONDS, Discretisation, Reset, Stated, neurons_of, nir_assumptions
 from locsnn_compile.frontends.nir.signals import Signal, Term
-from locsnn_compile.frontends.parts import Parts
+from locsnn_compile.frontends.parts import STEPS, Parts
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import Cuba
 from locsnn_compile.network.projections import Projection, matrix
@@ -29,8 +29,6 @@ START = "nir/start"
 """The population of one neuron that spikes once, in the first step, and brings potentials to rest."""
 INPUTS = "nir/inputs"
 """The input of a graph of several: their lines one after the other, in the file's order."""
-STEPS = 100
-"""Steps of synthetic recordings: NIR files do not hold a length either."""
 
 
 def load_nir(

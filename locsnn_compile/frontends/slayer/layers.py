@@ -92,10 +92,7 @@ def check_kernels(tensors: Mapping[str, Any], config: SlayerConfig, where: str) 
         held, made = values.reshape(-1), alpha_taps(*constants)
         shared = min(len(held), len(made))
         scale = max(float(np.abs(made).max(initial=0)), 1e-9)
-        if shared and np.abs(held[:shared] - made[:shared]).max() > _CLOSE * scale:
-            raise InputError(
-                f"{where}, entry {key!r}",
-                "the kernel is not that of the config",
-                measured=f"{np.abs(held[:shared] - made[:shared]).max():.3g} apart",
-                fix="Give the YAML that this checkpoint was trained with.",
-            )
+        apart = np.abs(held[:shared] - made[:shared]).max(initial=0.0)
+        if apart > _CLOSE * scale:
+            what, fix = "the kernel is not that of the config", "Give the YAML that this checkpoint was trained with."
+            raise InputError(f"{where}, entry {key!r}", what, measured=f"{apart:.3g} apart", fix=fix)

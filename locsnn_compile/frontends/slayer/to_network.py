@@ -25,7 +25,7 @@ from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.data.tensors import FLOATS, Tensor
 from locsnn_compile.data.torch_file import load_plain, read_bytes
 from locsnn_compile.errors import InputError, check_known, check_most, check_same
-from locsnn_compile.frontends.parts import Parts, eight_bit_signs, touch_fingertips
+from locsnn_compile.frontends.parts import STEPS, VIEW_NAMES, Parts, eight_bit_signs, touch_fingertips
 from locsnn_compile.frontends.slayer.config import DEFAULT_ORDER, LoihiNeuron, SlayerConfig, axis_of, read_config
 from locsnn_compile.frontends.slayer.layers import check_kernels, cut, dense_layer, listed_layers
 from locsnn_compile.models.checkpoint import FORMAT
@@ -42,9 +42,6 @@ from locsnn_compile.network.projections import (
     with_values,
 )
 
-STEPS = 100
-"""Steps of synthetic recordings where the description names no tSample."""
-VIEW_NAMES: dict[Axis, str] = {"time": "touch", "location": "touch_transposed"}
 MAX_WEIGHTS = 50_000_000
 DELAY_MAX = 62
 KERNELS = ("full", "cut")
