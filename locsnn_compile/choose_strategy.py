@@ -88,7 +88,9 @@ def choose_strategy(
     candidates = tuple(trial.candidates.values())
     limits = budget if budget.given else default_budget(candidates[0])
     # Where nothing was compared nothing speaks for a cheaper one.
-    taken = (_cheapest(candidates, limits) if limits.given else None) or min(candidates, key=_loss)
+    taken = (_cheapest(candidates, limits) if limits.given else None) or min(
+        candidates, key=lambda c: (c.prediction_error or 0.0, c.spike_error or 0.0)
+    )
     levels = trial.levels[taken.setting]
     return Choice(taken, levels, candidates, limits, len(recordings), recordings.source)
 
@@ -117,10 +119,6 @@ def _take_bits_away(trial: "_Trial", budget: ErrorBudget) -> None:
 def _cheapest(candidates: Sequence[Candidate], budget: ErrorBudget) -> Candidate | None:
     kept = [candidate for candidate in candidates if candidate.keeps(budget)]
     return min(kept, key=lambda c: c.cost, default=None)
-
-
-def _loss(candidate: Candidate) -> tuple[float, float]:
-    return candidate.prediction_error or 0.0, candidate.spike_error or 0.0
 
 
 @dataclass(eq=False)

@@ -97,8 +97,7 @@ class Checkpoint(Shown):
         """Weights [out, in] in the float network's units."""
         if self.chip is None:
             return self.weights
-        units = {name: numbers.unit for name, numbers in self.chip.populations.items()}
-        return {name: (mantissa * units[name]).astype(np.float32) for name, mantissa in self.weights.items()}
+        return {name: weights.astype(np.float32) for name, weights in self.chip.floats(self.weights).items()}
 
 
 def checkpoint_values(checkpoint: Checkpoint) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_BITS, WEIGHT_EXPONENTS, WeightGrid, weight_grid
-from hw_model.values import Frozen
+from hw_model.values import AnyArray, Frozen
 from locsnn_compile.models.plain_checks import file_fault, is_whole
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm, Refractory
 from locsnn_compile.settings import TRAINABLE
@@ -60,6 +60,10 @@ class ChipNumbers(Frozen):
     populations: Mapping[str, ChipPopulation]
     registers: RegisterWidths = USUAL_REGISTERS
 
+    def floats(self, mantissas: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
+        """Return mantissas by population name in the float network's units."""
+        return {name: held * self.populations[name].unit for name, held in mantissas.items()}
+
 
 #: field -> lowest and highest value of a whole number on any chip that networks are trained for.
 _RANGES: dict[str, tuple[int, int]] = {
@@ -78,9 +82,9 @@ _OWN_MOST = {"dendrite": 1, "delay-line": 512, "reset": 0}
 
 def chip_entry(chip: ChipNumbers) -> dict[str, Any]:
     """Return the entry of a network's numbers."""
+    formats = ("exponent", "weight_bits", "scale", "unit")
     populations = {
-        name: _own_entry(part.neuron)
-        | {"exponent": part.exponent, "weight_bits": part.weight_bits, "scale": part.scale, "unit": part.unit}
+        name: _own_entry(part.neuron) | {key: getattr(part, key) for key in formats}
         for name, part in chip.populations.items()
     }
     return {

@@ -149,10 +149,8 @@ class NetworkDescription(Frozen):
                     "it has no location branch, so it takes no location order", fix="Leave the order out."
                 )
         elif self.location_taxels is None or self.location_order is None:
-            raise self._refused(
-                "its location branch needs a location order",
-                fix="Give its name, such as loop or snake, or a list of taxel numbers.",
-            )
+            fix = "Give its name, such as loop or snake, or a list of taxel numbers."
+            raise self._refused("its location branch needs a location order", fix=fix)
         else:
             check_location_taxels(self.location_taxels, self.input.sensor.taxels)
 
@@ -172,11 +170,8 @@ class NetworkDescription(Frozen):
             ("window", self.window, windows),
         ):
             if type(got) is not (wanted or type(None)):
-                raise self._refused(
-                    f"its {what} is of another kind",
-                    measured=f"{type(got).__name__} against {(wanted or type(None)).__name__}",
-                    fix="Correct the description.",
-                )
+                measured = f"{type(got).__name__} against {(wanted or type(None)).__name__}"
+                raise self._refused(f"its {what} is of another kind", measured=measured, fix="Correct the description.")
         if self.graph is not None:
             self.graph.check(self.input.sensor.taxels)
             for branch in self.branches:
@@ -227,10 +222,8 @@ class NetworkDescription(Frozen):
         """Return :meth:`neuron_of` a network of spike response neurons; ``InputError`` for any other."""
         neuron = self.neuron_of(name)
         if not isinstance(neuron, NeuronParameters):
-            raise self._refused(
-                "it has no spike response neurons",
-                fix=f"Take one of: {', '.join(name for name, a in ARCHITECTURES.items() if a.learns_integers)}.",
-            )
+            others = (name for name, a in ARCHITECTURES.items() if a.learns_integers)
+            raise self._refused("it has no spike response neurons", fix=f"Take one of: {', '.join(others)}.")
         return neuron
 
     @property

@@ -188,8 +188,7 @@ class TouchNetwork(TouchModel):
     def snap(self) -> None:
         """Put a chip network's latent weights where they round to, so that no later rounding can differ."""
         if self.chip is not None:
-            units = {name: numbers.unit for name, numbers in self.chip.populations.items()}
-            self.load_weights({name: mantissa * units[name] for name, mantissa in self.mantissas().items()})
+            self.load_weights(self.chip.floats(self.mantissas()))
 
     def mantissas(self) -> dict[str, IntArray]:
         """Return the mantissas [out, in] by population name, of a network on the chip's integers."""

@@ -10,7 +10,6 @@ from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import POSITIVE, Neuron
 from locsnn_compile.network.projections import ChipProjection, Projection, values_of
 
-_Array = AnyArray
 _Ends = dict[str, tuple[str, int]]
 
 _LEAST, _MOST = 1e-100, 1e100
@@ -30,12 +29,9 @@ def check_network(network: Network) -> None:
     for phase in dict.fromkeys(p.phase for p in network.populations if p.axis == "location"):
         walks = [view.steps for view in network.views if view.phase == phase and view.walk is not None]
         if len(set(walks)) != 1:
-            raise InputError(
-                f"model {network.name!r}",
-                f"its inputs do not give the {phase} axis one number of steps",
-                measured=f"steps {', '.join(map(str, walks)) or 'of none'}",
-                fix="Give inputs of that axis that take equal steps.",
-            )
+            what, measured = f"its inputs do not give the {phase} axis one number of steps", ", ".join(map(str, walks))
+            fix = "Give inputs of that axis that take equal steps."
+            raise InputError(f"model {network.name!r}", what, measured=f"steps {measured or 'of none'}", fix=fix)
     _check_readout(network)
     if not network.projections:
         raise InputError(f"model {network.name!r}", "it has no weights", fix="Connect an input to a population.")
@@ -82,12 +78,9 @@ def _check_view(view: InputView, network: Network) -> None:
         fix = "Visit every channel exactly once."
         raise InputError(where, "its location order is not a permutation of the channels", fix=fix)
     if not 1 <= view.together <= network.channels or view.lines % view.together:
-        raise InputError(
-            where,
-            "channels visited together do not have equal lines of their own",
-            measured=f"{view.together} of {network.channels} channels on {view.lines} lines",
-            fix="Give lines for every time step of each.",
-        )
+        what = "channels visited together do not have equal lines of their own"
+        measured = f"{view.together} of {network.channels} channels on {view.lines} lines"
+        raise InputError(where, what, measured=measured, fix="Give lines for every time step of each.")
     if view.silence < 0:
         raise InputError(where, "less than no silence", measured=f"{view.silence} steps", fix="Give 0 or more.")
 
@@ -110,17 +103,14 @@ def _check_neuron(population: Population) -> None:
         _check_magnitude(where, key, values, _LEAST if must is POSITIVE else 0.0)
 
 
-def _check_magnitude(where: str, key: str, values: _Array, least: float) -> None:
+def _check_magnitude(where: str, key: str, values: AnyArray, least: float) -> None:
     """Refuse numbers with which the float network itself overflows."""
     size = np.abs(values)
     bad = values[(size < least) | (size > _MOST)]
     if bad.size:
-        raise InputError(
-            where,
-            f"{key} is too {'small' if abs(bad.flat[0]) < 1 else 'large'} a number to compute with",
-            measured=f"{bad.flat[0]:g} against {f'{least:g} to ' if least else ''}{_MOST:g}",
-            fix="Give it in other units.",
-        )
+        what = f"{key} is too {'small' if abs(bad.flat[0]) < 1 else 'large'} a number to compute with"
+        measured = f"{bad.flat[0]:g} against {f'{least:g} to ' if least else ''}{_MOST:g}"
+        raise InputError(where, what, measured=measured, fix="Give it in other units.")
 
 
 def _check_joint(projection: Projection | ChipProjection, ends: _Ends, neurons: Mapping[str, Neuron]) -> None:

@@ -27,10 +27,8 @@ def network_text(network: Network) -> str:
         lines.append(
             f"  input {view.name}: {view.lines} lines over {network.steps_of(view.phase)} {view.axis} steps{walk}"
         )
-    for p in network.populations:
-        lines.append(f"  population {p.name}: {p.size} {neuron_text(p.neuron, p.axis)}")
-    for projection in network.projections:
-        lines.append(f"  weights {_projection_text(projection)}")
+    lines += [f"  population {p.name}: {p.size} {neuron_text(p.neuron, p.axis)}" for p in network.populations]
+    lines += [f"  weights {_projection_text(projection)}" for projection in network.projections]
     return "\n".join(lines) + "\n"
 
 
@@ -44,8 +42,7 @@ def quantized_text(quantized: QuantizedNetwork) -> str:
         )
         if q.fit is not None:
             lines.append(f"    kernel fit, {q.strategy}: {_fit_text(q.fit)}")
-    for p in quantized.projections:
-        lines.append(f"  weights {_projection_text(p)}")
+    lines += [f"  weights {_projection_text(p)}" for p in quantized.projections]
     return "\n".join(lines) + "\n"
 
 

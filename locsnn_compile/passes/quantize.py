@@ -63,7 +63,9 @@ def quantize(
             fit = partial(kernel_fit, neuron, scaled, chip.registers)
             populations.append(QuantizedPopulation(population, scaled.neuron, scaled.scale, fit))
             check_heard(task, rounded, network.steps_of(population.phase))
-        pruned += sum(_zeros(of_one) for of_one in rounded)
+        # Weights of which no part is left.
+        whole = [np.sum([np.abs(values_of(p.mantissa)) for p in parts], axis=0) for parts in rounded]
+        pruned += sum(int((left == 0).sum()) for left in whole)
         projections += [part for of_one in rounded for part in of_one]
     result = QuantizedNetwork(network, tuple(populations), tuple(projections), pruned)
     check_quantized(result, chip)
@@ -110,13 +112,12 @@ def _check_voltage(population: Population, neuron: ChipNeuron, chip: Chip) -> No
     """Refuse integers that came with a network, and whose threshold no voltage of this chip passes."""
     threshold, registers = 64 * int(neuron.threshold.max()), chip.registers
     if registers.voltage_max <= threshold <= 64 * registers.threshold_mantissa_max:
-        raise TargetError(
+        where, what = (
             f"population {population.name!r}",
             "its threshold is beyond every voltage, so it could never spike",
-            measured=f"{threshold} against {registers.voltage_max}; {chip.name} has voltage_bits "
-            f"{registers.voltage_bits}",
-            fix="Train it for this chip.",
         )
+        measured = f"{threshold} against {registers.voltage_max}; {chip.name} has voltage_bits {registers.voltage_bits}"
+        raise TargetError(where, what, measured=measured, fix="Train it for this chip.")
 
 
 def check_quantized(quantized: QuantizedNetwork, chip: Chip) -> None:
@@ -162,11 +163,6 @@ def _nearest(p: Projection, scaled: Scaled, grid: WeightGrid) -> ChipProjection:
     factor = of_target(p.weights, scaled.gain * scaled.scale / (64 * 2**scaled.exponent))
     mantissa = with_values(p.weights, np.sign(values).astype(np.int64) * grid.round(np.abs(values) * factor))
     return ChipProjection(p.source, p.target, mantissa, scaled.exponent, grid.weight_bits, delay=p.delay)
-
-
-def _zeros(parts: list[ChipProjection]) -> int:
-    """Count the weights of which no part is left."""
-    return int((np.sum([np.abs(values_of(p.mantissa)) for p in parts], axis=0) == 0).sum())
 
 
 def check_heard(task: Task, rounded: Iterable[Iterable[ChipProjection]], steps: int) -> None:

@@ -19,7 +19,7 @@ from locsnn_compile.errors import InputError
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
 from locsnn_compile.network.network import Network, Population
 from locsnn_compile.network.neurons import Cuba, Neuron, SoftCuba, SrmAlpha
-from locsnn_compile.network.projections import ChipProjection, Matrix, Projection, by_delay, charge
+from locsnn_compile.network.projections import ChipProjection, Matrix, by_delay, charge
 from locsnn_compile.reference.float_neurons import CubaSteps, SoftCubaSteps, SrmSteps
 from locsnn_compile.reference.integer_neurons import ChipCubaSteps, ChipSrmSteps, effective_weights
 
@@ -113,7 +113,8 @@ def _evaluate_together(
         for projection in network.into(population.name):
             first = population.size * projection.dendrite
             entrance = arriving[population.name][:, :, first : first + population.size]
-            for delay, weights in by_delay(_effective(projection), projection.delay):
+            whole = effective_weights(projection) if isinstance(projection, ChipProjection) else projection.weights
+            for delay, weights in by_delay(whole, projection.delay):
                 if projection.source in names:
                     inner.append((projection.source, entrance, delay, weights))
                 elif delay + 1 < steps:
@@ -133,11 +134,6 @@ def _evaluate_together(
             spikes[name][:, step] = fired
             if name in wanted:
                 potential[name][:, step] = seen
-
-
-def _effective(projection: Projection | ChipProjection) -> Matrix:
-    """Return a projection's weights; integers as effective weights."""
-    return effective_weights(projection) if isinstance(projection, ChipProjection) else projection.weights
 
 
 def score_spread(network: Network, recordings: Recordings) -> float:

@@ -119,12 +119,8 @@ def check_fits_start(values: Mapping[str, Any], start: NetworkDescription) -> No
         raise InputError(f"sensor {asked.name!r}", what, measured=f"sensor {own.name!r}", fix="Leave the option out.")
     for name, wanted in fixed_by(start).items():
         if name in values and values[name] != wanted:
-            raise InputError(
-                f"training option {name!r}",
-                "the network to start from has another value",
-                measured=f"got {values[name]!r} against {wanted!r}",
-                fix="Leave the option out.",
-            )
+            what, measured = "the network to start from has another value", f"got {values[name]!r} against {wanted!r}"
+            raise InputError(f"training option {name!r}", what, measured=measured, fix="Leave the option out.")
 
 
 def fine_tuning_config(config: TrainingConfig, start: NetworkDescription) -> TrainingConfig:

@@ -7,23 +7,10 @@ import numpy as np
 
 from hw_model.values import AnyArray, IntArray
 from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import Checkpoint, Plain
 from locsnn_compile.training.config import TrainingConfig
 from locsnn_compile.training.measure import confusion
 from locsnn_compile.training.train import TrainingResult
-
-
-def measure(result: TrainingResult, recordings: Recordings) -> IntArray:
-    """Return how often each label of ``recordings`` was predicted as each class, (classes, classes).
-
-    In float64, which the network is left in: what the compiler compares against. Raises ``InputError`` for recordings
-    that do not fit the network.
-    """
-    if recordings.labels is None:
-        fix = "Give labelled recordings."
-        raise InputError(f"recordings {recordings.source!r}", "they have no labels to measure with", fix=fix)
-    return confusion(result.network.double(), recordings)
 
 
 def training_entry(
@@ -46,12 +33,8 @@ def training_entry(
 
 
 def accuracy_of(found: IntArray) -> float:
-    """Return the share of recordings that :func:`measure` found predicted right."""
+    """Return the share of recordings that a confusion says were predicted right."""
     return int(np.trace(found)) / int(found.sum())
-
-
-def _start_entry(start: Checkpoint | None) -> dict[str, Plain]:
-    return {} if start is None else {"start": start.description.name, "start_sha256": start.sha256}
 
 
 def carried_rows(labels: IntArray | None, available: int, wanted: int) -> IntArray:
@@ -87,19 +70,21 @@ def export_checkpoint(
     carried: int = 8,
     start: Checkpoint | None = None,
 ) -> IntArray | None:
-    """Measure ``test`` once, write the checkpoint to ``path``, and return what :func:`measure` found, None without a
-    test part.
+    """Measure ``test`` once, write the checkpoint to ``path``, and return the confusion; None without a test part.
 
     ``start`` is the checkpoint that the run began with. ``carried`` recordings of the test part (of the train part
     where there is none), spread over the classes, go into the file, for checks.
     """
     network = result.network
     weights: dict[str, AnyArray] = {**(network.weights() if network.chip is None else network.mantissas())}
-    found = None if test is None else measure(result, test)
+    # In float64, which the network is left in: what the compiler compares against.
+    found = None if test is None else confusion(network.double(), test)
     kept: Recordings | None = None
     if carried > 0:
         pool = recordings if test is None else test
         kept = pool.subset(carried_rows(pool.labels, len(pool), carried))
-    training = training_entry(result, config, recordings, found) | _start_entry(start)
+    training = training_entry(result, config, recordings, found)
+    if start is not None:
+        training |= {"start": start.description.name, "start_sha256": start.sha256}
     Checkpoint(network.description, weights, kept, training, chip=network.chip).save(path)
     return found

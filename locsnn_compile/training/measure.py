@@ -82,12 +82,9 @@ def label_shares(config: TrainingConfig, classes: int) -> FloatArray:
     left = 1.0 - given.sum(axis=1)
     crowded = int(np.argmin(left - given.max(axis=1)))
     if left[crowded] <= given[crowded].max():
-        raise InputError(
-            "training option 'neighbour_smoothing'",
-            f"label {crowded} would be no larger than its neighbours",
-            measured=f"{left[crowded]:.3g} against {given[crowded].max():.3g}",
-            fix="Give a smaller share.",
-        )
+        where, what = "training option 'neighbour_smoothing'", f"label {crowded} would be no larger than its neighbours"
+        measured = f"{left[crowded]:.3g} against {given[crowded].max():.3g}"
+        raise InputError(where, what, measured=measured, fix="Give a smaller share.")
     smooth = config.label_smoothing
     return np.asarray((1.0 - smooth) * (given + np.diag(left)) + smooth / classes)
 
@@ -162,8 +159,13 @@ def class_scores(network: TouchModel, spikes: ByteArray) -> FloatArray:
 
 
 def confusion(network: TouchModel, recordings: Recordings) -> IntArray:
-    """Return how often a label (row) was predicted as a class (column), (classes, classes)."""
-    assert recordings.labels is not None  # the caller's own check
+    """Return how often a label (row) was predicted as a class (column), (classes, classes).
+
+    Raises ``InputError`` for recordings without labels, or that do not fit the network.
+    """
+    if recordings.labels is None:
+        fix = "Give labelled recordings."
+        raise InputError(f"recordings {recordings.source!r}", "they have no labels to measure with", fix=fix)
     classes = network.description.classes
     pairs = recordings.labels * classes + class_scores(network, recordings.spikes).argmax(axis=1)
     return np.bincount(pairs, minlength=classes**2).reshape(classes, classes)

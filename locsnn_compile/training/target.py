@@ -62,12 +62,10 @@ def _registers(chip: hw.Chip) -> RegisterWidths:
     widths = {field.name: getattr(chip.registers, field.name) for field in fields(RegisterWidths)}
     for name, bits in widths.items():
         if bits not in TRAINED_BITS:
-            raise TargetError(
-                f"target {chip.name!r}",
-                f"networks are not trained on registers of such {name}",
-                measured=f"{bits} against {TRAINED_BITS[0]}..{TRAINED_BITS[-1]}",
-                fix="Train for a chip of narrower registers.",
-            )
+            what = f"networks are not trained on registers of such {name}"
+            measured = f"{bits} against {TRAINED_BITS[0]}..{TRAINED_BITS[-1]}"
+            fix = "Train for a chip of narrower registers."
+            raise TargetError(f"target {chip.name!r}", what, measured=measured, fix=fix)
     return RegisterWidths(**widths)
 
 
@@ -77,10 +75,6 @@ def _check_limits(chip: hw.Chip, config: TrainingConfig, description: NetworkDes
         ("a delay", max(description.delays + description.location_delays), "delay_max"),
         ("the refractory count", config.refractory, "refractory_max"),
     ):
-        if value > getattr(chip.registers, key):
-            raise TargetError(
-                f"target {chip.name!r}",
-                f"{what} is longer than the chip holds",
-                measured=f"{value} against {key} {getattr(chip.registers, key)}",
-                fix="Shorten it.",
-            )
+        if value > (most := getattr(chip.registers, key)):
+            what, measured = f"{what} is longer than the chip holds", f"{value} against {key} {most}"
+            raise TargetError(f"target {chip.name!r}", what, measured=measured, fix="Shorten it.")
