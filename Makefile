@@ -26,8 +26,9 @@ bench: .venv/installed-dev  ## measure speed and memory beside public simulators
 mutants: .venv/installed-dev  ## put small faults into the code, one at a time: do the tests find them? writes tests/mutants/results.csv; half an hour on two cores, resumable
 	$(BIN)/python tests/mutants/run_mutants.py $(if $(ONLY),--only $(ONLY))
 
-results: .venv/installed-dev  ## train every published network on both public data sets, five seeds, and write docs/results.md: hours, resumable
-	$(BIN)/python tests/results/run_results.py $(if $(DATA),--data $(DATA))
+results: .venv/installed-dev  ## train every published network on both public data sets, five seeds, and write docs/results.md and its tables: hours, resumable
+	for script in run_results learning_curve chip_studies paper_pictures; do \
+	  $(BIN)/python tests/results/$$script.py $(if $(DATA),--data $(DATA)) || exit 1; done
 
 check: test check-rest  ## all that must hold: format, lint, types, tests, documentation, examples
 

@@ -2,8 +2,9 @@
 
     python tests/results/chip_studies.py --data FOLDER [--only robustness]
 
-Everything is played on the chip's integers with the test part, by checkpoints that are there: nothing is trained or chosen
-here. Figures are files under ``--work``, and what is there is not made again. The tables are ``docs/results/NAME.csv``.
+Everything is played on the chip's integers with the test part, by the networks that ship and those of ``run_results.py``. Nothing
+is chosen here; only networks that hold a validation part back, for margins, are trained. Figures and networks are files under
+``--work``, and what is there is not made again. The tables are ``docs/results/NAME.csv``.
 """
 
 from __future__ import annotations
@@ -18,15 +19,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from measure_run import CONFIGS, train_network
 from result_rows import SEEDS
 from results_page import Table, kept, spread, write_table
 
 import hw_model as hw
 import locsnn_compile as lc
 from hw_model.values import ByteArray
+from locsnn_compile.data.division import stratified_split
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.models.checkpoint_reader import read_checkpoint
+from locsnn_compile.training.config import config_from_mapping, read_config
 
 ROOT = Path(__file__).parents[2]
 MODELS = ROOT / "examples/models"
@@ -241,35 +244,54 @@ def margin_of(scores: np.ndarray[Any, Any], labels: np.ndarray[Any, Any]) -> flo
     return float("inf")
 
 
+@dataclass(frozen=True)
+class Held:
+    """A network of seed 0 that does not learn from its validation part: what it is called, and how it is trained."""
+
+    dataset: str
+    label: str
+    file: str
+    config: str
+    fraction: float
+
+
+HELD = (
+    Held(
+        "containers",
+        "Containers, Window-SNN, levels",
+        "held-containers-window-snn.pt",
+        "containers-window-snn-levels",
+        0.1667,
+    ),
+    Held("objects", "Objects, Window-SNN", "held-objects-window-snn.pt", "objects-window-snn", 0.125),
+    Held("objects", "Objects, Window-SNN, ends cut", "held-objects-window-early.pt", "objects-window-snn-early", 0.125),
+)
+
+
 def margins(study: Study) -> Table:
     """Answers by margin: found on the validation part of networks that did not learn from it, played on the test part."""
     rows = []
-    for path in sorted(study.work.glob("held-*.pt")):
-
-        def measured(path: Path = path) -> dict[str, Any]:
-            from locsnn_compile.data.division import stratified_split
-
-            checkpoint = read_checkpoint(path)
-            dataset = path.stem.split("-")[1]
-            recordings, test = study.part(dataset, "train"), study.part(dataset, "test")
-            trained = checkpoint.training
-            learned, held = stratified_split(
-                recordings.labels, float(trained["validation_fraction"]), int(trained["seed"])
-            )
-            strategy = "auto" if trained["model"] == "window-snn" else "dendrite"
-            events = recordings.subset(learned[:16])
-            program = lc.compile(lc.load(path), strategy=strategy, events=events, diagnosis=False).program
-            margin = margin_of(hw.timestep_scores(program, recordings.spikes[held]), recordings.labels[held])
-            found = of_stops(program, hw.stop_at_margin(program, test.spikes, margin), test)
-            title = f"{dataset.title()}, {'Window-SNN' if strategy == 'auto' else 'Hybrid'}"
-            cut = f", cut_end {trained['cut_end']:g}" if trained["cut_end"] else ""
-            return found | {"margin": margin, "held": len(held), "label": title + cut}
-
-        found = study.figures(path.stem, measured)
+    for held in HELD:
+        found = study.figures(Path(held.file).stem, lambda held=held: at_margin(study, held))
         accuracies = [f"{found[key]:.3f}" for key in ("stopped_right", "final_right", "same")]
-        rows.append([found["label"], str(found["held"]), *accuracies, *saved(found)])
+        rows.append([held.label, str(found["held"]), *accuracies, *saved(found)])
     head = ["network", "validation recordings", "accuracy at the stop", "accuracy at the end", "same prediction"]
     return [*head, *SAVED], rows
+
+
+def at_margin(study: Study, held: Held) -> dict[str, Any]:
+    """Train a network unless it is there, find its margin, and stop the test part by it."""
+    recordings, test, path = study.part(held.dataset, "train"), study.part(held.dataset, "test"), study.work / held.file
+    if not path.exists():
+        values = read_config(CONFIGS / f"{held.config}.yaml")
+        own = {"seed": 0, "refit": False, "validation_fraction": held.fraction}
+        train_network(path, config_from_mapping(values | own), recordings, None)
+    learned, kept_back = stratified_split(recordings.labels, held.fraction, 0)
+    events = recordings.subset(learned[:16])
+    program = lc.compile(lc.load(path), events=events, diagnosis=False).program
+    margin = margin_of(hw.timestep_scores(program, recordings.spikes[kept_back]), recordings.labels[kept_back])
+    found = of_stops(program, hw.stop_at_margin(program, test.spikes, margin), test)
+    return found | {"margin": margin, "held": len(kept_back)}
 
 
 @dataclass(frozen=True)

@@ -28,8 +28,8 @@ from locsnn_compile.training.measure import class_scores
 from locsnn_compile.training.train import train
 
 SHARES = (0.25, 0.5, 0.75)
-RECIPES = {"containers": "near", "objects": "base"}
-"""Data set -> its setting in ``tried_settings.yaml``."""
+RECIPES = {"objects": ("base", 1), "containers": ("near", 2)}
+"""Data set -> its setting in ``tried_settings.yaml``, and how often the train part is divided into folds."""
 
 
 def share_of(labels: NDArray[np.int64], rows: NDArray[np.int64], share: float, repeat: int) -> NDArray[np.int64]:
@@ -86,21 +86,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--data", type=Path, default=ROOT.parent / "shared/data/neutouch")
     parser.add_argument("--work", type=Path, default=ROOT / "runs/tried")
     parser.add_argument("--datasets", nargs="*", choices=tuple(RECIPES), default=tuple(RECIPES))
-    parser.add_argument("--repeats", type=int, default=2)
     parser.add_argument("--table", type=Path, default=ROOT / "docs/results/learning-curve.csv")
     args = parser.parse_args(arguments)
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     args.work.mkdir(parents=True, exist_ok=True)
     rows = []
     for dataset in args.datasets:
-        name = RECIPES[dataset]
+        name, repeats = RECIPES[dataset]
         setting = settings_of(Path(__file__).with_name("tried_settings.yaml"))[name]
         assert isinstance(setting, Setting)
         recordings = read_recordings(args.data / f"Ev-{dataset.title()}.zip", split="train")
         for share in SHARES:
-            each = [right_of(args.work, recordings, dataset, setting, share, repeat) for repeat in range(args.repeats)]
+            each = [right_of(args.work, recordings, dataset, setting, share, repeat) for repeat in range(repeats)]
             rows.append(row_of(dataset, share, [part for parts in each for part in parts]))
-        each = [whole(args.work, recordings, dataset, name, setting, repeat) for repeat in range(args.repeats)]
+        each = [whole(args.work, recordings, dataset, name, setting, repeat) for repeat in range(repeats)]
         rows.append(row_of(dataset, 1.0, [part for parts in each for part in parts]))
     head = ["set", "share of three folds", "recordings to learn from", "folds held out", "accuracy", "95 % from", "to"]
     write_table(args.table, (head, rows))

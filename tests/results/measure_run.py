@@ -51,12 +51,12 @@ def make(work: Path, data: Path, row: Row, dataset: Dataset, seed: int) -> None:
     if not path.exists() and row.parts:
         _join(path, row, dataset, seed, recordings, test)
     elif not path.exists():
-        _train(path, config_of(row, dataset, seed), recordings, test)
+        train_network(path, config_of(row, dataset, seed), recordings, test)
     found = measure(path, dataset, test) | {"command": command(row, dataset, seed)}
     figures.write_text(json.dumps(found) + "\n", encoding="utf-8")
 
 
-def _train(path: Path, config: TrainingConfig, recordings: Recordings, test: Recordings | None) -> None:
+def train_network(path: Path, config: TrainingConfig, recordings: Recordings, test: Recordings | None) -> None:
     """Train a network; ``test`` None leaves its test part unread."""
     state = path.with_suffix(".state")
     assert recordings.labels is not None
@@ -71,7 +71,7 @@ def _join(path: Path, row: Row, dataset: Dataset, seed: int, recordings: Recordi
     """Train the networks that a row joins on the whole train part, and measure only what they are together."""
     for part, own in part_configs(row, dataset, seed).items():
         if not (found := _of_part(path, part)).exists():
-            _train(found, own, recordings, None)
+            train_network(found, own, recordings, None)
     hybrid, windows = (read_checkpoint(_of_part(path, part)) for part in row.parts)
     write(path, hybrid, windows, test)
 
