@@ -52,11 +52,12 @@ def percent(value: float) -> str:
 
 def patterns() -> str:
     """Return the definitions that the other drawings refer to; once a page."""
-    made = "".join(
+    made = (
         f'<pattern id="p{i}" width="8" height="8" patternUnits="userSpaceOnUse">{body}</pattern>'
         for i, body in enumerate(_PATTERNS)
     )
-    return f'<svg class="defs" width="0" height="0" aria-hidden="true" focusable="false"><defs>{made}</defs></svg>'
+    attributes = 'class="defs" width="0" height="0" aria-hidden="true" focusable="false"'
+    return _svg(attributes, ["<defs>", *made, "</defs>"])
 
 
 def bar(cell: Bar) -> str:
@@ -176,18 +177,17 @@ def mesh(drawn: Mesh) -> str:
 
 def _framed(kind: str, height: int, title: str, description: str, parts: Iterable[str]) -> str:
     """Return a picture that names and describes itself to who cannot see it."""
-    return (
-        f'<svg class="{kind}" width="100%" height="{height}" role="img"><title>{words_of(title)}</title>'
-        f"<desc>{words_of(description)}</desc>{''.join(parts)}</svg>"
-    )
+    words = f"<title>{words_of(title)}</title><desc>{words_of(description)}</desc>"
+    return _svg(f'class="{kind}" width="100%" height="{height}" role="img"', [words, *parts])
 
 
 def _named(kind: str, height: int, label: str, parts: Iterable[str]) -> str:
     """Return a small picture that one label describes."""
-    return (
-        f'<svg class="{kind}" width="100%" height="{height}" role="img" aria-label="{words_of(label)}">'
-        f"{''.join(parts)}</svg>"
-    )
+    return _svg(f'class="{kind}" width="100%" height="{height}" role="img" aria-label="{words_of(label)}"', parts)
+
+
+def _svg(attributes: str, parts: Iterable[str]) -> str:
+    return f"<svg {attributes}>{''.join(parts)}</svg>"
 
 
 def _track(kind: str, height: int, label: str, parts: Iterable[str]) -> str:
@@ -195,15 +195,13 @@ def _track(kind: str, height: int, label: str, parts: Iterable[str]) -> str:
 
 
 def _mark(width: int, body: str) -> str:
-    return f'<svg class="mark" width="{width}" height="14" aria-hidden="true" focusable="false">{body}</svg>'
+    return _svg(f'class="mark" width="{width}" height="14" aria-hidden="true" focusable="false"', [body])
 
 
 def _stretched(top: int, height: int, view_box: str, parts: Iterable[str]) -> str:
     """Return a part whose own units are stretched to the width of the picture; strokes are not, if they say so."""
-    return (
-        f'<svg x="0%" y="{top}" width="100%" height="{height}" viewBox="{view_box}" preserveAspectRatio="none" '
-        f'aria-hidden="true">{"".join(parts)}</svg>'
-    )
+    place = f'x="0%" y="{top}" width="100%" height="{height}" viewBox="{view_box}"'
+    return _svg(f'{place} preserveAspectRatio="none" aria-hidden="true"', parts)
 
 
 def _axis(bottom: int, ticks: Sequence[tuple[float, str]], label: str) -> str:
