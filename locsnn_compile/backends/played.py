@@ -1,6 +1,10 @@
-"""One recording played to a program with every spike and register kept: what all emitters read."""
+"""What emitters share: a recording played to a program with every spike and register kept, and names.
 
-from collections.abc import Mapping
+Names are those for formats that allow few characters, and names of the user's in Markdown.
+"""
+
+import re
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 
 import numpy as np
@@ -10,7 +14,6 @@ from hw_model.engine.playing import Player, Spikes, list_events, play, read_stre
 from hw_model.engine.trace import Register
 from hw_model.mapping.graph import Phase
 from hw_model.program.chip_program import Core
-from hw_model.simulation import SimulationResult
 from hw_model.values import ByteArray, Frozen, IntArray
 from locsnn_compile.errors import InputError
 
@@ -26,7 +29,7 @@ class Played(Frozen, eq=False):
     program: hw.ChipProgram
     title: str
     lines: Mapping[str, ByteArray]
-    result: SimulationResult
+    result: hw.SimulationResult
 
     def steps(self, phase: str) -> int:
         """Return the steps of a phase."""
@@ -80,3 +83,20 @@ def play_recording(program: hw.ChipProgram, spikes: Spikes, title: str = "record
     events = {name: list_events(array) for name, array in streams.items()}
     lines = {phase.name: play(program, phase, events, None, Player()).lines(0) for phase in program.phases}
     return Played(program, title, lines, result)
+
+
+def unique_names(texts: Iterable[str]) -> dict[str, str]:
+    """Return a name of letters, digits and underscores for every text, no two alike."""
+    names: dict[str, str] = {}
+    for text in texts:
+        base = "_" * text[:1].isdigit() + re.sub(r"[^A-Za-z0-9_]", "_", text) or "_"
+        name, number = base, 2
+        while name in names.values():
+            name, number = f"{base}_{number}", number + 1
+        names[text] = name
+    return names
+
+
+def code_span(text: str) -> str:
+    """Return a text as a code span of Markdown, on one line and with nothing in it that means anything."""
+    return f"`{' '.join(text.replace('`', chr(39)).split())}`"

@@ -11,8 +11,7 @@ import numpy as np
 
 import hw_model as hw
 from hw_model.values import Frozen, IntArray
-from locsnn_compile.backends.names import unique_names
-from locsnn_compile.backends.played import Played
+from locsnn_compile.backends.played import Played, unique_names
 from locsnn_compile.errors import InputError, did_you_mean
 
 FILE = "waves.vcd"

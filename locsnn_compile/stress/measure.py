@@ -10,7 +10,6 @@ import numpy as np
 
 import hw_model as hw
 from hw_model.arithmetic.fixed_point import DECAY_ONE
-from hw_model.simulation import SimulationResult
 from hw_model.values import ByteArray, FloatArray, Frozen
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.network.check import check_network
@@ -181,7 +180,7 @@ def _coarse_decays(sides: Sides) -> tuple[str, ...]:
     return tuple(dict.fromkeys(found))
 
 
-def _odd_one_out(levels: Levels, sides: Sides, recordings: ByteArray, found: SimulationResult) -> str | None:
+def _odd_one_out(levels: Levels, sides: Sides, recordings: ByteArray, found: hw.SimulationResult) -> str | None:
     """Name the first of four that differs from ``found``, what the fast engine made of recordings; None if none does.
 
     The population's own integer arithmetic and the float64 twin play all recordings; the reference engine, and the
@@ -204,7 +203,7 @@ def _odd_one_out(levels: Levels, sides: Sides, recordings: ByteArray, found: Sim
     return None
 
 
-def _same(one: SimulationResult, other: SimulationResult) -> bool:
+def _same(one: hw.SimulationResult, other: hw.SimulationResult) -> bool:
     """Compare spikes, registers, counts except for skipped steps, and wraps and clips by population."""
     counted = [{**dict(result.counts), "skipped_steps": 0} for result in (one, other)]
     kept = ((array, getattr(other, kind)[name]) for kind in PROBES for name, array in getattr(one, kind).items())

@@ -10,7 +10,6 @@ import numpy as np
 import hw_model as hw
 from hw_model.description.counts import total
 from hw_model.engine.compiled import in_parts
-from hw_model.streaming.early_stop import Stops
 from hw_model.streaming.session import check_psi, location_share
 from hw_model.values import ArrayLike, ByteArray, FloatArray, Frozen, IntArray, added
 from locsnn_compile.cluster.spread import Spread, here
@@ -51,7 +50,7 @@ class OverTime(Frozen, eq=False):
     labelled: bool
     psi: float
     right: Mapping[str, FloatArray]
-    proven: Stops
+    proven: hw.Stops
 
 
 def over_time(levels: Levels, recordings: ByteArray, labels: IntArray | None, psi: float = PSI) -> OverTime | str:
@@ -86,7 +85,7 @@ def over_time(levels: Levels, recordings: ByteArray, labels: IntArray | None, ps
     )
 
 
-def savings(program: hw.ChipProgram, stops: Stops) -> dict[str, Any]:
+def savings(program: hw.ChipProgram, stops: hw.Stops) -> dict[str, Any]:
     """Return means of a recording until it stops, and of a whole one; energy and latency by the default profile.
 
     Both are None for an open core.
@@ -108,19 +107,19 @@ def savings(program: hw.ChipProgram, stops: Stops) -> dict[str, Any]:
 
 
 def stop_all(
-    stop: Callable[[ByteArray], Stops],
+    stop: Callable[[ByteArray], hw.Stops],
     recordings: ByteArray,
     progress: Progress | None = None,
     chunk: int = SAMPLE,
     spread: Spread = here,
-) -> Stops:
+) -> hw.Stops:
     """Stop recordings by chunks, so that memory does not grow with their number."""
     parts = []
     for found in spread(stop, (recordings[start : start + chunk] for start in range(0, len(recordings), chunk))):
         parts.append(found)
         if progress:
             progress(min(len(parts) * chunk, len(recordings)), len(recordings))
-    return Stops(
+    return hw.Stops(
         steps=np.concatenate([part.steps for part in parts]),
         all_steps=parts[0].all_steps,
         prediction=np.concatenate([part.prediction for part in parts]),

@@ -5,8 +5,7 @@ from collections.abc import Mapping
 import yaml
 
 from hw_model.description.profile import Profile
-from locsnn_compile.backends.names import code_span, unique_names
-from locsnn_compile.backends.played import Played
+from locsnn_compile.backends.played import Played, code_span, unique_names
 from locsnn_compile.backends.sanafe.architecture import PROFILE, TileUse, architecture, priced_by, tile_number
 from locsnn_compile.backends.sanafe.network import PhaseNetwork
 from locsnn_compile.backends.sanafe.rules import UNIT_SIZE, obstacles, updates

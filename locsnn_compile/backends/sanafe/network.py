@@ -13,8 +13,7 @@ from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT
 from hw_model.mapping.graph import Input
 from hw_model.program.chip_program import Core
 from hw_model.values import ByteArray, IntArray
-from locsnn_compile.backends.names import unique_names
-from locsnn_compile.backends.played import Played
+from locsnn_compile.backends.played import Played, unique_names
 from locsnn_compile.backends.sanafe.architecture import DENDRITE, LINE, REPLAY, SOMA, SYNAPSE, tile_number
 from locsnn_compile.backends.sanafe.rules import AFTER_SPIKE
 

@@ -13,8 +13,7 @@ from hw_model.description.chip import Chip
 from hw_model.program.chip_program import Core
 from hw_model.rtl.memory_words import BitArray, Layout, bits_for, bits_of, hex_words
 from hw_model.values import Frozen, IntArray
-from locsnn_compile.backends.names import code_span
-from locsnn_compile.backends.played import Played
+from locsnn_compile.backends.played import Played, code_span
 from locsnn_compile.backends.vectors.synapse_image import synapse_image, synapse_layouts
 from locsnn_compile.errors import check_most
 from locsnn_compile.report.figures.flat import picked

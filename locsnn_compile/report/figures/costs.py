@@ -15,7 +15,6 @@ from hw_model.accounting.cost import PARTS
 from hw_model.accounting.mesh_routes import routes_of
 from hw_model.accounting.usage import PhaseUsage
 from hw_model.description.counts import BY_CORE, Counts, total
-from hw_model.description.profile import Profile
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.program.pieces import pieces_of
 from hw_model.values import FloatArray
@@ -69,15 +68,15 @@ def energy_entry(program: ChipProgram, match: Match, network: Network, step_seco
     return entry if name else dict.fromkeys(entry)
 
 
-def _breakdown(counts: Counts, profile: Profile, samples: int) -> dict[str, float]:
+def _breakdown(counts: Counts, profile: hw.Profile, samples: int) -> dict[str, float]:
     return {name: pj / samples for name, pj in hw.energy_pj(counts, profile).items()}
 
 
-def _energy_pj(counts: Counts, profile: Profile, samples: int) -> float:
+def _energy_pj(counts: Counts, profile: hw.Profile, samples: int) -> float:
     return sum(_breakdown(counts, profile, samples).values())
 
 
-def _range_pj(counts: Counts, profile: Profile, samples: int) -> list[float | None]:
+def _range_pj(counts: Counts, profile: hw.Profile, samples: int) -> list[float | None]:
     """Return least and most of the mean energy; None where a constant that was used has no such end."""
 
     def end(index: int) -> float | None:
@@ -89,7 +88,7 @@ def _range_pj(counts: Counts, profile: Profile, samples: int) -> list[float | No
     return [end(0), end(1)]
 
 
-def _pieces_pj(program: ChipProgram, match: Match, profile: Profile) -> dict[str, FloatArray]:
+def _pieces_pj(program: ChipProgram, match: Match, profile: hw.Profile) -> dict[str, FloatArray]:
     """Return the mean energy by phase, (steps, pieces)."""
     return {
         phase: sum(
@@ -123,7 +122,7 @@ def _cores_pj(program: ChipProgram, phase: str, pj: FloatArray) -> list[Document
     return [{"pj": value} for value in its.tolist()]
 
 
-def _static(program: ChipProgram, match: Match, recording_ns: float | None, profile: Profile) -> Document | None:
+def _static(program: ChipProgram, match: Match, recording_ns: float | None, profile: hw.Profile) -> Document | None:
     """Return what whole chips draw whatever they do, over the chip's own time and over the sensor's."""
     power = profile.static_power
     if power is None:
@@ -138,7 +137,7 @@ def _static(program: ChipProgram, match: Match, recording_ns: float | None, prof
     }
 
 
-def _left_out(counts: Counts, profile: Profile, samples: int, static: Document | None) -> list[Document]:
+def _left_out(counts: Counts, profile: hw.Profile, samples: int, static: Document | None) -> list[Document]:
     """Return what the energy leaves out, with the most that it can be where that is known."""
     rows = []
     for item in profile.not_included:
@@ -152,7 +151,7 @@ def _left_out(counts: Counts, profile: Profile, samples: int, static: Document |
     return rows
 
 
-def _constants(profile: Profile) -> Document:
+def _constants(profile: hw.Profile) -> Document:
     """Return a profile with the source and the range of each of its constants."""
     names = dict.fromkeys((*profile.energy_pj, *profile.time_ns))
     return {
@@ -162,7 +161,7 @@ def _constants(profile: Profile) -> Document:
     }
 
 
-def _constant(profile: Profile, name: str) -> Document:
+def _constant(profile: hw.Profile, name: str) -> Document:
     row: Document = {"count": name}
     for key in ("energy_pj", "time_ns"):
         ends = getattr(profile, f"{key}_range").get(name)
