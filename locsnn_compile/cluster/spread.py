@@ -14,7 +14,6 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import cache, lru_cache, partial
-from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from multiprocessing import active_children, get_context
 from pathlib import Path
@@ -134,13 +133,13 @@ def spread_over(address: str | None, processes: int | None = None) -> Iterator[S
 def connected(address: str) -> Iterator[Cluster]:
     """Connect to a scheduler that has at least one worker, all of them with this code; Dask has to be installed."""
     try:
-        distributed = import_module("distributed")
+        import distributed
     except ImportError:
         fix = "Install it with: pip install 'locsnn-compile[dask]'"
         raise InputError("--scheduler", "Dask is not installed", fix=fix) from None
     where, waited = f"--scheduler {address}", f"within {PATIENCE_SECONDS} s"
     try:
-        client = distributed.Client(address, timeout=PATIENCE_SECONDS, set_as_default=False)
+        client: Any = distributed.Client(address, timeout=PATIENCE_SECONDS, set_as_default=False)  # type: ignore[no-untyped-call]
     except ValueError as error:
         raise InputError(
             where, f"it is not an address: {error}", fix="Give one such as tcp://127.0.0.1:8786."
