@@ -66,9 +66,8 @@ def expected_by(program: hw.ChipProgram) -> Expected:
     from locsnn_compile.data.recordings import Expected
 
     fixed = [phase.steps for phase in program.phases if phase.axis == "time" and phase.steps is not None]
-    for item in program.inputs:
-        if item.positions is not None:
-            fixed.append(item.size - (0 if item.first_lines is None else int(item.first_lines.max())))
+    turned = (item for item in program.inputs if item.positions is not None)
+    fixed += [item.size - (0 if item.first_lines is None else int(item.first_lines.max())) for item in turned]
     return Expected(
         f"program {program.name!r}",
         program.step_seconds,

@@ -10,8 +10,7 @@ from typing import Any
 
 import yaml
 
-from hw_model.description.chip import Chip
-from hw_model.description.profile import Profile
+import hw_model as hw
 from hw_model.values import Frozen
 from locsnn_compile.backends.sanafe.rules import UNIT_SIZE
 from locsnn_compile.errors import InputError
@@ -35,7 +34,7 @@ class TileUse(Frozen):
     replayed: int
 
 
-def priced_by(chip: Chip) -> Profile:
+def priced_by(chip: hw.Chip) -> hw.Profile:
     """Return the profile ``sanafe`` of a chip, or say that it has none that SANA-FE can follow."""
     if PROFILE not in chip.profiles or not set(chip.profiles[PROFILE].energy_pj) <= set(PRICED):
         what = f"it has no energy profile {PROFILE!r} that prices what SANA-FE counts"
@@ -44,13 +43,13 @@ def priced_by(chip: Chip) -> Profile:
     return chip.profiles[PROFILE]
 
 
-def tile_number(chip: Chip, slot: int) -> int:
+def tile_number(chip: hw.Chip, slot: int) -> int:
     """Return SANA-FE's number of a core's tile: it counts a column from its first row on, then the next column."""
     column, row = chip.tile_of(slot)
     return column * chip.mesh.rows + row
 
 
-def architecture(chip: Chip, uses: Mapping[int, TileUse]) -> str:
+def architecture(chip: hw.Chip, uses: Mapping[int, TileUse]) -> str:
     """Return the architecture file; ``uses[tile]`` says what is on each tile in use, by SANA-FE's numbers."""
     profile, columns = priced_by(chip), chip.mesh.columns * chip.chips
     attributes = {
@@ -70,7 +69,7 @@ def architecture(chip: Chip, uses: Mapping[int, TileUse]) -> str:
     return yaml.safe_dump({"architecture": {"name": "chip", "attributes": attributes, "tile": tiles}}, sort_keys=False)
 
 
-def _core(profile: Profile, alike: int, replayed: int) -> dict[str, Any]:
+def _core(profile: hw.Profile, alike: int, replayed: int) -> dict[str, Any]:
     """Return cores of the chip. Dendrites add up charge and hold it until the step in which it is due."""
     costs = _costs(profile, SOMA_EVENTS)
     # A profile prices the energy of a packet once; all of it is put on the sender.
@@ -113,7 +112,7 @@ def _free(*events: str) -> dict[str, float]:
     return {f"{kind}_{event}": 0.0 for event in events for kind in ("energy", "latency")}
 
 
-def _costs(profile: Profile, counts: Mapping[str, str]) -> dict[str, float]:
+def _costs(profile: hw.Profile, counts: Mapping[str, str]) -> dict[str, float]:
     """Return the energy and the latency of every event, in joules and seconds, from the counts that price it."""
     found = {}
     for event, count in counts.items():
@@ -122,5 +121,5 @@ def _costs(profile: Profile, counts: Mapping[str, str]) -> dict[str, float]:
     return found
 
 
-def _seconds(profile: Profile, count: str) -> float:
+def _seconds(profile: hw.Profile, count: str) -> float:
     return profile.time_ns.get(count, 0.0) * 1e-9

@@ -124,16 +124,13 @@ def _distances(populations: Document) -> Table:
 
 
 def _errors(populations: Document) -> Table:
-    return table(
-        "Error of the chip's arithmetic, in thresholds, and how many potentials lie within it",
-        populations.items(),
-        ("population", lambda row: row[0]),
-        ("median error", lambda row: short(row[1]["error"]["0.5"])),
-        ("95 % below", lambda row: short(row[1]["error"]["0.95"])),
-        ("largest", lambda row: short(row[1]["error"]["1"])),
-        ("closer than the error", lambda row: share(row[1]["within_error"])),
-        ("decided differently", lambda row: share(row[1]["decided_otherwise"])),
+    rows = (
+        (name, *map(short, one["error"].values()), share(one["within_error"]), share(one["decided_otherwise"]))
+        for name, one in populations.items()
     )
+    columns = ("population", "median error", "95 % below", "largest", "closer than the error", "decided differently")
+    caption = "Error of the chip's arithmetic, in thresholds, and how many potentials lie within it"
+    return Table(caption, columns, tuple(rows))
 
 
 def _plot(name: str, one: Document, edges: Sequence[float]) -> Plot:

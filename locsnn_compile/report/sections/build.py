@@ -3,7 +3,7 @@
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from locsnn_compile.report.content import Bar, Bullets, Document, Section, Table, facts, of, section, table
+from locsnn_compile.report.content import Bar, Bullets, Cell, Document, Section, Table, facts, of, section, table
 from locsnn_compile.report.format import NONE, agreed, any_value, count, energy, memory, plural, share, time
 from locsnn_compile.report.sections.verdict import fullness, outside
 from locsnn_compile.report.words import limit_words, listed, sentence, words
@@ -19,7 +19,7 @@ _GATE_FIGURES = tuple((key, of(key, any_value)) for key in ("bound", "measured",
 def resources(document: Document) -> Section:
     """Use against every limit, fullest core first, then core by core."""
     found = document["resources"]
-    limits = [(limit_words(name), entry, fullness(entry)) for name, entry in found["limits"].items()]
+    limits = sorted(found["limits"].items(), key=lambda limit: -fullness(limit[1]))
     return section(
         "resources",
         facts(
@@ -27,18 +27,19 @@ def resources(document: Document) -> Section:
             ("synapses", f"{count(found['synapses'])}, {memory(found['synapse_bits'])} of synapse memory"),
             ("axons", f"{count(found['axons_in'])} in, {count(found['axons_out'])} out"),
         ),
-        table(
+        Table(
             "Limits, the fullest first; for limits of a core, its fullest core",
-            sorted(limits, key=lambda row: -row[2]),
-            ("limit", lambda row: row[0]),
-            ("", lambda row: Bar(min(1.0, row[2]), f"{share(row[2])} used")),
-            ("used", lambda row: count(row[1]["used"])),
-            ("of", lambda row: count(row[1]["limit"])),
-            ("share", lambda row: share(row[2])),
+            ("limit", "", "used", "of", "share"),
+            tuple(_limit(name, entry, fullness(entry)) for name, entry in limits),
         ),
         _by_core(document),
         target=document["target"],
     )
+
+
+def _limit(name: str, entry: Document, full: float) -> tuple[Cell, ...]:
+    used = share(full)
+    return limit_words(name), Bar(min(1.0, full), f"{used} used"), count(entry["used"]), count(entry["limit"]), used
 
 
 def left_out(document: Document) -> Section:

@@ -66,11 +66,10 @@ def _static(static: Document) -> tuple[str, Table]:
     rows = (("at the chip's latency", "at_latency_pj"), ("at the sensor's real time", "at_real_time_pj"))
     return (
         sentence("static energy", chips=chips, milliwatts=static["chip_mw"], source=static["source"]),
-        table(
+        Table(
             "Static energy per recording",
-            rows,
-            ("how long", lambda row: row[0]),
-            ("energy", lambda row: known(static[row[1]], energy, "not known")),
+            ("how long", "energy"),
+            tuple((name, known(static[key], energy, "not known")) for name, key in rows),
         ),
     )
 

@@ -1,6 +1,6 @@
 """The section that shows predictions while a recording plays, and where it could stop."""
 
-from locsnn_compile.report.content import Bar, Curve, Document, Plot, Section, Table, facts, section, table
+from locsnn_compile.report.content import Bar, Curve, Document, Plot, Section, Table, facts, section
 from locsnn_compile.report.format import count, energy, share, short, time
 from locsnn_compile.report.sections.accuracy import sample
 from locsnn_compile.report.sections.cost_tables import ENERGY, PARTS, TIME
@@ -72,13 +72,7 @@ def _stop(found: Document) -> Table:
             continue
         what, _, unit = name.rpartition("_")
         label = f"{what}, profile {found['profile']}" if unit in ("pj", "ns") else words(name)
-        rows.append((label, 1.0 - until / whole if whole else 0.0, shown(whole), shown(until)))
-    return table(
-        "Stopped as soon as the winner is proven, mean per recording",
-        rows,
-        ("cost", lambda row: row[0]),
-        ("", lambda row: Bar(row[1], f"{share(row[1])} saved")),
-        ("whole recording", lambda row: row[2]),
-        ("until the stop", lambda row: row[3]),
-        ("saved", lambda row: share(row[1])),
-    )
+        saved = 1.0 - until / whole if whole else 0.0
+        rows.append((label, Bar(saved, f"{share(saved)} saved"), shown(whole), shown(until), share(saved)))
+    columns = ("cost", "", "whole recording", "until the stop", "saved")
+    return Table("Stopped as soon as the winner is proven, mean per recording", columns, tuple(rows))
