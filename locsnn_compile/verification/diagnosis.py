@@ -159,8 +159,7 @@ def _measured(thresholds: FloatArray, wanted: AnyArray, chip: FloatArray, otherw
 
 
 def _quantiles(values: FloatArray, shares: tuple[float, ...]) -> dict[float, float]:
-    found = np.quantile(values, shares)
-    return {share: float(value) for share, value in zip(shares, found, strict=True)}
+    return dict(zip(shares, np.quantile(values, shares).tolist(), strict=True))
 
 
 def _histogram(values: FloatArray) -> IntArray:

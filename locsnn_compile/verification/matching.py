@@ -15,7 +15,7 @@ from hw_model.rtl.device import latencies as core_latencies
 from hw_model.values import ByteArray, Frozen, IntArray, Shown, Sums
 from locsnn_compile.baselines.operations import network_additions
 from locsnn_compile.cluster.spread import Spread, here
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, check_same
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.quantized import QuantizedNetwork
 from locsnn_compile.reference.evaluate import decided, evaluate
@@ -221,14 +221,12 @@ def _compare_part(network: Network, program: hw.ChipProgram, numbered: tuple[int
 def _check_labels(network: Network, labels: IntArray | None, samples: int, source: str) -> None:
     if labels is None:
         return
-    if labels.shape != (samples,):
-        measured = f"{labels.shape} against ({samples},)"
-        fix = "Give one class number for every recording."
-        raise InputError(f"labels of {source!r}", "there is not one label per recording", measured=measured, fix=fix)
+    where, fix = f"labels of {source!r}", "Give one class number for every recording."
+    check_same(labels.shape, (samples,), where, "there is not one label per recording", fix=fix)
     if labels.min() < 0 or labels.max() >= network.classes:
         measured = f"{labels.min()}..{labels.max()} against 0..{network.classes - 1}"
         fix = "Check that the events belong to this model."
-        raise InputError(f"labels of {source!r}", "a label is none of the model's classes", measured=measured, fix=fix)
+        raise InputError(where, "a label is none of the model's classes", measured=measured, fix=fix)
 
 
 def _first_difference(

@@ -94,8 +94,7 @@ def viewer_values(
     ]
     inputs = [{"name": v.name, "axis": v.phase, "size": v.lines, "steps": network.steps_of(v.phase)} for v in views]
     shown = {"recordings": rows, "samples": len(recordings), "populations": populations, "inputs": inputs}
-    shown["phases"] = phases
-    return shown | {"first": first and vars(first), "quantities": QUANTITIES}
+    return shown | {"phases": phases, "first": first and vars(first), "quantities": QUANTITIES}
 
 
 def _text(values: AnyArray, kind: str) -> str:
