@@ -4,8 +4,9 @@ BIN := .venv/bin
 
 .PHONY: demo test test-slow soak peers bench results mutants check check-rest docs examples format clean
 
-demo: .venv/installed  ## install, then compile the example that ships, check it and write its reports
+demo: .venv/installed  ## install, then compile the hybrid of the paper and the best network, check them and write their reports
 	$(BIN)/locsnn-compile examples/models/objects-hybrid.pt --events examples/recordings/touches.npz
+	$(BIN)/locsnn-compile examples/models/objects-best.pt --events examples/recordings/touches.npz
 
 test: .venv/installed-dev  ## install, then run the tests, a process a core
 	$(BIN)/pytest -n auto --dist worksteal
