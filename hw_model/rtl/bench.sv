@@ -43,7 +43,7 @@ module bench #(
         .BITMAP(BITMAP), .VISITS(VISITS), .ENTRIES(ENTRIES)
     ) core (
         .clk, .reset, .load_valid, .load_memory(load_memory[2:0]), .load_address, .load_data,
-        .in_valid, .in_ready, .in_kind(word[17:16]), .in_channel(word[15:0]),
+        .in_valid, .in_ready, .in_kind(word[17:16]), .in_channel(word[15:0]), .hold(1'b0),
         .answer_valid, .answer_ready(1'b1), .answer_error(error), .answer_class(winner),
         .answer_synapses(synapses), .answer_updates(updates), .answer_active_updates(active_updates),
         .answer_spikes(spikes), .answer_charge_wraps(charge_wraps), .answer_current_wraps(current_wraps),

@@ -84,7 +84,7 @@ module commands #(
         else if (kind == WORDS && !loaded) unfit = NO_PROGRAM;
     end
 
-    wire no_place = item[39:32] > 7 || item[7:0] == 0 || item[7:0] > 16;
+    wire no_place = item[39:32] > 7 || item[7:0] > 16;
     wire no_word = item[23:18] != 0;
     wire no_switch = item[7:1] != 0;
     logic [7:0] wrong;  // what is wrong with it at this byte of the payload

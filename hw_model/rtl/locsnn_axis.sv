@@ -63,8 +63,9 @@ module locsnn_axis #(
         if (beat) begin
             open <= 1;
             if (bad) wrong <= 1;
-            if (s_axis_tlast && (bad || !s_axis_tdata[17])) closing <= 1;
+            if (s_axis_tlast) closing <= 1;
         end
+        // An end of its own, or a stop, needs no other.
         if (in_taken && in_kind[1]) begin
             open <= 0;
             awaited <= in_kind == END;
@@ -75,7 +76,7 @@ module locsnn_axis #(
         if (reset) {closing, wrong, open, awaited} <= 0;
     end
 
-    wire         answer_valid, update, fired;
+    wire         answer_valid, update, fired, spikes_wait;
     wire [2:0]   error;
     wire [15:0]  winner;
     wire [31:0]  synapses, updates, active_updates, spikes, charge_wraps, current_wraps, voltage_clips;
@@ -85,7 +86,7 @@ module locsnn_axis #(
     ) core (
         .clk(aclk), .reset, .load_valid(s_load_tvalid && s_load_tready), .load_memory(s_load_tdata[154:152]),
         .load_address(s_load_tdata[151:128]), .load_data(s_load_tdata[127:0]),
-        .in_valid, .in_ready, .in_kind, .in_channel(s_axis_tdata[15:0]),
+        .in_valid, .in_ready, .in_kind, .in_channel(s_axis_tdata[15:0]), .hold(spikes_wait),
         .answer_valid, .answer_ready(answered), .answer_error(error), .answer_class(winner),
         .answer_synapses(synapses), .answer_updates(updates), .answer_active_updates(active_updates),
         .answer_spikes(spikes), .answer_charge_wraps(charge_wraps), .answer_current_wraps(current_wraps),
@@ -118,7 +119,8 @@ module locsnn_axis #(
     assign m_spikes_tdata = {8'b0, spike};
     spike_report #(.DEPTH(SPIKES)) reporter (
         .clk(aclk), .reset, .wanted(report), .running(open || awaited), .update, .fired,
-        .head_valid(spike_valid), .head(spike), .more, .pop(spike_valid && m_spikes_tready), .lost
+        .head_valid(spike_valid), .head(spike), .more, .pop(spike_valid && m_spikes_tready), .lost,
+        .crowded(spikes_wait)
     );
 
     wire unused = &{1'b0, s_load_tdata[159:155], more};

@@ -49,7 +49,7 @@ module locsnn_bytes #(
         .answered, .reply_valid, .reply_ready, .reply_hello, .reply_error, .reply_number, .report, .loaded, .running
     );
 
-    wire         answer_valid, answer_ready, update, fired;
+    wire         answer_valid, answer_ready, update, fired, spikes_wait;
     wire [2:0]   answer_error;
     wire [15:0]  answer_class;
     wire [31:0]  synapses, updates, active_updates, spikes, charge_wraps, current_wraps, voltage_clips;
@@ -58,7 +58,7 @@ module locsnn_bytes #(
         .BITMAP(BITMAP), .VISITS(VISITS), .ENTRIES(ENTRIES)
     ) core (
         .clk, .reset, .load_valid, .load_memory, .load_address, .load_data,
-        .in_valid(word_valid), .in_ready(word_ready), .in_kind(word_kind), .in_channel(word_channel),
+        .in_valid(word_valid), .in_ready(word_ready), .in_kind(word_kind), .in_channel(word_channel), .hold(spikes_wait),
         .answer_valid, .answer_ready, .answer_error, .answer_class,
         .answer_synapses(synapses), .answer_updates(updates), .answer_active_updates(active_updates),
         .answer_spikes(spikes), .answer_charge_wraps(charge_wraps), .answer_current_wraps(current_wraps),
@@ -83,7 +83,8 @@ module locsnn_bytes #(
     wire [23:0]  spike, lost;
     spike_report #(.DEPTH(SPIKES)) reporter (
         .clk, .reset, .wanted(report), .running, .update, .fired,
-        .head_valid(spike_valid), .head(spike), .more(spike_more), .pop(spike_ready), .lost
+        .head_valid(spike_valid), .head(spike), .more(spike_more), .pop(spike_ready), .lost,
+        .crowded(spikes_wait)
     );
 
     wire         reply_frame_valid, reply_frame_ready, reply_frame_last;

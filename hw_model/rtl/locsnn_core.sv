@@ -32,6 +32,7 @@ module locsnn_core #(
     output logic               in_ready,
     input  logic [1:0]         in_kind,     // 0 event, 1 tick, 2 end, 3 stop
     input  logic [15:0]        in_channel,
+    input  logic               hold,        // no further step begins; for hosts that take spikes slowly
     output logic               answer_valid,
     input  logic               answer_ready,
     output logic [2:0]         answer_error,  // 0: none; see event_input
@@ -94,10 +95,11 @@ module locsnn_core #(
         .read(state == PHASE), .read_address({phase, field[2:0]}), .read_data(next_field)
     );
 
+    wire              row = state == ROW && !hold;
     wire              event_valid, line_valid;
     wire [1:0]        event_kind, line_kind;
     wire [SOURCE-1:0] event_source, line_source;
-    wire              word_valid = state == ROW && (buffered ? line_valid : event_valid);
+    wire              word_valid = row && (buffered ? line_valid : event_valid);
     wire [1:0]        word_kind = buffered ? line_kind : event_kind;
     wire [SOURCE-1:0] word_source = buffered ? line_source : event_source;
     wire              mark, stop, failed;
@@ -110,7 +112,7 @@ module locsnn_core #(
     // A recording may be longer than the first phase: the buffer has the rest.
     wire over = step == its[STEPS];
     wire is_event = word_kind == EVENT, is_tick = word_kind == TICK;
-    wire word_ready = state == ROW && (over && (is_event || is_tick) || (is_event ? delivery_ready : !delivering));
+    wire word_ready = row && (over && (is_event || is_tick) || (is_event ? delivery_ready : !delivering));
     wire word_taken = word_valid && word_ready;
     wire phase_over = word_taken && !is_event && !is_tick;
     wire last_phase = {18'b0, phase} + 1 == settings[PHASES];

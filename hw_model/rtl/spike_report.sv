@@ -1,7 +1,7 @@
 // Spikes for the host: each as the number of compartments that were updated before it in its recording.
 //
-// Updates follow a fixed order, so the number tells the step and the compartment. Spikes that find the queue full are
-// counted, and the count is answered with the class.
+// Updates follow a fixed order, so the number tells the step and the compartment. Steps wait while half of the queue is
+// taken. Spikes of a step that still find it full are counted, and the count is answered with the class.
 module spike_report #(
     parameter integer DEPTH = 256  // a power of two
 ) (
@@ -15,13 +15,16 @@ module spike_report #(
     output logic [23:0] head,
     output logic        more,   // another one waits behind the head
     input  logic        pop,
-    output logic [23:0] lost
+    output logic [23:0] lost,
+    output logic        crowded  // half of the queue is taken: steps should wait
 );
+    localparam logic [$clog2(DEPTH):0] HALF = ($clog2(DEPTH) + 1)'(DEPTH / 2);
     logic [23:0]          index;
     wire                  full;
     wire [$clog2(DEPTH):0] level;
-    wire                  spike = wanted && running && update && fired;
+    wire                  spike = running && update && fired;
     assign more = level > 1;
+    assign crowded = level >= HALF;
 
     held_queue #(.WIDTH(24), .DEPTH(DEPTH)) waiting (
         .clk, .clear(reset || !wanted), .push(spike && !full), .pushed(index), .commit(1'b1), .drop(1'b0), .full,

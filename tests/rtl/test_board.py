@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import shutil
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from desk import PRESS, Desk, said, say
+from desk import PRESS, REFUSED_LOADS, WORD, Desk, damaged, said, say, stream_words
 
 import hw_model as hw
 from hw_model.rtl.board import PROBLEMS, Board, spike_numbers
-from hw_model.rtl.cosimulation import ANSWER, END, TICK, words_of
+from hw_model.rtl.cosimulation import ANSWER, END, TICK
 from hw_model.rtl.frames import ANSWER as ANSWERED
 from hw_model.rtl.frames import DONE, ERROR, HELLO, LOAD, REPORT, SPIKES, WELCOME, WORDS, framed
 
@@ -34,10 +35,6 @@ def loaded(desk):
     board.load(desk.core)
     yield port, board.play(desk.core, desk.spikes[0])
     port.close()
-
-
-def stream_words(words) -> bytes:
-    return b"".join(word.to_bytes(3, "big") for word in words)
 
 
 def greeted(port) -> None:
@@ -66,11 +63,6 @@ def test_answers_equal_the_simulators(desk, loaded):
     assert (first.spikes, list(with_spikes.spikes), with_spikes.lost) == ((), times, 0)
 
 
-def damaged(frame: bytes) -> bytes:
-    return frame[:3] + bytes((frame[3] ^ 1,)) + frame[4:]
-
-
-WORD = stream_words([TICK])
 SPOILED = {
     "a byte without its stop bit": (LINE, lambda port: port.drive(0x7E, HELLO, 256 + 1, 0x7E)),
     "a wrong checksum": (CHECKSUM, lambda port: port.write(damaged(framed(WORDS, 1, WORD)))),
@@ -92,22 +84,12 @@ def test_a_frame_that_is_spoiled_is_answered_once_and_does_nothing(desk, loaded,
     spoil(port)
     assert said(port) == [(ERROR, 1, bytes((problem,)))]
     # The number that is told still works, and nothing of the frame is left.
-    assert say(port, WORDS, 1, stream_words(words_of(desk.core, desk.spikes[0])))[0] == (DONE, 1, b"")
+    assert say(port, WORDS, 1, stream_words(desk.words))[0] == (DONE, 1, b"")
     board = Board(port)
     assert not board.cut_off
     assert board.play(desk.core, desk.spikes[0]) == plain
 
 
-REFUSED_LOADS = {
-    "an empty load": (FORM, LOAD, b""),
-    "a load without words": (FORM, LOAD, b"\x01\0\0\0\x04"),
-    "a load of a word and a half": (FORM, LOAD, b"\x01\0\0\0\x04abcdef"),
-    "a load of words without bytes": (FORM, LOAD, b"\x01\0\0\0\x00abc"),
-    "a load of words of 17 bytes": (FORM, LOAD, b"\x01\0\0\0\x11" + bytes(17)),
-    "a memory that does not exist": (FORM, LOAD, b"\x08\0\0\0\x04abcd"),
-    "an address outside its memory": (NO_PLACE, LOAD, b"\x01\x00\x01\x00\x04abcd"),
-    "a word that runs over the end": (NO_PLACE, LOAD, b"\x01\x00\x00\xff\x04abcdabcd"),
-}
 REFUSED = {
     "a type that does not exist": (NO_TYPE, 9, b""),
     "type 0": (NO_TYPE, 0, b"abc"),
@@ -137,9 +119,9 @@ def empty(desk):
 
 @pytest.mark.parametrize("name", REFUSED_LOADS)
 def test_a_load_that_is_refused_is_answered(empty, name):
-    problem, kind, payload = REFUSED_LOADS[name]
+    problem = NO_PLACE if name in ("an address outside its memory", "a word that runs over the end") else FORM
     greeted(empty)
-    assert say(empty, kind, 1, payload) == [(ERROR, 1, bytes((problem,)))]
+    assert say(empty, LOAD, 1, REFUSED_LOADS[name]) == [(ERROR, 1, bytes((problem,)))]
     assert say(empty, REPORT, 2, b"\0") == [(DONE, 2, b"")]
 
 
@@ -151,7 +133,7 @@ def test_a_hello_has_no_payload(loaded):
 
 def test_a_load_during_a_recording_is_refused_and_the_recording_goes_on(desk, loaded):
     port, plain = loaded
-    words = words_of(desk.core, desk.spikes[0])
+    words = desk.words
     greeted(port)
     assert say(port, WORDS, 1, stream_words(words[:5])) == [(DONE, 1, b"")]
     assert say(port, LOAD, 2, b"\x01\0\0\0\x04abcd") == [(ERROR, 2, bytes((BUSY,)))]
@@ -163,7 +145,7 @@ def test_a_load_during_a_recording_is_refused_and_the_recording_goes_on(desk, lo
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
 def test_a_recording_that_is_cut_off_does_no_harm(desk, loaded, share):
     port, plain = loaded
-    words = words_of(desk.core, desk.spikes[0])
+    words = desk.words
     greeted(port)
     say(port, REPORT, 1, b"\1")
     say(port, WORDS, 2, stream_words(words[: int(share * len(words))]))
@@ -182,7 +164,7 @@ def test_the_host_says_that_a_recording_was_cut_off(loaded):
 def test_a_hello_waits_for_the_answer_that_is_due(desk, loaded):
     port, _ = loaded
     greeted(port)
-    port.write(framed(WORDS, 1, stream_words(words_of(desk.core, desk.spikes[0]))) + framed(HELLO, 7, b""))
+    port.write(framed(WORDS, 1, stream_words(desk.words)) + framed(HELLO, 7, b""))
     assert [(kind, number) for kind, number, _ in said(port)] == [(DONE, 1), (ANSWERED, 0), (WELCOME, 7)]
 
 
@@ -217,6 +199,17 @@ def test_words_before_a_program_are_refused(desk):
     port.drive(PRESS)
     assert say(port, WORDS, 0, WORD) == [(ERROR, 0, bytes((NO_PROGRAM,)))]
     port.close()
+
+
+def test_steps_wait_for_spikes_that_wait(desk, loaded):
+    _, plain = loaded
+    with closing(desk.port(spikes=4)) as port:
+        board = Board(port)
+        board.load(desk.core)
+        board.report(True)
+        answer = board.play(desk.core, desk.spikes[0])
+    assert (answer.lost, answer.counts, answer.winner) == (0, plain.counts, plain.winner)
+    assert len(answer.spikes) == plain.counts[3]
 
 
 def test_spikes_without_room_are_counted(desk):

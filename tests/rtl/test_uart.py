@@ -8,7 +8,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from desk import PATIENCE, Desk, said, say
+from desk import PATIENCE, Desk, rates, said, say
 
 import hw_model as hw
 from hw_model.rtl.board import Board
@@ -21,27 +21,18 @@ icarus = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Ver
 verilator = pytest.mark.skipif(shutil.which("verilator") is None, reason="Verilator is not installed")
 
 
-def heard(folder: Path, bit: int, host_bit: int) -> list[str]:
-    """Return what a receiver hears of every byte, at these lengths of a bit."""
-    files = [RTL / "uart_rx.sv", RTL / "uart_tx.sv", Path(__file__).parent / "uart_rates.sv"]
-    given = [f"-Puart_rates.BIT={bit}", f"-Puart_rates.HOST_BIT={host_bit}"]
-    binary = folder / "rates.vvp"
-    subprocess.run(["iverilog", "-g2012", "-s", "uart_rates", "-o", binary, *given, *files], check=True)
-    return subprocess.run(["vvp", "-n", binary], check=True, capture_output=True, text=True).stdout.split()
-
-
 @icarus
 @pytest.mark.parametrize(
     ("bit", "host_bit"), [(100, 100), (100, 98), (100, 102), (100, 104), (100, 96), (8, 8), (217, 213)]
 )
 def test_every_byte_passes_at_a_rate_within_the_tolerance(tmp_path, bit, host_bit):
-    assert heard(tmp_path, bit, host_bit) == [str(byte) for byte in range(256)]
+    assert rates(tmp_path, sources(), bit, host_bit) == [str(byte) for byte in range(256)]
 
 
 @icarus
 @pytest.mark.parametrize("host_bit", [80, 125])
 def test_a_wrong_rate_breaks_bytes(tmp_path, host_bit):
-    assert "broken" in heard(tmp_path, 100, host_bit)
+    assert "broken" in rates(tmp_path, sources(), 100, host_bit)
 
 
 @pytest.fixture

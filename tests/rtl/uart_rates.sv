@@ -1,5 +1,5 @@
 // Every byte from a sender of bits of HOST_BIT clocks to a receiver of bits of BIT clocks, one after the other without a
-// pause; prints what comes, and `broken` for a byte without its stop bit.
+// pause, then a pulse that is too short for a start bit; prints what comes, and `broken` for a byte without its stop bit.
 module uart_rates #(
     parameter integer BIT = 100,
     parameter integer HOST_BIT = 100
@@ -9,7 +9,8 @@ module uart_rates #(
     wire  [7:0] data;
     integer     next = 0, silent = 0;
     uart_tx #(.BIT(HOST_BIT)) sender (.clk, .reset, .valid(next < 256), .ready, .data(next[7:0]), .tx(line));
-    uart_rx #(.BIT(BIT)) receiver (.clk, .reset, .rx(line), .valid, .data, .broken);
+    uart_rx #(.BIT(BIT)) receiver (.clk, .reset, .rx(line && !pulse), .valid, .data, .broken);
+    wire        pulse = silent > 12 * HOST_BIT && silent <= 12 * HOST_BIT + BIT / 4;
     always #5 clk = !clk;
     always @(posedge clk) begin
         reset <= 0;
