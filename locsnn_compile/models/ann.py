@@ -1,7 +1,7 @@
 """The artificial networks that spiking ones are compared with: GRU-MLP and CNN-3D of Kang et al. 2022.
 
 Both take x (batch, steps, channels), floats 0 or 1, and return class scores (batch, classes) under the name
-``output``. They are trained here and counted, not compiled.
+``output``. They are trained here and counted, not compiled; weights start as torch starts them.
 """
 
 import torch
@@ -13,30 +13,11 @@ from locsnn_compile.models.description import NetworkDescription
 from locsnn_compile.models.touch_model import TouchModel
 
 
-class ArtificialNetwork(TouchModel):
-    """A network without spikes; weights start as torch starts them, from ``seed``."""
-
-    def __init__(self, description: NetworkDescription, *, seed: int) -> None:
-        super().__init__(description)
-        with torch.random.fork_rng(devices=[]):
-            torch.manual_seed(seed)
-            self.build()
-
-    def build(self) -> None:
-        """Make the layers."""
-        raise NotImplementedError
-
-    def weight(self, name: str) -> nn.Parameter:
-        """Return a parameter."""
-        return self.get_parameter(name)
-
-
-class GruMlp(ArtificialNetwork):
+class GruMlp(TouchModel):
     """``gru-mlp``: GRU(channels -> hidden), then one linear layer at the last step."""
 
-    def build(self) -> None:
-        """Make the layers."""
-        description = self.description
+    def __init__(self, description: NetworkDescription) -> None:
+        super().__init__(description)
         self.gru = nn.GRU(description.input.channels, description.hidden, batch_first=True)
         self.readout = nn.Linear(description.hidden, description.classes)
 
@@ -46,7 +27,7 @@ class GruMlp(ArtificialNetwork):
         return {"output": self.readout(self.gru(x)[0][:, -1])}
 
 
-class Cnn3d(ArtificialNetwork):
+class Cnn3d(TouchModel):
     """``cnn-3d``: two convolutions with ReLU over frames of each fingertip, then one linear layer over all of them.
 
     A frame is the grid of a sensor, or the 9 x 7 cells of which :data:`locsnn_compile.data.sensor.FRAME_OF_TAXELS`
@@ -55,17 +36,15 @@ class Cnn3d(ArtificialNetwork):
 
     cells: Tensor
 
-    def build(self) -> None:
-        """Make the layers."""
-        shapes = self.description.weight_shapes
+    def __init__(self, description: NetworkDescription) -> None:
+        super().__init__(description)
+        shapes = description.weight_shapes
         for number, (outputs, kernel, stride) in enumerate(CONVOLUTIONS, start=1):
             inputs = shapes[f"conv_{number}.weight"][1]
             self.add_module(f"conv_{number}", nn.Conv3d(inputs, outputs, kernel, stride))
             self.add_module(f"relu_{number}", nn.ReLU())
-        self.readout = nn.Linear(shapes["readout.weight"][1], self.description.classes)
-        self.register_buffer(
-            "cells", torch.from_numpy(frame_cells(self.description.input.sensor).copy()), persistent=False
-        )
+        self.readout = nn.Linear(shapes["readout.weight"][1], description.classes)
+        self.register_buffer("cells", torch.from_numpy(frame_cells(description.input.sensor).copy()), persistent=False)
 
     def forward(self, x: Tensor) -> dict[str, Tensor]:
         """Return the class scores of ``x`` (batch, steps, channels)."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from hw_model.values import AnyArray, ByteArray, IntArray
-from locsnn_compile.models.ann import ArtificialNetwork, Cnn3d, GruMlp
+from locsnn_compile.models.ann import Cnn3d, GruMlp
 from locsnn_compile.models.branch_graph import branch_graph
 from locsnn_compile.models.chip_entry import ChipNumbers
 from locsnn_compile.models.chip_layers import ChipLayer
@@ -242,7 +242,7 @@ def delayed(x: Tensor, delays: Sequence[int]) -> Tensor:
     return torch.cat([nn.functional.pad(x, (0, 0, delay, 0))[:, :steps] for delay in delays], dim=2)
 
 
-ARTIFICIAL: dict[str, type[ArtificialNetwork]] = {"gru-mlp": GruMlp, "cnn-3d": Cnn3d}
+ARTIFICIAL: dict[str, type[GruMlp | Cnn3d]] = {"gru-mlp": GruMlp, "cnn-3d": Cnn3d}
 
 
 def build_network(
@@ -258,7 +258,9 @@ def build_network(
     its integers.
     """
     if description.architecture in ARTIFICIAL:
-        return ARTIFICIAL[description.architecture](description, seed=seed)
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            return ARTIFICIAL[description.architecture](description)
     if description.structure.neurons == "windows":
         return WindowNetwork(description)
     if description.structure.window_branch:

@@ -1,6 +1,5 @@
 """What every network that learns from touch recordings has in common."""
 
-from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -27,9 +26,9 @@ class TouchModel(nn.Module):
         self.names: Sequence[str] = tuple(description.weight_shapes)
         self._kept: dict[str, Tensor] = {}
 
-    @abstractmethod
     def weight(self, name: str) -> nn.Parameter:
-        """Return the weights of a name in ``description.weight_shapes``."""
+        """Return the weights of a name in ``description.weight_shapes``; here they are parameters of that name."""
+        return self.get_parameter(name)
 
     def scores(self, activity: Mapping[str, Tensor]) -> dict[str, Tensor]:
         """Return class scores (batch, classes) of every branch, of what ``forward`` returned: here just that."""

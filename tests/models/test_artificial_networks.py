@@ -98,7 +98,7 @@ def test_every_taxel_has_the_cell_that_costs_least() -> None:
 
 def test_recordings_that_are_too_short() -> None:
     with pytest.raises(InputError) as caught:
-        Cnn3d(description("cnn-3d", steps=22), seed=0)
+        Cnn3d(description("cnn-3d", steps=22))
     assert str(caught.value) == (
         "network 'cnn-3d': the recording is too short for its two convolutions (22 steps against at least 23). "
         "Take longer recordings."
