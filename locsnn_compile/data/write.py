@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hw_model.io.build_folder import check_folder, write_build
 from hw_model.io.files import npy_bytes, pack_arrays, pack_files, replace_file
@@ -51,7 +50,11 @@ def write_recordings(
         if suffix == ".zip":
             replace_file(path, pack_files(files.items(), compressed=False), where)
         else:
-            _write_folder(path, files)
+            check_folder(path)
+            if path.is_dir() and any(path.iterdir()):
+                what, fix = "it is not empty, and recordings would mix", "Name a new folder, or a .zip."
+                raise InputError(f"folder {path.name!r}", what, fix=fix)
+            write_build(path, files)
         return _not_held(recordings, members, startend=True)
     kind = "events" if structured and suffix in (".npy", ".npz") else suffix[1:]
     replace_file(path, _content(path, recordings, kind, where), where)
@@ -84,12 +87,10 @@ def _check_label(path: Path, recordings: Recordings, where: str) -> None:
     label = label_in_name(path.name) if len(recordings) == 1 else None
     wanted = None if recordings.labels is None else recordings.labels.tolist()
     if wanted != (None if label is None else [label]):
-        raise InputError(
-            where,
-            "labels are not held by it, and its name does not say these",
-            measured="none" if wanted is None else f"{len(wanted)} of them" if len(wanted) > 1 else f"{wanted[0]}",
-            fix="Write .npz, .pt, a folder or .zip, or one recording with _label_<k> in its name.",
-        )
+        what = "labels are not held by it, and its name does not say these"
+        measured = "none" if wanted is None else f"{len(wanted)} of them" if len(wanted) > 1 else f"{wanted[0]}"
+        fix = "Write .npz, .pt, a folder or .zip, or one recording with _label_<k> in its name."
+        raise InputError(where, what, measured=measured, fix=fix)
 
 
 def _entries(recordings: Recordings, kind: str, where: str) -> dict[str, AnyArray]:
@@ -97,7 +98,7 @@ def _entries(recordings: Recordings, kind: str, where: str) -> dict[str, AnyArra
     entries: dict[str, AnyArray] = {}
     seconds = recordings.step_seconds
     if kind == "events":
-        entries["events"], seconds = _structured(recordings, 0, where), _width(recordings)
+        entries["events"], seconds = structured_events(*_timed(recordings, 0, where)), _width(recordings)
     else:
         entries["spikes"] = _channel_major(recordings.spikes)
     if recordings.labels is not None:
@@ -122,10 +123,6 @@ def _width(recordings: Recordings) -> float:
     return STEP_SECONDS if recordings.step_seconds is None else recordings.step_seconds
 
 
-def _structured(recordings: Recordings, index: int, where: str) -> NDArray[np.void]:
-    return structured_events(*_timed(recordings, index, where))
-
-
 def _timed(recordings: Recordings, index: int, where: str) -> tuple[IntArray, IntArray, IntArray]:
     width = _width(recordings)
     if width < MIN_EVENT_STEP_SECONDS:
@@ -141,7 +138,7 @@ def _one_file(recordings: Recordings, index: int, kind: str, stem: str, where: s
     if kind == "npy":
         return {f"{stem}.npy": npy_bytes(_channel_major(spikes))}
     if kind == "events":
-        return {f"{stem}.npy": npy_bytes(_structured(recordings, index, where))}
+        return {f"{stem}.npy": npy_bytes(structured_events(*_timed(recordings, index, where)))}
     if kind == "tact":
         return _tact_files(recordings, index, stem, where)
     times, cell, polarity = _timed(recordings, index, where)
@@ -167,15 +164,6 @@ def _member_files(recordings: Recordings, kind: str, where: str) -> dict[str, by
         label = "" if recordings.labels is None else f"_label_{recordings.labels[index]}"
         files |= _one_file(recordings, index, kind, f"sample_{index:0{digits}}{label}", where)
     return files
-
-
-def _write_folder(path: Path, files: dict[str, bytes]) -> None:
-    check_folder(path)
-    if path.is_dir() and any(path.iterdir()):
-        raise InputError(
-            f"folder {path.name!r}", "it is not empty, and recordings would mix", fix="Name a new folder, or a .zip."
-        )
-    write_build(path, files)
 
 
 def _not_held(recordings: Recordings, kind: str, *, width_held: bool = False, startend: bool = False) -> NotHeld:
