@@ -148,7 +148,9 @@ def compile(
     chip = target if isinstance(target, hw.Chip) else hw.chip(target)
     chip = chip if profile is None else hw.priced_by(chip, profile)
     weight_bits = weight_bits_of(chip, weight_bits)
-    _check_share(split_weights)
+    if split_weights is not None and not 0 <= split_weights <= 1:
+        what, measured = "it is not a share of the weights", f"{split_weights:g} against 0..1"
+        raise InputError("split_weights", what, measured=measured, fix="Give 0 to 1.")
     if isinstance(network, Sequence):
         network = join([load(one) if isinstance(one, Checkpoint) else one for one in network], weights, calibration)
     elif weights is not None:
@@ -300,14 +302,6 @@ def _calibration(network: Network, recordings: Recordings, calibration: Events |
     if calibration is not None or network.recordings is not None or network.sensor is not None:
         return recordings_for(network, calibration)
     return recordings
-
-
-def _check_share(share: float | None) -> None:
-    """Refuse a share of split weights that is none."""
-    if share is not None and not 0 <= share <= 1:
-        raise InputError(
-            "split_weights", "it is not a share of the weights", measured=f"{share:g} against 0..1", fix="Give 0 to 1."
-        )
 
 
 def _compare(levels: Levels, recordings: Recordings, progress: Progress | None, spread: Spread = here) -> Match:

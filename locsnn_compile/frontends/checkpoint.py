@@ -103,7 +103,9 @@ def _add_branches(parts: Parts, checkpoint: Checkpoint) -> None:
     for axis in VIEW_NAMES:
         if axis not in description.branches or axis == description.structure.window_branch:
             continue
-        view = _view(axis, checkpoint)
+        layout = description.input
+        lines, walk = (layout.channels, None) if axis == "time" else (layout.steps, description.walk)
+        view = InputView(VIEW_NAMES[axis], axis, lines, walk, align_events=description.align_events)
         parts.views.append(view)
         for source, target in pairwise((view.name, *description.populations(axis))):
             population, onto = _layer(checkpoint, axis, source, target)
@@ -151,11 +153,3 @@ def _neuron(checkpoint: Checkpoint, axis: Axis, size: int) -> SrmAlpha | Cuba:
         return Cuba.of(size, decay_v=1.0 - n.decay, threshold=n.threshold)
     n = checkpoint.description.srm(axis)
     return SrmAlpha(theta=n.theta, tau_sr=n.tau_sr, tau_ref=n.tau_ref, scale_ref=n.scale_ref)
-
-
-def _view(axis: Axis, checkpoint: Checkpoint) -> InputView:
-    description = checkpoint.description
-    lines, walk = description.input.channels, None
-    if axis == "location":
-        lines, walk = description.input.steps, description.walk
-    return InputView(VIEW_NAMES[axis], axis, lines, walk, align_events=description.align_events)

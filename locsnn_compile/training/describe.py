@@ -24,12 +24,10 @@ def describe(recordings: Recordings, config: TrainingConfig, classes: int, name:
     sensor.check_channels(channels, f"recordings {recordings.source!r}")
     steps, fix = recordings.spikes.shape[1], "Cut them with --steps, or take wider bins."
     check_most(steps, MAX_STEPS, f"recordings {recordings.source!r}", "they are too long", unit="steps", fix=fix)
-    order: str | None = None
-    taxels: tuple[int, ...] | None = None
     structure = ARCHITECTURES[config.model]
     neuron, location_neuron = _neuron(config), _neuron(config, location=True)
-    if "location" in structure.branches:
-        order, taxels = location_order(order_text(config.order), sensor)
+    located = "location" in structure.branches
+    order, taxels = location_order(order_text(config.order), sensor) if located else (None, None)
     return NetworkDescription(
         architecture=config.model,
         input=InputLayout(
@@ -41,7 +39,7 @@ def describe(recordings: Recordings, config: TrainingConfig, classes: int, name:
         classes=classes,
         hidden=config.hidden,
         neuron=neuron,
-        location_neuron=location_neuron if "location" in structure.branches and location_neuron != neuron else None,
+        location_neuron=location_neuron if located and location_neuron != neuron else None,
         location_order=order,
         location_taxels=taxels,
         name=name,

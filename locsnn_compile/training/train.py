@@ -8,7 +8,7 @@ import csv
 import io
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import astuple, replace
 from itertools import chain
 from pathlib import Path
 
@@ -78,7 +78,9 @@ def train(
     if labels is None:
         fix = "Give labelled recordings."
         raise InputError(f"recordings {recordings.source!r}", "they have no labels to train on", fix=fix)
-    _check_device(config.device)
+    if config.device == "cuda" and not torch.cuda.is_available():
+        fix = "Take cpu, or install torch with CUDA on a machine that has one."
+        raise InputError("training option 'device'", "torch sees no CUDA device here", fix=fix)
     classes = max(classes or 0, int(labels.max()) + 1, len(recordings.class_names or ()))
     if start is None:
         description = describe(recordings, config, classes, name)
@@ -119,12 +121,6 @@ def train(
         remarks = (*data_remarks(recordings, classes, config), *result_remarks(network, recordings))
     chosen = [row for row in state.history if row.phase == "select" and row.epoch == state.chosen_epoch]
     return TrainingResult(network, state.chosen_epoch, chosen[0].validation_accuracy, tuple(state.history), remarks)
-
-
-def _check_device(name: str) -> None:
-    if name == "cuda" and not torch.cuda.is_available():
-        fix = "Take cpu, or install torch with CUDA on a machine that has one."
-        raise InputError("training option 'device'", "torch sees no CUDA device here", fix=fix)
 
 
 class _Run(Frozen, eq=False):
@@ -238,7 +234,6 @@ def _write_log(path: Path, history: list[EpochRecord]) -> None:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["phase", "epoch", "learning_rate", "loss", "validation_loss", "validation_accuracy"])
-    for row in history:
-        figures = (row.learning_rate, row.loss, row.validation_loss, row.validation_accuracy)
-        writer.writerow([row.phase, row.epoch, *("" if value is None else f"{value:.6g}" for value in figures)])
+    for phase, epoch, *figures in map(astuple, history):
+        writer.writerow([phase, epoch, *("" if value is None else f"{value:.6g}" for value in figures)])
     replace_file(path, text.getvalue().encode(), f"training log {path.name!r}")

@@ -100,8 +100,10 @@ def load_slayer(path: Path, config: Path, kernels: str | None = None) -> Network
     layers = _layers(tensors, description, where)
     chains = {axis: [layer for layer in layers if layer.axis == axis] for axis in VIEW_NAMES}
     chains = {axis: chain for axis, chain in chains.items() if chain}
-    for chain in chains.values():
-        _check_chain(chain, where)
+    for before, after in (pair for chain in chains.values() for pair in pairwise(chain)):
+        what, fix = f"it does not follow {before.name!r}", "Save the layers of one chain in their order."
+        place, inputs = f"{where}, layer {after.name!r}", after.weights.shape[1]
+        check_same(inputs, before.size, place, what, unit="inputs", fix=fix)
     steps = chains["location"][0].weights.shape[1] if "location" in chains else description.steps or STEPS
     channels = chains["time"][0].weights.shape[1] if "time" in chains else None
     parts = Parts()
@@ -172,13 +174,6 @@ def _stated(
     neuron = ChipCuba.of(size, decay_u=n.decay_u, decay_v=n.decay_v, threshold=n.threshold, refractory=n.refractory)
     projection = ChipProjection(source, layer.name, matrix(mantissa, np.int64), n.weight_exponent, 8, signs, late)
     return Population(layer.name, axis, size, neuron), projection
-
-
-def _check_chain(chain: list[_Layer], where: str) -> None:
-    for before, after in pairwise(chain):
-        what, fix = f"it does not follow {before.name!r}", "Save the layers of one chain in their order."
-        place, inputs = f"{where}, layer {after.name!r}", after.weights.shape[1]
-        check_same(inputs, before.size, place, what, unit="inputs", fix=fix)
 
 
 def _tensors(held: object, where: str) -> dict[str, Any]:
