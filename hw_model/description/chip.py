@@ -130,7 +130,8 @@ class Sizes(Frozen):
 class Chip(Shown, eq=True):
     """A chip and its board, as `hw_model/chips/*.yaml` describes it.
 
-    ``open_core``: it is this project's core, in these sizes. Cycles of its clock are exact, and nothing else is priced.
+    ``open_core``: it is this project's core, in these sizes. Cycles of its clock are exact; a device
+    has no energy profile, a core in the cells of a process may have one.
     """
 
     name: str
@@ -165,12 +166,12 @@ class Chip(Shown, eq=True):
 
     @property
     def default_profile(self) -> str | None:
-        """Name of the energy profile that reports show first: the first of the chip file; None of an open core."""
+        """Name of the energy profile that reports show first: the first of the chip file; None where it has none."""
         return next(iter(self.profiles), None)
 
     @property
     def costs(self) -> Profile:
-        """The default profile; of an open core one that prices nothing."""
+        """The default profile; where there is none, one that prices nothing."""
         return next(iter(self.profiles.values()), UNPRICED)
 
     def profile(self, name: str) -> Profile:
@@ -213,9 +214,9 @@ def check_chip(chip: Chip, where: str) -> None:
         )
     check_most(chip.cores, MAX_CORES, f"{where}: chips", "the board is too large", unit="cores", fix="Correct it.")
     core, slots = chip.open_core, chip.registers.slots
-    if (core is None) == (not chip.profiles):
-        what = "no open core has energy profiles, and every other chip has some"
-        raise InputError(f"{where}: profiles", what, fix="Leave them out." if core else "Give at least one.")
+    if core is None and not chip.profiles:
+        what = "only an open core may have no energy profile"
+        raise InputError(f"{where}: profiles", what, fix="Give at least one.")
     if core and (core.slots < slots or (core.slots & core.slots - 1) or (core.compartments & core.compartments - 1)):
         what = "slots and compartments are powers of two, and slots at least delay_max and 2"
         measured = f"{core.slots} slots against {slots}, {core.compartments} compartments"
@@ -238,7 +239,7 @@ def priced_by(chip: Chip, name_or_path: str | Path) -> Chip:
     The file holds what a profile of a chip file does; its name is the file's, without the ending.
     """
     text = str(name_or_path)
-    if chip.open_core:
+    if chip.open_core and not chip.profiles:
         fix = "Leave the profile out."
         raise InputError(f"profile {text!r}", f"{chip.name} has cycles and counts, and no prices", fix=fix)
     if not text.endswith(_YAML):

@@ -70,7 +70,8 @@ def latencies(program: ChipProgram, spikes: Spikes, found: Mapping[str, ByteArra
 def activity(core: CoreProgram, counts: Counts, recordings: int) -> dict[str, dict[str, float]]:
     """Return the memory accesses that the counts of some recordings stand for, by kind, and the multiplications.
 
-    They are means of a recording. Reads whose word nobody uses, and the cleaning between recordings, are not in it.
+    They are means of a recording. The cleaning between recordings is not in it. Charges that are 0 when they are taken
+    and compartments at rest are not written back: writes are the most that there can be.
     """
     updates, lists = counts.neuron_updates, counts.input_events + counts.transpose_events + counts.spikes
     scanned = recordings * len(core.tables["visits"]["step"]) * core.row_words

@@ -27,7 +27,8 @@ def run(args: argparse.Namespace) -> int:
         print(f"{name}: {chip.description}")
         if core := chip.open_core:
             held = f"{core.compartments} compartments, {core.axons} sources of spikes, {core.synapses} synapses"
-            print(f"  the program as a whole: {held}, {core.slots} slots; cycles are exact, energy is not known")
+            priced = f"energy profiles: {', '.join(chip.profiles)}" if chip.profiles else "energy is not known"
+            print(f"  the program as a whole: {held}, {core.slots} slots; cycles are exact, {priced}")
             continue
         print(
             f"  {chip.chips} chip of {limits.cores_per_chip} cores; a core holds {limits.compartments_per_core} "

@@ -21,9 +21,11 @@ LONGEST_NAME = 120
 def compose(document: Document, excerpt: "Excerpt | None" = None) -> Report:
     """Return the whole report as content without form; ``excerpt`` is what there is to see of a recording."""
     priced = document["energy"]["profile"]
-    its_costs = (cost.energy_section(document), cost.latency_section(document), cores(document)) if priced else ()
+    on_mesh = "activity" not in document
     sections = (
-        *(its_costs or (activity_section(document), cycles_section(document))),
+        cost.energy_section(document) if priced else None,
+        *((cost.latency_section(document), cores(document)) if on_mesh else ()),
+        *(() if on_mesh else (activity_section(document), cycles_section(document))),
         behaviour.agreement(document),
         spikes(document, excerpt),
         potential(document, excerpt),

@@ -88,7 +88,7 @@ def over_time(levels: Levels, recordings: ByteArray, labels: IntArray | None, ps
 def savings(program: hw.ChipProgram, stops: hw.Stops) -> dict[str, Any]:
     """Return means of a recording until it stops, and of a whole one; energy and latency by the default profile.
 
-    Both are None for an open core.
+    Of an open core latency is None, and energy where it has no profile.
     """
     profile = program.chip.costs
     batch = len(stops.steps)
@@ -103,7 +103,8 @@ def savings(program: hw.ChipProgram, stops: hw.Stops) -> dict[str, Any]:
         "all_latency_ns": stops.all_latency_ns / batch,
         "profile": program.chip.default_profile,
     }
-    return found | dict.fromkeys(UNPRICED_COSTS) if program.chip.open_core else found
+    unknown = () if not program.chip.open_core else UNPRICED_COSTS[2:] if program.chip.profiles else UNPRICED_COSTS
+    return found | dict.fromkeys(unknown)
 
 
 def stop_all(

@@ -113,8 +113,13 @@ def expression(function: str, names: Mapping[str, str]) -> str:
     return re.sub(r"[A-Za-z_]\w*", lambda found: names[found.group()], text)
 
 
-def source(found: Circuit, cells: Mapping[str, Cell], macros: Mapping[str, Macro]) -> str:
-    """Return the simulator in C++."""
+def states_of(core: str) -> dict[str, int]:
+    """Return the numbers of the sequencer's states, from the text of ``locsnn_core.sv``."""
+    return {name: int(re.findall(rf"\b{name} = (\d)", core)[0]) for name in ("ROW", "UPDATE", "SPIKES")}
+
+
+def source(found: Circuit, cells: Mapping[str, Cell], macros: Mapping[str, Macro], states: Mapping[str, int]) -> str:
+    """Return the simulator in C++; ``states``: those of the sequencer."""
     statements = []
     for instance in found.order:
         cell = cells[instance.type]
@@ -167,7 +172,7 @@ def source(found: Circuit, cells: Mapping[str, Cell], macros: Mapping[str, Macro
         table.append(macro.words * (1 if macro.ports == 1 else LANES))
     constants = {
         "NETS": found.nets, "FLOPS": len(found.flops), "PORTS": len(ports), "MEMORIES": len(found.memories),
-        "LANES": LANES,
+        "LANES": LANES, **states,
     }  # fmt: skip
     head = "".join(f"#define {name} {value}\n" for name, value in constants.items())
     head += _HEAD
@@ -353,7 +358,8 @@ int main(int argc, char** argv) {
         }
         logic();
         word s0 = v[n_state[0]], s1 = v[n_state[1]], s2 = v[n_state[2]];
-        word update = s0 & s1 & ~s2, deliver = (~s0 & s1 & ~s2) | (~s0 & ~s1 & s2);
+#define IS(k) (((k) & 1 ? s0 : ~s0) & ((k) & 2 ? s1 : ~s1) & ((k) & 4 ? s2 : ~s2))
+        word update = IS(UPDATE), deliver = IS(ROW) | IS(SPIKES);
         word live = playing ? ~finished : 0;
         word cls[3] = {deliver & live, update & live, ~deliver & ~update & live};
         ticking();

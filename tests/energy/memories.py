@@ -1,6 +1,6 @@
 """Memories of the core as macros: what each may be made of, what that costs, and its SystemVerilog."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from liberty import Macro
@@ -59,11 +59,11 @@ class Choice:
         return f"{self.banks} x ({row})" + (f", {self.pack} words a row" if self.pack > 1 else "")
 
 
-def shapes(sizes: Mapping[str, int]) -> list[Shape]:
-    """Return the memories of ``locsnn_core`` for its parameters."""
+def shapes(sizes: Mapping[str, int], names: Collection[str]) -> list[Shape]:
+    """Return the memories of ``locsnn_core`` for its parameters, those that have ``names``."""
     log = {name: (value - 1).bit_length() for name, value in sizes.items()}
     number, entry = log["compartments"], log["entries"]
-    return [
+    known = [
         Shape("axons", sizes["axons"], 2 * log["synapses"], 1),
         Shape("synapses", sizes["synapses"], number + log["slots"] + 12, 1),
         Shape("charges", sizes["slots"] * sizes["compartments"], sizes["charge"], 2),
@@ -75,7 +75,12 @@ def shapes(sizes: Mapping[str, int]) -> list[Shape]:
         Shape("tallies", sizes["entries"], 24, 2),
         Shape("bitmap", sizes["bitmap"], 32, 2),
         Shape("visit_list", sizes["visits"], 24 + log["bitmap"] + log["axons"], 1),
+        Shape("phases", 512, 24, 1),
+        Shape("weights", 64, 33, 1),
     ]
+    missing = set(names) - {shape.name for shape in known}
+    assert not missing, f"memories of no known shape: {missing}"
+    return [shape for shape in known if shape.name in names]
 
 
 def choices(shape: Shape, macros: Sequence[Macro], used: int | None = None) -> Iterator[Choice]:

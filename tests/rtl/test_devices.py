@@ -25,7 +25,7 @@ from locsnn_compile.verification.error_bounds import Losses
 
 MODELS = Path(__file__).parents[2] / "examples/models"
 NEEDS_ICARUS = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
-DEVICES = ("ecp5-25f", "ecp5-85f", "ice40up5k")
+DEVICES = ("ecp5-25f", "ecp5-85f", "ice40up5k", "locsnn-130nm")
 
 
 def device(sizes: Sizes, name: str = "ecp5-25f") -> hw.Chip:
@@ -75,6 +75,8 @@ FITS = [
     ("objects-hybrid", "paired-dendrite", "ecp5-85f"),
     ("containers-hybrid", "paired-dendrite", "ecp5-85f"),
     ("containers-hybrid", "delay-line", "ecp5-85f"),
+    ("objects-hybrid-loihi", "dendrite", "locsnn-130nm"),
+    ("containers-hybrid-loihi", "dendrite", "locsnn-130nm"),
 ]
 
 
@@ -147,7 +149,11 @@ def test_activity_is_what_the_core_does(small, tmp_path, monkeypatch):
     wanted = activity(core, found.counts, len(spikes))
     names = ("charges", "states", "transpose_buffer", "synapses", "axons")
     assert [wanted["memory_reads"][name] for name in names] == counted[:5]
-    assert [wanted["memory_writes"][name] for name in ("charges", "states", "transpose_buffer", "queue")] == counted[5:]
+    writes = [wanted["memory_writes"][name] for name in ("charges", "states", "transpose_buffer", "queue")]
+    assert writes[2:] == counted[7:]
+    # What stays as it was is not written.
+    assert found.counts.synaptic_ops / len(spikes) < counted[5] <= writes[0]
+    assert 0 < counted[6] <= writes[1]
     assert wanted["multiplications"] == {"of_24_and_13_bits": 2 * found.counts.neuron_updates}
 
 
@@ -178,6 +184,27 @@ def test_a_report_has_cycles_and_no_energy(build):
         said = (folder / "out" / name).read_text()
         assert "Cycles exact, energy not known" in said
         assert not [word for word in (" pJ", " nJ", " µJ", "profile None") if word in said]
+
+
+def test_a_core_in_cells_has_an_energy(build, tmp_path):
+    folder, _ = build
+    model = [str(MODELS / "objects-hybrid-loihi.pt"), "--events", str(folder / "few.npy"), "--quiet"]
+    assert compile_main([*model, "--target", "locsnn-130nm", "--max-energy-nj", "1e6", "-o", str(tmp_path)]) == 0
+    report = json.loads((tmp_path / "report.json").read_text())
+    prices = hw.chip("locsnn-130nm").profile("ihp-sg13g2").energy_pj
+    counts = hw.simulate(hw.load_program(tmp_path), np.load(folder / "few.npy").transpose(0, 2, 1), probe=()).counts
+    wanted = sum(pj * counts[name] for name, pj in prices.items()) / 2
+    assert report["energy"]["profile"] == "ihp-sg13g2"
+    assert report["energy"]["per_sample_pj"] == pytest.approx(wanted, rel=1e-12)
+    assert report["latency"]["basis"] == "cycle-exact model of the RTL core at the analysed clock"
+    said = (tmp_path / "report.md").read_text()
+    assert [said.count(f"## {title}\n") for title in ("Energy", "Activity", "Latency", "Use of the cores")] == [
+        1,
+        1,
+        1,
+        0,
+    ]
+    assert "There are no joules" not in said
 
 
 def test_an_energy_gate_fails_as_not_known(build, capsys, tmp_path):

@@ -15,6 +15,7 @@ from hw_model.accounting.cost import PARTS
 from hw_model.accounting.mesh_routes import routes_of
 from hw_model.accounting.usage import PhaseUsage
 from hw_model.description.counts import BY_CORE, Counts, total
+from hw_model.description.profile import UNPRICED
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.program.pieces import pieces_of
 from hw_model.values import FloatArray
@@ -30,7 +31,7 @@ _PLACED = frozenset((*BY_CORE, "neuron_updates_inactive", "hops"))
 def energy_entry(program: ChipProgram, match: Match, network: Network, step_seconds: float | None) -> Document:
     """Return energy by the default profile of the chip; all figures are means per recording, except for the spread.
 
-    All of it is None for an open core.
+    All of it is None for a chip without a profile.
     """
     name, profile = program.chip.default_profile, program.chip.costs
     counts, samples = total(match.counts), match.samples
@@ -192,7 +193,7 @@ def latency_entry(program: ChipProgram, match: Match, steps: int, step_seconds: 
     after = [one.after_last_row_ns for one in match.latencies]
     entry = {
         "profile": chip.default_profile,
-        "basis": chip.costs.basis,
+        "basis": _basis(chip),
         "per_sample_ns": mean_ns,
         "per_sample_cycles": round(mean_ns * chip.clock_ghz),
         "clock_ghz": chip.clock_ghz,
@@ -214,6 +215,13 @@ def latency_entry(program: ChipProgram, match: Match, steps: int, step_seconds: 
         "real_time": None if step_ns is None else _real_time(match, steps, step_ns, mean_ns, float(each.max())),
     }
     return entry | dict.fromkeys(_IN_THE_MESH) if chip.open_core else entry
+
+
+def _basis(chip: hw.Chip) -> str:
+    """Say where times are from: an open core has exact cycles, of a clock as placed or, in cells, as analysed."""
+    if not chip.open_core:
+        return chip.costs.basis
+    return "cycle-exact model of the RTL core at the analysed clock" if chip.profiles else UNPRICED.basis
 
 
 def _cores_ns(used: PhaseUsage, samples: int) -> Iterator[Document]:

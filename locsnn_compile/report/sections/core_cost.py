@@ -38,7 +38,9 @@ def activity_section(document: Document) -> Section:
         ("of", lambda row: words(row[1])),
         ("number", lambda row: count(row[2])),
     )
-    return section("energy", its, called="activity")
+    if document["energy"]["profile"]:
+        return section("activity", its)
+    return section("energy", its, called="activity without energy")
 
 
 def cycles_section(document: Document) -> Section:

@@ -10,7 +10,8 @@ from locsnn_compile.report.words import sentence, words
 def over_time(document: Document) -> Section:
     """Show which predictions are right after how much of a recording, and what a proven stop saves."""
     priced = document["energy"]["profile"]
-    costs = (*ENERGY.course(document), *TIME.course(document)) if priced else ()
+    timed = "activity" not in document
+    costs = (*(ENERGY.course(document) if priced else ()), *(TIME.course(document) if timed else ()))
     if "over_time" not in document:
         return section("over-time", *costs, called="over-time of costs")
     entry = document["over_time"]

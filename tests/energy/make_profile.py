@@ -1,0 +1,150 @@
+"""Make the energy profile of `locsnn-130nm` from the libraries and gate-level activity, and check it on other recordings.
+
+make profile          # writes hw_model/chips/locsnn-130nm.yaml and docs/energy-130nm-check.csv
+"""
+
+import argparse
+import csv
+import sys
+from pathlib import Path
+
+import numpy as np
+import pricing
+import runs
+
+CHIP = runs.ROOT / "hw_model/chips/locsnn-130nm.yaml"
+CHECK = runs.ROOT / "docs/energy-130nm-check.csv"
+SETS = {"Objects": "objects-hybrid-loihi", "Containers": "containers-hybrid-loihi"}
+MADE_FROM, CHECKED_ON = 8, 20
+SUPPLY = "1.2 V, 25 C, typical"
+
+
+def build(folder: Path) -> runs.Built:
+    """Return the core in the cells and macros of a folder."""
+    files = runs.Library(folder)
+    return runs.Built(files, runs.plan(files), gated=True)
+
+
+def main() -> None:
+    """Write the chip file and the check."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--liberty", type=Path, default=runs.LIBRARY, help="folder with the liberty files")
+    folder = parser.parse_args().liberty
+    if not (folder / runs.CELLS).is_file():
+        sys.exit(f"{folder.name}: no liberty files here. Give their folder with --liberty.")
+    built = build(folder)
+    programs = {name: runs.compiled(model) for name, model in SETS.items()}
+    made = pricing.make(built, {n: (p, runs.real(n, "train", MADE_FROM)) for n, p in programs.items()})
+    ends = {wires: pricing.price(made, wires) for wires in ("none", "modelled")}
+    CHIP.write_text(chip_file(built, ends["none"], ends["modelled"]))
+    rows = []
+    for name, program in programs.items():
+        found = pricing.compare(built, ends["modelled"], program, runs.real(name, "test", CHECKED_ON), "modelled")
+        rows += [(name, i, f"{a:.0f}", f"{b:.0f}", f"{a / b - 1:.4f}") for i, (a, b) in enumerate(found)]
+        print(f"{name}: the profile is {np.abs(found[:, 0] / found[:, 1] - 1).max():.1%} off at most")
+    with CHECK.open("w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(("set", "recording", "profile, pJ", "gate level, pJ", "difference"))
+        writer.writerows(rows)
+
+
+def chip_file(built: runs.Built, least: pricing.Priced, most: pricing.Priced) -> str:
+    """Return the chip file, with the profile in it."""
+    cells, macros = built.leakage_nw
+    plan = "".join(f"#   {c.shape.name:<11}{c.text}\n" for c in built.chosen)
+    used = sorted({m for c in built.chosen for m in c.macros}, key=lambda m: m.name)
+    lines = "".join(
+        f"#   {m.file}: read {m.read_pj} (line {m.lines['read']}), write {m.write_pj} (line {m.lines['write']})\n"
+        for m in used
+    )
+    constants = "".join(f"      {name}: {pj:.2f}\n" for name, pj in most.pj.items())
+    ranges = "".join(f"      {name}: [{least.pj[name]:.2f}, {pj:.2f}]\n" for name, pj in most.pj.items())
+    sources = "".join(f"      {name}: {text}\n" for name, text in SOURCES.items())
+    held = {c.shape.name: c.banks * c.rows * c.pack for c in built.chosen}
+    core = "".join(f"  {name}: {min(value, held.get(name, value))}\n" for name, value in runs.SIZES.items())
+    wires = built.wires
+    return TEXT.format(
+        plan=plan, macros=lines, core=core, constants=constants, ranges=ranges, sources=sources,
+        area=(built.cell_area + built.macro_area) / 1e6, cell_area=built.cell_area / 1e6,
+        leakage=(cells + macros) / 1e6, wires=f"{wires.name} ({runs.CELLS}, line {wires.line})",
+        period=built.times["none"].worst, slow=built.times["modelled"].worst, fixed=most.fixed,
+    )  # fmt: skip
+
+
+SOURCES = {
+    "synaptic_ops": "macros synapses (a row in four words) and charges (read, write); gates and clocks in cycles of delivery",
+    "neuron_updates": "macros states, leaks, fires, charges, sums (reads); gates and clocks in cycles of updates",
+    "neuron_updates_active": "macros states and charges (writes)",
+    "spikes": "macros axons, synapses (the rest of a row) and places",
+    "input_events": "macros axons, synapses (the rest of a row) and bitmap",
+    "transpose_events": "macros axons and synapses (the rest of a row)",
+}
+TEXT = """\
+# The open core of this project in the cells and memory macros of IHP SG13G2, an open 130 nm process. Nothing was made of it:
+# there is no layout, and figures are of synthesis and gate-level simulation (docs/energy-130nm.md). `make profile` writes
+# this file from the liberty files of the process, revision 5cccb16 of 2026-03-11, which are not part of this project.
+#
+# {area:.2f} mm2 of cells ({cell_area:.2f}) and macros, without wires, pads and gaps. The longest path takes {period:.1f} ns without wires,
+# {slow:.1f} ns with the wire load model {wires}. Memories:
+{plan}#
+# Picojoules of an access on the clock pin, by file of sram/ and line of its `internal_power`:
+{macros}name: locsnn-130nm
+description: the open core in standard cells and memory macros of a 130 nm process
+chips: 1
+clock_ghz: 0.1                 # by a static analysis without wires
+
+registers:                     # those of loihi-sim, except for the delays
+  charge_bits: 21
+  current_bits: 23
+  voltage_bits: 23
+  threshold_mantissa_bits: 17
+  bias_mantissa_bits: 12
+  bias_exponent_max: 7
+  refractory_max: 63
+  delay_max: 0                 # slots less two: what dendrites need
+
+open_core:                     # parameters of locsnn_core.sv
+{core}
+# One core hosts all cores of a program, phase after phase. The program as a whole has to fit the open core, so none of
+# these limits is the first to be met.
+mesh:
+  columns: 1
+  rows: 1
+  cores_per_tile: 16
+
+limits:
+  cores_per_chip: 16
+  compartments_per_core: 512
+  input_axons_per_core: 1024
+  output_axons_per_core: 8192
+  synapse_words_per_core: 16384
+  synapse_formats_per_core: 16
+  compartment_profiles_per_core: 512
+  threshold_profiles_per_core: 512
+
+synapse_memory:                # a synapse is a word
+  word_bits: 22
+  run_length: 1
+  run_header_bits: 0
+
+profiles:
+  ihp-sg13g2:
+    source: "liberty files of IHP SG13G2 at {supply}; gate-level activity of the open core on recordings of touch"
+    voltage_v: 1.2
+    basis: "gate level without delays; upper end with modelled wires and a clock tree, lower end without; no layout"
+    energy_pj:
+{constants}    energy_pj_range:
+{ranges}    sources:
+{sources}    time_ns: {{}}
+    barrier_ns: {{one_tile: 0.0, all_tiles: 0.0}}
+    static_power:
+      chip_mw: {leakage:.5f}
+      source: "cell_leakage_power of cells and macros in the liberty files"
+    not_included:
+      - "cleaning of the memories and the readout, {fixed:.0f} pJ per recording"
+      - transitions of gates before they settle (glitches)
+      - pads, input and output, supply and clock generation
+""".replace("{supply}", SUPPLY)
+
+if __name__ == "__main__":
+    main()
