@@ -9,7 +9,7 @@ from hw_model.engine.playing import Spikes, read_streams
 from hw_model.engine.probes import Kind
 from hw_model.program.chip_program import ChipProgram
 from hw_model.rtl.cosimulation import ANSWER, PATIENCE, play_on_core
-from hw_model.rtl.cycles import core_cycles
+from hw_model.rtl.cycles import predicted_cycles
 from hw_model.rtl.images import SIMULATED, CoreProgram, Sizes
 from hw_model.rtl.simulators import Simulator
 from hw_model.simulation import simulate
@@ -37,8 +37,7 @@ def compare(
         pairs += [(expected.scores, found.scores), (expected.prediction, of_core["class"])]
     recordings = np.concatenate(list(read_streams(program, spikes)[0].values()), axis=2)
     core = CoreProgram(program, recordings.shape[1], None)
-    by_recording = [{name: its[i] for name, its in expected.spikes.items()} for i in range(len(recordings))]
-    predicted = [core_cycles(core, *one) for one in zip(recordings, by_recording, strict=True)]
+    predicted = predicted_cycles(core, recordings, expected.spikes)
     cycles = of_core["cycles"].tolist()
     return {
         "recordings": len(recordings),

@@ -37,6 +37,11 @@ def core_cycles(core: CoreProgram, recording: ByteArray, spikes: Mapping[str, By
     return clock.consumed + _readout(core) + 2
 
 
+def predicted_cycles(core: CoreProgram, recordings: ByteArray, spikes: Mapping[str, ByteArray]) -> list[int]:
+    """Return the cycles of each recording of a batch; see :func:`core_cycles`."""
+    return [core_cycles(core, one, {name: its[i] for name, its in spikes.items()}) for i, one in enumerate(recordings)]
+
+
 class _Clock:
     """Cycles so far: when the last word was ``prepared`` and ``consumed``, and when words are taken again (``row``).
 

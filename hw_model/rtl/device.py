@@ -12,20 +12,9 @@ from hw_model.description.counts import Counts
 from hw_model.engine.playing import Spikes, read_streams
 from hw_model.errors import TargetError
 from hw_model.program.chip_program import ChipProgram
-from hw_model.rtl.cycles import core_cycles
+from hw_model.rtl.cycles import predicted_cycles
 from hw_model.rtl.images import CoreProgram, Sizes
 from hw_model.values import ByteArray
-
-WORDS = {
-    "axons": "sources of spikes",
-    "charge": "bits of charge",
-    "join": "bits of joined voltages",
-    "bitmap": "words of the transpose buffer",
-    "visits": "visits of channels",
-    "entries": "compartments that are read out",
-}
-"""Parameters of the core whose names do not say what they hold."""
-
 
 _as_core = lru_cache(maxsize=4)(CoreProgram)
 
@@ -41,7 +30,7 @@ def on_core(program: ChipProgram, rows: int, device: Chip) -> CoreProgram:
         if need > limit:
             raise TargetError(
                 f"program {program.name!r}",
-                f"the open core of {device.name} has too few {WORDS.get(name, name)}",
+                f"the open core of {device.name} is too small in {name!r}",
                 measured=f"{need} against {limit}",
                 fix=_way_out(core.needs),
             )
@@ -60,11 +49,8 @@ def latencies(program: ChipProgram, spikes: Spikes, found: Mapping[str, ByteArra
     """
     recordings = np.concatenate(list(read_streams(program, spikes)[0].values()), axis=2)
     core = on_core(program, recordings.shape[1], program.chip)
-    made = []
-    for i, recording in enumerate(recordings):
-        cycles = core_cycles(core, recording, {name: its[i] for name, its in found.items()})
-        made.append(Latency(cycles / program.chip.clock_ghz, {}, 0, 0.0, 0.0))
-    return made
+    cycles = predicted_cycles(core, recordings, found)
+    return [Latency(many / program.chip.clock_ghz, {}, 0, 0.0, 0.0) for many in cycles]
 
 
 def activity(core: CoreProgram, counts: Counts, recordings: int) -> dict[str, dict[str, float]]:
@@ -92,9 +78,9 @@ def activity(core: CoreProgram, counts: Counts, recordings: int) -> dict[str, di
 
 def _way_out(needs: Sizes) -> str:
     """Name the devices that hold what is needed."""
-    held = []
-    for name in chip_names():
-        sizes = chip(name).open_core
-        if sizes and all(need <= limit for need, limit in uses(needs, sizes).values()):
-            held.append(name)
+    sizes = {name: chip(name).open_core for name in chip_names()}
+    fits = {
+        name: its and all(need <= limit for need, limit in uses(needs, its).values()) for name, its in sizes.items()
+    }
+    held = [name for name in sizes if fits[name]]
     return f"Use the device {' or '.join(held)}." if held else "Use another strategy, or a smaller network."

@@ -29,15 +29,7 @@ PLACE = Layout.of(address=24, memory=8)
 
 
 SIMULATED = Sizes(
-    axons=1 << 13,
-    synapses=1 << 17,
-    compartments=1 << 10,
-    slots=1 << 6,
-    charge=26,
-    join=36,
-    bitmap=1 << 13,
-    visits=1 << 10,
-    entries=1 << 10,
+    axons=8192, synapses=131072, compartments=1024, slots=64, charge=26, join=36, bitmap=8192, visits=1024, entries=1024
 )
 """Sizes that hold most programs, so that one built simulator plays them."""
 Table = dict[str, IntArray]

@@ -101,9 +101,17 @@ module locsnn_bytes #(
         .frame_last(reply_frame_last)
     );
 
+    // Memories answer late in a cycle, and the choice of a byte is wide: both have to fit before this register.
+    wire         said_valid, said_ready, said_last;
+    wire [7:0]   said_data;
+    one_word #(.WIDTH(9)) said (
+        .clk, .reset, .in_valid(reply_frame_valid), .in_ready(reply_frame_ready),
+        .in_data({reply_frame_last, reply_frame_data}),
+        .out_valid(said_valid), .out_ready(said_ready), .out_data({said_last, said_data})
+    );
     frame_sender sender (
-        .clk, .reset, .frame_valid(reply_frame_valid), .frame_ready(reply_frame_ready), .frame_data(reply_frame_data),
-        .frame_last(reply_frame_last), .byte_valid(out_valid), .byte_ready(out_ready), .byte_data(out_data)
+        .clk, .reset, .frame_valid(said_valid), .frame_ready(said_ready), .frame_data(said_data), .frame_last(said_last),
+        .byte_valid(out_valid), .byte_ready(out_ready), .byte_data(out_data)
     );
 
     assign answered = answer_valid && answer_ready;

@@ -12,7 +12,8 @@ module memory #(
     input  logic [$clog2(DEPTH)-1:0] read_address,
     output logic [WIDTH-1:0]         read_data
 );
-    logic [WIDTH-1:0] words[0:DEPTH-1];
+    // Without the attribute Yosys adds logic to each memory that makes such a word the old one.
+    (* no_rw_check *) logic [WIDTH-1:0] words[0:DEPTH-1];
 
     always_ff @(posedge clk) begin
         if (write) words[write_address] <= write_data;

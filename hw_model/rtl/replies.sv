@@ -47,6 +47,10 @@ module replies #(
     logic [5:0] index, last;
     logic [3:0] together;
 
+    // A cycle old: a byte is taken in every other cycle at most, and the first two of a frame are not of the spike.
+    logic [23:0] spike_held;
+    always_ff @(posedge clk) spike_held <= spike;
+
     logic [8*LONGEST-1:0] body;
     always_comb begin
         body = 0;
@@ -57,7 +61,7 @@ module replies #(
             else if (reply_hello)
                 body[8*LONGEST-1-:56+24*SIZES] = {HELLO, reply_number, VERSION, 7'b0, loaded, ROOM, SIZE};
             else body[8*LONGEST-1-:16] = {DONE, reply_number};
-            SPIKE: body[8*LONGEST-1-:40] = {SPIKES, 8'b0, spike};
+            SPIKE: body[8*LONGEST-1-:40] = {SPIKES, 8'b0, spike_held};
             default: body[8*LONGEST-1-:320] = {ANSWER, 8'b0, answer};
         endcase
     end

@@ -16,7 +16,6 @@ from hw_model.rtl.images import Sizes, parameters
 
 Simulator = Literal["verilator", "icarus"]
 SIMULATORS: tuple[Simulator, ...] = get_args(Simulator)
-_PROGRAMS = {"verilator": "verilator", "icarus": "iverilog"}
 _BINARY = {"verilator": "bench", "icarus": "bench.vvp"}
 
 
@@ -34,9 +33,6 @@ def built(simulator: str, sizes: Sizes, texts: Mapping[str, str], top: str = "be
     """
     if simulator not in SIMULATORS:
         raise InputError(f"simulator {simulator!r}", "does not exist", fix=did_you_mean(simulator, SIMULATORS))
-    tool = _PROGRAMS[simulator]
-    if shutil.which(tool) is None:
-        raise InputError(f"simulator {simulator!r}", f"{tool} is not installed", fix=f"Debian: apt-get install {tool}")
     given = parameters(sizes) | {name.upper(): value for name, value in more.items()}
     named = hashlib.sha256(repr((simulator, given, top, sorted(texts.items()))).encode()).hexdigest()[:16]
     found = cache_folder() / f"rtl-{named}-{_BINARY[simulator]}"
@@ -44,7 +40,7 @@ def built(simulator: str, sizes: Sizes, texts: Mapping[str, str], top: str = "be
         with tempfile.TemporaryDirectory(dir=found.parent) as folder:
             for name, text in texts.items():
                 (Path(folder) / name).write_text(text)
-            _run(_command(simulator, given, top, sorted(texts)), Path(folder), simulator)
+            said(_command(simulator, given, top, sorted(texts)), Path(folder), f"simulator {simulator!r}")
             os.replace(Path(folder) / _BINARY[simulator], found)
     return found
 
@@ -58,7 +54,7 @@ def cache_folder() -> Path:
 
 def run(binary: Path, folder: Path, patience: int) -> None:
     """Play ``load`` and ``words`` of a folder; what the bench writes lies there, too."""
-    _run([*command_of(binary), f"+patience={patience}"], folder, "the open core")
+    said([*command_of(binary), f"+patience={patience}"], folder, "the open core")
 
 
 def command_of(binary: Path) -> list[str]:
@@ -75,8 +71,16 @@ def _command(simulator: str, given: Mapping[str, int], top: str, names: list[str
     return ["verilator", *plain.split(), "--top-module", top, "-o", _BINARY[simulator], *options, *names]
 
 
-def _run(command: list[str], folder: Path, where: str) -> None:
+def said(command: list[str], folder: Path, where: str) -> str:
+    """Return what a command prints; one that is missing or fails is an ``InputError``."""
+    tool = Path(command[0]).name
+    if shutil.which(command[0]) is None:
+        install = (
+            "pip install 'locsnn-compile[rtl]'" if tool.startswith("yowasp") else f"Debian: apt-get install {tool}"
+        )
+        raise InputError(where, f"{tool} is not installed", fix=install)
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode:
-        said = (done.stderr or done.stdout).strip() or f"exit code {done.returncode}"
-        raise InputError(where, f"{Path(command[0]).name} failed", measured=said, fix="Report it.")
+        words = (done.stderr or done.stdout).strip() or f"exit code {done.returncode}"
+        raise InputError(where, f"{tool} failed", measured=words, fix="Report it.")
+    return done.stdout

@@ -5,13 +5,14 @@
 
 LEVEL_KINDS = ("network", "quantized", "compartments", "placed", "routed", "program")
 """Levels of the compiler, as text."""
-BENCH_KINDS = ("vectors", "vcd", "trace", "sanafe", "graphml", "dot")
+BENCH_KINDS = ("vectors", "rtl", "vcd", "trace", "sanafe", "graphml", "dot")
 """Programs and a recording played to them, for test benches, viewers and other simulators."""
 EXCHANGE_KINDS = ("nir", "net")
 """The model itself, as a file of another tool."""
 EMITTED_NAMES = {
     **{kind: f"{kind}.txt" for kind in LEVEL_KINDS},
     "vectors": "vectors/",
+    "rtl": "rtl/",
     "vcd": "waves.vcd",
     "trace": "trace.json",
     "sanafe": "sanafe/",

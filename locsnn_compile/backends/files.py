@@ -5,6 +5,7 @@ from functools import cache
 
 import hw_model as hw
 from hw_model.engine.playing import Spikes
+from hw_model.rtl.folder import rtl_files
 from locsnn_compile.backends.graphs import dot_file, graphml_file
 from locsnn_compile.backends.played import play_recording
 from locsnn_compile.backends.sanafe.files import sanafe_files
@@ -29,6 +30,7 @@ def bench_files(
     played = cache(lambda: play_recording(program, spikes, title))
     makers: dict[str, Callable[[], dict[str, bytes]]] = {
         "vectors": lambda: vectors_files(played()),
+        "rtl": lambda: rtl_files(program, spikes),
         "vcd": lambda: vcd_file(played(), probes),
         "trace": lambda: trace_file(played()),
         "sanafe": lambda: sanafe_files(played()),

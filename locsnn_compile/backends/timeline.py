@@ -25,8 +25,7 @@ def trace_file(played: Played) -> dict[str, bytes]:
     """Return the file by name, timed by the chip's default profile."""
     chip = played.program.chip
     if chip.open_core:
-        what = f"{chip.name} has exact cycles of a recording, and no times of its operations"
-        raise InputError("--emit trace", what, fix="Leave it out.")
+        raise InputError("--emit trace", f"{chip.name} has no times of its operations", fix="Leave it out.")
     profile = chip.costs
     events: list[Event] = []
     start_ns = 0.0

@@ -37,7 +37,7 @@ _SPLIT = "weights that get a second synapse: none, all, or a share 0..1 (default
 _PROFILE = "costs for the report: a profile of the chip, or a YAML file like one (default: the chip's first)"
 _PSI = "how late the report's time-weighted prediction shifts to the location branch (default: the model's own, or 10)"
 READ = ("--options", "--config", "--events", "--calibration", "--target", "--profile")
-OF_RECORDING = ("vectors", "vcd", "trace", "sanafe")
+OF_RECORDING = ("vectors", "rtl", "vcd", "trace", "sanafe")
 
 
 def parser() -> Parser:

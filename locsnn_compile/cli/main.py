@@ -10,6 +10,7 @@ from locsnn_compile.cli import (
     events,
     explore,
     pack,
+    rtl_fit,
     rtl_sim,
     rtl_stream,
     run,
@@ -31,7 +32,7 @@ def parser() -> Parser:
         add_command(commands, command.__name__.rpartition(".")[2], command)
     core = commands.add_parser("rtl", help="run programs on the open core, simulated or on a board")
     kinds = core.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for name, command in (("sim", rtl_sim), ("stream", rtl_stream)):
+    for name, command in (("sim", rtl_sim), ("fit", rtl_fit), ("stream", rtl_stream)):
         add_command(kinds, name, command)
     return made
 

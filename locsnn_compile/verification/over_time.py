@@ -26,8 +26,6 @@ SAMPLE = 64
 """Recordings that a report follows at the most."""
 WORK = 1 << 31
 """Neuron updates that a report may take if every step ran the location branch again: a few seconds."""
-UNPRICED_COSTS = ("energy_pj", "all_energy_pj", "latency_ns", "all_latency_ns")
-"""What is not known of an open core that stops early."""
 TOGETHER = "together"
 TIME_WEIGHTED = "time_weighted"
 
@@ -103,8 +101,8 @@ def savings(program: hw.ChipProgram, stops: hw.Stops) -> dict[str, Any]:
         "all_latency_ns": stops.all_latency_ns / batch,
         "profile": program.chip.default_profile,
     }
-    unknown = () if not program.chip.open_core else UNPRICED_COSTS[2:] if program.chip.profiles else UNPRICED_COSTS
-    return found | dict.fromkeys(unknown)
+    ends = ("_ns",) if program.chip.profiles else ("_pj", "_ns")
+    return found | dict.fromkeys(name for name in found if program.chip.open_core and name.endswith(ends))
 
 
 def stop_all(

@@ -73,7 +73,9 @@ def test_targets_lists_and_shows(capsys):
     assert yaml.safe_load(capsys.readouterr().out)["name"] == "loihi-sim"
 
 
-@pytest.mark.parametrize("command", ["train", "pack", "run", "explore", "diff", "rtl sim", "rtl stream", "targets"])
+@pytest.mark.parametrize(
+    "command", ["train", "pack", "run", "explore", "diff", "rtl sim", "rtl fit", "rtl stream", "targets"]
+)
 def test_every_help_shows_an_example(command, capsys):
     with pytest.raises(SystemExit) as caught:
         main([*command.split(), "--help"])

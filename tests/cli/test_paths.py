@@ -56,6 +56,7 @@ OPTIONS = {
     "diff --html": ("locsnn diff build build --html BAD.html", "--html"),
     "rtl sim DIR": ("locsnn rtl sim BAD --events d.npz", "folder"),
     "rtl sim --events": ("locsnn rtl sim build --events BAD.npz", "path"),
+    "rtl fit DIR": ("locsnn rtl fit BAD --device ecp5-25f", "folder"),
     "rtl stream DIR": ("locsnn rtl stream BAD --events d.npz --port sim:icarus", "folder"),
     "rtl stream --events": ("locsnn rtl stream build --events BAD.npz --port sim:icarus", "path"),
     "stress --target": ("locsnn stress --target BAD.yaml", "path"),

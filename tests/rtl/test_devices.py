@@ -40,20 +40,7 @@ def small() -> tuple[hw.ChipProgram, np.ndarray, CoreProgram]:
     return replace(program, chip=device(sizes_for(core.needs, benches.SIZES))), spikes, core
 
 
-NAMES = {
-    "axons": "sources of spikes",
-    "synapses": "synapses",
-    "compartments": "compartments",
-    "slots": "slots",
-    "charge": "bits of charge",
-    "join": "bits of joined voltages",
-    "bitmap": "words of the transpose buffer",
-    "visits": "visits of channels",
-    "entries": "compartments that are read out",
-}
-
-
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", Sizes.__dataclass_fields__)
 def test_what_does_not_fit_is_refused_by_name(small, name):
     program, spikes, core = small
     rows, needs = spikes.shape[1], core.needs
@@ -63,7 +50,7 @@ def test_what_does_not_fit_is_refused_by_name(small, name):
         on_core(program, rows, device(replace(needs, **{name: need - 1})))
     held = [one for one in DEVICES if all(n <= getattr(hw.chip(one).open_core, k) for k, n in asdict(needs).items())]
     fix = f"Use the device {' or '.join(held)}." if held else "Use another strategy, or a smaller network."
-    wanted = f"the open core of ecp5-25f has too few {NAMES[name]} ({need} against {need - 1}). {fix}"
+    wanted = f"the open core of ecp5-25f is too small in {name!r} ({need} against {need - 1}). {fix}"
     assert str(caught.value) == f"program {program.name!r}: {wanted}"
 
 
@@ -91,7 +78,7 @@ def test_a_network_that_does_not_fit_is_told_what_holds_it():
     with pytest.raises(hw.TargetError) as caught:
         lower(load(MODELS / "objects-hybrid.pt"), hw.chip("ecp5-25f"), 8, "paired-dendrite")
     assert str(caught.value) == (
-        "program 'objects-hybrid': the open core of ecp5-25f has too few synapses (25440 against 16384). "
+        "program 'objects-hybrid': the open core of ecp5-25f is too small in 'synapses' (25440 against 16384). "
         "Use the device ecp5-85f."
     )
 
@@ -215,8 +202,8 @@ def test_an_energy_gate_fails_as_not_known(build, capsys, tmp_path):
 
 
 REFUSED = [
-    (["--profile", "davies2018"], "profile 'davies2018': ecp5-25f has cycles and counts, and no prices. Leave the profile out."),
-    (["--emit", "trace"], "--emit trace: ecp5-25f has exact cycles of a recording, and no times of its operations. Leave it out."),
+    (["--profile", "davies2018"], "profile 'davies2018': ecp5-25f has cycles and no prices. Leave the profile out."),
+    (["--emit", "trace"], "--emit trace: ecp5-25f has no times of its operations. Leave it out."),
 ]  # fmt: skip
 
 

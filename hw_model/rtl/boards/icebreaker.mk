@@ -1,0 +1,11 @@
+# iCEBreaker with an iCE40UP5K in a package of 48 pins.
+DEVICE := ice40up5k
+TOP := top_icebreaker.sv
+PINS := icebreaker.pcf
+TOOLS := $(YOSYS) $(NEXTPNR_ICE40) $(ICEPACK)
+SYNTHESIS := synth_ice40 -dsp -spram
+PLACE = $(NEXTPNR_ICE40) --up5k --package sg48 --pcf $(PINS) --asc $(BOARD)-$*.asc
+BITSTREAM := $(BOARD).bin
+
+$(BITSTREAM): $(BOARD)-1.json
+	$(ICEPACK) $(BOARD)-1.asc $@

@@ -1,0 +1,10 @@
+# What all ULX3S boards have in common.
+TOP := top_ulx3s.sv
+PINS := ulx3s.lpf
+TOOLS := $(YOSYS) $(NEXTPNR_ECP5) $(ECPPACK)
+SYNTHESIS := synth_ecp5
+PLACE = $(NEXTPNR_ECP5) $(PART) --package CABGA381 --speed 6 --lpf $(PINS) --textcfg $(BOARD)-$*.config
+BITSTREAM := $(BOARD).bit
+
+$(BITSTREAM): $(BOARD)-1.json
+	$(ECPPACK) --compress $(BOARD)-1.config $@

@@ -1,0 +1,65 @@
+"""``locsnn rtl fit``: make a bitstream of the open core for a board, and say what it takes.
+
+Synthesise the open core for a board, place and route it, and write the bitstream next to the program: one for all
+programs that fit the device. A program that does not fit is refused before. Nothing here runs on a board.
+
+example:
+  locsnn rtl fit build/objects-hybrid --board ulx3s-25f --seeds 1
+
+It needs make, Yosys, nextpnr and a packer: pip install 'locsnn-compile[rtl]'. Five placements take some minutes; they
+are kept in ~/.cache/locsnn, so that the next program of the device takes none.
+"""
+
+import argparse
+import json
+from pathlib import Path
+
+import hw_model as hw
+from hw_model.rtl.boards import BOARDS
+from locsnn_compile.cli.checks import check_number
+from locsnn_compile.errors import InputError, check_known
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
+    add = parser.add_argument
+    add("program", metavar="DIR", help="folder that locsnn-compile wrote")
+    add("--device", metavar="NAME", help="ecp5-25f, ecp5-85f or ice40up5k (default: the program's target)")
+    add("--board", metavar="NAME", help=f"{', '.join(BOARDS)} (default: the device's first)")
+    add("--seeds", type=int, default=5, metavar="N", help="placements, of which the slowest clock counts (default 5)")
+    add("--json", action="store_true", help="print the result as JSON")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Make the bitstream; print what it takes in a few lines, or as JSON."""
+    from hw_model.io.files import replace_file
+    from hw_model.rtl.folder import fit
+    from locsnn_compile.report.format import plain, plural
+
+    check_number("--seeds", args.seeds, "nothing to place", lambda x: x > 0, "Give 1 or more.")
+    program = hw.load_program(args.program)
+    found, bitstream = fit(program, _board(args, program.chip.name), args.seeds)
+    path = Path(args.program) / found["bitstream"]
+    replace_file(path, bitstream, where="bitstream")
+    found["bitstream"] = str(path)
+    if args.json:
+        print(json.dumps(found, indent=2))
+        return 0
+    many = plural(args.seeds, "placement")
+    print(f"{plain(program.name)} fits the open core of {found['device']}, which takes {found['luts']} LUTs, ", end="")
+    print(f"{found['flip_flops']} flip-flops, {found['block_rams']} block RAMs and {found['multipliers']} multipliers")
+    print(f"clock: {found['fmax_mhz']:.1f} MHz, the slowest of {many}\nwrote {path}")
+    return 0
+
+
+def _board(args: argparse.Namespace, target: str) -> str:
+    """Return the board that is asked for, or the first of the device."""
+    check_known(f"--board {args.board}", "it is not known", args.board, BOARDS)
+    device = args.device or BOARDS.get(args.board, target)
+    boards = [board for board, its in BOARDS.items() if its == device]
+    if not boards:
+        fix = f"Choose --device {' or '.join(sorted(BOARDS.values()))}."
+        raise InputError(f"--device {device}", "it holds no open core", fix=fix)
+    if args.board not in (None, *boards):
+        raise InputError(f"--board {args.board}", f"it has no {device}", fix="Leave one of them out.")
+    return args.board or boards[0]

