@@ -7,22 +7,9 @@ from dataclasses import asdict
 import numpy as np
 
 from hw_model.errors import InputError
+from hw_model.rtl import frames
 from hw_model.rtl.cosimulation import words_of
 from hw_model.rtl.cycles import fired_in_order
-from hw_model.rtl.frames import (
-    ANSWER,
-    DONE,
-    ERROR,
-    HELLO,
-    LOAD,
-    REPORT,
-    SPIKES,
-    WELCOME,
-    WORDS,
-    Frame,
-    FrameReader,
-    framed,
-)
 from hw_model.rtl.images import CoreProgram, Sizes
 from hw_model.rtl.ports import Port
 from hw_model.rtl.refused import refuse_unless
@@ -69,11 +56,11 @@ class Board:
     """
 
     def __init__(self, port: Port) -> None:
-        self._port, self._frames, self._number = port, FrameReader(port.read), 0
+        self._port, self._frames, self._number = port, frames.FrameReader(port.read), 0
         self.cut_off = False
         self._spikes: list[int] = []
         self._answers: list[Answer] = []
-        self.buffer, *sizes = _numbers(self._command(HELLO)[2:])
+        self.buffer, *sizes = _numbers(self._command(frames.HELLO)[2:])
         self._answers.clear()
         self._spikes.clear()
         self.sizes = Sizes(*sizes)
@@ -88,17 +75,17 @@ class Board:
         for block in np.split(rows, np.flatnonzero(np.diff(place) != 1) + 1):
             size = 16 - int(np.flatnonzero(block[:, 4:].any(axis=0)).min(initial=15))
             for part in _parts(block, (self.buffer - 7) // size):
-                self._command(LOAD, part[0, :4].tobytes() + bytes((size,)) + part[:, -size:].tobytes())
+                self._command(frames.LOAD, part[0, :4].tobytes() + bytes((size,)) + part[:, -size:].tobytes())
 
     def report(self, wanted: bool) -> None:
         """Ask for spikes, or for none."""
-        self._command(REPORT, bytes((wanted,)))
+        self._command(frames.REPORT, bytes((wanted,)))
 
     def play(self, core: CoreProgram, recording: ByteArray) -> Answer:
         """Stream a recording (rows, channels) and return its answer."""
         words = np.array(words_of(core, recording), dtype=">u4").view(np.uint8).reshape(-1, 4)[:, 1:]
         for part in _parts(words, (self.buffer - 2) // 3):
-            self._command(WORDS, part.tobytes())
+            self._command(frames.WORDS, part.tobytes())
         while not self._answers:
             if self._heard() is None:
                 raise InputError("board", "a recording was not answered", fix="Check the line; play it again.")
@@ -106,12 +93,12 @@ class Board:
 
     def _command(self, kind: int, payload: bytes = b"") -> bytes:
         """Send a frame until it is carried out; return what the board says to it. A refusal is an ``InputError``."""
-        wanted, following = WELCOME if kind == HELLO else DONE, (self._number + 1) % 256
+        wanted, following = frames.WELCOME if kind == frames.HELLO else frames.DONE, (self._number + 1) % 256
         for _ in range(TRIES):
-            self._port.write(framed(kind, self._number, payload))
+            self._port.write(frames.framed(kind, self._number, payload))
             while (frame := self._heard()) is not None:
                 said, number, body = frame
-                problem = body[0] if said == ERROR else 0
+                problem = body[0] if said == frames.ERROR else 0
                 # Carried out already, if the board waits for the next one: what it said to it was lost on the line.
                 if (said, number) == (wanted, self._number) or (problem, number) == (OUT_OF_ORDER, following):
                     self._number = following
@@ -123,12 +110,12 @@ class Board:
                     raise InputError("board", f"it says that {PROBLEMS[problem]}", fix="Report it.")
         raise InputError("board", "it does not answer", fix="Check the port, the baud rate and the bitstream.")
 
-    def _heard(self) -> Frame | None:
+    def _heard(self) -> frames.Frame | None:
         """Return the next frame, None if nothing comes; keep spikes and answers."""
         frame = self._frames.next()
-        if frame and frame[0] == SPIKES:
+        if frame and frame[0] == frames.SPIKES:
             self._spikes += _numbers(frame[2])
-        if frame and frame[0] == ANSWER:
+        if frame and frame[0] == frames.ANSWER:
             error, winner, cycles, *counts = struct.unpack(">BHI7I", frame[2][:-3])
             (lost,) = _numbers(frame[2][-3:])
             self._answers.append(Answer(error, winner, cycles, tuple(counts), lost, tuple(self._spikes)))

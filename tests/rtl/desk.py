@@ -37,7 +37,8 @@ class Desk:
 
     def port(self, texts: Mapping[str, str] | None = None, **more) -> SimulatedBoard:
         given = {"bit": 0, "patience": PATIENCE, **more}
-        with patch.object(ports, "sources", lambda: texts or ports_sources()):
+        texts = texts or ports.sources()
+        with patch.object(ports, "sources", lambda: texts):
             return SimulatedBoard("icarus", self.sizes, **given)
 
     def beats(self) -> list[int]:
@@ -54,9 +55,6 @@ class Desk:
         run(binary, folder, 4000)
         answers = [line.split() for line in (folder / "answers").read_text().splitlines()]
         return answers, (folder / "spikes").read_text().split()
-
-
-ports_sources = ports.sources
 
 
 def said(port) -> list[tuple[int, int, bytes]]:
