@@ -38,6 +38,8 @@ DENSE_SHARE = 0.25
 """A link with at least this share of all pairs is a matrix: adding zeros in a row is cheaper than following a list."""
 DENSE_MOST = 1 << 27
 """Entries of the largest matrix, 256 MiB."""
+REACH_SHARE = 0.33
+"""Where lists reach this share of the chunks in the rows that they might, all of these count as reached."""
 LIST, MATRIX, PACKED_LIST = range(3)
 """Ways to hold a link."""
 PACKED_BITS = 32
@@ -101,8 +103,9 @@ class Links(NamedTuple):
     ``slot[k]``, ``late[k]`` steps late. A packed list has ``packed[k]`` for these: from the lowest bit on ``slot_bits``
     of the slot, from ``target[l]`` on; ``late_bits`` of the delay, beyond ``delay[l]``; and the weight, in units of
     2^``weight_shift``. From ``reach_start`` likewise, ``reach_chunk`` and ``reach_late`` list the chunks and delays of
-    a list once each. Links into block k from other nodes are rows ``into_block[k]`` to the next;
-    those from node n into its own block are rows ``from_node[n]`` to the next. ``due_late`` counts them by delay.
+    a list once each; where ``width[l]`` of a packed list is not 0, all chunks of the target are reached in so many
+    rows. Links into block k from other nodes are rows ``into_block[k]`` to the next; those from node n into its own
+    block are rows ``from_node[n]`` to the next. ``due_late`` counts them by delay.
     """
 
     source: IntArray
@@ -371,6 +374,7 @@ def _links(
     listed = [ends for part in (*external, *internal) for ends in part]
     rows, matrices, packed, wide = [], [], [], []
     starts_of_lists, reached = [], []
+    nothing = np.empty((3, 0), dtype=np.int64)
     matrix_size = list_rows = reach_size = 0
     sizes = {LIST: 0, PACKED_LIST: 0}
     for node, to in listed:
@@ -386,19 +390,23 @@ def _links(
         first = np.searchsorted(sources, np.arange(nodes.size[node] + 1))
         words, form = _packed(place, weights, delay, (high - low - 1).bit_length())
         kind = LIST if words is None else PACKED_LIST
-        rows.append((node, to, kind, list_rows, 0, low, *form))
+        reach, late_rows = _reach(first, (place + low) // LANES, delay), 0
         if words is None:
             wide.append(np.stack((place + low, weights, delay)))
         else:
             packed.append(words)
-        reach = _reach(first, (place + low) // LANES, delay)
+            late_rows = int(delay.max() - delay.min()) + 1
+            if len(reach[1]) < REACH_SHARE * nodes.size[node] * late_rows * (high - low) // LANES:
+                late_rows = 0
+        if late_rows:
+            reach = _reach(np.zeros_like(first), nothing[0], nothing[0])
+        rows.append((node, to, kind, list_rows, late_rows, low, *form))
         starts_of_lists.append(np.stack((first + sizes[kind], reach[0] + reach_size)))
         reached.append(np.stack(reach[1:]))
         sizes[kind] += len(place)
         list_rows += len(first)
         reach_size += len(reach[1])
 
-    nothing = np.empty((3, 0), dtype=np.int64)
     list_start, reach_start = np.concatenate([nothing[:2], *starts_of_lists], axis=1)
     reach_chunk, reach_late = np.concatenate([nothing[:2], *reached], axis=1).astype(np.int32)
     slot_of, weight, late = np.concatenate([nothing, *wide], axis=1).astype(np.int32)

@@ -114,40 +114,48 @@ def deliver(  # type: ignore[no-untyped-def]
                     start = np.uint64(offset + event[base + e] * width)
                     for j in range(many):
                         charge[at, low + j] += links.matrix[start + j]
-                for chunk in range(nodes.chunk[node], nodes.chunk[node + 1]):
-                    touched[at, np.uint64(chunk)] = 1
+                _touch_all(node, at, nodes, touched)
     else:
-        form = form_of(link, links)
         for r in range(rows_from, rows_to):
+            due = np.uint64(r + 1 + links.delay[link])
             for e in range(begin[r, m], begin[r + 1, m]):
                 source = np.uint64(offset + event[base + e])
                 first, last = np.uint64(links.list_start[source]), np.uint64(links.list_start[source + np.uint64(1)])
-                for k in range(first, last):
-                    late, slot, weight = synapse(form, k, links)
-                    charge[np.uint64(r + 1 + late), slot] += weight
+                if links.kind[link] == PACKED_LIST:
+                    _follow_packed(link, due, first, last, charge, links)
+                else:
+                    for k in range(first, last):
+                        charge[np.uint64(r + 1 + links.late[k]), np.uint64(links.slot[k])] += links.weight[k]
                 first, last = np.uint64(links.reach_start[source]), np.uint64(links.reach_start[source + np.uint64(1)])
                 for k in range(first, last):
                     touched[np.uint64(r + 1 + links.reach_late[k]), np.uint64(links.reach_chunk[k])] = 1
+            if width and begin[r + 1, m] > begin[r, m]:
+                for late in range(np.uint64(width)):
+                    _touch_all(links.target_node[link], due + late, nodes, touched)
 
 
 @absorbed
-def form_of(link, links):  # type: ignore[no-untyped-def]
-    """Return how the lists of a link are held, for :func:`synapse`: loops read it once."""
-    return (
-        links.kind[link] == PACKED_LIST, links.target[link], links.delay[link], links.slot_bits[link],
-        links.late_bits[link], links.weight_shift[link],
-    )  # fmt: skip
+def _touch_all(node, at, nodes, touched):  # type: ignore[no-untyped-def]
+    """Mark all chunks of a node as touched in a row."""
+    for chunk in range(nodes.chunk[node], nodes.chunk[node + 1]):
+        touched[at, np.uint64(chunk)] = 1
 
 
-@absorbed
-def synapse(form, k, links):  # type: ignore[no-untyped-def]
-    """Return delay, slot and weight of synapse k of a list."""
-    packed, low, delay, slot_bits, late_bits, shift = form
-    if not packed:
-        return np.int64(links.late[k]), np.uint64(links.slot[k]), np.int64(links.weight[k])
-    word = np.int64(links.packed[k])
-    late, slot = (word >> slot_bits) & ((1 << late_bits) - 1), word & ((1 << slot_bits) - 1)
-    return delay + late, np.uint64(low + slot), (word >> (slot_bits + late_bits)) << shift
+@inner
+def _follow_packed(link, at, first, last, charge, links):  # type: ignore[no-untyped-def]
+    """Add the packed synapses ``first..last`` to the row of charges ``at``, and later ones."""
+    low, slot_bits, shift = links.target[link], links.slot_bits[link], links.weight_shift[link]
+    slots, lates = (1 << slot_bits) - 1, (1 << links.late_bits[link]) - 1
+    above = slot_bits + links.late_bits[link]
+    if lates == 0:
+        for k in range(first, last):
+            word = np.int64(links.packed[k])
+            charge[at, np.uint64(low + (word & slots))] += (word >> above) << shift
+    else:
+        for k in range(first, last):
+            word = np.int64(links.packed[k])
+            late = np.uint64((word >> slot_bits) & lates)
+            charge[at + late, np.uint64(low + (word & slots))] += (word >> above) << shift
 
 
 @inner

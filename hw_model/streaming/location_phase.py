@@ -13,8 +13,7 @@ import numpy as np
 
 from hw_model.engine.chunks import add_up, advance, advance_pair, pass_on
 from hw_model.engine.compiled import absorbed, compiled, entry, inner, trailing_zeros
-from hw_model.engine.layout import BIAS, BLOCKED, FIELDS, LANES, MATRIX, POTENTIAL, REFRACTORY, FastLayout, U
-from hw_model.engine.tiles import form_of, synapse
+from hw_model.engine.layout import BIAS, BLOCKED, FIELDS, LANES, LIST, MATRIX, POTENTIAL, REFRACTORY, FastLayout, U
 from hw_model.mapping.graph import Input
 from hw_model.streaming.time_phase import Read
 from hw_model.values import AnyArray, ByteArray
@@ -235,15 +234,35 @@ def _change(link, source, step, sign, links, history):  # type: ignore[no-untype
             for chunk in range(low // _LANES, (low + many) // _LANES):
                 history.reached[due, chunk] = 1
     else:
-        row, form = links.offset[link] + source, form_of(link, links)
+        row, form = links.offset[link] + source, _form_of(link, links)
         for k in range(np.uint64(links.list_start[row]), np.uint64(links.list_start[row + 1])):
-            late, slot, weight = synapse(form, k, links)
+            late, slot, weight = _synapse(form, k, links)
             at = step + 1 + late
             if at < steps:
                 due = np.uint64(at)
                 history.charge[due, slot] += sign * weight
                 history.changed[block] = min(history.changed[block], at)
                 history.reached[due, slot // _LANES] = 1
+
+
+@absorbed
+def _form_of(link, links):  # type: ignore[no-untyped-def]
+    """Return how the lists of a link are held, for :func:`_synapse`: loops read it once."""
+    return (
+        links.kind[link] != LIST, links.target[link], links.delay[link], links.slot_bits[link],
+        links.late_bits[link], links.weight_shift[link],
+    )  # fmt: skip
+
+
+@absorbed
+def _synapse(form, k, links):  # type: ignore[no-untyped-def]
+    """Return delay, slot and weight of synapse k of a list."""
+    packed, low, delay, slot_bits, late_bits, shift = form
+    if not packed:
+        return np.int64(links.late[k]), np.uint64(links.slot[k]), np.int64(links.weight[k])
+    word = np.int64(links.packed[k])
+    late, slot = (word >> slot_bits) & ((1 << late_bits) - 1), word & ((1 << slot_bits) - 1)
+    return delay + late, np.uint64(low + slot), (word >> (slot_bits + late_bits)) << shift
 
 
 @inner
