@@ -288,7 +288,7 @@ def test_a_transposed_phase_that_does_not_say_its_length_lasts_as_long_as_its_vi
     recording, session = np.ones((rows, 4), dtype=np.uint8), hw.Session(program)
     assert session.push(recording).spikes["y"].tolist() == [[3]] * rows
     assert session.spikes("y").tolist() == [[0], [1], [1], [1]]
-    assert CoreProgram(program, rows).length == {"location": 4}
+    assert CoreProgram(program, rows).phases[-1].steps == 4
     for engine in ENGINES:
         found = hw.simulate(program, recording, engine=engine)
         assert found.spikes["y"].tolist() == [[0], [1], [1], [1]]
