@@ -119,21 +119,15 @@ def parse_chip_entry(where: str, entry: object, shapes: Mapping[str, tuple[int, 
         raise file_fault(where, "entry 'chip.target' is not a plain name")
     if strategy not in TRAINABLE:
         raise file_fault(where, "entry 'chip.strategy' is not known", _seen(strategy))
-    registers = _registers(where, whole["registers"])
+    bits = _mapping(where, "chip.registers", whole["registers"], [field.name for field in fields(RegisterWidths)])
+    ends = TRAINED_BITS[0], TRAINED_BITS[-1]
+    registers = {name: _whole(where, f"chip.registers.{name}", width, *ends) for name, width in bits.items()}
     parts = _mapping(where, "chip.populations", whole["populations"], shapes)
     found = {
         name: _population(where, f"chip.populations.{name}", parts[name], strategy, shape[0])
         for name, shape in shapes.items()
     }
-    return ChipNumbers(target, strategy, found, registers)
-
-
-def _registers(where: str, entry: object) -> RegisterWidths:
-    part = _mapping(where, "chip.registers", entry, [field.name for field in fields(RegisterWidths)])
-    least, most = TRAINED_BITS[0], TRAINED_BITS[-1]
-    return RegisterWidths(
-        **{name: _whole(where, f"chip.registers.{name}", bits, least, most) for name, bits in part.items()}
-    )
+    return ChipNumbers(target, strategy, found, RegisterWidths(**registers))
 
 
 def _population(where: str, key: str, entry: object, strategy: str, size: int) -> ChipPopulation:
