@@ -40,11 +40,13 @@ def main() -> None:
     rows = []
     for name, program in programs.items():
         found = pricing.compare(built, ends["modelled"], program, runs.real(name, "test", CHECKED_ON), "modelled")
-        rows += [(name, i, f"{a:.0f}", f"{b:.0f}", f"{a / b - 1:.4f}") for i, (a, b) in enumerate(found)]
+        rows += [(name, i, f"{a:.0f}", f"{b:.0f}", f"{a / b - 1:.4f}", f"{c:.0f}") for i, (a, b, c) in enumerate(found)]
         print(f"{name}: the profile is {np.abs(found[:, 0] / found[:, 1] - 1).max():.1%} off at most")
     with CHECK.open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(("set", "recording", "profile, pJ", "gate level, pJ", "difference"))
+        writer.writerow(
+            ("set", "recording", "profile, pJ", "gate level, pJ", "difference", "memories at gate level, pJ")
+        )
         writer.writerows(rows)
 
 

@@ -107,10 +107,11 @@ def price(made: Made, wires: str) -> Priced:
 def compare(
     built: runs.Built, priced: Priced, program: hw.ChipProgram, recordings: np.ndarray, wires: str
 ) -> np.ndarray:
-    """Return picojoules by the profile and at gate level, (recordings, 2)."""
+    """Return picojoules by the profile, at gate level, and of the latter in memories, (recordings, 3)."""
     played = built.play(program, runs.stacked(program, recordings))
     found = hw.simulate(program, recordings, probe=())
     assert (played.answers[:, 0] == found.prediction).all()
     assert (played.answers[:, 2] == [c.synaptic_ops for c in found.per_recording]).all()
     by_profile = [priced.of(counts) for counts in found.per_recording]
-    return np.stack([by_profile, built.energy(played, wires).total], axis=1)
+    spent = built.energy(played, wires)
+    return np.stack([by_profile, spent.total, spent.of("memory")], axis=1)

@@ -1,0 +1,80 @@
+"""Accesses of the core's memories and what they cost, from the simulator's spikes and the chip file: no hardware, no library.
+
+The chip file says in its comments which macros a memory is made of and what an access of each costs.
+"""
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+import hw_model as hw
+from hw_model.rtl.images import CoreProgram
+
+CHIP = Path(__file__).parents[2] / "hw_model/chips/locsnn-130nm.yaml"
+_MEMORY = re.compile(r"^#   (\w+) +(\d+) x \((.+?)\)(?:, (\d) words a row)?$", re.M)
+_FIGURE = re.compile(r"_(\dP)_(\d+x\d+)_\S*: read ([\d.]+) \(line \d+\), write ([\d.]+)")
+
+
+def prices(text: str) -> dict[str, tuple[int, float, float]]:
+    """Return words in a row, picojoules of reading a row and of writing a word, of every memory of the chip file."""
+    figures = {f"{ports} {size}": (float(read), float(write)) for ports, size, read, write in _FIGURE.findall(text)}
+    found = {}
+    for name, _, row, pack in _MEMORY.findall(text):
+        each = [figures[macro] for macro in row.split(" + ")]
+        found[name] = (int(pack or 1), sum(read for read, _ in each), sum(write for _, write in each))
+    return found
+
+
+def memory_pj(program: hw.ChipProgram, recordings: np.ndarray) -> np.ndarray:
+    """Return picojoules in memories of every recording, (recordings,); ``recordings`` (batch, steps, channels)."""
+    text = CHIP.read_text("utf-8")
+    of = prices(text)
+    found = hw.simulate(program, recordings, probe=("spikes", "u"))
+    core = CoreProgram(program, recordings.shape[1])
+    return np.array([
+        sum(rows * of[name][1] + words * of[name][2] for name, (rows, words) in one.items())
+        for one in (_accesses(core, recordings[i], found, i, of) for i in range(len(recordings)))
+    ])  # fmt: skip
+
+
+def _accesses(core: CoreProgram, recording: np.ndarray, found: hw.SimulationResult, i: int, of: dict) -> dict:
+    """Return rows read and words written of every memory for one recording."""
+    counts, sizes = found.per_recording[i], hw.chip("locsnn-130nm").open_core
+    sent = np.zeros(len(core.lists) - 1)
+    sent[: recording.shape[1]] += recording[: core.phases[0].steps].sum(axis=0)
+    for place, source in zip(core.tables["visits"]["place"], core.tables["visits"]["source"], strict=True):
+        sent[source + np.flatnonzero(recording[: core.kept, place >> core.row_shift])] += 1
+    taken = parents = children = 0
+    constants = core.tables["compartments"]
+    for phase in core.phases:
+        numbers = core.numbers[phase.name]
+        parents += int(constants["has_children"][numbers].sum()) * phase.steps
+        children += int(constants["child"][numbers].sum()) * phase.steps
+        for name, columns in core.program.columns_of(phase.name).items():
+            here = numbers[columns]
+            u = found.u[name][i].astype(np.int64)
+            before = np.vstack((np.zeros_like(u[:1]), u[:-1]))
+            left = np.sign(before) * (np.abs(before) * constants["keep_u"][here] >> 12)
+            taken += np.count_nonzero(u != left)
+            if name in found.spikes:
+                sent[core.first_source + here] += found.spikes[name][i].sum(axis=0)
+    starts, ends = core.lists[:-1], core.lists[1:]
+    pack = of["synapses"][0]
+    rows = np.where(ends > starts, (ends - 1) // pack - starts // pack + 1, 0)
+    lists, updates = sent.sum(), counts.neuron_updates
+    entries = int(constants["read_out"].sum())
+    read_out = sum(int(constants["read_out"][core.numbers[p.name]].sum()) * p.steps for p in core.phases)
+    events, visits = counts.input_events, len(core.tables["visits"]["step"])
+    return {
+        "axons": (lists / of["axons"][0], 0),
+        "synapses": (sent @ rows, 0),
+        "charges": (counts.synaptic_ops + updates, counts.synaptic_ops + taken + sizes.slots * sizes.compartments),
+        "states": (updates, counts.neuron_updates_active + len(constants["valid"])),
+        "leaks": (updates / of["leaks"][0], 0),
+        "fires": (updates / of["fires"][0], 0),
+        "sums": (parents, children),
+        "places": (counts.spikes, counts.spikes),
+        "tallies": (read_out, entries + counts.spikes),
+        "bitmap": (events + visits * (core.row_words + 1), events + sizes.bitmap),
+    }

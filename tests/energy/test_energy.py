@@ -1,0 +1,200 @@
+"""The energy of the core in 130 nm cells: macros, their wrappers, the profile and its check."""
+
+from __future__ import annotations
+
+import csv
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import liberty
+import make_profile
+import memories
+import numpy as np
+import pytest
+import runs
+import sums
+
+import hw_model as hw
+from hw_model.errors import InputError
+
+NEEDS_LIBRARY = pytest.mark.skipif(
+    not (runs.LIBRARY / runs.CELLS).is_file(), reason="the liberty files are not next to the repository"
+)
+NEEDS_ICARUS = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
+NEEDS_RECORDINGS = pytest.mark.skipif(
+    not runs.RECORDINGS.is_dir(), reason="the real recordings are not next to the repository"
+)
+
+
+def macro(words: int, bits: int, ports: int, mask: bool = True) -> liberty.Macro:
+    """Return a macro that nobody makes."""
+    name = f"MADE_{ports}P_{words}x{bits}{'_bm_' if mask else ''}"
+    return liberty.Macro(name, words, bits, ports, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, {})
+
+
+def model(one: liberty.Macro) -> str:
+    """Return how a macro behaves: what is read stays at its output."""
+    text = (
+        memories.stub(one)
+        .replace("(* blackbox *) ", "")
+        .replace(" endmodule\n", "\n")
+        .replace("output [", "output reg [")
+    )
+    body = f"reg [{one.bits - 1}:0] words[0:{one.words - 1}];\n"
+    for port in "AB"[: one.ports]:
+        mask = f"{port}_BM" if "_bm_" in one.name else f"{{{one.bits}{{1'b1}}}}"
+        body += (
+            f"always @(posedge {port}_CLK) if ({port}_MEN) begin\n"
+            f"if ({port}_WEN) words[{port}_ADDR] <= ({port}_DIN & {mask}) | (words[{port}_ADDR] & ~{mask});\n"
+            f"else if ({port}_REN) {port}_DOUT <= words[{port}_ADDR];\nend\n"
+        )
+    return f"{text}{body}endmodule\n"
+
+
+WRAPPED = [
+    memories.Choice(memories.Shape("plain", 64, 10, 2), (macro(64, 10, 2),), 1, 1),
+    memories.Choice(memories.Shape("banks", 60, 10, 2), (macro(16, 8, 2), macro(16, 4, 2, mask=False)), 4, 1),
+    memories.Choice(memories.Shape("shallow", 8, 5, 1), (macro(16, 8, 1),), 1, 1),
+    memories.Choice(memories.Shape("pairs", 64, 9, 1), (macro(16, 16, 1), macro(16, 8, 1)), 2, 2),
+    memories.Choice(memories.Shape("fours", 50, 7, 1), (macro(8, 32, 1),), 2, 4),
+]
+
+
+@NEEDS_ICARUS
+@pytest.mark.parametrize("choice", WRAPPED, ids=lambda choice: choice.shape.name)
+def test_a_memory_of_macros_behaves_as_the_memory_of_the_core(choice, tmp_path):
+    shape = choice.shape
+    address = (shape.words - 1).bit_length()
+    text = (
+        (runs.ROOT / "hw_model/rtl/memory.sv").read_text()
+        + "".join(map(model, choice.macros))
+        + memories.verilog(choice)
+    )
+    (tmp_path / "bench.sv").write_text(
+        text + BENCH.format(name=shape.name, bits=shape.bits, words=shape.words, address=address, ports=shape.ports)
+    )
+    subprocess.run(["iverilog", "-g2012", "-s", "bench", "-o", "bench", "bench.sv"], cwd=tmp_path, check=True)
+    done = subprocess.run(["vvp", "-n", "bench"], cwd=tmp_path, check=True, capture_output=True, text=True)
+    assert done.stdout.split() == ["0", "differ"]
+
+
+BENCH = """
+module bench;
+    logic clk = 0, write = 0, read = 0;
+    logic [{address}-1:0] write_address = 0, read_address = 0;
+    logic [{bits}-1:0] write_data = 0;
+    wire [{bits}-1:0] wanted, found;
+    integer i, differ = 0, seen = 0;
+    always #5 clk = !clk;
+    memory #(.WIDTH({bits}), .DEPTH({words})) core (.clk, .write, .write_address, .write_data, .read, .read_address, .read_data(wanted));
+    memory_{name} made (.clk, .write, .read, .write_address, .read_address, .write_data, .read_data(found));
+    initial begin
+        for (i = 0; i < 5000; i = i + 1) begin
+            @(negedge clk);
+            if (seen != 0 && wanted !== found) differ = differ + 1;
+            write = i < {words} || (i % 97 > 80 && $urandom % 2);
+            // A memory of one port is never read while it is written; a word is never read in the cycle of its writing.
+            read = i >= {words} && $urandom % 4 != 0 && !({ports} == 1 && write);
+            write_address = i < {words} ? i : $urandom % {words};
+            read_address = $urandom % 3 ? (read_address + 1) % {words} : $urandom % {words};
+            if (read_address == write_address) read_address = (read_address + 1) % {words};
+            write_data = $urandom;
+            if (read) seen = 1;
+        end
+        $display("%0d differ", differ);
+        $finish;
+    end
+endmodule
+"""
+
+
+def test_a_row_holds_every_word_and_no_macro_too_many():
+    some = [macro(16, 8, 1), macro(16, 16, 1), macro(64, 8, 1)]
+    found = list(memories.choices(memories.Shape("x", 40, 12, 1), some))
+    assert found
+    for choice in found:
+        bits = [m.bits for m in choice.macros]
+        assert sum(bits) >= 12 * choice.pack > sum(bits) - min(bits)
+        assert choice.banks * choice.rows * choice.pack >= 40 > (choice.banks - 1) * choice.rows * choice.pack
+
+
+@NEEDS_LIBRARY
+def test_macros_cost_what_their_files_say():
+    found = {(m.ports, m.words, m.bits): m for m in liberty.macros(runs.LIBRARY / "sram")}
+    table = re.findall(
+        r"\| (\d)P (\d+) x (\d+) \| ([\d,]+) \| ([\d.]+) \| ([\d.]+) \|", (runs.LIBRARY / "README.md").read_text()
+    )
+    assert len(table) == 16
+    for ports, words, bits, *figures in table:
+        one = found[int(ports), int(words), int(bits)]
+        wanted = [float(figure.replace(",", "")) for figure in figures]
+        assert [round(one.area), one.read_pj, one.write_pj] == pytest.approx(wanted, abs=0.051)
+
+
+@NEEDS_LIBRARY
+def test_the_chip_file_names_the_lines_of_its_figures():
+    lines = re.findall(
+        r"^#   (\S+\.lib): read (\S+) \(line (\d+)\), write (\S+) \(line (\d+)\)$", make_profile.CHIP.read_text(), re.M
+    )
+    assert len(lines) > 5
+    for name, *figures in lines:
+        text = (runs.LIBRARY / "sram" / name).read_text().splitlines()
+        for pj, line in zip(figures[::2], figures[1::2], strict=True):
+            group = " ".join(text[int(line) - 1 : int(line) + 5])
+            assert group.strip().startswith("internal_power")
+            assert float(re.findall(r"values \(([\d.]+)\)", group)[0]) == float(pj)
+
+
+def checked() -> list[dict[str, str]]:
+    with make_profile.CHECK.open() as file:
+        return list(csv.DictReader(file))
+
+
+def test_the_profile_is_near_gate_level_on_recordings_that_it_has_not_seen():
+    rows = checked()
+    for name in make_profile.SETS:
+        off = [abs(float(row["profile, pJ"]) / float(row["gate level, pJ"]) - 1) for row in rows if row["set"] == name]
+        assert len(off) == 20
+        assert max(off) < 0.05
+
+
+@NEEDS_RECORDINGS
+@pytest.mark.parametrize("name", make_profile.SETS)
+def test_counts_without_hardware_say_what_memories_take(name):
+    count = 3
+    program, recordings = runs.compiled(make_profile.SETS[name]), runs.real(name, "test", count)
+    gate_level = [float(row["memories at gate level, pJ"]) for row in checked() if row["set"] == name][:count]
+    assert sums.memory_pj(program, recordings) == pytest.approx(gate_level, rel=0.02)
+
+
+def test_every_price_is_within_its_range():
+    profile = hw.chip("locsnn-130nm").profile("ihp-sg13g2")
+    assert set(profile.energy_pj) == set(profile.energy_pj_range) == set(profile.sources)
+    for name, pj in profile.energy_pj.items():
+        least, most = profile.energy_pj_range[name]
+        assert 0 < least <= most == pj
+
+
+def test_a_profile_of_a_core_in_cells_may_be_chosen_and_one_of_a_device_not():
+    assert hw.priced_by(hw.chip("locsnn-130nm"), "ihp-sg13g2").default_profile == "ihp-sg13g2"
+    with pytest.raises(InputError) as caught:
+        hw.priced_by(hw.chip("ecp5-25f"), "ihp-sg13g2")
+    assert (
+        str(caught.value)
+        == "profile 'ihp-sg13g2': ecp5-25f has cycles and no prices. Leave the profile out."
+    )
+
+
+def test_real_recordings_come_one_of_a_class_in_turn(tmp_path, monkeypatch):
+    import zipfile
+
+    with zipfile.ZipFile(tmp_path / "Ev-Some.zip", "w") as archive:
+        for sample, label in ((0, 1), (1, 0), (2, 0), (3, 1)):
+            with archive.open(f"Ev-Some/test/sample_{sample}_label_{label}.npy", "w") as file:
+                np.save(file, np.full((2, 2, 3), sample, dtype=np.float32))
+    monkeypatch.setattr(runs, "RECORDINGS", Path(tmp_path))
+    found = runs.real("Some", "test", 3)
+    assert found.shape == (3, 3, 4)
+    assert found[:, 0, 0].tolist() == [1, 0, 2]
