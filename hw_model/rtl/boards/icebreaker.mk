@@ -2,7 +2,7 @@
 DEVICE := ice40up5k
 TOP := top_icebreaker.sv
 PINS := icebreaker.pcf
-TOOLS := $(YOSYS) $(NEXTPNR_ICE40) $(ICEPACK)
+TOOLS := $(YOSYS) $(NEXTPNR_ICE40)
 SYNTHESIS := synth_ice40 -dsp -spram
 PLACE = $(NEXTPNR_ICE40) --up5k --package sg48 --pcf $(PINS) --asc $(BOARD)-$*.asc
 BITSTREAM := $(BOARD).bin

@@ -1,7 +1,7 @@
 # What all ULX3S boards have in common.
 TOP := top_ulx3s.sv
 PINS := ulx3s.lpf
-TOOLS := $(YOSYS) $(NEXTPNR_ECP5) $(ECPPACK)
+TOOLS := $(YOSYS) $(NEXTPNR_ECP5)
 SYNTHESIS := synth_ecp5
 PLACE = $(NEXTPNR_ECP5) $(PART) --package CABGA381 --speed 6 --lpf $(PINS) --textcfg $(BOARD)-$*.config
 BITSTREAM := $(BOARD).bit
