@@ -57,7 +57,9 @@ SHIPPED = (
 
 
 EARLY = tuple(
-    Shipped("objects", "Objects, Window-SNN, ends cut in training", f"objects-window-early-{seed}.pt") for seed in SEEDS
+    Shipped("objects", f"Objects, Window-SNN, up to {share} cut in training", f"objects-window-{name}-{seed}.pt")
+    for name, share in (("early", "half"), ("quarter", "three quarters"))
+    for seed in SEEDS
 )
 """Networks of ``--work`` that learned to answer early."""
 

@@ -114,6 +114,13 @@ ROWS = (
         config="objects-window-snn-early.yaml",
         only="objects",
     ),
+    Row(
+        "window-quarter",
+        "Window-SNN, three quarters cut",
+        {"model": "window-snn"},
+        config="objects-window-snn-quarter.yaml",
+        only="objects",
+    ),
     Row("windows-and-hybrid", "Window-SNN and hybrid, joined", {}, parts=("hybrid", "window-snn"), only="objects"),
     Row(
         "window-snn-levels",
