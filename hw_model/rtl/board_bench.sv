@@ -22,7 +22,6 @@ module board_bench #(
     parameter integer SPIKES = 256,
     parameter integer BIT = 8,       // cycles per bit of the board
     parameter integer HOST_BIT = 8,  // and of the host
-    parameter integer PACE = 1,      // cycles per byte from the board, without a line
     parameter integer PATIENCE = 1 << 20
 ) ();
     localparam integer STDIN = 32'h8000_0000, STDOUT = 32'h8000_0001;
@@ -44,18 +43,14 @@ module board_bench #(
             ) board (.clk, .button, .rx(to_board), .tx(from_board), .leds);
             uart_rx #(.BIT(HOST_BIT)) listener (.clk, .reset, .rx(from_board), .valid(heard_valid), .data(heard), .broken);
         end else begin : directly
-            wire    loaded, running, answered, failed, out_valid;
-            integer pace = 0;
-            wire    out_ready = pace == 0;
-            assign  heard_valid = out_valid && out_ready;
-            always @(posedge clk) pace <= pace + 1 == PACE ? 0 : pace + 1;
+            wire loaded, running, answered, failed;
             locsnn_bytes #(
                 .AXONS(AXONS), .SYNAPSES(SYNAPSES), .COMPARTMENTS(COMPARTMENTS), .SLOTS(SLOTS),
                 .CHARGE(CHARGE), .JOIN(JOIN), .BITMAP(BITMAP), .VISITS(VISITS), .ENTRIES(ENTRIES),
                 .BUFFER(BUFFER), .SPIKES(SPIKES)
             ) board (
                 .clk, .reset(reset || button), .in_valid(pass), .in_data(passed), .in_broken(pass_broken),
-                .out_valid, .out_ready, .out_data(heard), .loaded, .running, .answered, .failed
+                .out_valid(heard_valid), .out_ready(1'b1), .out_data(heard), .loaded, .running, .answered, .failed
             );
         end
     endgenerate

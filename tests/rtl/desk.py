@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing
 from pathlib import Path
 from unittest.mock import patch
@@ -123,18 +123,24 @@ def chapters(desk: Desk) -> Iterator[list[int]]:
     yield [PRESS, *framed(WORDS, 0, WORD)]
 
 
+def until_greeted(port: SimulatedBoard, number: int, tokens: Iterable[int]) -> bytes:
+    """Send what is given and a hello; return all that comes up to its answer, or to silence, or very much of it."""
+    port.drive(*tokens, *framed(HELLO, number, b""))
+    ending, came = framed(0x81, number, b"")[:3], b""
+    while ending not in came and len(came) < 2000 and (more := port.read()):
+        came += more
+    return came + port.read()
+
+
 def transcript(desk: Desk, texts: Mapping[str, str]) -> list[bytes]:
     """Return every byte of a board in a session with every fault; a board that says no end to it is cut short."""
     heard: list[bytes] = []
-    with closing(desk.port(texts, buffer=128, spikes=2, pace=12)) as port:
+    with closing(desk.port(texts, buffer=128, spikes=2)) as port:
         board = Board(port)
         board.load(desk.core)
         for number, chapter in enumerate(chapters(desk), 0x64):
-            port.drive(*framed(HELLO, 0, b""), *chapter, *framed(HELLO, number, b""))
-            ending, came = framed(0x81, number, b"")[:3], b""
-            while ending not in came and len(came) < 2000 and (more := port.read()):
-                came += more
-            heard += [came, port.read()]
+            heard.append(until_greeted(port, 0, ()))
+            heard.append(until_greeted(port, number, chapter))
     return heard
 
 
