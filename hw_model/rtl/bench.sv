@@ -114,7 +114,8 @@ module bench #(
                     synapses, updates, active_updates, spikes, charge_wraps, current_wraps, voltage_clips);
         end
         owed <= owed + {31'b0, last_word && word[16] == 0} - {31'b0, answer_valid};
-        idle <= load_valid || done || answer_valid || (in_valid && in_ready) ? 0 : idle + 1;
+        // What is unknown is no sign of life.
+        idle <= (load_valid || done || answer_valid || (in_valid && in_ready)) === 1'b1 ? 0 : idle + 1;
         if ((!more && !in_valid && owed == 0) || idle == patience) begin
             $fclose(updates_file);
             $fclose(scores_file);

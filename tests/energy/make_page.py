@@ -45,7 +45,12 @@ def main() -> None:
     with SEARCH.open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(
-            ("price of area, pJ per µm2", "area of macros, mm2", "accesses, µJ per recording", *(c.shape.name for c in rows[0][3]))
+            (
+                "price of area, pJ per µm2",
+                "area of macros, mm2",
+                "accesses, µJ per recording",
+                *(c.shape.name for c in rows[0][3]),
+            )
         )
         writer.writerows((p, f"{a:.3f}", f"{e:.2f}", *(c.text for c in chosen)) for p, a, e, chosen in rows)
     PAGE.write_text(page(built, of_sets, rows, mac.measure(built.files)))
