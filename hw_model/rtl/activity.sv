@@ -2,7 +2,7 @@
 module activity (
     input  logic        clk,
     input  logic        clear,
-    input  logic        add,
+    input  logic [1:0]  add,
     input  logic        update,
     input  logic        active,
     input  logic        fired,
@@ -19,7 +19,7 @@ module activity (
 );
     // A counter is clocked only where it changes.
     always_ff @(posedge clk) begin
-        if (clear || add) synapses <= clear ? 0 : synapses + 1;
+        if (clear || add != 0) synapses <= clear ? 0 : synapses + {30'b0, add[1] && add[0], add[1] != add[0]};
         if (clear || update) updates <= clear ? 0 : updates + 1;
         if (clear || (update && active)) active_updates <= clear ? 0 : active_updates + 1;
         if (clear || fired) spikes <= clear ? 0 : spikes + 1;

@@ -3,6 +3,7 @@
 It follows words and requests rather than clock edges; the modules of the same names say what happens in each cycle.
 """
 
+from collections import deque
 from collections.abc import Iterator, Mapping
 
 import numpy as np
@@ -14,8 +15,7 @@ from hw_model.values import BoolArray, ByteArray
 TICK, END, LAST, DROPPED, HIDDEN = -1, -2, -3, -4, -5
 """Words that are not sources: a step is over; the stream is, and silent steps may follow; the phase is; a word after
 the last step of the first phase; an event of a row that a visit does not tell of."""
-FETCHED = 9
-"""Cycles in which the fields of a phase are read."""
+NEVER = 1 << 62
 Word = tuple[int, int]
 """Cycles from the word before it to its own, at least, and its source or kind."""
 
@@ -26,13 +26,11 @@ def core_cycles(core: CoreProgram, recording: ByteArray, spikes: Mapping[str, By
     ``recording`` (rows, channels); ``spikes[population]`` (steps, n), as a simulation gives them.
     """
     clock = _Clock(np.maximum(np.diff(core.lists), 1).tolist(), core.first_source)
-    at = 0
     for index, (phase, end) in enumerate(zip(core.phases, core.ends, strict=True)):
         compartments = range(core.ends[index - 1] if index else 0, end)
         numbers = np.sort(core.numbers[phase.name])
         fired = [numbers[row].tolist() for row in fired_in_order(core, phase, recording, spikes)]
-        words = _transposed(core, phase, at, recording) if index else _streamed(core, recording)
-        at += phase.visits.shape[1]
+        words = _transposed(core, phase, recording) if index else _streamed(core, recording)
         clock.play(words, compartments, fired)
     return clock.consumed + _readout(core) + 2
 
@@ -45,35 +43,40 @@ def predicted_cycles(core: CoreProgram, recordings: ByteArray, spikes: Mapping[s
 class _Clock:
     """Cycles so far: when the last word was ``prepared`` and ``consumed``, and when words are taken again (``row``).
 
-    ``walk``, ``walked``: the first cycle of the last list's walk, and the one after it. ``lengths``: cycles of each.
+    ``open``: when events are, which do not wait for the ``spikes`` of the step before them, each with the cycle in
+    which it is the head of the queue; ``accepted``: when the last of them was delivered. ``walk``, ``walked``: the
+    first cycle of the last list's walk, and the one after it. ``lengths``: cycles of each.
     """
 
     def __init__(self, lengths: list[int], first_source: int) -> None:
         self.lengths, self.first_source = lengths, first_source
         self.prepared = self.consumed = -1
-        self.row = 0
+        self.row = self.open = self.accepted = 0
+        self.spikes: deque[tuple[int, int]] = deque()
         self.walk = self.walked = -3
 
     def play(self, words: Iterator[Word], compartments: range, steps: list[list[int]]) -> None:
         """Play the words of a phase to its ``compartments``; ``steps``: those that fire, in order."""
-        step = iter(steps)
+        fired = deque(steps)
         for wait, word in words:
             self.prepared = max(self.prepared + wait, self.consumed)
-            earliest = max(self.prepared + 1, self.row)
             if word == HIDDEN:
                 continue
+            self._deliver(max(self.prepared + 1, self.open) if word >= 0 else NEVER)
+            earliest = max(self.prepared + 1, self.open if word >= 0 else self.row)
             if word >= 0:
                 self.consumed = self._request(earliest, word)
             elif word == TICK:
-                # The last charge is handed on three cycles after the walk of its list.
-                self.consumed = max(earliest, self.walked + 3)
-                self.row = self._update(self.consumed + 1, compartments, next(step, []))
+                # The last charge is handed on two cycles after the walk of its list.
+                self.consumed = max(earliest, self.walked + 2)
+                self._update(self.consumed + 1, compartments, fired.popleft())
+                self.open = self.open if fired else NEVER
             elif word == DROPPED:
                 self.consumed = earliest
             else:
-                self.consumed = self.prepared if word == END else max(earliest, self.walked + 3)
+                self.consumed = self.prepared if word == END else max(earliest, self.walked + 2)
         self.prepared = self.consumed
-        self.row = self.consumed + 1
+        self.row = self.open = self.consumed + 1
 
     def _request(self, cycle: int, source: int) -> int:
         """Deliver a spike; return when its request is accepted: the lookup before it must be done."""
@@ -82,15 +85,23 @@ class _Clock:
         self.walked = self.walk + self.lengths[source]
         return accepted
 
-    def _update(self, first: int, compartments: range, fired: list[int]) -> int:
-        """Update from cycle ``first`` on, and deliver the spikes; return the cycle in which words are taken again."""
-        issued = first + len(compartments)
-        accepted = issued - 1
+    def _deliver(self, earliest: int) -> None:
+        """Deliver the spikes that are heads of the queue before an event is taken, which is not before ``earliest``."""
+        while self.spikes and max(self.spikes[0][0], self.accepted + 1) <= max(earliest, self.walk - 1):
+            head, source = self.spikes.popleft()
+            self.accepted = self._request(max(head, self.accepted + 1), source)
+            self.row = max(self.row, self.accepted + 2)
+
+    def _update(self, first: int, compartments: range, fired: list[int]) -> None:
+        """Update from cycle ``first`` on. What fires is the head of the queue ten cycles after its issue.
+
+        Heads are looked up from five cycles before the end of the updates on.
+        """
+        self.open = first + len(compartments)
         for number in fired:
-            # It is the head of the queue ten cycles after its issue.
-            head = first + number - compartments.start + 10
-            accepted = self._request(max(head, accepted + 1), self.first_source + number)
-        return max(issued + 8 if compartments else issued, accepted + 1) + 1
+            head = max(self.open - 5, first + number - compartments.start + 10)
+            self.spikes.append((head, self.first_source + number))
+        self.row = self.open + (8 if compartments else 0) + 1
 
 
 def fired_in_order(
@@ -115,16 +126,14 @@ def _streamed(core: CoreProgram, recording: ByteArray) -> Iterator[Word]:
     yield 1, LAST
 
 
-def _transposed(core: CoreProgram, phase: CorePhase, at: int, recording: ByteArray) -> Iterator[Word]:
-    """Yield words as the scan of the buffer finds them, from visit ``at`` on.
+def _transposed(core: CoreProgram, phase: CorePhase, recording: ByteArray) -> Iterator[Word]:
+    """Yield words as the scan of the buffer finds them.
 
     A channel of a row takes a cycle, a visit three and one for every word of 32 rows.
     """
-    end, origin = at + phase.visits.shape[1], phase.origin(recording)
-    visits = list(zip(*(column[at:end].tolist() for column in core.tables["visits"].values()), strict=True))
-    wait, at = FETCHED + 3, 0
-    span = phase.span(recording)
-    for step in span:
+    visits, origin = phase.visits.T.tolist(), phase.origin(recording)
+    wait, at = 9 + 3, 0  # the fields of the phase are read first
+    for step in phase.span(recording):
         if phase.by_rows:
             read, wait = 0, wait + 2
             for channel in np.flatnonzero(recording[step : step + 1].any(axis=0)).tolist():
@@ -132,9 +141,9 @@ def _transposed(core: CoreProgram, phase: CorePhase, at: int, recording: ByteArr
                 read, wait = channel, 0
             wait += core.channels - read
         while at < len(visits) and visits[at][0] == step:
-            _, place, source = visits[at]
+            _, channel, source = visits[at]
             read, wait = 0, wait + 2
-            for row in np.flatnonzero(recording[: core.kept, place >> core.row_shift]).tolist():
+            for row in np.flatnonzero(recording[: core.kept, channel]).tolist():
                 shown = 0 <= row - origin < phase.rows
                 yield wait + row // BITMAP_BITS + 1 - read, source + row - origin if shown else HIDDEN
                 read, wait = row // BITMAP_BITS + 1, 1

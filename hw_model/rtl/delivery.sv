@@ -1,5 +1,9 @@
-// Delivers spikes: looks a source up among the axons, walks its list of synapses, one per cycle, and adds each weight to
-// the accumulator slot of the step in which it is due.
+// Delivers spikes: looks a source up among the axons, walks its list of synapses, and adds each weight to the accumulator
+// slot of the step in which it is due.
+//
+// A word of a list has two synapses, one for each bank; one of them may be missing. Bank 1 has the charges whose compartment
+// and lowest bit of the slot have an odd number of ones, so a list is even whatever its targets and delays have in common.
+// Which half of a word goes to which bank changes with every step. The lowest bit of a compartment follows from the others.
 //
 // The next request is looked up while a list is walked, so lists follow each other without a gap. A list of no synapses
 // takes one cycle.
@@ -22,15 +26,18 @@ module delivery #(
     input  logic [$clog2(AXONS)-1:0]                    source,
     input  logic [$clog2(SLOTS)-1:0]                    base,
     input  logic [$clog2(SLOTS)-1:0]                    slot_mask,
-    output logic                                        add,
-    output logic [$clog2(SLOTS)+$clog2(COMPARTMENTS)-1:0] add_address,
-    output logic [CHARGE-1:0]                           add_charge,
+    // By bank: slot and compartment without its lowest bit, and what is added.
+    output logic [1:0]                                  add,
+    output logic [2*($clog2(SLOTS)+$clog2(COMPARTMENTS)-1)-1:0] add_address,
+    output logic [2*CHARGE-1:0]                         add_charge,
     output logic                                        busy
 );
-    localparam integer SYNAPSE_BITS = $clog2(SYNAPSES);
-    localparam integer TARGET_BITS = $clog2(COMPARTMENTS);
+    localparam integer SYNAPSE_BITS = $clog2(SYNAPSES / 2);
+    localparam integer TARGET_BITS = $clog2(COMPARTMENTS) - 1;
     localparam integer SLOT_BITS = $clog2(SLOTS);
-    localparam integer WORD = TARGET_BITS + SLOT_BITS + 3 + 9;
+    localparam integer ADDRESS = SLOT_BITS + TARGET_BITS;
+    localparam integer HALF = 1 + TARGET_BITS + SLOT_BITS + 3 + 9;
+    localparam integer WORD = 2 * HALF;
 
     // Lookup: `found` says that the axon memory shows the list of an accepted request.
     logic                      found;
@@ -39,7 +46,7 @@ module delivery #(
     wire  [SYNAPSE_BITS-1:0]   list_start = list[SYNAPSE_BITS-1:0];
     wire  [SYNAPSE_BITS-1:0]   list_length = list[2*SYNAPSE_BITS-1:SYNAPSE_BITS];
 
-    // Walk: `left` synapses of the current list from `at` on.
+    // Walk: `left` words of the current list from `at` on.
     logic                    walking;
     logic [SYNAPSE_BITS-1:0] at, left;
     logic [SLOT_BITS-1:0]    walk_base;
@@ -75,18 +82,12 @@ module delivery #(
         if (clear) {found, walking} <= 0;
     end
 
-    // Synapses: read, kept in a register because memories answer late in the cycle, then made an operation.
-    logic                 walked1, walked2, walked3, valid1, valid2, valid3;
+    // Synapses: read, kept in a register because memories answer late in the cycle, then made an operation per bank.
+    logic                 walked1, walked2, valid1, valid2;
     logic [SLOT_BITS-1:0] base1, base2;
     logic [WORD-1:0]      word1, word2;
-    wire [TARGET_BITS-1:0] target;
-    wire [SLOT_BITS-1:0]   delay;
-    wire [2:0]             exponent;
-    wire signed [8:0]      mantissa;
-    assign {mantissa, exponent, delay, target} = word2;
-    wire signed [15:0] weight = {{7{mantissa[8]}}, mantissa};
 
-    memory #(.WIDTH(WORD), .DEPTH(SYNAPSES)) synapses (
+    memory #(.WIDTH(WORD), .DEPTH(SYNAPSES / 2)) synapses (
         .clk,
         .write        (load_synapse),
         .write_address(load_address[SYNAPSE_BITS-1:0]),
@@ -96,18 +97,33 @@ module delivery #(
         .read_data    (word1)
     );
 
-    wire [15:0] effective = weight <<< exponent;
     always_ff @(posedge clk) begin
-        {walked1, walked2, walked3} <= clear ? 3'b0 : {walking, walked1, walked2};
-        {valid1, valid2, valid3} <= clear ? 3'b0 : {walking && left != 0, valid1, valid2};
+        {walked1, walked2} <= clear ? 2'b0 : {walking, walked1};
+        {valid1, valid2} <= clear ? 2'b0 : {walking && left != 0, valid1};
         {base1, base2} <= {walk_base, base1};
         word2 <= word1;
-        // A spike of step t acts at step t + 1 + delay, with 64 * mantissa * 2^exponent; charges are in units of 64.
-        add_address <= {(base2 + delay) & slot_mask, target};
-        add_charge <= {{(CHARGE-15){effective[15]}}, effective[14:0]};
     end
-    assign add = valid3;
-    assign busy = found || walking || walked1 || walked2 || walked3;
+
+    genvar bank;
+    generate
+        for (bank = 0; bank < 2; bank = bank + 1) begin : banks
+            wire                   used;
+            wire [TARGET_BITS-1:0] target;
+            wire [SLOT_BITS-1:0]   delay;
+            wire [2:0]             exponent;
+            wire signed [8:0]      mantissa;
+            assign {mantissa, exponent, delay, target, used} = base2[0] == bank ? word2[HALF-1:0] : word2[WORD-1:HALF];
+            wire signed [15:0] weight = {{7{mantissa[8]}}, mantissa};
+            wire [15:0]        effective = weight <<< exponent;
+            // A spike of step t acts at step t + 1 + delay, with 64 * mantissa * 2^exponent; charges are in units of 64.
+            always_ff @(posedge clk) begin
+                add[bank] <= !clear && valid2 && used;
+                add_address[bank*ADDRESS+:ADDRESS] <= {(base2 + delay) & slot_mask, target};
+                add_charge[bank*CHARGE+:CHARGE] <= {{(CHARGE-15){effective[15]}}, effective[14:0]};
+            end
+        end
+    endgenerate
+    assign busy = found || walking || walked1 || walked2;
 
     wire unused = &{1'b0, load_address, load_data};
 endmodule

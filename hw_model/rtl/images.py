@@ -32,6 +32,8 @@ SIMULATED = Sizes(
     axons=8192, synapses=131072, compartments=1024, slots=64, charge=26, join=36, bitmap=8192, visits=1024, entries=1024
 )
 """Sizes that hold most programs, so that one built simulator plays them."""
+BANKS = (0, 1)
+"""Of charges under way, as seen in a step whose next one has an even slot: delivery.sv says which is which."""
 Table = dict[str, IntArray]
 """Fields of a memory's words by name, each (words,)."""
 
@@ -42,9 +44,10 @@ def layouts(sizes: Sizes) -> dict[str, Layout]:
         (getattr(sizes, name) - 1).bit_length()
         for name in ("synapses", "compartments", "slots", "entries", "bitmap", "axons")
     )
+    half = {"used": 1, "target": number - 1, "delay": slot, "exponent": 3, "mantissa": 9}
     return {
-        "axons": Layout.of(start=synapse, length=synapse),
-        "synapses": Layout.of("mantissa", target=number, delay=slot, exponent=3, mantissa=9),
+        "axons": Layout.of(start=synapse - 1, length=synapse - 1),
+        "synapses": Layout.of("mantissa0", "mantissa1", **{f"{name}{i}": half[name] for i in BANKS for name in half}),
         "leaks": Layout.of("bias", valid=1, keep_u=13, keep_v=13, bias=20, has_children=1),
         "fires": Layout.of(
             threshold=17, blocks=6, spiking=1, vmin_log=5, vmax_log=5, child=1, first=1, parent=number, read_out=1,
@@ -77,9 +80,7 @@ class CoreProgram:
         self.channels = sum(program.streams.values())
         self._number()
         synapses = self._synapses()
-        by_source = np.argsort(synapses["source"], kind="stable")
-        sources = np.arange(self.first_source + self.ends[-1] + 1)
-        self.lists = np.searchsorted(synapses.pop("source")[by_source], sources)
+        self.lists, words = self._words(synapses)
         lengths = np.diff(self.lists)
         ratios = [weight.as_integer_ratio() for weight in program.readout.weights] if program.readout else []
         self.scale = max((below for _, below in ratios), default=1)
@@ -88,13 +89,13 @@ class CoreProgram:
         visits = np.hstack([phase.visits for phase in self.phases])
         self.tables = {
             "axons": {"start": np.where(lengths > 0, self.lists[:-1], 0), "length": lengths},
-            "synapses": {name: column[by_source] for name, column in synapses.items()},
+            "synapses": words,
             "compartments": self._compartments(),
             "visits": {"step": visits[0], "place": visits[1] << self.row_shift, "source": visits[2]},
             "weights": {"magnitude": _array(map(abs, weights)), "negative": _array(weight < 0 for weight in weights)},
             "phases": {"value": self._phase_fields()},
         }
-        self.needs = self._needs()
+        self.needs = self._needs(synapses)
 
     def load_words(self, sizes: Sizes) -> BitArray:
         """Return what goes through the load port, a row a word: data, address, memory; the settings come last."""
@@ -153,7 +154,7 @@ class CoreProgram:
             "align_events": max(phase.align_events or 0 for phase in self.phases),
             "phases": len(self.phases),
             "slot_mask": slots - 1,
-            "sweep": max(slots * sizes.compartments, self.needs.bitmap, self.needs.entries),
+            "sweep": max(slots * sizes.compartments // 2, self.needs.bitmap, self.needs.entries),
             "classes": self.program.populations[readout.populations[0]] if readout else 0,
             "populations": len(readout.populations) if readout else 0,
             "first_source": self.first_source,
@@ -163,21 +164,20 @@ class CoreProgram:
     def _phase_fields(self) -> IntArray:
         """Return eight words for each phase; :class:`hw_model.rtl.phases.CorePhase` says what they are."""
         visits = np.cumsum([phase.visits.shape[1] for phase in self.phases]).tolist()
-        longest = (1 << STEP_BITS) - 1
-        rows = [
-            (p.steps, end, seen, p.rows, p.row_source, min(p.potentials_from, longest), p.by_rows, bool(p.align_events))
+        fields = (
+            (p.steps, end, seen, p.rows, p.row_source, p.potentials_from, p.by_rows, bool(p.align_events))
             for p, end, seen in zip(self.phases, self.ends, visits, strict=True)
-        ]
-        return np.array(rows, dtype=np.int64).ravel()
+        )
+        return _array(field for of_phase in fields for field in of_phase)
 
-    def _needs(self) -> Sizes:
-        synapses, compartments = self.tables["synapses"], self.tables["compartments"]
+    def _needs(self, synapses: Table) -> Sizes:
+        compartments = self.tables["compartments"]
         charges = np.abs(synapses["mantissa"]) << synapses["exponent"]
         charge = np.bincount(synapses["target"], weights=charges, minlength=1).max()
         children = np.bincount(compartments["parent"], weights=compartments["child"]).max()
         return Sizes(
             axons=len(self.lists) - 1,
-            synapses=len(charges) + 1,
+            synapses=2 * int(self.lists[-1] + 1),
             compartments=self.ends[-1],
             slots=int(synapses["delay"].max(initial=0)) + 2,
             charge=int(charge).bit_length() + 1,
@@ -205,6 +205,22 @@ class CoreProgram:
                 "mantissa": axons.mantissa.astype(np.int64) >> np.maximum(-exponent, 0),
             })  # fmt: skip
         return {name: np.concatenate([part[name] for part in parts]).astype(np.int64) for name in parts[0]}
+
+    def _words(self, synapses: Table) -> tuple[IntArray, Table]:
+        """Return where the list of each source begins, and the words of lists: a synapse for each bank."""
+        odd = np.bitwise_xor.reduce(np.arange(self.ends[-1]) >> np.arange(24)[:, None])
+        bank = (odd[synapses["target"]] ^ synapses["delay"]) & 1
+        place = 2 * synapses["source"] + bank
+        order = np.argsort(place, kind="stable")
+        counts = np.bincount(place, minlength=2 * (self.first_source + self.ends[-1]))
+        lists = np.concatenate(([0], np.cumsum(counts.reshape(-1, 2).max(axis=1))))
+        word = np.arange(len(order)) + np.repeat(np.repeat(lists[:-1], 2) - np.cumsum(counts) + counts, counts)
+        table: Table = {}
+        for name, column in {**synapses, "target": synapses["target"] >> 1, "used": np.ones_like(bank)}.items():
+            found = np.zeros((2, int(lists[-1])), dtype=np.int64)
+            found[bank[order], word] = column[order]
+            table |= {f"{name}{side}": found[side] for side in BANKS}
+        return lists, table
 
     def _compartments(self) -> Table:
         """Return the constants of every compartment; gaps have none."""

@@ -99,7 +99,7 @@ module locsnn_core #(
     wire              event_valid, line_valid;
     wire [1:0]        event_kind, line_kind;
     wire [SOURCE-1:0] event_source, line_source;
-    wire              word_valid = row && (buffered ? line_valid : event_valid);
+    wire              word_valid = buffered ? line_valid : event_valid;
     wire [1:0]        word_kind = buffered ? line_kind : event_kind;
     wire [SOURCE-1:0] word_source = buffered ? line_source : event_source;
     wire              mark, stop, failed;
@@ -111,8 +111,18 @@ module locsnn_core #(
     wire [NUMBER-1:0] head;
     // A recording may be longer than the first phase: the buffer has the rest.
     wire over = step == its[STEPS];
+    // While compartments are on their way to fire, events of the next row are delivered: all charges of this step were
+    // taken, so the slot that is free now is that of the longest delay of the next.
+    logic last_step;
+    always_ff @(posedge clk) last_step <= step + 1 == its[STEPS];
+    wire early = state == SPIKES && !head_valid && !last_step;
+    // Spikes are looked up before the last charge is taken: theirs are added five cycles later.
+    logic ending;
+    always_ff @(posedge clk) ending <= state == UPDATE && number + 6 >= its[NUMBER_END];
+    wire spike = head_valid && (state == SPIKES || (state == UPDATE && ending));
     wire is_event = word_kind == EVENT, is_tick = word_kind == TICK;
-    wire word_ready = row && (over && (is_event || is_tick) || (is_event ? delivery_ready : !delivering));
+    wire word_ready = early ? is_event && delivery_ready
+        : row && (over && (is_event || is_tick) || (is_event ? delivery_ready : !delivering));
     wire word_taken = word_valid && word_ready;
     wire phase_over = word_taken && !is_event && !is_tick;
     wire last_phase = {18'b0, phase} + 1 == settings[PHASES];
@@ -188,31 +198,46 @@ module locsnn_core #(
     );
 
     // Spikes to deliver: of lines in a row, of compartments after their update.
-    wire                   add;
-    wire [SLOT+NUMBER-1:0] add_address;
-    wire [CHARGE-1:0]      add_charge, charge;
+    localparam integer ADDRESS = SLOT + NUMBER - 1;
+    wire [1:0]             add;
+    wire [2*ADDRESS-1:0]   add_address;
+    wire [2*CHARGE-1:0]    add_charge, taken;
     wire                   fired;
     wire [NUMBER-1:0]      done_number;
 
     queue #(.WIDTH(NUMBER), .DEPTH(COMPARTMENTS)) spikes (
         .clk, .clear, .push(fired), .pushed(done_number), .head_valid, .head,
-        .pop(state == SPIKES && head_valid && delivery_ready), .empty(queue_empty)
+        .pop(spike && delivery_ready), .empty(queue_empty)
     );
 
     delivery #(.AXONS(AXONS), .SYNAPSES(SYNAPSES), .COMPARTMENTS(COMPARTMENTS), .SLOTS(SLOTS), .CHARGE(CHARGE)) deliver (
         .clk, .clear, .load_axon(load_valid && load_memory == 1), .load_synapse(load_valid && load_memory == 2),
         .load_address, .load_data,
-        .request(state == SPIKES ? head_valid : word_valid && is_event && !over), .ready(delivery_ready),
-        .source(state == SPIKES ? {{(SOURCE-NUMBER){1'b0}}, head} + settings[FIRST_SOURCE][SOURCE-1:0] : word_source),
-        .base(slot + {{(SLOT-1){1'b0}}, 1'b1}), .slot_mask(settings[SLOT_MASK][SLOT-1:0]),
+        .request(spike || ((early || (row && !over)) && word_valid && is_event)),
+        .ready(delivery_ready),
+        .source(spike ? {{(SOURCE-NUMBER){1'b0}}, head} + settings[FIRST_SOURCE][SOURCE-1:0] : word_source),
+        .base(slot + (early ? SLOT'(2) : SLOT'(1))), .slot_mask(settings[SLOT_MASK][SLOT-1:0]),
         .add, .add_address, .add_charge, .busy(delivering)
     );
 
-    accumulator #(.WIDTH(CHARGE), .DEPTH(SLOTS * COMPARTMENTS)) charges (
-        .clk, .valid(add || state == UPDATE), .take(state == UPDATE),
-        .address(state == UPDATE ? {slot, number[NUMBER-1:0]} : add_address), .addend(add_charge), .taken(charge),
-        .sweep(clear && {8'b0, sweep_at} < SLOTS * COMPARTMENTS), .sweep_address(sweep_at[SLOT+NUMBER-1:0])
-    );
+    // Charges under way, in two banks that add at the same time; an update takes from that of its compartment.
+    wire  number_bank = ^{number[NUMBER-1:0], slot[0]};
+    logic bank1, bank2;
+    always_ff @(posedge clk) {bank1, bank2} <= {number_bank, bank1};
+    wire [CHARGE-1:0] charge = bank2 ? taken[2*CHARGE-1:CHARGE] : taken[CHARGE-1:0];
+
+    genvar bank;
+    generate
+        for (bank = 0; bank < 2; bank = bank + 1) begin : banks
+            wire take = state == UPDATE && number_bank == bank;
+            accumulator #(.WIDTH(CHARGE), .DEPTH(SLOTS * COMPARTMENTS / 2)) charges (
+                .clk, .valid(add[bank] || take), .take,
+                .address(state == UPDATE ? {slot, number[NUMBER-1:1]} : add_address[bank*ADDRESS+:ADDRESS]),
+                .addend(add_charge[bank*CHARGE+:CHARGE]), .taken(taken[bank*CHARGE+:CHARGE]),
+                .sweep(clear && {8'b0, sweep_at} < SLOTS * COMPARTMENTS / 2), .sweep_address(sweep_at[ADDRESS-1:0])
+            );
+        end
+    endgenerate
 
     wire               done, active, charge_wrap, voltage_clip, early_read, read_out, by_potential;
     wire [1:0]         current_wraps;

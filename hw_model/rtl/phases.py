@@ -52,17 +52,14 @@ def core_phases(program: ChipProgram, rows: int, steps: int | None) -> tuple[tup
 
     ``steps``: those of phases of no fixed length.
     """
-    streaming = next((phase for phase in program.phases if _may_stream(program, phase)), None)
+    plain = [phase for phase in program.phases if phase.align_events is None]
+    streaming = next((p for p in plain if all(item.positions is None for item in program.inputs_of(p.name))), None)
     found, free = [] if streaming else [CorePhase()], sum(program.streams.values())
     for phase in sorted(program.phases, key=lambda phase: phase is not streaming):
         length = length_of(program, phase, rows, steps)
         core_phase, free = _core_phase(program, phase, length, rows, free, phase is streaming)
         found.append(core_phase)
     return tuple(found), free
-
-
-def _may_stream(program: ChipProgram, phase: Phase) -> bool:
-    return phase.align_events is None and all(item.positions is None for item in program.inputs_of(phase.name))
 
 
 def _core_phase(
@@ -89,6 +86,6 @@ def _core_phase(
     kept = max(0 if streams else rows_of_visits, steps if by_rows else 0, 0 if events is None else rows)
     told = rows_of_visits if events is None or not by_rows else kept
     first = program.readout.from_step if program.readout else {}
-    from_step = max((first[name] for name in program.columns_of(phase.name) if name in first), default=0)
+    from_step = min(max((first[name] for name in program.columns_of(phase.name) if name in first), default=0), NO_ROW)
     lines, table = np.concatenate(sources), table[:, np.argsort(table[0], kind="stable")]
     return CorePhase(phase.name, steps, kept, told, row_source, by_rows, events, from_step, lines, table), free

@@ -30,8 +30,7 @@ def refuse_unplayable(program: ChipProgram) -> None:
     for core in program.cores:
         for power in (1 - core.vmin, core.vmax + 1):
             refuse_unless(power & (power - 1) == 0, program, "voltage limit that is not 2^k from 1", power)
-    count = len(program.phases)
-    refuse_unless(count < MOST_PHASES, program, f"more than {MOST_PHASES - 1} phases", count)
+    refuse_unless(len(program.phases) < MOST_PHASES, program, f"{MOST_PHASES} phases", len(program.phases))
     starts = sorted({phase.align_events for phase in program.phases if phase.align_events is not None})
     refuse_unless(len(starts) < 2, program, "phases that start at different numbers of events", starts)
     for phase in program.phases:

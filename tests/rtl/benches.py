@@ -123,7 +123,9 @@ def several_phases() -> tuple[hw.ChipProgram, np.ndarray]:
             branch("d", 2 * 12), Phase("d", "location", 3), {"positions": [1, 0, 0, 1], "first_lines": [0, 0, 12, 12]}
         ),
     )
-    return program, (r.random((2, rows, channels)) < 0.3).astype(np.uint8)
+    spikes = (r.random((2, rows, channels)) < 0.3).astype(np.uint8)
+    spikes[:, 9] = 1
+    return program, spikes
 
 
 def both_ways() -> tuple[hw.ChipProgram, np.ndarray]:

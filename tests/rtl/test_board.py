@@ -248,7 +248,7 @@ class Noisy:
 
 def test_damaged_bytes_do_no_harm(desk):
     port = desk.port(buffer=64, patience=2000)
-    line = Noisy(port, 100, 1)
+    line = Noisy(port, 130, 1)
     board = Board(line)
     board.load(desk.core)
     line.every = 1 << 30
