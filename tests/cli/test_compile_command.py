@@ -22,7 +22,7 @@ from locsnn_compile.cli.compile import main, written_names
 ROOT = Path(__file__).parents[2]
 MODEL = ROOT / "examples/models/objects-hybrid.pt"
 FILES = {"program.yaml", "program.npz", "report.json", "report.md", "report.html"}
-EMITTED = {"vectors", "waves.vcd", "trace.json", "sanafe", "program.graphml", "program.dot", "csv"}
+EMITTED = {"vectors", "rtl", "waves.vcd", "trace.json", "sanafe", "program.graphml", "program.dot", "csv"}
 
 
 @pytest.fixture(scope="module")

@@ -59,15 +59,18 @@ def _accesses(core: CoreProgram, recording: np.ndarray, found: hw.SimulationResu
             taken += np.count_nonzero(u != left)
             if name in found.spikes:
                 sent[core.first_source + here] += found.spikes[name][i].sum(axis=0)
-    starts, ends = core.lists[:-1], core.lists[1:]
+    # The core that was priced has one synapse in a word, where today's has two.
+    synapses = core.tables["synapses"]["used0"] + core.tables["synapses"]["used1"]
+    lists = np.concatenate(([0], np.cumsum(synapses)))[core.lists]
+    starts, ends = lists[:-1], lists[1:]
     pack = of["synapses"][0]
     rows = np.where(ends > starts, (ends - 1) // pack - starts // pack + 1, 0)
-    lists, updates = sent.sum(), counts.neuron_updates
+    axons, updates = sent.sum(), counts.neuron_updates
     entries = int(constants["read_out"].sum())
     read_out = sum(int(constants["read_out"][core.numbers[p.name]].sum()) * p.steps for p in core.phases)
     events, visits = counts.input_events, len(core.tables["visits"]["step"])
     return {
-        "axons": (lists / of["axons"][0], 0),
+        "axons": (axons / of["axons"][0], 0),
         "synapses": (sent @ rows, 0),
         "charges": (counts.synaptic_ops + updates, counts.synaptic_ops + taken + sizes.slots * sizes.compartments),
         "states": (updates, counts.neuron_updates_active + len(constants["valid"])),
