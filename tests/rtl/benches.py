@@ -56,6 +56,18 @@ def families() -> tuple[hw.ChipProgram, np.ndarray]:
     return b.build(), (r.random((1, 40, 3)) < 0.4).astype(np.uint8)
 
 
+def blocked() -> tuple[hw.ChipProgram, np.ndarray]:
+    """Compartments that wait out their refractory time with no current and no voltage, and then hear more."""
+    b = hw.ProgramBuilder(CHIP, name="blocked")
+    x = b.add_input("x", 2)
+    h = b.add_compartments("h", 2, decay_u=4096, decay_v=4096, threshold=1, refractory=[4, 9])
+    b.connect(x, h, [[200, 0], [0, 200]])
+    b.read_out(h)
+    spikes = np.zeros((1, 30, 2), dtype=np.uint8)
+    spikes[0, [0, 3, 5, 6, 12, 20, 21, 29]] = 1
+    return b.build(), spikes
+
+
 def hybrid(seed: int) -> tuple[hw.ChipProgram, np.ndarray]:
     program, spikes = hybrids.random_hybrid(seed, together=2, silence=1)
     return program, spikes[None]
@@ -168,4 +180,13 @@ def all_benches() -> list[tuple[hw.ChipProgram, np.ndarray]]:
     potentials, few = by_potentials()
     shorter = [(program, spikes[:, :-2]), (potentials, few[:, :3])]
     phases = [several_phases(), both_ways(), late_starts()]
-    return [ends_of_ranges(), families(), (potentials, few), *map(hybrid, (43, 0, 22)), *shorter, long(), *phases]
+    return [
+        ends_of_ranges(),
+        families(),
+        blocked(),
+        (potentials, few),
+        *map(hybrid, (43, 0, 22)),
+        *shorter,
+        long(),
+        *phases,
+    ]
