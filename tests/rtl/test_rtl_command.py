@@ -28,6 +28,7 @@ def arguments(tmp_path, monkeypatch):
     return ["rtl", "sim", str(tmp_path / "program"), "--events", events, "--simulator", "icarus", "--json"]
 
 
+@pytest.mark.slow
 def test_equal(arguments, capsys):
     assert locsnn.main(arguments) == 0
     found = json.loads(capsys.readouterr().out)
@@ -37,6 +38,7 @@ def test_equal(arguments, capsys):
     assert found["cycles"] == found["predicted_cycles"]
 
 
+@pytest.mark.slow
 def test_a_fault(arguments, capsys, monkeypatch):
     name, old, new = FAULT
     texts = simulators.sources()
