@@ -3,10 +3,7 @@
 make energy           # after `make profile`, whose simulations it uses
 """
 
-import argparse
 import csv
-import sys
-from pathlib import Path
 
 import mac
 import make_profile
@@ -29,12 +26,7 @@ MACS = {"CNN-3D": 1_568_520, "GRU-MLP": 2_641_152}
 
 def main() -> None:
     """Write the page."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--liberty", type=Path, default=runs.LIBRARY, help="folder with the liberty files")
-    folder = parser.parse_args().liberty
-    if not (folder / runs.CELLS).is_file():
-        sys.exit(f"{folder.name}: no liberty files here. Give their folder with --liberty.")
-    built = make_profile.build(folder)
+    built = make_profile.build(make_profile.given_library(__doc__))
     of_sets = {}
     for name, model in make_profile.SETS.items():
         program = runs.compiled(model)

@@ -25,14 +25,19 @@ def build(folder: Path) -> runs.Built:
     return runs.Built(files, runs.plan(files), gated=True)
 
 
-def main() -> None:
-    """Write the chip file and the check."""
-    parser = argparse.ArgumentParser(description=__doc__)
+def given_library(what: str | None) -> Path:
+    """Return the folder with the liberty files, as the command line gives it; ``what`` the script is for."""
+    parser = argparse.ArgumentParser(description=what)
     parser.add_argument("--liberty", type=Path, default=runs.LIBRARY, help="folder with the liberty files")
-    folder = parser.parse_args().liberty
+    folder: Path = parser.parse_args().liberty
     if not (folder / runs.CELLS).is_file():
         sys.exit(f"{folder.name}: no liberty files here. Give their folder with --liberty.")
-    built = build(folder)
+    return folder
+
+
+def main() -> None:
+    """Write the chip file and the check."""
+    built = build(given_library(__doc__))
     programs = {name: runs.compiled(model) for name, model in SETS.items()}
     made = pricing.make(built, {n: (p, runs.real(n, "train", MADE_FROM)) for n, p in programs.items()})
     ends = {wires: pricing.price(made, wires) for wires in ("none", "modelled")}
