@@ -1,7 +1,7 @@
 """Checks of options that several commands have; each refusal is one line."""
 
 import math
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
@@ -15,16 +15,6 @@ def given(args: Namespace, options: Iterable[str]) -> dict[str, Any]:
     """Return the values of those options, as they are typed, that were given."""
     values = {option: getattr(args, option.strip("-").replace("-", "_")) for option in options}
     return {option: value for option, value in values.items() if value is not None}
-
-
-def add_weights(parser: ArgumentParser) -> None:
-    """Add what class scores of several models are weighed by."""
-
-    def numbers(text: str) -> tuple[float, ...]:
-        return tuple(map(float, text.split(",")))
-
-    said = "of several models: what class scores are weighed by (default: all vary alike on recordings)"
-    parser.add_argument("--weights", type=numbers, metavar="X,Y,...", help=said)
 
 
 def check_number(option: str, value: float | None, what: str, holds: Callable[[float], bool], fix: str) -> None:

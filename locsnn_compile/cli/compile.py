@@ -11,77 +11,38 @@ Exit codes: 0 done; 1 the chip cannot hold the model; 2 wrong usage or unreadabl
 
 import math
 import sys
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.backends import BENCH_KINDS, BUILD_NAMES, EMIT_KINDS, EMITTED_NAMES
-from locsnn_compile.cli.checks import add_weights, check_psi, given, recording_of
+from locsnn_compile.cli.checks import check_psi, given, recording_of
 from locsnn_compile.cli.completion import answer_shell
-from locsnn_compile.cli.shell import EXIT_GATE, OPTIONS_HELP, Parser, add_common, guarded, progress_bar, texts_of
-from locsnn_compile.cli.step_options import add_step_options, asked_reading, with_steps
+from locsnn_compile.cli.shell import EXIT_GATE, Parser, declared, guarded, progress_bar, texts_of
+from locsnn_compile.cli.step_options import asked_reading, with_steps
 from locsnn_compile.errors import InputError, check_known
 from locsnn_compile.report.figures.flat import picked
-from locsnn_compile.settings import AUTO, STRATEGIES
+from locsnn_compile.settings import STRATEGIES
 from locsnn_compile.verification.gates import GATES, Gate, check_gates, gates_entry, junit_file
 
 if TYPE_CHECKING:
     from locsnn_compile.api import CompiledModel
     from locsnn_compile.data.recordings import Recordings
 
-_STRATEGY = f"lowering of SRM neurons: {', '.join(STRATEGIES)}, or auto (default): the cheapest that keeps the bounds"
-_CALIBRATION = "recordings for rounding and settings (an archive's train part; default: the model's own, or synthetic)"
-_SPLIT = "weights that get a second synapse: none, all, or a share 0..1 (default: none, or what the bounds need)"
-_PROFILE = "costs for the report: a profile of the chip, or a YAML file like one (default: the chip's first)"
-_PSI = "how late the report's time-weighted prediction shifts to the location branch (default: the model's own, or 10)"
 READ = ("--options", "--config", "--events", "--calibration", "--target", "--profile")
 OF_RECORDING = ("vectors", "rtl", "vcd", "trace", "sanafe")
 
 
+def words() -> dict[str, str]:
+    """Return what fills the places in this command's options."""
+    return {"strategies": ", ".join(STRATEGIES), "kinds": ", ".join(EMIT_KINDS)}
+
+
 def parser() -> Parser:
     """Return the argument parser of ``locsnn-compile``."""
-    made = Parser("locsnn-compile", **texts_of(sys.modules[__name__]))
-    add_options(made)
-    add_common(made)
-    return made
-
-
-def add_options(parser: ArgumentParser) -> None:
-    """Add the options of the command."""
-    add = parser.add_argument
-    model = "a checkpoint (.pt) of `locsnn train`, NIR (.nir) or lava-dl (.net); scores of several are added"
-    add("model", nargs="+", metavar="MODEL", help=model)
-    add_weights(parser)
-    add("--target", default="loihi-sim", metavar="CHIP", help="chip name or chip file (default loihi-sim)")
-    add("--profile", metavar="NAME|FILE", help=_PROFILE)
-    add("-o", "--output", metavar="DIR", help="folder to write (default build/<model name>)")
-    add("--events", metavar="FILE", help="recordings to check on: .zip, folder, .npy, .npz, .pt, .h5, or of events")
-    add("--strategy", default=AUTO, metavar="NAME", help=_STRATEGY)
-    add("--calibration", metavar="FILE", help=_CALIBRATION)
-    add("--split-weights", type=part, metavar="SHARE", help=_SPLIT)
-    add("--weight-bits", type=int, metavar="BITS", help="1 to 6, or 8 (default: the chip's most); at most, if bounded")
-    add("--config", metavar="FILE", help="network description, for model formats that need one; a checkpoint does not")
-    add("--dt", type=number, metavar="SECONDS", help="NIR: seconds per step (default 1e-4, the convention)")
-    add("--reset", metavar="NAME", help="NIR: zero (default), subtract, late-zero or late-subtract at a spike")
-    add("--discretisation", metavar="NAME", help="NIR: euler, the usual one, hold, or exact (default euler)")
-    add("--kernels", metavar="NAME", help="slayerPytorch: full (default), or cut in the reference, as in its training")
-    add_step_options(parser)
-    add("--psi", type=number, metavar="X", help=_PSI)
-    add("--emit", action="extend", nargs="+", default=[], metavar="KIND", help=f"also write: {', '.join(EMIT_KINDS)}")
-    add("--recording", type=int, metavar="K", help="the recording to emit, counted from 0 (default 0)")
-    add("--probe", action="append", default=[], metavar="POPULATION[INDEX]", help="a neuron to show with --emit vcd")
-    add("--json", action="store_true", help="print report.json to standard output, and nothing else there")
-    add("--quiet", action="store_true", help="print nothing")
-    add("--min-agreement", type=number, metavar="X", help="exit 3 if prediction agreement is below X (0..1)")
-    add("--max-spike-error", type=number, metavar="X", help="exit 3 if over this share of spikes differs (0..1)")
-    add("--max-energy-nj", type=number, metavar="X", help="exit 3 if a recording takes over X nanojoules on average")
-    add("--max-latency-us", type=number, metavar="X", help="exit 3 if a recording takes over X microseconds on average")
-    add("--max-cores", type=int, metavar="N", help="exit 3 if more than N cores are used")
-    add("--junit", metavar="FILE", help="write the gates as JUnit XML")
-    add("--scheduler", metavar="ADDRESS", help="play the recordings on the Dask cluster of this scheduler")
-    add("--options", metavar="FILE", help=OPTIONS_HELP)
+    return declared(Parser("locsnn-compile", **texts_of(sys.modules[__name__])), "compile", words())
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -220,20 +181,6 @@ def _say_gates(gates: Sequence[Gate]) -> int:
     for gate in failed:
         print(f"gate failed: {gate.option}: {gate.found}.", file=sys.stderr)
     return EXIT_GATE if failed else 0
-
-
-def part(text: str) -> float:
-    """Read a share of the weights: none, all, or a number."""
-    named = {"none": 0.0, "all": 1.0}
-    return named[text] if text in named else number(text)
-
-
-def number(text: str) -> float:
-    """Read a bound; a gate whose bound is not a number would never fail."""
-    value = float(text)
-    if math.isnan(value):
-        raise ValueError(text)
-    return value
 
 
 if __name__ == "__main__":

@@ -22,9 +22,9 @@ SHELLS = ("bash", "zsh", "fish")
 PROGRAMS = ("locsnn", "locsnn-compile")
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the command."""
-    parser.add_argument("shell", metavar="SHELL", help=", ".join(SHELLS))
+def words() -> dict[str, str]:
+    """Return what fills the places in this command's options."""
+    return {"shells": ", ".join(SHELLS)}
 
 
 def run(args: argparse.Namespace) -> int:

@@ -19,15 +19,6 @@ if TYPE_CHECKING:
 MAX_REPORT_BYTES = 64 << 20
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the command."""
-    parser.add_argument("before", metavar="BUILD_A", help="folder that locsnn-compile wrote")
-    parser.add_argument("after", metavar="BUILD_B", help="another one")
-    parser.add_argument("--all", action="store_true", help="print every figure that differs, a line each")
-    parser.add_argument("--json", action="store_true", help="print the differences as JSON")
-    parser.add_argument("--html", metavar="FILE", help="also write a page that shows them")
-
-
 def run(args: argparse.Namespace) -> int:
     """Print the summary, or every figure that differs, with its change in percent where both are numbers."""
     from locsnn_compile.report.sections.comparison import changes, comparison, percent

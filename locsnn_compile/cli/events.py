@@ -13,11 +13,10 @@ as Tonic has them), bs1, bs2 or tact. What a format cannot say is printed as the
 import argparse
 import json
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.cli.checks import recording_of
-from locsnn_compile.cli.step_options import add_sensor_options, add_step_options, asked_reading
+from locsnn_compile.cli.step_options import asked_reading
 from locsnn_compile.errors import InputError
 from locsnn_compile.report.figures.flat import picked
 from locsnn_compile.report.format import known, plural
@@ -26,23 +25,6 @@ if TYPE_CHECKING:
     from locsnn_compile.data.recordings import Recordings
 
 _SHOWN_LABELS, _SHOWN_DEAD = 12, 24
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the command."""
-    add = parser.add_argument
-    add("file", metavar="FILE", help="recordings: .zip, folder, .npy, .npz, .pt, .h5, or of events")
-    add("--part", metavar="NAME", help="train or test of a divided archive or folder (default test)")
-    add_step_options(parser)
-    both = "2, or 1 to put both together (default: of a grid 2, else as the events have it)"
-    add_sensor_options(parser, "channels, where the highest ones are silent", both)
-    add("--columns", type=int, metavar="N", help="columns of the grid of x and y (default: the highest x and 1)")
-    add("--recording", type=int, metavar="K", help="the recording of the raster, from 0 (default 0)")
-    add("-o", "--output", type=Path, metavar="FILE.svg", help="write the raster as a picture")
-    add("--to", type=Path, metavar="OUT", help="write the recordings: .npz, .npy, .pt, .tact, .bs1, .bs2, .zip, folder")
-    add("--members", default="npy", metavar="KIND", help="with --to a folder or .zip: what its files are (default npy)")
-    add("--structured", action="store_true", help="with --to .npy or .npz: one recording as fields t, x, p")
-    add("--json", action="store_true", help="print the figures as JSON, and nothing else")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -41,37 +41,19 @@ READ = ("--config", "--events", "--report-on", "--calibration", "--target")
 WRITTEN = ("explore.csv", "explore.json", "explore.svg", "timings.csv", "timings.svg")
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the command."""
-    add = parser.add_argument
-    add("model", metavar="MODEL", help="a checkpoint (.pt) of `locsnn train`, a NIR graph (.nir), a lava-dl net (.net)")
-    add("--config", metavar="FILE", help="network description, for model formats that need one; a checkpoint does not")
-    add("--dt", type=float, metavar="SECONDS", help="NIR: seconds per step (default 1e-4, the convention)")
-    add("--reset", metavar="NAME", help="NIR: what a spike does to the potential (default zero)")
-    add("--discretisation", metavar="NAME", help="NIR: euler, hold or exact (default euler)")
-    add("--events", metavar="FILE", help="recordings to compare on (default: synthetic touches)")
-    add("--part", metavar="PART", help="train (default) or test, where the events are divided")
-    add("--recordings", type=int, metavar="N", help="take only N of them, evenly spread")
-    add("--report-on", metavar="FILE", help="recordings to measure the front on once more; nothing is chosen on them")
-    add("--calibration", metavar="FILE", help="recordings that the compiler calibrates on (default: those of --events)")
-    add("--target", default="loihi-sim", metavar="CHIP", help="chip name or chip file (default loihi-sim)")
-    for axis in AXES:
-        listed = ", ".join(map(str, axis.values))
-        kind = type(axis.values[0])
-        add(axis.option, type=kind, nargs="+", default=[], metavar="X", help=f"{axis.help} to try (default: {listed})")
-    add("--engines", nargs="*", default=list(ENGINES), metavar="NAME", help="engines to time: fast, reference")
-    add("--min-agreement", type=float, metavar="X", help="recommend a setting that keeps this share of predictions")
-    add("--max-spike-error", type=float, metavar="X", help="recommend one in which no larger share of spikes differs")
-    add("-o", "--output", metavar="DIR", help="folder to write (default build/<model name>-explore)")
-    add("--workers", type=int, metavar="N", help="measure in N processes of this machine")
-    add("--scheduler", metavar="ADDRESS", help="measure on the Dask cluster of this scheduler (needs the extra dask)")
-    add("--json", action="store_true", help="print explore.json to standard output, and nothing else there")
-    add("--quiet", action="store_true", help="print nothing")
+def words() -> dict[str, str]:
+    """Return what fills the places in this command's options."""
+    axes = (
+        f"{axis.option} X, {type(axis.values[0]).__name__}, several\n"
+        f"    {axis.help} to try (default: {', '.join(map(str, axis.values))})"
+        for axis in AXES
+    )
+    return {"axes": "\n".join(axes)}
 
 
 def run(args: argparse.Namespace) -> int:
     """Explore as ``args`` ask; return the exit code. Raises ``InputError`` and ``TargetError``."""
-    wanted: dict[str, list[Value]] = {axis.name: getattr(args, axis.name) for axis in AXES}
+    wanted: dict[str, list[Value]] = {axis.name: getattr(args, axis.name) or [] for axis in AXES}
     _check_options(args, wanted)
     from hw_model.io.build_folder import check_folder, default_folder, write_build
     from locsnn_compile.cluster.spread import spread_over
@@ -121,7 +103,8 @@ def _explore(
     reported_on = report_events(network, args.report_on) if args.report_on else None
     # Never those that the model carries, by default: they may be of its test part.
     calibration = calibration_recordings(network, args.calibration) if args.calibration else events.recordings
-    study = Study(network, model.digest(), chip, events.recordings, calibration, tuple(dict.fromkeys(args.engines)))
+    engines = ENGINES if args.engines is None else tuple(dict.fromkeys(args.engines))
+    study = Study(network, model.digest(), chip, events.recordings, calibration, engines)
     store = Store(folder / "points")
     with progress_bar("exploring", show=not args.quiet) as progress:
         tried = settings(network, wanted, weight_bits_of(chip, None))
@@ -148,7 +131,7 @@ def _check_options(args: argparse.Namespace, wanted: Mapping[str, Sequence[Value
     """Refuse options that could only fail after the work is done."""
     check_values(wanted)
     check_known(f"--part {args.part}", "there is no such name", args.part, PARTS)
-    for name in args.engines:
+    for name in args.engines or ():
         check_known(f"--engines {name}", "there is no such name", name, ENGINES)
     for option, value in given(args, _RANGES).items():
         least, most = _RANGES[option]

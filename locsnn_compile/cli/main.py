@@ -29,11 +29,11 @@ def parser() -> Parser:
     add_common(made)
     commands = made.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for command in COMMANDS:
-        add_command(commands, command.__name__.rpartition(".")[2], command)
+        add_command(commands, command)
     core = commands.add_parser("rtl", help="run programs on the open core, simulated or on a board")
     kinds = core.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for name, command in (("sim", rtl_sim), ("fit", rtl_fit), ("stream", rtl_stream)):
-        add_command(kinds, name, command)
+    for command in (rtl_sim, rtl_fit, rtl_stream):
+        add_command(kinds, command)
     return made
 
 

@@ -11,16 +11,6 @@ example:
 import argparse
 from pathlib import Path
 
-from locsnn_compile.cli.checks import add_weights
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the command."""
-    parser.add_argument("model", nargs="+", metavar="MODEL", help="checkpoints (.pt) of `locsnn train`")
-    parser.add_argument("-o", "--output", required=True, metavar="FILE", help="file to write (.pt)")
-    add_weights(parser)
-    parser.add_argument("--calibration", metavar="FILE", help="recordings to weigh on (default: the models' own)")
-
 
 def run(args: argparse.Namespace) -> int:
     """Read, weigh and write."""

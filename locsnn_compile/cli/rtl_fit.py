@@ -20,14 +20,9 @@ from locsnn_compile.cli.checks import check_number
 from locsnn_compile.errors import InputError, check_known
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the command."""
-    add = parser.add_argument
-    add("program", metavar="DIR", help="folder that locsnn-compile wrote")
-    add("--device", metavar="NAME", help="ecp5-25f, ecp5-85f or ice40up5k (default: the program's target)")
-    add("--board", metavar="NAME", help=f"{', '.join(BOARDS)} (default: the device's first)")
-    add("--seeds", type=int, default=5, metavar="N", help="placements, of which the slowest clock counts (default 5)")
-    add("--json", action="store_true", help="print the result as JSON")
+def words() -> dict[str, str]:
+    """Return what fills the places in this command's options."""
+    return {"boards": ", ".join(BOARDS)}
 
 
 def run(args: argparse.Namespace) -> int:

@@ -16,18 +16,7 @@ import json
 import hw_model as hw
 from locsnn_compile.cli.checks import check_number
 from locsnn_compile.cli.shell import EXIT_GATE
-from locsnn_compile.cli.step_options import add_step_options, read_for_program
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the command."""
-    add = parser.add_argument
-    add("program", metavar="DIR", help="folder that locsnn-compile wrote")
-    add("--events", required=True, metavar="FILE", help="recordings: .zip, folder, .npy, .npz, .pt, .h5, or of events")
-    add("--simulator", default="verilator", metavar="NAME", help="verilator (default) or icarus, which is slow")
-    add("--recordings", type=int, metavar="N", help="play only the first N")
-    add_step_options(parser)
-    add("--json", action="store_true", help="print the result as JSON")
+from locsnn_compile.cli.step_options import read_for_program
 
 
 def run(args: argparse.Namespace) -> int:

@@ -16,20 +16,7 @@ import json
 import hw_model as hw
 from locsnn_compile.cli.checks import check_number
 from locsnn_compile.cli.shell import EXIT_GATE
-from locsnn_compile.cli.step_options import add_step_options, read_for_program
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the command."""
-    add = parser.add_argument
-    add("program", metavar="DIR", help="folder that locsnn-compile wrote")
-    add("--events", required=True, metavar="FILE", help="recordings: .zip, folder, .npy, .npz, .pt, .h5, or of events")
-    add("--port", required=True, metavar="PORT", help="serial device, or sim:verilator or sim:icarus")
-    add("--baud", type=int, default=1_000_000, metavar="N", help="bits per second of the line (default 1000000)")
-    add("--recordings", type=int, metavar="N", help="play only the first N")
-    add("--spikes", action="store_true", help="have the board report its spikes, and compare each")
-    add_step_options(parser)
-    add("--json", action="store_true", help="print the result as JSON")
+from locsnn_compile.cli.step_options import read_for_program
 
 
 def run(args: argparse.Namespace) -> int:

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any
 import hw_model as hw
 from locsnn_compile.cli.checks import check_number, check_psi
 from locsnn_compile.cli.shell import progress_bar
-from locsnn_compile.cli.step_options import CHUNK, add_step_options, chunks_for_program, read_for_program
+from locsnn_compile.cli.step_options import CHUNK, chunks_for_program, read_for_program
 from locsnn_compile.errors import InputError, check_known
 from locsnn_compile.report.format import count, energy, plural, share, time
 
@@ -37,25 +37,6 @@ if TYPE_CHECKING:
 
 
 STOPS = ("proven", "margin", "silence")
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the command."""
-    add = parser.add_argument
-    add("program", metavar="DIR", help="folder that locsnn-compile wrote")
-    add("--events", required=True, metavar="FILE", help="recordings: .zip, folder, .npy, .npz, .pt, .h5, or of events")
-    add("--profile", metavar="NAME|FILE", help="costs to show: a profile of the chip, or a YAML file like one")
-    add("--engine", default="fast", metavar="NAME", help="fast or reference (default fast); equal integers")
-    add("--stream", action="store_true", help="play step by step; show each change of the prediction, and the pace")
-    add("--psi", type=float, metavar="X", help="with --stream or --stop margin: weigh branches by time, such as 10")
-    add("--stop", metavar="HOW", help="stop early: proven, margin or silence")
-    add("--calibrate", metavar="FILE", help="recordings to find the margin on")
-    add("--min-agreement", type=float, metavar="X", help="of stops with the end, on those recordings (default 0.99)")
-    add("--margin", type=float, metavar="X", help="the margin, where it is known")
-    add("--silence", type=int, metavar="N", help="with --stop silence: steps without an event")
-    add_step_options(parser)
-    add("--scheduler", metavar="ADDRESS", help="play on the Dask cluster of this scheduler (needs the extra dask)")
-    add("--json", action="store_true", help="print the result as JSON")
 
 
 def run(args: argparse.Namespace) -> int:

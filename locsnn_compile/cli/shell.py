@@ -14,16 +14,16 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeVar
 
 from locsnn_compile import __version__
+from locsnn_compile.cli.options import add_options
 from locsnn_compile.errors import InputError, LocsnnError, check_known
 
-OPTIONS_HELP = "YAML file of this command's options by name; those given here win"
 _OTHERS = ("help", "options", "version")
 
 
@@ -141,13 +141,27 @@ def texts_of(command: ModuleType) -> dict[str, Any]:
     return {"description": description, "epilog": example, "formatter_class": argparse.RawDescriptionHelpFormatter}
 
 
-def add_command(commands: "argparse._SubParsersAction[Any]", name: str, command: ModuleType) -> None:
-    """Add a command below ``locsnn``: a module with ``add_options`` and ``run``, whose docstring is its help."""
+def add_command(commands: "argparse._SubParsersAction[Any]", command: ModuleType) -> None:
+    """Add a command below ``locsnn``: a module with ``run``, whose docstring is its help.
+
+    The module names its section of ``options.txt``, whose places ``words()`` of the module fill. Its name is the same,
+    from an underscore on.
+    """
+    section = command.__name__.rpartition(".")[2]
     line, _, _ = (command.__doc__ or "").partition("\n")
-    parser = commands.add_parser(name, help=line.partition(": ")[2].rstrip("."), **texts_of(command))
-    command.add_options(parser)
+    help_ = line.partition(": ")[2].rstrip(".")
+    parser = commands.add_parser(section.rpartition("_")[2], help=help_, **texts_of(command))
+    declared(parser, section, getattr(command, "words", dict)()).set_defaults(run=command.run)
+
+
+AnyParser = TypeVar("AnyParser", bound=argparse.ArgumentParser)
+
+
+def declared(parser: AnyParser, section: str, words: Mapping[str, str]) -> AnyParser:
+    """Return a parser with the options of a command, and with those that all commands have."""
+    add_options(parser, section, words)
     add_common(parser)
-    parser.set_defaults(run=command.run)
+    return parser
 
 
 def add_common(parser: argparse.ArgumentParser) -> None:

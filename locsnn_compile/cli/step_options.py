@@ -18,28 +18,6 @@ CHUNK = 16
 """Recordings that are held at a time, where they can be read so."""
 
 
-def add_step_options(parser: argparse.ArgumentParser, threshold: str = "threshold") -> None:
-    """Add the options of :func:`asked_reading`; ``--threshold`` is kept as ``threshold``."""
-    add = parser.add_argument
-    add("--step-seconds", type=float, metavar="X", help="seconds of a step, where nothing says it (events: 0.02)")
-    add("--steps", type=int, metavar="N", help="steps of a recording: shorter ones end in silence, longer ones are cut")
-    add("--threshold", dest=threshold, type=int, metavar="N", help="events that a bin must exceed to be 1 (default 0)")
-    add("--split", type=float, metavar="X", help="share of each class to test, such as 0.2, where there are no parts")
-    add("--fold", type=int, metavar="K", help="round of --split, or of VT_SNN's train_80_20_K.txt (default 1)")
-    add("--axes", metavar="ORDER", help="of arrays, such as samples,steps,channels (default samples,channels,steps)")
-
-
-def add_sensor_options(parser: argparse.ArgumentParser, channels: str, polarities: str) -> None:
-    """Add the options of a sensor's layout; what ``--channels`` and ``--polarities`` do is said by the command."""
-    add = parser.add_argument
-    add("--grid", metavar="WxH", help="the sensor is a grid of W columns and H rows, numbered row by row")
-    add(
-        "--layout", metavar="FILE.yaml", help="the sensor of this file: name, polarities, positions and names of taxels"
-    )
-    add("--channels", type=int, metavar="N", help=channels)
-    add("--polarities", type=int, metavar="N", help=polarities)
-
-
 def asked_reading(args: argparse.Namespace) -> dict[str, Any]:
     """Return all of these options as ``read_recordings`` takes them."""
     return picked(args, "step_seconds", "steps", "threshold", "axes", "fold") | {"test_share": args.split}

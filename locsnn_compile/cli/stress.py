@@ -11,22 +11,12 @@ example:
 import argparse
 import json
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from locsnn_compile.cli.shell import EXIT_GATE, progress_bar
 
 if TYPE_CHECKING:
     from locsnn_compile.stress.row import Row
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the command."""
-    add = parser.add_argument
-    add("--target", default="loihi-sim", metavar="CHIP", help="chip name or chip file (default loihi-sim)")
-    add("--quick", action="store_true", help="a part of the rows, and long runs of 10,000 steps; seconds, not minutes")
-    add("--json", action="store_true", help="print all rows as JSON")
-    add("-o", "--output", type=Path, metavar="FILE", help="write a page about all rows, with pictures next to it")
 
 
 def run(args: argparse.Namespace) -> int:

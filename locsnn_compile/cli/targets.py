@@ -9,11 +9,6 @@ example:
 import argparse
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the command."""
-    parser.add_argument("--show", metavar="CHIP", help="print the description of a chip, by name or chip file")
-
-
 def run(args: argparse.Namespace) -> int:
     """List the chips, or print one."""
     import hw_model as hw

@@ -24,7 +24,6 @@ from typing import TYPE_CHECKING, Any
 
 from hw_model.io.given import check_path
 from locsnn_compile.cli.shell import EXIT_INTERRUPTED, Moved, progress_bar
-from locsnn_compile.cli.step_options import add_sensor_options, add_step_options
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.architectures import ARCHITECTURES
 from locsnn_compile.settings import TRAINABLE
@@ -41,45 +40,11 @@ SHOWN_CLASSES, SHOWN_NAMES = 20, 60
 """Classes up to which the confusion matrix is printed."""
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the command."""
-    add = parser.add_argument
-    add("--data", required=True, metavar="FILE", help="recordings: .zip, folder, .npy, .npz, .pt, .h5, or of events")
-    channels = "the sensor has N channels, which lie nowhere (default: NeuTouch, 78 per fingertip)"
-    add_sensor_options(parser, channels, "of a taxel: 1 or 2 (default: of a grid 2, of channels 1)")
-    add("--model", metavar="NAME", help=f"{', '.join(ARCHITECTURES)} (default hybrid)")
-    add(
-        "--order",
-        metavar="ORDER",
-        help="loop (default: as numbered), raster, snake, spiral, hilbert, tour, arch or whorl "
-        "(NeuTouch), or taxel numbers separated by commas, or a .txt file of them",
-    )
-    add("--delays", metavar="STEPS", help="delays of synapses onto the time branch, such as '0 20 40' (default 0)")
-    add("--config", metavar="FILE.yaml", help="YAML file of training options; those given here win")
-    add_step_options(parser, threshold="event_threshold")
-    add("--epochs", type=int, metavar="N", help="epochs of the schedule (default 250)")
-    add("--seed", type=int, metavar="N", help="seed of weights, split, order and dropout (default 0)")
-    add("--device", metavar="NAME", help="cpu (default), or cuda for matrix products on a GPU")
-    add("--hidden", type=int, metavar="N", help="hidden neurons of a branch (default 32; with a graph 128)")
-    add("--graph", metavar="NAME", help="taxels that a graph joins: manual (default), nearest or tree")
-    add("--loss", metavar="NAME", help="cross-entropy (default) or spike-count")
-    add("--lambda", dest="location_weight", type=float, metavar="X", help="weight of location spikes in the loss")
-    add("--class-weights", metavar="NAME", help="equal (default), or balanced: rare classes count for more in the loss")
-    add("--learning-rate", type=float, metavar="X", help="largest learning rate (default 0.003)")
-    add("--event-dropout", type=float, metavar="X", help="largest share of events to drop (default 0.5)")
-    add("--validation-fraction", type=float, metavar="X", help="share held out to choose the epoch (default 0.125)")
-    refit = "train again on the whole train part once the epoch is chosen (default: yes)"
-    add("--refit", action=argparse.BooleanOptionalAction, help=refit)
-    add("--recordings", type=int, default=8, metavar="N", help="recordings to keep in the checkpoint (default 8)")
-    add("--target", metavar="CHIP", help="train on the integers of this chip (default: float)")
+def words() -> dict[str, str]:
+    """Return what fills the places in this command's options."""
     usual, *others, last = TRAINABLE
-    add("--strategy", metavar="NAME", help=f"with --target: {usual} (default), {', '.join(others)} or {last}")
-    add("--weight-bits", type=int, metavar="N", help="with --target: 1 to 6, or 8 (default: the chip's most)")
-    add("--from", dest="start", metavar="MODEL.pt", help="start from the weights of this checkpoint")
-    add("--resume", action="store_true", help="go on from OUT.pt.state where a run was stopped")
-    add("--tensorboard", metavar="DIR", help="also log every epoch for TensorBoard (needs the extra tensorboard)")
-    add("--quiet", action="store_true", help="print nothing")
-    add("-o", "--output", default="model.pt", metavar="OUT.pt", help="checkpoint to write (default model.pt)")
+    strategies = f"{usual} (default), {', '.join(others)} or {last}"
+    return {"architectures": ", ".join(ARCHITECTURES), "strategies": strategies}
 
 
 def run(args: argparse.Namespace) -> int:
@@ -178,8 +143,9 @@ def _config(args: argparse.Namespace, start: Checkpoint | None) -> TrainingConfi
     values: dict[str, Any] = read_config(args.config) if args.config is not None else {}
     of_file = {name: f"config {Path(args.config).name!r}, {name}" for name in values}
     options = field_kinds(TrainingConfig)
-    asked = {name: value for name, value in vars(args).items() if name in options and value is not None}
-    flags = {"location_weight": "--lambda"}
+    typed = vars(args) | {"event_threshold": args.threshold, "threshold": None}
+    asked = {name: value for name, value in typed.items() if name in options and value is not None}
+    flags = {"location_weight": "--lambda", "event_threshold": "--threshold"}
     usual = {} if start is None else {"model": start.description.architecture} | FINE_TUNING
     config = config_from_mapping(usual | values | asked)
     check_used({name: flags.get(name, f"--{name.replace('_', '-')}") for name in asked}, config)
