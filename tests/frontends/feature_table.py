@@ -1,10 +1,12 @@
 """Format by feature: what is read as it is, what loses something, and what is refused, each cell with its model file.
 
-``docs/formats.md`` holds :func:`table`; ``test_feature_table.py`` tries every cell.
+``docs/formats/features.csv`` is :func:`table`; ``test_feature_table.py`` tries every cell.
 """
 
 from __future__ import annotations
 
+import csv
+import io
 import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -170,15 +172,16 @@ CELLS = [*NIR_CELLS, *NET_CELLS, *SLAYER_CELLS]
 
 
 def table() -> str:
-    """Return the cells as a table of the page."""
-    lines = ["| format | feature | | |", "| --- | --- | --- | --- |"]
+    """Return the cells as CSV, a row each."""
+    text = io.StringIO()
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(("format", "feature", "outcome", "what is lost, or the refusal"))
     for cell in CELLS:
-        if cell.message:
-            words = cell.message.removeprefix(": ").removeprefix(", ")
-            lines.append(f"| {cell.format} | {cell.feature} | refused | `{words}` |")
-        else:
-            lines.append(f"| {cell.format} | {cell.feature} | {'lossy' if cell.lost else 'works'} | {cell.lost} |")
-    return "\n".join(lines)
+        outcome = "refused" if cell.message else "lossy" if cell.lost else "works"
+        rows.writerow(
+            (cell.format, cell.feature, outcome, cell.lost or cell.message.removeprefix(": ").removeprefix(", "))
+        )
+    return text.getvalue()
 
 
 assert not [a for a, b in itertools.combinations([(c.format, c.feature) for c in CELLS], 2) if a == b]
