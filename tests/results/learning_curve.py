@@ -1,6 +1,6 @@
 """How accuracy grows with the recordings to learn from: `docs/results/learning-curve.csv`, and its picture.
 
-    nice -n 5 python tests/results/learning_curve.py --data FOLDER
+    python tests/results/learning_curve.py --data FOLDER
 
 The recipe of the best network of windows of each set learns from shares of three stratified folds of the train part, and is
 measured on the fourth after its last epoch. **The test part is never read.** A smaller share is part of the larger ones. Figures
@@ -19,13 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 from results_page import write_table
 from scipy import stats
-from try_training import FOLDS, ROOT, Setting, config_of, folds, scores_of, settings_of
+from try_training import scores_of
+from ways import FOLDS, ROOT, Division, Setting, settings_of
 
 from locsnn_compile.data.read import read_recordings
-from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.training.batches import epoch_generator
-from locsnn_compile.training.measure import class_scores
-from locsnn_compile.training.train import train
 
 SHARES = (0.25, 0.5, 0.75)
 RECIPES = {"objects": ("base", 1), "containers": ("near", 2)}
@@ -41,34 +39,27 @@ def share_of(labels: NDArray[np.int64], rows: NDArray[np.int64], share: float, r
     return np.sort(np.concatenate(kept))
 
 
-def right_of(
-    work: Path, recordings: Recordings, dataset: str, setting: Setting, share: float, repeat: int
-) -> list[list[float]]:
+def right_of(of: Division, name: str, share: float) -> list[list[float]]:
     """Return (recordings learned from, accuracy on the fold that was held out) of each fold."""
-    path = work / f"curve-{dataset}-{share}-{repeat}.json"
+    path, way = of.work / f"curve-{of.dataset}-{share}-{of.repeat}.json", of.known[name]
     if path.exists():
         return json.loads(path.read_text())
-    labels, found = recordings.labels, []
-    assert labels is not None
-    fold = folds(labels, repeat)
+    assert isinstance(way, Setting)
+    found, fold = [], of.fold
     for held in range(FOLDS):
-        rows = share_of(labels, np.flatnonzero(fold != held), share, repeat)
-        result = train(recordings.subset(rows), config_of(setting, dataset, repeat), classes=1 + int(labels.max()))
-        predicted = class_scores(result.network, recordings.spikes[fold == held]).argmax(axis=1)
-        found.append([len(rows), float((predicted == labels[fold == held]).mean())])
+        rows = share_of(of.labels, np.flatnonzero(fold != held), share, of.repeat)
+        predicted = way.learn(of, rows)(of.recordings.spikes[fold == held]).argmax(axis=1)
+        found.append([len(rows), float((predicted == of.labels[fold == held]).mean())])
     path.write_text(json.dumps(found) + "\n")
     print(f"{path.stem}: {np.mean([right for _, right in found]):.3f}", flush=True)
     return found
 
 
-def whole(
-    work: Path, recordings: Recordings, dataset: str, name: str, setting: Setting, repeat: int
-) -> list[list[float]]:
+def whole(of: Division, name: str) -> list[list[float]]:
     """Return the same of all three folds, from the scores that ``try_training.py`` keeps."""
-    labels = recordings.labels
-    assert labels is not None
-    scores, fold = scores_of(work, recordings, dataset, name, setting, repeat), folds(labels, repeat)
-    right = scores[0].argmax(axis=1) == labels
+    scores, fold = scores_of(of, name), of.fold
+    assert scores is not None
+    right = scores[0].argmax(axis=1) == of.labels
     return [[int((fold != held).sum()), float(right[fold == held].mean())] for held in range(FOLDS)]
 
 
@@ -90,16 +81,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     args = parser.parse_args(arguments)
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     args.work.mkdir(parents=True, exist_ok=True)
-    rows = []
+    rows, known = [], settings_of(Path(__file__).with_name("tried_settings.yaml"))
     for dataset in args.datasets:
         name, repeats = RECIPES[dataset]
-        setting = settings_of(Path(__file__).with_name("tried_settings.yaml"))[name]
-        assert isinstance(setting, Setting)
         recordings = read_recordings(args.data / f"Ev-{dataset.title()}.zip", split="train")
+        divisions = [Division(dataset, recordings, repeat, args.work, args.data, known) for repeat in range(repeats)]
         for share in SHARES:
-            each = [right_of(args.work, recordings, dataset, setting, share, repeat) for repeat in range(repeats)]
+            each = [right_of(of, name, share) for of in divisions]
             rows.append(row_of(dataset, share, [part for parts in each for part in parts]))
-        each = [whole(args.work, recordings, dataset, name, setting, repeat) for repeat in range(repeats)]
+        each = [whole(of, name) for of in divisions]
         rows.append(row_of(dataset, 1.0, [part for parts in each for part in parts]))
     head = ["set", "share of three folds", "recordings to learn from", "folds held out", "accuracy", "95 % from", "to"]
     write_table(args.table, (head, rows))

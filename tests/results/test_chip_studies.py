@@ -23,7 +23,7 @@ def spikes() -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
 
 @pytest.mark.parametrize(("share", "dead"), [(0.05, 2), (0.1, 4), (0.2, 8)])
 def test_dead_taxels_lose_both_polarities_in_every_recording(share: float, dead: int) -> None:
-    from chip_studies import dead_taxels
+    from broken_sensors import dead_taxels
 
     given = spikes()
     found = dead_taxels(share)(given, np.random.default_rng(1))
@@ -33,7 +33,7 @@ def test_dead_taxels_lose_both_polarities_in_every_recording(share: float, dead:
 
 
 def test_lost_events_are_lost_and_none_is_new() -> None:
-    from chip_studies import lost_events
+    from broken_sensors import lost_events
 
     given = spikes()
     found = lost_events(0.2)(given, np.random.default_rng(1))
@@ -43,7 +43,7 @@ def test_lost_events_are_lost_and_none_is_new() -> None:
 
 @pytest.mark.parametrize(("rate", "wanted"), [(1.0, [0, 10, 99]), (0.9, [0, 9, 89]), (1.1, [0, 11])])
 def test_a_clock_moves_events(rate: float, wanted: list[int]) -> None:
-    from chip_studies import clock
+    from broken_sensors import clock
 
     given = np.zeros((1, 100, 2), dtype=np.uint8)
     given[0, [0, 10, 99], 1] = 1
@@ -53,7 +53,7 @@ def test_a_clock_moves_events(rate: float, wanted: list[int]) -> None:
 
 
 def test_the_margin_is_the_smallest_that_keeps_the_accuracy() -> None:
-    from chip_studies import margin_of
+    from early_answers import margin_of
 
     labels = np.array([0, 0])
     scores = np.zeros((2, 3, 2))
@@ -65,8 +65,10 @@ def test_the_margin_is_the_smallest_that_keeps_the_accuracy() -> None:
 
 
 def test_the_points_name_files_that_ship_or_are_made() -> None:
-    from chip_studies import EARLY, MODELS, POINTS, SHIPPED
+    from early_answers import EARLY
+    from energy_front import POINTS
     from result_rows import DATASETS, ROW_NAMES, SEEDS
+    from study import MODELS, SHIPPED
 
     made = {f"{dataset}-{row}-{{}}.pt" for dataset in DATASETS for row in ROW_NAMES}
     made |= {name.format(seed) for name in made for seed in SEEDS}
@@ -111,16 +113,3 @@ def test_a_share_has_as_many_of_every_class_and_is_part_of_larger_ones() -> None
     shares = [share_of(labels, rows, share, 1) for share in (0.25, 0.5, 1.0)]
     assert [np.bincount(labels[share]).tolist() for share in shares] == [[2] * 4, [4] * 4, [9] * 4]
     assert set(shares[0]) < set(shares[1]) < set(shares[2]) == set(rows)
-
-
-def test_prototypes_of_classes_that_lie_apart() -> None:
-    from try_prototypes import nearest, prototypes
-
-    rng = np.random.default_rng(0)
-    labels = np.repeat(np.arange(3), 10)
-    # What varies within classes is larger than what tells them apart.
-    wide = rng.normal(size=(30, 1)) * 20.0
-    x = np.concatenate([np.eye(3)[labels], wide], axis=1) + 0.05 * rng.normal(size=(30, 4))
-    means, differ = prototypes(x, labels)
-    assert (nearest(x, means, differ, 0.0001) == labels).all()
-    assert (nearest(x, means, differ, None) == labels).mean() < 0.9

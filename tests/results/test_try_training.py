@@ -1,7 +1,8 @@
-"""The comparison of ways of training: folds that share nothing, settings that load, scores that are made once."""
+"""The comparison of ways of training: folds that share nothing, ways that load, scores that are made once."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ def own_folder(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("per_class", [12, 13])
 def test_every_recording_is_held_out_once_and_classes_are_spread(per_class: int) -> None:
-    from try_training import FOLDS, folds
+    from ways import FOLDS, folds
 
     labels = np.repeat(np.arange(5), per_class)
     found = folds(labels, 3)
@@ -34,46 +35,143 @@ def test_every_recording_is_held_out_once_and_classes_are_spread(per_class: int)
 
 
 @pytest.mark.parametrize("dataset", ["containers", "objects"])
-def test_settings_are_ones_that_train(dataset: str) -> None:
-    from try_training import Committee, config_of, settings_of
+def test_ways_are_ones_that_train(dataset: str) -> None:
+    from ways import Committee, Distilled, Setting, settings_of
 
     known = settings_of(HERE / "tried_settings.yaml")
-    for setting in known.values():
-        if isinstance(setting, Committee):
-            assert set(setting.members) <= set(known)
-        elif (dataset, setting.config) != ("objects", "hybrid-window"):
-            config = config_of(setting, dataset, 2)
+    for way in known.values():
+        if isinstance(way, Committee):
+            assert set(way.members) <= set(known)
+        elif isinstance(way, Distilled):
+            assert all(isinstance(known[name], Setting) for name in (*way.teachers, way.student))
+        elif isinstance(way, Setting) and (dataset, way.config) != ("objects", "hybrid-window"):
+            config = way.config_of(dataset, 2)
             assert (config.seed, config.validation_fraction, config.refit) == (2, 0.0, False)
 
 
-def test_only_the_train_part_is_read_and_scores_are_made_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    import try_training
+Learned = list[list[int]]
 
-    made, asked, runs = synthetic_touches(24, steps=24, classes=3, seed=1), [], []
+
+@pytest.fixture
+def compare(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], tuple[list[list[str]], Learned]]:
+    """Return what compares the ways of a YAML text on synthetic recordings: rows of the table, and what each network learned from."""
+    import try_training
+    import ways
+
+    made, learned = synthetic_touches(24, steps=24, classes=3, seed=1), Learned()
+    trained = ways.train
 
     def read(path: Path, *, split: str) -> Recordings:
-        asked.append((path.name, split))
+        assert (path.name, split) == ("Ev-Containers.zip", "train")
         return made
 
-    def counted(recordings: Recordings, *args: Any, **options: Any) -> Any:
-        runs.append(len(recordings))
+    def noted(recordings: Recordings, *args: Any, **options: Any) -> Any:
+        same = (made.spikes[np.newaxis] == recordings.spikes[:, np.newaxis]).all(axis=(2, 3))
+        learned.append(np.flatnonzero(same.any(axis=0)).tolist())
         return trained(recordings, *args, **options)
 
-    trained = try_training.train
     monkeypatch.setattr(try_training, "read_recordings", read)
-    monkeypatch.setattr(try_training, "train", counted)
-    (tmp_path / "own.yaml").write_text(
-        "a: {label: one, options: {epochs: 2}}\nb: {label: both, members: {a: 2.0}}\nc: {label: none, members: {d: 1.0}}\n"
-    )
-    line = ["--work", str(tmp_path), "--settings", str(tmp_path / "own.yaml"), "--repeats", "1"]
-    for _ in range(2):
+    monkeypatch.setattr(ways, "train", noted)
+
+    def run(text: str) -> tuple[list[list[str]], Learned]:
+        (tmp_path / "own.yaml").write_text(text)
+        line = ["--work", str(tmp_path), "--settings", str(tmp_path / "own.yaml"), "--repeats", "1"]
         try_training.main([*line, "--table", str(tmp_path / "t.csv")])
-    assert asked == [("Ev-Containers.zip", "train")] * 2
-    assert runs == [18] * 4
-    rows = (tmp_path / "t.csv").read_text().splitlines()
-    assert rows[0] == "training,parts,accuracy,standard error,three quarters,half,quarter"
-    assert [row.split(",")[0] for row in rows[1:]] == ["one", "both"]
-    assert rows[1].split(",")[1:] == rows[2].split(",")[1:]
+        rows = [row.split(",") for row in (tmp_path / "t.csv").read_text().replace('"', "").splitlines()]
+        return rows, learned
+
+    return run
+
+
+def test_only_the_train_part_is_read_and_scores_are_made_once(compare: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    text = "a: {label: one, options: {epochs: 2}}\nb: {label: both, members: {a: 2.0}}\nc: {label: none, members: {d: 1.0}}\n"
+    compare(text)
+    rows, learned = compare(text)
+    assert [len(each) for each in learned] == [18] * 4
+    assert rows[0] == [
+        "training", "parts", "accuracy", "standard error", "three quarters", "half", "quarter",
+        "5 % slow", "5 % fast", "10 % slow", "10 % fast",
+    ]  # fmt: skip
+    assert [row[:2] for row in rows[1:]] == [
+        ["Containers", " first division: one"],
+        ["Containers", " first division: both"],
+    ]
+    assert rows[1][2:] == rows[2][2:]
+    assert len(rows[1][3:]) == len(rows[0][2:])
     assert capsys.readouterr().out.count("containers a 0: ") == 1
+
+
+def test_rows_of_other_ways_stay(compare: Any) -> None:
+    one, other = (f"{{label: {label}, options: {{epochs: 2}}}}" for label in ("one", "other"))
+    before, _ = compare(f"a: {one}\n")
+    after, _ = compare(f"b: {other}\n")
+    assert after[:2] == before
+    assert after[2][1] == " first division: other"
+
+
+def test_teachers_know_neither_what_they_score_nor_what_is_held_out(tmp_path: Path, compare: Any) -> None:
+    from ways import folds
+
+    text = "a: {label: one, options: {epochs: 2}}\nb: {label: taught, teachers: [a], student: a}\n"
+    _, learned = compare(text)
+    labels = synthetic_touches(24, steps=24, classes=3, seed=1).labels
+    fold = folds(labels, 0)
+    # First the four networks of "a", then six teachers, each before the first student that hears it, and four students.
+    after = [sorted(set(fold[rows])) for rows in learned[4:]]
+    students = [known for known in after if len(known) == 3]
+    teachers = [known for known in after if len(known) == 2]
+    assert students == [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]
+    assert sorted(teachers) == [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]]
+    for first, second in teachers:
+        said = np.load(tmp_path / f"containers-a-0-of-{first}-{second}.npy")
+        assert np.array_equal(np.isnan(said).all(axis=1), np.isin(fold, [first, second]))
+        assert np.array_equal(np.isnan(said).any(axis=1), np.isin(fold, [first, second]))
+
+
+def test_a_student_of_teachers_alone_follows_them(compare: Any, tmp_path: Path) -> None:
+    """With the whole weight on teachers that say the wrong class, the student is wrong: labels are not heard."""
+    import distilling
+    from ways import Distilled, Division, settings_of
+
+    made = synthetic_touches(24, steps=24, classes=3, seed=1)
+    (tmp_path / "own.yaml").write_text("a: {label: one, options: {epochs: 40}}\n")
+    of = Division("containers", made, 0, tmp_path, tmp_path, settings_of(tmp_path / "own.yaml"))
+    rows = np.flatnonzero(of.fold != 0)
+    wrong = (of.labels + 1) % 3
+    for pair in ("1-2", "1-3", "2-3"):
+        np.save(tmp_path / f"containers-a-0-of-{pair}.npy", 20.0 * np.eye(3)[wrong])
+    found = {
+        weight: distilling.distilled(Distilled("", ("a",), "a", weight), of, rows)(made.spikes[rows]).argmax(axis=1)
+        for weight in (0.0, 1.0)
+    }
+    assert (found[0.0] == of.labels[rows]).mean() > 0.9
+    assert (found[1.0] == wrong[rows]).mean() > 0.9
+
+
+def test_prototypes_of_classes_that_lie_apart() -> None:
+    from nearest import metric, prototypes
+
+    rng = np.random.default_rng(0)
+    labels = np.repeat(np.arange(3), 10)
+    # What varies within classes is larger than what tells them apart.
+    wide = rng.normal(size=(30, 1)) * 20.0
+    x = np.concatenate([np.eye(3)[labels], wide], axis=1) + 0.05 * rng.normal(size=(30, 4))
+    means, apart = prototypes(x, labels)
+
+    def right(smooth: float | None) -> float:
+        turned, offset = metric(means, apart, smooth)
+        return float(((x @ turned.T - offset).argmax(axis=1) == labels).mean())
+
+    assert right(0.0001) == 1.0
+    assert right(None) < 0.9
+
+
+@pytest.mark.parametrize(
+    ("by", "wanted"), [(0, [0, 3, 9]), (2, [2, 5]), (-2, [1, 7])], ids=["still", "later", "earlier"]
+)
+def test_copies_move_and_lose_what_leaves(by: int, wanted: list[int]) -> None:
+    from nearest import moved
+
+    spikes = np.zeros((1, 10, 2), dtype=np.uint8)
+    spikes[0, [0, 3, 9], 1] = 1
+    assert np.argwhere(moved(spikes, by)[0]).tolist() == [[step, 1] for step in wanted]

@@ -1,0 +1,114 @@
+"""Energy against accuracy of windows, hybrids and committees: ``docs/results/front.csv``."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from result_rows import SEEDS
+from results_page import Table, kept, spread
+from study import MODELS, Study
+
+import locsnn_compile as lc
+
+
+@dataclass(frozen=True)
+class Point:
+    """A point of the front: the networks of a seed, which are joined where there are several, and how they are compiled.
+
+    ``{}`` in a file stands for the seed; a file without it ships with the project.
+    """
+
+    dataset: str
+    label: str
+    kind: str
+    files: tuple[str, ...]
+    strategy: str = "auto"
+    bits: int = 8
+
+
+WINDOWS, JOINED, COMMITTEE = "windows", "windows and hybrid", "committee"
+PROTOTYPES, LEVELS = "Window-SNN, prototypes", "Window-SNN, neighbouring levels"
+POINTS = (
+    Point("objects", "Window-SNN and hybrid, joined", JOINED, ("objects-windows-and-hybrid-{}.pt",), "dendrite"),
+    Point("objects", "Window-SNN and hybrid, joined", JOINED, ("objects-windows-and-hybrid-{}.pt",), "reset"),
+    *(Point("objects", PROTOTYPES, WINDOWS, ("objects-window-prototypes-{}.pt",), bits=bits) for bits in (8, 4, 2)),
+    *(Point("containers", LEVELS, WINDOWS, ("containers-window-snn-levels-{}.pt",), bits=bits) for bits in (8, 4, 2)),
+    *(Point("containers", PROTOTYPES, WINDOWS, ("containers-window-prototypes-{}.pt",), bits=bits) for bits in (8, 4)),
+    Point(
+        "containers", f"{LEVELS}, and Hybrid trained for the chip", COMMITTEE,
+        ("containers-window-snn-levels-{}.pt", "containers-hybrid-loihi.pt"),
+    ),
+)  # fmt: skip
+KNOWN = {
+    "Hybrid, lambda 1, loop": "hybrid",
+    "Hybrid, lambda 0.5, loop": "hybrid",
+    "Tactile-SNN": "hybrid",
+    "Window-SNN": WINDOWS,
+}
+"""Rows of ``chip.csv`` that are points, too, all at 8 bits."""
+
+
+def front(study: Study) -> Table:
+    """Energy and accuracy on the chip: windows, hybrids and committees, down to 2 bits, over five seeds."""
+    rows = []
+    for point in POINTS:
+        found = []
+        for seed in SEEDS:
+            names = [name.format(seed) for name in point.files]
+            paths = [
+                study.work / name if "{}" in given else MODELS / name
+                for given, name in zip(point.files, names, strict=True)
+            ]
+            if all(path.exists() for path in paths):
+                stem = f"front-{'+'.join(path.stem for path in paths)}-{point.strategy}-{point.bits}"
+                found.append(study.figures(stem, lambda point=point, paths=paths: of_point(study, point, paths)))
+        if found:
+            accuracy, pj = spread([each["right"] for each in found]), statistics.mean(each["pj"] for each in found)
+            how = f"{point.strategy}, {point.bits} bits"
+            cores = f"{statistics.mean(each['cores'] for each in found):.0f}"
+            rows.append([point.dataset.title(), point.label, point.kind, how, accuracy, f"{pj / 1e6:.2f}", cores])
+    known = kept(study.tables / "chip.csv")
+    for row in known[1] if known else ():
+        label, _, dataset = row[0].rpartition(", ")
+        if label in KNOWN and dataset in ("Objects", "Containers"):
+            how = "auto, 8 bits" if KNOWN[label] == WINDOWS else "dendrite, 8 bits"
+            rows.append([dataset, label, KNOWN[label], how, row[2], row[5], ""])
+    for dataset, strategy, bits, accuracy, energy in trained_for_the_chip(study.tables):
+        rows.append(
+            [dataset, "Hybrid, trained for the chip", "hybrid", f"{strategy}, {bits} bits", accuracy, energy, ""]
+        )
+    return ["set", "network", "kind", "compiled", "accuracy on the chip", "energy, µJ", "cores"], rows
+
+
+def of_point(study: Study, point: Point, paths: Sequence[Path]) -> dict[str, float]:
+    """Compile the networks of a seed, check them on the test part, and return accuracy, energy and cores."""
+    networks, events = [lc.load(path) for path in paths], study.part(point.dataset, "test")
+    one = networks if len(networks) > 1 else networks[0]
+    weights = None if len(networks) == 1 else [1.0, 0.1]  # the count_scale of either
+    compiled = lc.compile(
+        one, strategy=point.strategy, weight_bits=point.bits, events=events, diagnosis=False, weights=weights
+    )
+    report = compiled.report
+    return {
+        "right": report["accuracy"]["chip"],
+        "pj": report["energy"]["per_sample_pj"],
+        "cores": report["resources"]["cores"],
+        "members": report["model"].get("members", []),
+    }
+
+
+def trained_for_the_chip(tables: Path) -> list[list[str]]:
+    """Return (set, strategy, bits, accuracy, energy) of the hybrids that ``tests/benchmarks/target_aware.py`` trained."""
+    found = []
+    for path in sorted(tables.parent.rglob("*.md")):
+        text = path.read_text(encoding="utf-8")
+        if "<!-- target-aware: begin -->" in text:
+            part = text.partition("<!-- target-aware: begin -->")[2].partition("<!-- target-aware: end -->")[0]
+            cells = [
+                [cell.strip() for cell in line.strip("|").split("|")] for line in part.splitlines() if line[:1] == "|"
+            ]
+            found += [[row[0], row[1], row[2], row[3], row[6]] for row in cells[2:] if row[6]]
+    return found

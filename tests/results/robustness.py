@@ -1,0 +1,36 @@
+"""The accuracy on the chip where the sensor is not what it was in training: ``docs/results/robustness.csv``."""
+
+from __future__ import annotations
+
+import statistics
+from pathlib import Path
+
+import numpy as np
+from broken_sensors import Change, changes
+from results_page import Table
+from study import SHIPPED, Shipped, Study
+
+import hw_model as hw
+
+
+def robustness(study: Study) -> Table:
+    """The accuracy on the chip where the sensor is not what it was in training."""
+    rows = []
+    for what, change, draws in changes():
+        cells = [what]
+        for shipped in SHIPPED:
+
+            def measured(shipped: Shipped = shipped, change: Change = change, draws: int = draws) -> list[float]:
+                test = study.part(shipped.dataset, "test")
+                found = []
+                for draw in range(draws):
+                    rng = np.random.Generator(np.random.PCG64([draw, 18]))
+                    played = hw.simulate(study.program(shipped), change(test.spikes, rng))
+                    found.append(float((played.prediction == test.labels).mean()))
+                return found
+
+            found = study.figures(f"robust-{Path(shipped.file).stem}-{what.replace(' ', '-')}", measured)
+            deviation = f" ± {statistics.stdev(found):.3f}" if len(found) > 1 else ""
+            cells.append(f"{statistics.mean(found):.3f}{deviation}")
+        rows.append(cells)
+    return ["what is wrong", *(shipped.label for shipped in SHIPPED)], rows

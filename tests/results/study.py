@@ -1,0 +1,64 @@
+"""What all studies of networks on the chip share: the data, the networks that ship, and files of figures."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import hw_model as hw
+import locsnn_compile as lc
+from locsnn_compile.data.read import read_recordings
+from locsnn_compile.data.recordings import Recordings
+
+ROOT = Path(__file__).parents[2]
+MODELS = ROOT / "examples/models"
+
+
+@dataclass(frozen=True)
+class Shipped:
+    """A checkpoint of ``examples/models``, and how its card compiles it."""
+
+    dataset: str
+    label: str
+    file: str
+    strategy: str = "auto"
+
+
+SHIPPED = (
+    Shipped("objects", "Objects, best (Window-SNN and hybrid)", "objects-best.pt", "dendrite"),
+    Shipped("objects", "Objects, Hybrid", "objects-hybrid.pt", "dendrite"),
+    Shipped("containers", "Containers, best (Window-SNN, levels)", "containers-best.pt"),
+    Shipped("containers", "Containers, Hybrid", "containers-hybrid.pt", "dendrite"),
+)
+
+
+class Study:
+    """The data and the files of figures that all studies share."""
+
+    def __init__(self, data: Path, work: Path, tables: Path) -> None:
+        self.data, self.work, self.tables = data, work, tables
+
+    @cache  # noqa: B019 - one study a run
+    def part(self, dataset: str, split: str) -> Recordings:
+        return read_recordings(self.data / f"Ev-{dataset.title()}.zip", split=split)
+
+    @cache  # noqa: B019
+    def program(self, shipped: Shipped) -> hw.ChipProgram:
+        own = MODELS / shipped.file
+        network = lc.load(own if own.exists() else self.work / shipped.file)
+        events = self.part(shipped.dataset, "train").subset(np.arange(16))
+        return lc.compile(network, strategy=shipped.strategy, events=events, diagnosis=False).program
+
+    def figures(self, name: str, make: Callable[[], Any]) -> Any:
+        """Return what a file holds, or what ``make`` returns, which is kept there."""
+        path = self.work / f"{name}.json"
+        if not path.exists():
+            path.write_text(json.dumps(make()) + "\n", encoding="utf-8")
+            print(f"{path.stem}: made", flush=True)
+        return json.loads(path.read_text(encoding="utf-8"))
