@@ -151,7 +151,7 @@ def test_commands_are_those_of_locsnn_train() -> None:
     from result_rows import DATASETS, ROWS, command
 
     parser = argparse.ArgumentParser()
-    add_command(parser.add_subparsers(), "train", train)
+    add_command(parser.add_subparsers(), train)
     for row in (row for row in ROWS if not row.parts):
         for dataset in DATASETS.values():
             args = parser.parse_args(command(row, dataset, 3).split()[1:])
@@ -166,7 +166,7 @@ def test_commands_of_a_joined_row_train_its_parts_on_the_whole_train_part() -> N
     from result_rows import DATASETS, ROWS, command
 
     parser = argparse.ArgumentParser()
-    add_command(parser.add_subparsers(), "train", train)
+    add_command(parser.add_subparsers(), train)
     row = next(row for row in ROWS if row.parts)
     *trained, joined = command(row, DATASETS["objects"], 3).split(" && ")
     for line, (part, config) in zip(trained, part_configs(row, DATASETS["objects"], 3).items(), strict=True):
