@@ -18,8 +18,7 @@ import numpy.typing as npt
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT
 from hw_model.engine.trace import due_late
 from hw_model.mapping.circles import sources_first
-from hw_model.program.chip_program import ChipProgram, Core
-from hw_model.program.pieces import Pieces, pieces_of
+from hw_model.program.chip_program import ChipProgram, Core, Pieces, pieces_of
 from hw_model.values import AnyArray, BoolArray, ByteArray, Frozen, Int32Array, IntArray
 
 Lanes = Int32Array | IntArray
@@ -68,9 +67,9 @@ USUAL_WIDTHS = Widths(1 << (21 - WEIGHT_SHIFT), 1 << 23)
 class Chunks(NamedTuple):
     """Chunk k holds columns ``first_column[k]`` on, ``width[k]`` of them; its slots are ``LANES * k`` on.
 
-    ``node`` and ``piece`` (of the phase, :mod:`hw_model.program.pieces`) say where it is; ``parent``: the chunk that
-    its voltages are added to, or -1; ``sums``: it keeps nothing and no synapse reaches it, so that it only adds up its
-    children; ``plain``: nothing in it has a bias, is refractory, has children or can wrap. ``registers`` (chunks,
+    ``node`` and ``piece`` (of :class:`hw_model.program.chip_program.Pieces`) say where it is; ``parent``: the chunk
+    that its voltages are added to, or -1; ``sums``: it keeps nothing and no synapse reaches it, so that it only adds up
+    its children; ``plain``: nothing in it has a bias, is refractory, has children or can wrap. ``registers`` (chunks,
     FIELDS, LANES) are its parameters, with a state of 0, in 32 bits, or in 64 where a sum might need them. Bundle i is
     ``member[bundle[i]:bundle[i + 1]]``, and ``begins`` marks the first member of each. Block k is bundles
     ``of_block[k]`` to the next; it feeds itself where ``feeds_itself[k]``, and the nodes in it that can spike are

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hw_model.io.zip_directory import check_directory, read_entry
+from hw_model.io.files import check_directory, read_entry
 from hw_model.values import AnyArray
 from locsnn_compile.data.axes import Order, parse_axes, to_step_major
 from locsnn_compile.data.event_formats import MAX_PLACE, parse_structured

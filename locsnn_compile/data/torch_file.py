@@ -13,7 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 
-from hw_model.io.zip_directory import check_directory, read_entry
+from hw_model.io.files import check_directory, read_entry
 from locsnn_compile.data.plain_pickle import Budget, RefusedError, read_pickle
 from locsnn_compile.data.tensors import Storage, Tensor, named, rebuilt, width_of
 from locsnn_compile.errors import InputError, check_most

@@ -20,9 +20,8 @@ from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_BITS, SignMode, we
 from hw_model.description.chip import Chip
 from hw_model.mapping.graph import CompartmentGraph, Compartments, Input, Synapses, check_graph
 from hw_model.values import BoolArray, IntArray
-from locsnn_compile.network.chip_neurons import Refractory
 from locsnn_compile.network.projections import ChipProjection, connections, values_of
-from locsnn_compile.network.quantized import QuantizedNetwork, QuantizedPopulation
+from locsnn_compile.network.quantized import QuantizedNetwork, QuantizedPopulation, Refractory
 
 
 def lower_neurons(quantized: QuantizedNetwork, chip: Chip) -> CompartmentGraph:

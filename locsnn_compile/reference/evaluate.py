@@ -16,12 +16,18 @@ from hw_model.mapping.circles import sources_first
 from hw_model.values import AnyArray, BoolArray, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
-from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
 from locsnn_compile.network.network import Network, Population
 from locsnn_compile.network.neurons import Cuba, Neuron, SoftCuba, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Matrix, by_delay, charge
-from locsnn_compile.reference.float_neurons import CubaSteps, SoftCubaSteps, SrmSteps
-from locsnn_compile.reference.integer_neurons import ChipCubaSteps, ChipSrmSteps, effective_weights
+from locsnn_compile.network.quantized import ChipCuba, ChipSrm
+from locsnn_compile.reference.neurons import (
+    ChipCubaSteps,
+    ChipSrmSteps,
+    CubaSteps,
+    SoftCubaSteps,
+    SrmSteps,
+    effective_weights,
+)
 
 Potentials = AnyArray
 """float64 of float neurons; of on-grid ones int64, in units of the registers."""

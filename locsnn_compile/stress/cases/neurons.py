@@ -6,8 +6,8 @@ from itertools import product
 
 import numpy as np
 
-from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
 from locsnn_compile.network.neurons import Rule
+from locsnn_compile.network.quantized import ChipCuba, ChipSrm
 from locsnn_compile.settings import NATIVE, USUAL
 from locsnn_compile.stress.cases import case as usual
 from locsnn_compile.stress.cases.case import NEURONS, THETA, Case, case_of, lif, lif_case, srm, srm_cases, weights

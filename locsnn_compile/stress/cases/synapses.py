@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS, WEIGHT_EXPONENTS
-from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm
 from locsnn_compile.network.projections import Signs
+from locsnn_compile.network.quantized import ChipCuba, ChipNeuron, ChipSrm
 from locsnn_compile.passes.rounding.task import FINE, NEAREST, Rounding
 from locsnn_compile.settings import NATIVE
 from locsnn_compile.stress.cases import case as usual
