@@ -245,7 +245,7 @@ def recordings_for(network: Network, events: Events | None, labels: ArrayLike | 
         if network.recordings is not None:
             return network.recordings
         if network.sensor is None:
-            what = "carries no recordings, and its input is no known sensor's"
+            what = "carries no recordings, and its sensor is not known"
             fix = "Give events."
             raise InputError(f"model {network.name!r}", what, fix=fix)
         samples = min(SYNTHETIC_SAMPLES, 1 + SYNTHETIC_VALUES // (network.steps * network.channels))

@@ -1,15 +1,15 @@
 """What a simulation counts: integers only, so that energy and latency have nothing to do but multiply."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields
 
 from hw_model.values import Sums
 
 
-class Counts(Sums):
+class Counts(Sums, Mapping[str, int]):
     """Integer totals of one recording, or of several added up.
 
-    Read a count as ``counts.spikes`` or ``counts["spikes"]``; ``dict(counts)`` has them all.
+    Read a count as ``counts.spikes`` or ``counts["spikes"]``; it is a mapping of them all, derived ones last.
     """
 
     input_events: int = 0
@@ -71,10 +71,12 @@ class Counts(Sums):
         """All clips."""
         return self.voltage_clips
 
-    def keys(self) -> Iterator[str]:
-        """Return the names of all counts, derived ones last."""
+    def __iter__(self) -> Iterator[str]:
         yield from (field.name for field in fields(self))
         yield from DERIVED
+
+    def __len__(self) -> int:
+        return len(COUNT_NAMES)
 
     def __getitem__(self, name: str) -> int:
         if name not in COUNT_NAMES:
@@ -86,7 +88,7 @@ class Counts(Sums):
 COUNTED = tuple(field.name for field in fields(Counts))
 """The counts that are kept, in order; the derived ones follow from them."""
 DERIVED = ("neuron_updates_inactive", "hops", "wraps", "clips")
-COUNT_NAMES = frozenset(Counts().keys())
+COUNT_NAMES = frozenset(Counts())
 
 
 def total(counts: Iterable[Counts]) -> Counts:

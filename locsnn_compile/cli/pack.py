@@ -17,12 +17,15 @@ def run(args: argparse.Namespace) -> int:
     from locsnn_compile.api import join
     from locsnn_compile.cli.places import check_places
     from locsnn_compile.data.torch_writer import need_torch
+    from locsnn_compile.errors import InputError
     from locsnn_compile.frontends.checkpoint import network_of
     from locsnn_compile.models.checkpoint import Pack
     from locsnn_compile.models.checkpoint_reader import read_checkpoint
 
     reads = {f"MODEL {path!r}": path for path in args.model} | {"--calibration": args.calibration}
     check_places(reads, [("--output", Path(args.output))])
+    if Path(args.output).suffix != ".pt":
+        raise InputError("--output", "it is not a .pt file", fix="Give a name that ends in .pt.")
     need_torch("locsnn pack")
     checkpoints = tuple(read_checkpoint(path) for path in args.model)
     joined = join([network_of(checkpoint) for checkpoint in checkpoints], args.weights, args.calibration)

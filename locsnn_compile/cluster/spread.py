@@ -139,6 +139,8 @@ def connected(address: str) -> Iterator[Cluster]:
         raise InputError("--scheduler", "Dask is not installed", fix=fix) from None
     where, waited = f"--scheduler {address}", f"within {PATIENCE_SECONDS} s"
     try:
+        # A client that finds the address wrong by itself waits a minute for its end, and prints a traceback.
+        distributed.comm.addressing.resolve_address(address)
         client: Any = distributed.Client(address, timeout=PATIENCE_SECONDS, set_as_default=False)  # type: ignore[no-untyped-call]
     except ValueError as error:
         raise InputError(

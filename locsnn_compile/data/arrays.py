@@ -31,8 +31,8 @@ HDF5_SUFFIXES = (".h5", ".hdf5")
 def load_npy(data: bytes, where: str, kinds: str = "biuf") -> AnyArray:
     """Return the array in the bytes of a ``.npy`` file, of these kinds or structured, never unpickling anything.
 
-    The declared shape and type are checked before anything is allocated. Raises ``InputError`` for bytes that are no
-    such file, values that are no numbers, a declared shape that is too large, and bytes that end before the array does.
+    The declared shape and type are checked before anything is allocated. Raises ``InputError`` for bytes that are not
+    such a file, values that are not numbers, a shape that is too large, and bytes that end before the array does.
     """
     fix = "Write it again with numpy.save."
     stream = io.BytesIO(data)
@@ -43,7 +43,7 @@ def load_npy(data: bytes, where: str, kinds: str = "biuf") -> AnyArray:
     except Exception:
         raise InputError(where, "it is damaged or not a numpy file", fix=fix) from None
     if dtype.kind not in kinds and (dtype.names is None or dtype.hasobject):
-        raise InputError(where, "its values are no numbers", measured=f"dtype {dtype}", fix=fix)
+        raise InputError(where, "its values are not numbers", measured=f"dtype {dtype}", fix=fix)
     if any(size < 0 for size in shape) or math.prod(shape) * max(1, dtype.itemsize // 8) > MAX_ELEMENTS:
         measured = f"{'x'.join(str(size) for size in shape)} against {MAX_ELEMENTS} values"
         raise InputError(where, "its declared shape is too large", measured=measured, fix="Give fewer recordings.")
@@ -182,7 +182,7 @@ def _tensor_array(entry: object, where: str, name: str) -> AnyArray:
         measured, fix = entry.dtype, "Give uint8."
         if not entry.dense:
             measured, fix = f"{entry.layout} on {entry.device}", "Give a dense tensor."
-    raise InputError(where, f"its entry {name!r} is no array", measured=measured, fix=fix)
+    raise InputError(where, f"its entry {name!r} is not an array", measured=measured, fix=fix)
 
 
 def _plain_array(entry: object, where: str, name: str) -> AnyArray:

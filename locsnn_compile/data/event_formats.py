@@ -43,7 +43,7 @@ def parse_structured(array: AnyArray, where: str) -> EventStream:
     names = array.dtype.names or ()
     if array.ndim != 1 or not {"t", "x", "p"} <= set(names) <= {"t", "x", "y", "p"}:
         shown = f"fields {', '.join(names)}"[:80] if array.ndim == 1 else f"{array.ndim} axes"
-        raise InputError(where, "its values are no events", measured=shown, fix=_FIX)
+        raise InputError(where, "its values are not events", measured=shown, fix=_FIX)
     times = _whole(array, "t", 0, 2**53, where)
     x = _whole(array, "x", 0, MAX_PLACE, where)
     y = _whole(array, "y", 0, MAX_PLACE, where) if "y" in names else np.zeros_like(x)
@@ -212,7 +212,7 @@ def _parse(data: bytes, where: str) -> tuple[IntArray, FloatArray]:
             event = (int(polarity), int(cell), float(time) + float(nanoseconds) / 1e9)
         except ValueError:
             shown = line.decode("ascii", "replace").strip()[:40]
-            raise _fault(where, number, "it is no event", f"{shown!r}") from None
+            raise _fault(where, number, "it is not an event", f"{shown!r}") from None
         if event[0] not in (-1, 0, 1):
             raise _fault(where, number, "its polarity is not 1, 0 or -1", event[0])
         if event[1] not in _TAXEL_OF_CELL:

@@ -139,7 +139,7 @@ def clean_spikes(where: str, spikes: NDArray[np.generic], first: int = 0) -> Byt
         raise InputError(where, "no recordings inside", measured=f"shape {spikes.shape}", fix=fix)
     check_most(spikes.size, MAX_ELEMENTS, where, "they are too large", unit="values", fix="Give fewer.")
     if spikes.dtype.kind not in "biuf":
-        raise InputError(where, "its values are no numbers", measured=f"dtype {spikes.dtype}", fix=fix)
+        raise InputError(where, "its values are not numbers", measured=f"dtype {spikes.dtype}", fix=fix)
     wrong = ~((spikes == 0) | (spikes == 1))
     if wrong.any():
         sample, step, channel = (int(i[0]) for i in np.nonzero(wrong))
@@ -159,7 +159,7 @@ def clean_class_names(where: str, names: Sequence[object], least: int) -> tuple[
 
 
 def _clean_labels(where: str, labels: NDArray[np.generic], samples: int) -> IntArray:
-    fix = "Give one class number from 0 a recording."
+    fix = "Give one class number from 0 on per recording."
     if labels.shape != (samples,):
         raise InputError(
             where, "labels and recordings differ in number", measured=f"{labels.shape} against ({samples},)", fix=fix
@@ -167,7 +167,7 @@ def _clean_labels(where: str, labels: NDArray[np.generic], samples: int) -> IntA
     values = labels.astype(np.float64) if labels.dtype.kind in "iuf" else np.full(samples, np.nan)
     # Written so that NaN is refused too.
     if not ((values == np.floor(values)) & (values >= 0) & (values <= MAX_LABEL)).all():
-        raise InputError(where, "its labels are no class numbers", measured=f"dtype {labels.dtype}", fix=fix)
+        raise InputError(where, "its labels are not class numbers", measured=f"dtype {labels.dtype}", fix=fix)
     return sealed(labels.astype(np.int64))
 
 

@@ -88,7 +88,8 @@ def _kind(path: Path, where: str, *, described: bool) -> str:
     if path.suffix in (".pt", ".pth"):
         return _SLAYER if described else _CHECKPOINT
     if path.suffix not in (".nir", ".net", ".h5", ".hdf5"):
-        raise InputError(where, f"files ending in {path.suffix or 'nothing'!r} are not read", fix=_FORMATS)
+        ending = f"ending in {path.suffix!r}" if path.suffix else "without an ending"
+        raise InputError(where, f"files {ending} are not read", fix=_FORMATS)
     from locsnn_compile.data.hdf5.read import open_hdf5
 
     with open_hdf5(path, where) as (root, _):

@@ -15,6 +15,8 @@ from locsnn_compile.network.projections import ChipProjection, Projection
 
 _SHARED = ("channels", "steps", "any_length", "step_seconds", "sensor", "event_threshold", "class_names")
 """What members must agree on, as far as they say it."""
+MOST_APART = 1_000_000
+"""Times a weight may be another: the sums of scores stay whole numbers that a float64 holds."""
 
 
 def committee(networks: Sequence[Network], weights: Sequence[float], name: str = "") -> Network:
@@ -26,9 +28,10 @@ def committee(networks: Sequence[Network], weights: Sequence[float], name: str =
     if not networks or not all(isinstance(network, Network) for network in networks):
         given = ", ".join(type(network).__name__ for network in networks) or "none"
         raise InputError("networks", "they are not networks", measured=f"got {given}", fix="Read each with lc.load.")
-    if len(weights) != len(networks) or not all(np.isfinite(w) and w > 0 for w in weights):
+    if len(weights) != len(networks) or not all(0 < w <= MOST_APART * min(weights) for w in weights):
         measured = f"{', '.join(f'{w:g}' for w in weights)} for {len(networks)} networks"
-        raise InputError("weights", "each network needs one above 0", measured=measured, fix="Give, such as, 1,2.")
+        what = f"each network needs one above 0 and at most {MOST_APART:,} times another"
+        raise InputError("weights", what, measured=measured, fix="Give numbers such as 1,2.")
     shared = {key: _shared(key, networks) for key in _SHARED}
     _shared("classes", networks)
     phases: dict[Phase, str] = {}

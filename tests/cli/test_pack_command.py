@@ -125,7 +125,10 @@ def not_a_number(values):
         (a_text, "checkpoint 'damaged.pt': entry 'members.2' must be a dict (got str)"),
         (drop_sha, "checkpoint 'damaged.pt', member '1': its sha256 is not one"),
         (another_size, "checkpoint 'damaged.pt', member '2', population 'time_hidden': its weights have another shape"),
-        (not_a_number, "weights: each network needs one above 0 (1, nan for 2 networks)"),
+        (
+            not_a_number,
+            "weights: each network needs one above 0 and at most 1,000,000 times another (1, nan for 2 networks)",
+        ),
     ],
     ids=["newer", "empty", "unknown", "text", "sha256", "size", "weight"],
 )
@@ -142,14 +145,19 @@ def test_what_cannot_be_packed_or_joined(tmp_path, capsys):
     assert pack(MODELS[0], TOUCHES, "-o", out) == 2
     assert pack(*MODELS, "-o", out, "--weights", "1,2") == 2
     assert pack(*MODELS, "-o", MODELS[0]) == 2
+    assert pack(*MODELS, "-o", tmp_path / "out.txt") == 2
     assert compile_command.main([MODELS[0], "--weights", "1", "-o", str(tmp_path / "dir")]) == 2
     objects = str(Path(__file__).parents[2] / "examples/models/objects-hybrid.pt")
     assert compile_command.main([MODELS[0], objects, "-o", str(tmp_path / "dir")]) == 2
     lines = capsys.readouterr().err.splitlines()
-    assert len(lines) == 5
-    assert lines[1] == "weights: each network needs one above 0 (1, 2 for 3 networks). Give, such as, 1,2."
-    assert lines[3] == "--weights: there is one model, with nothing to weigh it against. Leave it out."
-    assert "differs from" in lines[4]
+    assert len(lines) == 6
+    assert (
+        lines[1]
+        == "weights: each network needs one above 0 and at most 1,000,000 times another (1, 2 for 3 networks). Give numbers such as 1,2."
+    )
+    assert lines[3] == "--output: it is not a .pt file. Give a name that ends in .pt."
+    assert lines[4] == "--weights: there is one model, with nothing to weigh it against. Leave it out."
+    assert "differs from" in lines[5]
     assert not any(tmp_path.iterdir())
 
 

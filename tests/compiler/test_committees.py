@@ -172,12 +172,26 @@ def test_members_that_disagree_are_refused(networks, message):
     assert str(caught.value) == f"model 'other': {message}. Join networks of one input."
 
 
-@pytest.mark.parametrize("weights", [(1,), (1, 0), (1, -2), (1, float("nan")), (1, float("inf")), (1, 2, 3)])
+@pytest.mark.parametrize(
+    "weights",
+    [
+        (1,),
+        (1, 0),
+        (1, -2),
+        (1, float("nan")),
+        (1, float("inf")),
+        (float("inf"), 1),
+        (1e308, 1),
+        (1, 1000001),
+        (1, 2, 3),
+    ],
+)
 def test_weights_that_are_refused(weights):
     with pytest.raises(InputError) as caught:
         lc.compile([hybrid(), hybrid(1)], weights=weights)
     given = ", ".join(f"{w:g}" for w in weights)
-    assert str(caught.value) == f"weights: each network needs one above 0 ({given} for 2 networks). Give, such as, 1,2."
+    what = "each network needs one above 0 and at most 1,000,000 times another"
+    assert str(caught.value) == f"weights: {what} ({given} for 2 networks). Give numbers such as 1,2."
 
 
 @pytest.mark.parametrize(

@@ -166,8 +166,8 @@ def rows(text: str) -> Callable[[Path], Path]:
         pytest.param(rows("-1 0\n"), {}, f"file 'test_80_20_1.txt': recording -1 is not there (of 20). {FIX}", id="negative"),
         pytest.param(rows("0 0\n1 0\n"), {}, f"file 'test_80_20_1.txt': recording 1 is in the round twice (of 20). {FIX}", id="in both parts"),
         pytest.param(
-            rows(f"0 {10**30}\n"), {}, "recordings 'tact.pt': its labels are no class numbers (dtype object). "
-            "Give one class number from 0 a recording.", id="absurd class",
+            rows(f"0 {10**30}\n"), {}, "recordings 'tact.pt': its labels are not class numbers (dtype object). "
+            "Give one class number from 0 on per recording.", id="absurd class",
         ),
     ],
 )  # fmt: skip

@@ -109,7 +109,7 @@ def test_a_data_set_of_tonic_becomes_recordings() -> None:
         ),
         pytest.param(
             Digits([(np.zeros((3, 4)), 1)]),
-            "data set 'Digits', recording 0: its values are no events (2 axes). "
+            "data set 'Digits', recording 0: its values are not events (2 axes). "
             "Give the fields t (microseconds), x, y where there is one, and p (0 or 1).",
             id="frames",
         ),

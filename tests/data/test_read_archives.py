@@ -131,13 +131,13 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
     (
         "text values",
         members(_0=npy(np.array([["a"]]))),
-        "archive 'a.zip', 'sample_0_label_0.npy': its values are no numbers (dtype <U1). "
+        "archive 'a.zip', 'sample_0_label_0.npy': its values are not numbers (dtype <U1). "
         "Write it again with numpy.save.",
     ),
     (
         "pickled objects",
         members(_0=npy(np.array([[None]], dtype=object))),
-        "archive 'a.zip', 'sample_0_label_0.npy': its values are no numbers (dtype object). "
+        "archive 'a.zip', 'sample_0_label_0.npy': its values are not numbers (dtype object). "
         "Write it again with numpy.save.",
     ),
     (

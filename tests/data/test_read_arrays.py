@@ -163,7 +163,7 @@ BAD: list[tuple[str, str, Callable[[Path], object], str]] = [
         "pickle in npy",
         "a.npy",
         lambda path: np.save(path, np.array([Hostile()], dtype=object), allow_pickle=True),
-        "file 'a.npy': its values are no numbers (dtype object). Write it again with numpy.save.",
+        "file 'a.npy': its values are not numbers (dtype object). Write it again with numpy.save.",
     ),
     (
         "five axes",
@@ -191,7 +191,7 @@ BAD: list[tuple[str, str, Callable[[Path], object], str]] = [
         "a.npy",
         bad_label_shape,
         "recordings 'a.npy': labels and recordings differ in number ((3,) against (4,)). "
-        "Give one class number from 0 a recording.",
+        "Give one class number from 0 on per recording.",
     ),
     (
         "truncated npz",
@@ -247,19 +247,19 @@ BAD: list[tuple[str, str, Callable[[Path], object], str]] = [
         "text in pt",
         "a.pt",
         lambda path: torch.save({"spikes": "none"}, path),
-        "file 'a.pt': its entry 'spikes' is no array (str). Give the recordings as one tensor.",
+        "file 'a.pt': its entry 'spikes' is not an array (str). Give the recordings as one tensor.",
     ),
     (
         "float8 in pt",
         "a.pt",
         lambda path: torch.save(torch.zeros(2, 3, 4).to(torch.float8_e5m2), path),
-        "file 'a.pt': its entry 'spikes' is no array (torch.float8_e5m2). Give uint8.",
+        "file 'a.pt': its entry 'spikes' is not an array (torch.float8_e5m2). Give uint8.",
     ),
     (
         "sparse tensor",
         "a.pt",
         lambda path: torch.save(torch.zeros(2, 3, 4).to_sparse(), path),
-        "file 'a.pt': its entry 'spikes' is no array (torch.sparse_coo on cpu). Give a dense tensor.",
+        "file 'a.pt': its entry 'spikes' is not an array (torch.sparse_coo on cpu). Give a dense tensor.",
     ),
     (
         "tensor that claims to be huge",

@@ -98,13 +98,15 @@ FIX = "Write 'polarity cell_index timestamp_seconds' on it."
     ("text", "message"),
     [
         pytest.param(
-            "1 1 1.0\n\n1 x 1.0\n", f"file 'a.tact', line 3: it is no event (got '1 x 1.0'). {FIX}", id="word"
+            "1 1 1.0\n\n1 x 1.0\n", f"file 'a.tact', line 3: it is not an event (got '1 x 1.0'). {FIX}", id="word"
         ),
-        pytest.param("1 1\n", f"file 'a.tact', line 1: it is no event (got '1 1'). {FIX}", id="two fields"),
+        pytest.param("1 1\n", f"file 'a.tact', line 1: it is not an event (got '1 1'). {FIX}", id="two fields"),
         pytest.param(
-            "1 1 1 1 1\n", f"file 'a.tact', line 1: it is no event (got '1 1 1 1 1'). {FIX}", id="five fields"
+            "1 1 1 1 1\n", f"file 'a.tact', line 1: it is not an event (got '1 1 1 1 1'). {FIX}", id="five fields"
         ),
-        pytest.param("1 1 1 x\n", f"file 'a.tact', line 1: it is no event (got '1 1 1 x'). {FIX}", id="nanoseconds"),
+        pytest.param(
+            "1 1 1 x\n", f"file 'a.tact', line 1: it is not an event (got '1 1 1 x'). {FIX}", id="nanoseconds"
+        ),
         pytest.param(
             f"1 1 1 {'9' * 400}\n",
             f"file 'a.tact', line 1: its time is not finite (got inf). {FIX}",
@@ -165,7 +167,7 @@ def test_options_that_do_not_hold(tmp_path: Path, options: dict[str, float], mes
 
 def test_bytes_that_are_no_text(tmp_path: Path) -> None:
     (tmp_path / "a.tact").write_bytes(b"\xff\xfe\x00garbage")
-    assert message_of(tmp_path / "a.tact").startswith("file 'a.tact', line 1: it is no event (got ")
+    assert message_of(tmp_path / "a.tact").startswith("file 'a.tact', line 1: it is not an event (got ")
 
 
 def test_startend_without_grasping(tmp_path: Path) -> None:

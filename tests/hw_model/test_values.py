@@ -5,6 +5,8 @@ from dataclasses import FrozenInstanceError, replace
 import numpy as np
 import pytest
 
+import hw_model as hw
+from hw_model.description.counts import COUNTED, DERIVED
 from hw_model.values import Frozen, Shown, Sums
 
 
@@ -58,3 +60,13 @@ def test_sums_add_up_field_by_field():
     one, other = Counted(1, {"a": 1, "b": 2}, (1,)), Counted(2, {"b": 3, "c": 4}, (2, 3))
     assert one + other == Counted(3, {"a": 1, "b": 5, "c": 4}, (1, 2, 3))
     assert one == Counted(1, {"a": 1, "b": 2}, (1,))
+
+
+def test_counts_are_a_mapping_of_all_names():
+    counts = hw.Counts(spikes=3, charge_wraps=2)
+    assert list(counts) == [*COUNTED, *DERIVED]
+    assert len(counts) == len(dict(counts)) == len(list(counts.items()))
+    assert (counts["spikes"], counts.get("wraps"), counts.get("nothing")) == (3, 2, None)
+    assert "cycles" in counts
+    assert "nothing" not in counts
+    assert counts == hw.Counts(spikes=3, charge_wraps=2) != hw.Counts()

@@ -152,7 +152,7 @@ def test_cosimulate_returns_what_simulate_does():
         assert all(np.array_equal(array, getattr(core, kind)[name]) for name, array in getattr(ours, kind).items())
     assert np.array_equal(ours.scores, core.scores)
     assert ours.events == core.events
-    assert {name for name in ours.counts.keys() if ours.counts[name] != core.counts[name]} <= {
+    assert {name for name in ours.counts if ours.counts[name] != core.counts[name]} <= {
         "skipped_steps",
         "cycles",
     }
