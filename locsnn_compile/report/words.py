@@ -6,8 +6,20 @@ from typing import Any
 import yaml
 
 from hw_model.io.yaml_text import FAST_LOADER
-from locsnn_compile.report.format import SILENT
-from locsnn_compile.report.templates import filled
+from locsnn_compile.report.format import (
+    SILENT,
+    any_value,
+    count,
+    energy,
+    memory,
+    plural,
+    points,
+    ratio,
+    share,
+    short,
+    time,
+)
+from locsnn_compile.report.templates import Filler, filled
 
 ASSUMED = "What was assumed:"
 """Stands above the assumptions wherever they are shown."""
@@ -22,16 +34,20 @@ OPERATIONS: dict[str, str] = _TEXTS["operations"]
 """Operations that a profile may give a time, as a timeline calls them."""
 
 
-def section_words(name: str, **given: str) -> tuple[str, str]:
+def texts(kind: str, name: str) -> Any:
+    """Return what ``words.yaml`` has of a kind under a name."""
+    return _TEXTS[kind][name]
+
+
+def section_words(name: str, /, **given: Any) -> tuple[str, str]:
     """Return the title of a section and what is said above it."""
-    found = _TEXTS["sections"][name]
-    return found["title"], found["lead"].format(**given)
+    found = texts("sections", name)
+    return found["title"], fill(found["lead"], given)
 
 
-def sentence(name: str, **given: Any) -> str:
+def sentence(name: str, /, **given: Any) -> str:
     """Return one of the longer sentences, its places filled."""
-    said: str = _TEXTS["sentences"][name]
-    return said.format(**given)
+    return fill(texts("sentences", name), given)
 
 
 def stage_words(stage: str) -> str:
@@ -64,3 +80,8 @@ def listed(items: Sequence[str]) -> str:
 def core_words(row: Mapping[str, Any]) -> str:
     """Return a core of the document by its number and its branch."""
     return f"core {row['core']}, {words(row['phase'])}"
+
+
+_SHOWN = (any_value, count, energy, memory, plural, points, ratio, share, short, time, words)
+fill = Filler({shown.__name__: shown for shown in _SHOWN}).fill
+"""Fills the places of a text; a format is the name of a function that shows numbers, or a usual one."""

@@ -2,19 +2,21 @@
 
 from pathlib import Path
 
+import pytest
 import yaml
 
 import locsnn_compile
-from locsnn_compile.report.words import OPERATIONS, STAGES, section_words, sentence, words
+from locsnn_compile.report.content import Fact, Facts, Table, facts, table
+from locsnn_compile.report.words import OPERATIONS, STAGES, fill, section_words, sentence, words
 from locsnn_compile.verification.error_budget.budget import STAGES as COMPILED
 
 REPORT = Path(locsnn_compile.__file__).parent / "report"
 TEXTS = yaml.safe_load((REPORT / "words.yaml").read_text("utf-8"))
 
 
-def test_no_section_or_sentence_is_left_over():
+def test_nothing_is_left_over():
     code = "\n".join(path.read_text("utf-8") for path in REPORT.rglob("*.py"))
-    names = (*TEXTS["sections"], *TEXTS["sentences"])
+    names = [name for kind in ("sections", "sentences", "verdicts", "facts", "tables") for name in TEXTS[kind]]
     assert [name for name in names if f'"{name}"' not in code and f"'{name}'" not in code] == []
 
 
@@ -25,6 +27,32 @@ def test_stages_are_those_of_the_compiler():
 def test_places_are_filled():
     assert section_words("resources", target="tiny-sim") == ("Resources", "How much of tiny-sim the program uses.")
     assert sentence("wraps", times="2 times").startswith("A register overflowed 2 times and its value wrapped")
+
+
+@pytest.mark.parametrize(
+    ("text", "value", "filled"),
+    [
+        pytest.param("{x:share}", 0.5, "50.0 %", id="shown"),
+        pytest.param("{x:share or silent}", None, "silent", id="or"),
+        pytest.param("{x:share or silent}", 1.0, "100 %", id="or-not"),
+        pytest.param("{x}", None, "", id="nothing"),
+        pytest.param("{x:plural core}", 1, "1 core", id="argument"),
+        pytest.param("{x:plural class classes}", 2, "2 classes", id="arguments"),
+        pytest.param("{x:.1f or none}", 0.25, "0.2", id="usual"),
+        pytest.param("{x[a][0]:words}", {"a": ["hops_x"]}, "mesh hops, east or west", id="within"),
+    ],
+)
+def test_a_place_says_how_its_value_is_shown(text, value, filled):
+    assert fill(text, {"x": value}) == filled
+
+
+def test_a_row_without_a_mapping_is_a_value_and_facts_of_nothing_are_left_out():
+    found = table("static energy", {"at rest": 5.0, "at work": None})
+    assert found == Table(
+        "Static energy per recording", ("how long", "energy"), (("at rest", "5.00 pJ"), ("at work", "not known"))
+    )
+    given = dict.fromkeys(("accuracy", "equal", "mismatches"))
+    assert facts("matches compared", overflows="2", **given) == Facts((Fact("wraps and clips", "2"),))
 
 
 def test_what_has_no_words_is_said_as_it_is():

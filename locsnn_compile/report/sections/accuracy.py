@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from itertools import accumulate
 
 from locsnn_compile.report.content import Bar, Curve, Document, Plot, Section, Table, facts, section, table
-from locsnn_compile.report.format import NONE, SILENT, agreed, any_value, count, known, plural, share, short
+from locsnn_compile.report.format import NONE, SILENT, agreed, any_value, count, plural, share
 from locsnn_compile.report.words import STAGES, listed, sentence, stage_words
 
 _DRAWN = 8
@@ -27,10 +27,10 @@ def error_budget(document: Document) -> Section | None:
     return section(
         "error-budget",
         _checked(budget),
-        _stages(variants, [*without, NONE], len(budget["recordings"])),
+        table("stages", _stages(variants, [*without, NONE]), total=True, recordings=len(budget["recordings"])),
         _by_population(variants),
         _kernel_tail(budget["kernel_tail"]),
-        facts(("recordings", sample(budget))),
+        facts("recordings", recordings=sample(budget)),
     )
 
 
@@ -42,11 +42,11 @@ def margins(document: Document) -> Section | None:
     populations = found["by_population"]
     return section(
         "margins",
-        _distances(populations),
-        _errors(populations),
+        table("distances", populations, columns=_nearest(populations)),
+        table("errors", {name: one | {"errors": [*one["error"].values()]} for name, one in populations.items()}),
         *(_plot(name, one, found["histogram_edges"]) for name, one in list(populations.items())[:_DRAWN]),
-        _registers(found["registers"]),
-        facts(("recordings", sample(found))),
+        table("registers", {name: one | _fuller(one) for name, one in found["registers"].items()}),
+        facts("recordings", recordings=sample(found)),
     )
 
 
@@ -82,21 +82,18 @@ def _checked(budget: Document) -> str:
     return f"{sentence('complete')}{idle}"
 
 
-def _stages(variants: Document, without: Sequence[str], recordings: int) -> Table:
-    keys = ("spike_mismatches", "predictions_changed")
-    rows: tuple[tuple[str | Bar, ...], ...] = tuple(
-        (name, *equal_spikes(found["spike_agreement"]), *(count(found[key]) for key in keys), left)
+def _stages(variants: Document, without: Sequence[str]) -> Document:
+    return {
+        name: found | equal_spikes(found["spike_agreement"]) | {"left": left}
         for (name, found), left in zip(variants.items(), without, strict=True)
-    )
-    columns = ("stage", "", "spikes equal", "only on one side", "predictions changed", "equal without it")
-    return Table(f"Each stage alone, over {plural(recordings, 'recording')}", columns, rows, total=True)
+    }
 
 
-def equal_spikes(agreement: float | None, none: str = SILENT) -> tuple[Bar, str]:
+def equal_spikes(agreement: float | None, none: str = SILENT) -> Document:
     """Return the bar and the figure of equal spikes; an empty bar where neither side spikes."""
     if agreement is None:
-        return Bar(0.0, f"{none}, no spikes to compare"), none
-    return Bar(agreement, f"{share(agreement)} of spikes equal"), share(agreement)
+        return {"bar": Bar(0.0, f"{none}, no spikes to compare"), "equal": none}
+    return {"bar": Bar(agreement, f"{share(agreement)} of spikes equal"), "equal": share(agreement)}
 
 
 def _by_population(variants: Document) -> Table:
@@ -114,23 +111,10 @@ def _kernel_tail(tail: Document | None) -> str | None:
     return sentence("kernel tail", equal=equal, predictions=changed)
 
 
-def _distances(populations: Document) -> Table:
-    shares = list(next(iter(populations.values()))["nearest"])
-    rows = (
-        (name, count(one["neuron_steps"]), *map(short, one["nearest"].values())) for name, one in populations.items()
-    )
-    columns = ("population", "neurons times steps", *(f"nearest {100 * float(key):g} %" for key in shares))
-    return Table("Distance of potentials to the threshold, in thresholds", columns, tuple(rows))
-
-
-def _errors(populations: Document) -> Table:
-    rows = (
-        (name, *map(short, one["error"].values()), share(one["within_error"]), share(one["decided_otherwise"]))
-        for name, one in populations.items()
-    )
-    columns = ("population", "median error", "95 % below", "largest", "closer than the error", "decided differently")
-    caption = "Error of the chip's arithmetic, in thresholds, and how many potentials lie within it"
-    return Table(caption, columns, tuple(rows))
+def _nearest(populations: Document) -> dict[str, str]:
+    """Return a column for each share of the potentials that is stated."""
+    shares = next(iter(populations.values()))["nearest"]
+    return {f"nearest {100 * float(key):g} %": f"{{nearest[{key}]:short}}" for key in shares}
 
 
 def _plot(name: str, one: Document, edges: Sequence[float]) -> Plot:
@@ -170,19 +154,9 @@ def _points(x: Sequence[float], shares: Sequence[float], floor: float) -> list[t
     return [(at, 1.0 - math.log10(part) / floor) for at, part in zip(x, shares, strict=True) if part >= _LEAST_SHARE]
 
 
-def _registers(groups: Document) -> Table:
-    rows = [(name, max(one["share_u"], one["share_v"]), one) for name, one in groups.items()]
-    return table(
-        "Registers of the chip: largest magnitudes against their capacity",
-        rows,
-        ("compartments", lambda row: row[0]),
-        ("", lambda row: Bar(min(1.0, row[1]), f"{share(row[1])} used")),
-        ("current u", lambda row: share(row[2]["share_u"])),
-        ("voltage v", lambda row: share(row[2]["share_v"])),
-        ("headroom in bits", lambda row: known(row[2]["headroom_bits"], "{:.1f}".format)),
-        ("wraps", lambda row: count(row[2]["wraps"])),
-        ("clips", lambda row: count(row[2]["clips"])),
-    )
+def _fuller(registers: Document) -> Document:
+    used = max(registers["share_u"], registers["share_v"])
+    return {"bar": Bar(min(1.0, used), f"{share(used)} used")}
 
 
 def _signed(value: float) -> str:

@@ -2,7 +2,7 @@
 
 import math
 
-from locsnn_compile.report.content import Bar, Block, Document, Section, Table, section, share_of
+from locsnn_compile.report.content import Bar, Block, Document, Section, Table, section, share_of, table
 from locsnn_compile.report.format import NONE, any_value, count, energy, known, plural, ratio, share, told_apart
 from locsnn_compile.report.sections.accuracy import cause, equal_spikes
 from locsnn_compile.report.words import listed, no_spikes, sentence, words
@@ -43,12 +43,7 @@ def operations(document: Document) -> Section:
             ("operation", *columns),
             tuple((words(key), *(count(counts[key]) for counts in columns.values())) for key in total),
         ),
-        Table(
-            "Counted as published, mean per recording",
-            ("operation", "all"),
-            tuple((name, count(n)) for name, n in published.items()),
-            total=True,
-        ),
+        table("published operations", published, total=True),
     )
 
 
@@ -99,12 +94,11 @@ def _ann_energy(document: Document) -> tuple[Block, ...]:
 
 def _populations(document: Document) -> Table:
     match = document["match"]
-    rows = []
-    for name, found in (*match["by_population"].items(), ("all", match)):
-        counts = (count(found[key]) for key in ("reference_spikes", "chip_spikes", "spike_mismatches"))
-        rows.append((name, *equal_spikes(found["spike_agreement"], no_spikes(match, name)), *counts))
-    columns = ("population", "", "spikes equal", "float spikes", "chip spikes", "only on one side")
-    return Table(f"Spikes over {plural(match['samples'], 'recording')}", columns, tuple(rows), total=True)
+    rows = {
+        name: found | equal_spikes(found["spike_agreement"], no_spikes(match, name))
+        for name, found in (*match["by_population"].items(), ("all", match))
+    }
+    return table("spikes", rows, total=True, **match)
 
 
 def _helpers(helpers: Document) -> str:

@@ -3,8 +3,8 @@
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from locsnn_compile.report.content import Bar, Bullets, Cell, Document, Section, Table, facts, of, section, table
-from locsnn_compile.report.format import NONE, agreed, any_value, count, energy, memory, plural, share, time
+from locsnn_compile.report.content import Bar, Bullets, Document, Section, Table, facts, section, table
+from locsnn_compile.report.format import NONE, any_value, count, plural, share
 from locsnn_compile.report.sections.verdict import fullness, outside
 from locsnn_compile.report.words import limit_words, listed, sentence, words
 from locsnn_compile.settings import LAYOUTS
@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from locsnn_compile.choose_strategy import Candidate, Choice
 
 _WITHOUT_JOINED = {"reset", "native"}
-_GATE_FIGURES = tuple((key, of(key, any_value)) for key in ("bound", "measured", "passed"))
 
 
 def resources(document: Document) -> Section:
@@ -22,45 +21,31 @@ def resources(document: Document) -> Section:
     limits = sorted(found["limits"].items(), key=lambda limit: -fullness(limit[1]))
     return section(
         "resources",
-        facts(
-            ("compartments", count(found["compartments"])),
-            ("synapses", f"{count(found['synapses'])}, {memory(found['synapse_bits'])} of synapse memory"),
-            ("axons", f"{count(found['axons_in'])} in, {count(found['axons_out'])} out"),
-        ),
-        Table(
-            "Limits, the fullest first; for limits of a core, its fullest core",
-            ("limit", "", "used", "of", "share"),
-            tuple(_limit(name, entry, fullness(entry)) for name, entry in limits),
-        ),
-        _by_core(document),
+        facts("resources", **found),
+        table("limits", {limit_words(name): entry | _fill(fullness(entry)) for name, entry in limits}),
+        _by_core(found["by_core"]),
         target=document["target"],
     )
 
 
-def _limit(name: str, entry: Document, full: float) -> tuple[Cell, ...]:
-    used = share(full)
-    return limit_words(name), Bar(min(1.0, full), f"{used} used"), count(entry["used"]), count(entry["limit"]), used
+def _fill(full: float) -> Document:
+    return {"full": full, "bar": Bar(min(1.0, full), f"{share(full)} used")}
 
 
 def left_out(document: Document) -> Section:
     """Steps skipped, events dropped, synapses and compartments pruned."""
     found, late = document["skipped"], document.get("input")
-    before = (
-        listed([f"{steps:.1f} ({words(name)})" for name, steps in late["aligned_steps_by_branch"].items()])
-        if late
-        else ""
-    )
-    lost = found.get("biases_lost")
-    its = facts(
-        ("steps skipped", f"{count(found['steps'])} over all recordings, in which nothing could change"),
-        ("steps before the touch", f"{before} per recording, which starts after them" if late else None),
-        ("events dropped", f"{count(found['events_dropped'])} over all recordings, {outside(document)}"),
-        ("binning", found["binning"]["words"] if "binning" in found else None),
-        ("synapses pruned", f"{count(found['synapses_pruned'])}, whose weight rounds to 0"),
-        ("compartments pruned", count(found["compartments_pruned"])),
-        ("biases lost", f"{count(lost)}, which round to 0" if lost else None),
-    )
-    return section("left-out", its)
+    before, lost = None, found.get("biases_lost")
+    if late:
+        branches = [f"{steps:.1f} ({words(name)})" for name, steps in late["aligned_steps_by_branch"].items()]
+        before = f"{listed(branches)} per recording, which starts after them"
+    given = {
+        "before": before,
+        "outside": outside(document),
+        "binned": found["binning"]["words"] if "binning" in found else None,
+        "lost": f"{count(lost)}, which round to 0" if lost else None,
+    }
+    return section("left-out", facts("left-out", **found, **given))
 
 
 def quantization(document: Document) -> Section:
@@ -74,16 +59,8 @@ def quantization(document: Document) -> Section:
 
 def ranges(document: Document) -> Section:
     """What is proven of the registers, whatever the input, and up to which input rate."""
-    its = table(
-        "Compartments that are safe for any input",
-        ({"name": name, **row} for name, row in document["range"].items()),
-        ("compartments", of("name", str)),
-        ("number", of("compartments", count)),
-        ("cannot wrap", of("cannot_wrap", count)),
-        ("cannot clip", of("cannot_clip", count)),
-        ("all safe if no source spikes twice within", of("safe_period_steps", _period)),
-    )
-    return section("range", its)
+    proven = document["range"].items()
+    return section("range", table("ranges", {name: row | {"period": _period(**row)} for name, row in proven}))
 
 
 def provenance(document: Document) -> Section:
@@ -96,37 +73,24 @@ def provenance(document: Document) -> Section:
     gates, choice = document["gates"], document.get("strategy_choice")
     return section(
         "provenance",
-        facts(
-            ("model", document["model"]["name"]),
-            ("model sha256", document["model"]["sha256"] or NONE),
-            ("target", document["target"]),
-            ("strategy", meaning),
-            ("weight bits", any_value(document["weight_bits"])),
-            ("recordings", f"{count(document['match']['samples'])} of {document['match']['events_source']}"),
-            ("schema", document["schema"]),
-        ),
-        table("Gates", gates, ("gate", of("name", any_value)), *_GATE_FIGURES) if gates else None,
+        facts("provenance", meaning=meaning, **document),
+        table("gates", gates) if gates else None,
         settings_compared(choice) if choice else None,
         Bullets("Keep in mind with these figures", notes),
     )
 
 
-def _by_core(document: Document) -> Table | str:
-    rows = document["resources"]["by_core"]
+def _by_core(rows: list[Document]) -> Table | str:
     if not rows:
         return "No core is in use."
     keys = [key for key in rows[0] if key not in ("core", "phase", "slot", "tile")]
-    return Table(
-        "Core by core",
-        ("core", *(words(key) for key in keys)),
-        tuple((f"{row['core']}, {row['phase']}", *(any_value(row[key]) for key in keys)) for row in rows),
-    )
+    return table("core by core", rows, columns={words(key): f"{{{key}:any_value or {NONE}}}" for key in keys})
 
 
-def _period(steps: int | None) -> str:
-    if steps is None:
+def _period(safe_period_steps: int | None, **_: int) -> str:
+    if safe_period_steps is None:
         return "no rate is proven safe"
-    return "any input is safe" if steps == 1 else f"{count(steps)} steps"
+    return "any input is safe" if safe_period_steps == 1 else f"{count(safe_period_steps)} steps"
 
 
 def _number(key: str, value: object) -> str:
@@ -141,16 +105,10 @@ def settings_compared(choice: Document) -> Table:
     """Return a table of the settings that were compared."""
     taken = {**choice, "strategy": choice["taken"]}
     priced = choice["candidates"][0]["energy_pj"] is not None
-    return table(
-        f"Settings compared on {plural(choice['calibration_samples'], 'recording')} of "
-        f"{choice['calibration_source']}; taken: {setting_words(taken, 'taken_')}, {_reason(choice)}",
-        choice["candidates"],
-        ("setting", setting_words),
-        ("same prediction", of("prediction_agreement", lambda share: agreed(share, "all tie"))),
-        ("spikes that differ", of("spike_error", agreed)),
-        ("energy", of("energy_pj", energy)) if priced else ("time", of("chip_time_ns", time)),
-        ("within the error budget", of("within_budget", any_value)),
-    )
+    rows = (row | {"setting": setting_words(row)} for row in choice["candidates"])
+    cost = {"energy": "{energy_pj:energy}"} if priced else {"time": "{chip_time_ns:time}"}
+    setting, why = setting_words(taken, "taken_"), _reason(choice)
+    return table("settings", rows, columns=cost, setting=setting, why=why, **choice)
 
 
 def unmet_budget(choice: "Choice") -> str:

@@ -1,12 +1,26 @@
 """Two builds side by side, as content without form: three questions, key figures, and all that changed."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
 
 from hw_model.values import Frozen
 from locsnn_compile.errors import InputError
-from locsnn_compile.report.content import Bar, Document, Fact, Notice, Report, Section, Status, Table, Verdict, section
+from locsnn_compile.report.content import (
+    Bar,
+    Document,
+    Fact,
+    Facts,
+    Notice,
+    Report,
+    Section,
+    Status,
+    Table,
+    Verdict,
+    facts,
+    section,
+    verdict,
+)
 from locsnn_compile.report.figures.flat import Figures, flatten
 from locsnn_compile.report.format import NONE, agreed, any_value, count, energy, plural, points, share, shortened, time
 from locsnn_compile.report.words import words
@@ -111,22 +125,15 @@ def _matches(before: Build, after: Build) -> Verdict:
     a, b = (build.share("match.prediction_agreement") for build in (before, after))
     spikes = [build.share("match.spike_agreement") for build in (before, after)]
     status, answer = _change_of_match(a, b, *spikes)
-    shown, shown_before = agreed(b, "none"), agreed(a, "none")
     equal = [agreed(value) for value in spikes]
-    return Verdict(
-        question="Does it match as well?",
-        status=status,
-        answer=answer,
-        figure=shown,
-        figure_label=f"same prediction; {shown_before} before",
-        sentence=f"The chip predicts the same class as the network in {shown} of recordings, {shown_before} before.",
-        facts=(
-            Fact("accuracy on the chip", _accuracy(before, after)),
-            Fact("equal spikes", equal[1] if equal[0] == equal[1] else f"{equal[1]}; {equal[0]} before"),
-            Fact("spikes on one side only", _both(before, after, "match.spike_mismatches", count)),
-            Fact("wraps and clips", _both(before, after, "match.wraps", count, "match.clips")),
-        ),
+    its = facts(
+        "matches compared",
+        accuracy=_accuracy(before, after),
+        equal=equal[1] if equal[0] == equal[1] else f"{equal[1]}; {equal[0]} before",
+        mismatches=_both(before, after, "match.spike_mismatches", count),
+        overflows=_both(before, after, "match.wraps", count, "match.clips"),
     )
+    return verdict("matches compared", status, answer, its, now=agreed(b, "none"), before=agreed(a, "none"))
 
 
 def _change_of_match(
@@ -158,28 +165,19 @@ def _costs(before: Build, after: Build) -> Verdict:
     status: Status = "unknown" if not comparable else "yes" if b <= a else "no"
     answer = "Not comparable" if not comparable else "The same" if a == b else "Less" if b < a else "More"
     by = percent(a, b)
-    return Verdict(
-        question="Does it cost less?",
-        status=status,
-        answer=f"{answer}, {by}" if by and comparable and a != b else answer,
-        figure=shown(b),
-        figure_label=f"{what} per recording{profile}; {shown(a)} before",
-        sentence=f"In the model, a recording takes {shown(b)} of {what}, {shown(a)} before.",
-        facts=tuple(Fact(label, _both(before, after, key, shown)) for label, key, shown in _COSTS),
-    )
+    answer += f", {by}" if by and comparable and a != b else ""
+    its = _changed(before, after, _COSTS)
+    return verdict("costs compared", status, answer, its, now=shown(b), before=shown(a), what=what, profile=profile)
 
 
 def _fits(before: Build, after: Build) -> Verdict:
     a, b = (build.number("resources.cores") for build in (before, after))
-    return Verdict(
-        question="Does it take less room?",
-        status="yes" if b <= a else "no",
-        answer="The same" if a == b else "Less" if b < a else "More",
-        figure=plural(b, "core"),
-        figure_label=f"{count(a)} before",
-        sentence=f"The program takes {plural(b, 'core')}, {count(a)} before.",
-        facts=tuple(Fact(label, _both(before, after, key, shown)) for label, key, shown in _ROOM),
-    )
+    answer = "The same" if a == b else "Less" if b < a else "More"
+    return verdict("room compared", "yes" if b <= a else "no", answer, _changed(before, after, _ROOM), now=b, before=a)
+
+
+def _changed(before: Build, after: Build, figures: Sequence[KeyFigure]) -> Facts:
+    return Facts(tuple(Fact(label, _both(before, after, key, shown)) for label, key, shown in figures))
 
 
 def _notices(before: Build, after: Build) -> tuple[Notice, ...]:

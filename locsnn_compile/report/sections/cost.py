@@ -1,7 +1,9 @@
 """Sections on what a recording costs in the model: energy and latency."""
 
-from locsnn_compile.report.content import Bar, Document, Section, Table, facts, of, section, share_of, table
-from locsnn_compile.report.format import NONE, count, energy, known, ratio, share, time
+from typing import Any
+
+from locsnn_compile.report.content import Bar, Document, Section, Table, facts, section, share_of, table
+from locsnn_compile.report.format import count, energy, time
 from locsnn_compile.report.sections.cost_tables import ENERGY, TIME, by_branch, constants, shares, stack
 from locsnn_compile.report.sections.verdict import pace
 from locsnn_compile.report.words import core_words, sentence, words
@@ -20,7 +22,7 @@ def energy_section(document: Document) -> Section:
     return section(
         "energy",
         ENERGY.span(document),
-        facts(*ENERGY.facts(document)),
+        facts("spread of a cost", **ENERGY.facts(document)),
         stack(breakdown, f"Where the energy goes, profile {profile}"),
         shares("operation", f"Energy by operation, {mean}", operations, patterned=True),
         by_branch(columns, "Energy by branch and profile, mean per recording", energy),
@@ -28,7 +30,7 @@ def energy_section(document: Document) -> Section:
         shares("core", f"Energy by core, {mean}", cores + elsewhere),
         ENERGY.by_class(document),
         *(_static(found["static"]) if found["static"] else ()),
-        _left_out(found["not_included_bounds"]) if found["not_included_bounds"] else None,
+        table("not included", found["not_included_bounds"]) if found["not_included_bounds"] else None,
         *(constants(name, one) for name, one in found["profiles"].items()),
     )
 
@@ -41,20 +43,9 @@ def latency_section(document: Document) -> Section:
         "latency",
         TIME.span(document),
         real_time(found),
-        facts(*_latency_facts(document)),
+        facts("latency", **found, **TIME.facts(document), slowest=_slowest(found["real_time"])),
         by_branch(_parts(found), f"Time by branch and part, mean per recording, profile {found['profile']}", time),
-        table(
-            "What steps waited for, by the time that they took",
-            found["critical_paths"],
-            ("branch", of("phase", words)),
-            ("done last", lambda row: f"core {row['last']}"),
-            (
-                "waited for",
-                lambda row: f"packets of core {row['sender']}" if row["sender"] != row["last"] else "nothing",
-            ),
-            ("time", of("ns", time)),
-            ("share", of("ns", lambda ns: share(share_of(ns, mean)))),
-        ),
+        table("critical paths", (_path(mean=mean, **row) for row in found["critical_paths"])),
         _cores(found["by_core"], mean) if found["by_core"] else None,
         _links(found["links"]) if found["links"] else None,
         TIME.by_class(document),
@@ -62,26 +53,10 @@ def latency_section(document: Document) -> Section:
 
 
 def _static(static: Document) -> tuple[str, Table]:
-    chips = "1 chip" if static["chips"] == 1 else f"{static['chips']} chips"
-    rows = (("at the chip's latency", "at_latency_pj"), ("at the sensor's real time", "at_real_time_pj"))
+    lasting = {"at the chip's latency": "at_latency_pj", "at the sensor's real time": "at_real_time_pj"}
     return (
-        sentence("static energy", chips=chips, milliwatts=static["chip_mw"], source=static["source"]),
-        Table(
-            "Static energy per recording",
-            ("how long", "energy"),
-            tuple((name, known(static[key], energy, "not known")) for name, key in rows),
-        ),
-    )
-
-
-def _left_out(rows: list[Document]) -> Table:
-    """Return what the energy does not include, and the most that it can be where that is known."""
-    return table(
-        "Not included in the energy",
-        rows,
-        ("what", of("what", str)),
-        ("at most", of("at_most_pj", lambda pj: known(pj, energy, "not known"))),
-        ("by", of("bound_source", lambda source: source or NONE)),
+        sentence("static energy", **static),
+        table("static energy", {name: static[key] for name, key in lasting.items()}),
     )
 
 
@@ -94,19 +69,13 @@ def real_time(found: Document) -> str:
     return sentence("pace", mean=mean, slowest=slowest)
 
 
-def _latency_facts(document: Document) -> tuple[tuple[str, str | None], ...]:
-    found = document["latency"]
-    last_row, real, slowest = found["after_last_row_ns"], found["real_time"], None
-    if real and real["slowest_step_factor"]:
-        slowest = f"{time(real['slowest_step_ns'])} of the {time(real['step_ns'])} between two rows"
-        slowest += f", {ratio(real['slowest_step_factor'])} times faster"
-    return (
-        ("cycles", f"{count(found['per_sample_cycles'])} per recording, at {found['clock_ghz']:g} GHz"),
-        *TIME.facts(document),
-        ("critical core", f"core {count(found['critical_core'])} finished last for most of the time"),
-        ("after the last row", f"{time(last_row['mean'])}, at most {time(last_row['max'])}"),
-        ("slowest step of a row", slowest),
-    )
+def _slowest(real: Document | None) -> str | None:
+    return sentence("slowest step", **real) if real and real["slowest_step_factor"] else None
+
+
+def _path(*, mean: float, **row: Any) -> Document:
+    awaited = "nothing" if row["sender"] == row["last"] else f"packets of core {row['sender']}"
+    return row | {"awaited": awaited, "share": share_of(row["ns"], mean)}
 
 
 def _parts(found: Document) -> dict[str, dict[str, float]]:
@@ -118,25 +87,14 @@ def _parts(found: Document) -> dict[str, dict[str, float]]:
 
 
 def _cores(cores: list[Document], total: float) -> Table:
-    busy = [(words(name), lambda row, name=name: time(row["busy_ns"][name])) for name in cores[0]["busy_ns"]]
-    return table(
-        "What each core works on, mean per recording",
-        cores,
-        ("core", core_words),
-        ("", of("last_ns", lambda ns: Bar(share_of(ns, total), f"done last in {time(ns)}"))),
-        *busy,
-        ("done last in", of("last_ns", time)),
+    rows = (
+        row | {"bar": Bar(share_of(row["last_ns"], total), f"done last in {time(row['last_ns'])}")} for row in cores
     )
+    busy = {words(name): f"{{busy_ns[{name}]:time}}" for name in cores[0]["busy_ns"]}
+    return table("work of cores", rows, columns=busy)
 
 
 def _links(links: list[Document]) -> Table:
     most = max(row["packets"] for row in links)
-    return table(
-        "Packets on the links of the mesh, mean per recording",
-        links,
-        ("link, from tile to tile", lambda row: " to ".join(f"{x},{y}" for x, y in (row["from"], row["to"]))),
-        ("", of("packets", lambda packets: Bar(packets / most, f"{count(packets)} packets"))),
-        ("branch", of("phase", words)),
-        ("packets", of("packets", count)),
-        ("most in a step", of("most_in_a_step", count)),
-    )
+    bars = (Bar(row["packets"] / most, f"{count(row['packets'])} packets") for row in links)
+    return table("links", (row | {"bar": bar} for row, bar in zip(links, bars, strict=True)))

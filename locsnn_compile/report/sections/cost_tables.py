@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from hw_model.values import Frozen
-from locsnn_compile.report.content import Bar, Curve, Document, Fact, Plot, Span, Stack, Table, of, share_of, table
+from locsnn_compile.report.content import Bar, Curve, Document, Fact, Plot, Span, Stack, Table, share_of, table
 from locsnn_compile.report.format import NONE, count, energy, share, time
 from locsnn_compile.report.pictures.ticks import round_numbers
 from locsnn_compile.report.words import words
@@ -32,16 +32,16 @@ class Cost(Frozen):
         facts = tuple(Fact(label, self.shown(value)) for label, value in ends.items())
         return Span(f"{self.name} per recording{_by(found)}", facts, tuple(ends.values()))
 
-    def facts(self, document: Document) -> tuple[tuple[str, str], ...]:
-        """Return the range of the mean, and the costliest recordings."""
+    def facts(self, document: Document) -> dict[str, str]:
+        """Return what facts say of the range of the mean, and of the costliest recordings."""
         found = document[self.key]
         worst = found["worst_recording"]
         label = "" if worst["class"] is None else f" of class {_class_name(document, worst['class'])}"
-        return (
-            ("range of the mean", _range(found[f"range_{self.unit}"], self.shown)),
-            ("99 % of recordings", f"at most {self.shown(found[f'over_samples_{self.unit}']['p99'])}"),
-            ("worst recording", f"recording {worst['recording']}{label}, {self.shown(worst[self.unit])}"),
-        )
+        return {
+            "range": _range(found[f"range_{self.unit}"], self.shown),
+            "p99": f"at most {self.shown(found[f'over_samples_{self.unit}']['p99'])}",
+            "worst": f"recording {worst['recording']}{label}, {self.shown(worst[self.unit])}",
+        }
 
     def by_class(self, document: Document) -> Table | None:
         """Return a table of the classes of the recordings; None where they have no labels."""
@@ -49,18 +49,13 @@ class Cost(Frozen):
         rows = found["by_class"]
         if not rows:
             return None
-        mean, least, most = (f"{end}_{self.unit}" for end in ("mean", "min", "max"))
-        largest = max(row[most] for row in rows)
-        return table(
-            f"{self.name} by class{_by(found)}",
-            rows,
-            ("class", of("class", lambda number: _class_name(document, number))),
-            ("", of(mean, lambda x: Bar(share_of(x, largest), f"mean {self.shown(x)}"))),
-            ("recordings", of("recordings", count)),
-            ("mean", of(mean, self.shown)),
-            ("least", of(least, self.shown)),
-            ("most", of(most, self.shown)),
-        )
+        largest = max(row[f"max_{self.unit}"] for row in rows)
+        shown = {}
+        for row in rows:
+            ends = {end: self.shown(row[f"{end}_{self.unit}"]) for end in ("mean", "min", "max")}
+            bar = Bar(share_of(row[f"mean_{self.unit}"], largest), f"mean {ends['mean']}")
+            shown[_class_name(document, row["class"])] = {"recordings": row["recordings"], "bar": bar, **ends}
+        return table("classes", shown, cost=self.name, by=_by(found))
 
     def course(self, document: Document) -> tuple[Plot, Table]:
         """Draw means over a few steps each in their middles; the last of a branch may be of fewer and is left out."""
@@ -133,22 +128,12 @@ def constants(name: str, profile: Document) -> Table:
     """Return each constant of a profile with its range and its source."""
     voltage = "voltage not stated" if profile["voltage_v"] is None else f"{profile['voltage_v']:g} V"
     rows = [
-        (
-            words(row["count"]),
-            *(_constant(row[key], row[f"{key}_range"], unit) for key, unit in _OF_CONSTANTS.items()),
-            row["source"],
-        )
+        row | {key: _constant(row[key], row[f"{key}_range"], unit) for key, unit in _OF_CONSTANTS.items()}
         for row in profile["constants"]
     ]
-    barrier = profile["barrier_ns"]
-    ends = f"{barrier['one_tile']:g} ns in one tile to {barrier['all_tiles']:g} ns in all"
-    rows.append(("barrier, per step", NONE, ends, profile["source"]))
-    return Table(
-        f"Constants of profile {name}: {profile['basis']}; {voltage}",
-        ("operation", "energy", "time", "source"),
-        tuple(rows),
-        folded=True,
-    )
+    ends = "{one_tile:g} ns in one tile to {all_tiles:g} ns in all".format(**profile["barrier_ns"])
+    barrier = {"count": "barrier, per step", "energy_pj": NONE, "time_ns": ends, "source": profile["source"]}
+    return table("constants", [*rows, barrier], folded=True, profile=name, basis=profile["basis"], voltage=voltage)
 
 
 def _range(ends: Sequence[Any], shown: Shown) -> str:

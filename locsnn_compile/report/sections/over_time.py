@@ -24,7 +24,7 @@ def over_time(document: Document) -> Section:
         sentence("time-weighted", psi=entry["psi"]) if "time_weighted" in entry["right"] else None,
         _stop(entry["proven_stop"]),
         sentence("proven stop", steps=count(entry["proven_stop"]["all_steps"])),
-        facts(("recordings", sample(entry, named=False))),
+        facts("recordings", recordings=sample(entry, named=False)),
         *costs,
     )
 

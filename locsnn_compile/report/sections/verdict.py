@@ -1,7 +1,7 @@
 """The three questions that a report answers first, and what has to be known before its figures are believed."""
 
-from locsnn_compile.report.content import Document, Fact, Notice, Status, Verdict
-from locsnn_compile.report.format import NONE, SILENT, count, energy, known, memory, plural, points, ratio, share, time
+from locsnn_compile.report.content import Document, Fact, Facts, Notice, Status, Verdict, facts, verdict
+from locsnn_compile.report.format import NONE, SILENT, count, energy, known, plural, points, ratio, share, time
 from locsnn_compile.report.words import limit_words, listed, sentence, stage_words, words
 
 _SIDES = {
@@ -30,20 +30,15 @@ def matches(document: Document) -> Verdict:
     elif predicted and tied:
         said += f"; {count(tied)} more are not predicted, as all class scores tie on both sides"
     silent = SILENT if match["readout"]["silent"] else NONE
-    return Verdict(
-        question="Does it match?",
-        status=status,
-        answer=answer,
-        figure=known(agreement, share, silent),
-        figure_label=f"same prediction, {same}" if predicted else "no prediction to compare",
-        sentence=f"{said}.",
-        facts=(
-            Fact("accuracy", _accuracy(document)),
-            Fact("spikes", known(match["spike_agreement"], _equal_spikes, "none on either side")),
-            Fact("first difference", _first_difference(document)),
-            Fact("registers", _registers(document)),
-        ),
+    its = facts(
+        "match",
+        accuracy=_accuracy(document),
+        spikes=known(match["spike_agreement"], _equal_spikes, "none on either side"),
+        first=_first_difference(document),
+        registers=_registers(document),
     )
+    label = f"same prediction, {same}" if predicted else "no prediction to compare"
+    return verdict("match", status, answer, its, figure=known(agreement, share, silent), label=label, said=said)
 
 
 def _answer(match: Document) -> tuple[Status, str]:
@@ -73,31 +68,18 @@ def costs(document: Document) -> Verdict:
     found, duration = document["energy"], document["latency"]["recording_ns"]
     latency = document["latency"]["per_sample_ns"]
     spread = found["over_samples_pj"]
-    mean = energy(found["per_sample_pj"])
     real = "" if duration is None else f", {pace(latency, duration)}"
-    facts = [
+    its = [
         Fact("range", f"{energy(spread['min'])} to {energy(spread['max'])}, median {energy(spread['p50'])}"),
         *(Fact("other profile", f"{energy(pj)} with {name}") for name, pj in found["other_profiles_pj"].items()),
         Fact("latency", f"{time(latency)}{real} (profile {document['latency']['profile']})"),
+        *(Fact(member["name"], sentence("member", **member)) for member in document["model"].get("members", ())),
     ]
-    for member in document["model"].get("members", ()):
-        own = f"{energy(member['per_sample_pj'])}, {time(member['per_sample_ns'])}, {plural(member['cores'], 'core')}"
-        facts.append(Fact(member["name"], f"{own}, class scores times {member['weight']:.4g}"))
     if "input" in document:
-        steps = document["input"]["aligned_steps"]
-        facts.append(Fact("start", f"at the first touch, {steps:.1f} steps into a recording on average"))
+        its.append(Fact("start", sentence("start", **document["input"])))
     if document["ann_comparison"]:
-        facts += [Fact(label, _against_anns(document, *side)) for label, side in _SIDES.items()]
-    return Verdict(
-        question="What does it cost?",
-        status="modelled",
-        answer="Modelled, not measured",
-        figure=mean,
-        figure_label=f"dynamic energy per recording, profile {found['profile']}",
-        sentence=f"In the model, a recording takes {mean} of dynamic energy (profile {found['profile']}) and "
-        f"{time(latency)}.",
-        facts=tuple(facts),
-    )
+        its += [Fact(label, _against_anns(document, *side)) for label, side in _SIDES.items()]
+    return verdict("cost", "modelled", "Modelled, not measured", Facts(tuple(its)), latency=latency, **found)
 
 
 def fits(document: Document) -> Verdict:
@@ -110,20 +92,9 @@ def fits(document: Document) -> Verdict:
     if cores := limits.get("cores"):
         of_cores = f"{count(cores['used'])} of {plural(cores['limit'], 'core')}"
     entry = limits[worst]
-    used = f"{count(entry['used'])} of {count(entry['limit'])} ({share(fullness(entry))})"
-    return Verdict(
-        question="Does it fit?",
-        status="yes" if inside else "no",
-        answer="Yes" if inside else "No",
-        figure=of_cores,
-        figure_label=f"of {document['target']}",
-        sentence=f"The program takes {of_cores} of {document['target']}.",
-        facts=(
-            Fact("fullest limit", f"{limit_words(worst)}, {used}"),
-            Fact("compartments", count(resources["compartments"])),
-            Fact("synapses", f"{count(resources['synapses'])} in {memory(resources['synapse_bits'])}"),
-        ),
-    )
+    its = facts("fit", worst=limit_words(worst), full=fullness(entry), **entry, **resources)
+    status: tuple[Status, str] = ("yes", "Yes") if inside else ("no", "No")
+    return verdict("fit", *status, its, of_cores=of_cores, target=document["target"])
 
 
 def notices(document: Document) -> tuple[Notice, ...]:
