@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 from early_answers import margins, seen
 from energy_front import front
-from results_page import Table, write_table
 from robustness import robustness
 from study import ROOT, SHIPPED, Shipped, Study
+from tables import Table, write_table
 
 import hw_model as hw
 

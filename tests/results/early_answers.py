@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from measure_run import CONFIGS, train_network
 from result_rows import SEEDS
-from results_page import Table, spread
 from study import SHIPPED, Shipped, Study
+from tables import Table, spread
 
 import hw_model as hw
 import locsnn_compile as lc

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from result_rows import SEEDS
-from results_page import Table, kept, spread
 from study import MODELS, Study
+from tables import Table, kept, spread
 
 import locsnn_compile as lc
 

@@ -17,8 +17,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from results_page import write_table
 from scipy import stats
+from tables import write_table
 from try_training import scores_of
 from ways import FOLDS, ROOT, Division, Setting, settings_of
 

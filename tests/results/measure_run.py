@@ -126,6 +126,7 @@ def _on_chip(path: Path, dataset: Dataset, test: Recordings) -> dict[str, Any]:
         "additions": {axis: each.tolist() for axis, each in additions_of_recordings(network, heard).items()},
         "transposed": events.tolist() if any(phase.axis == "location" for phase in network.phases) else [],
         "chip": report["operations"]["per_sample"],
+        "synaptic_ops": [counts["synaptic_ops"] for counts in played.per_recording],
         "energy_pj": report["energy"]["per_sample_pj"],
         "energy_of_branches_pj": _of_branches(report["energy"]["by_population_pj"]),
         "cores": report["resources"]["cores"],

@@ -21,7 +21,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from result_pictures import INK, STYLE, _save
-from results_page import Table, kept, write_table
+from tables import Table, kept, write_table
 
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.sensor import TAXEL_COORDINATES_MM, neutouch

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from result_rows import DATASETS, SEEDS
-from results_page import Found
+from tables import Found
 
 INK = "#808080"
 STYLE = {

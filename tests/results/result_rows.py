@@ -36,7 +36,8 @@ class Row:
 
     ``published``: data set -> accuracy (Kang et al. 2022, two fingertips). ``config`` replaces that of the data set; in
     it ``{recipe}`` stands for the data set whose recipe is taken, ``{published}`` for that of the published targets. ``parts`` are networks that are trained apart and
-    joined, a hybrid and windows. ``only`` is the one data set of the row.
+    joined, a hybrid and windows. ``only`` is the one data set of the row. ``minutes``: about how long one seed takes on one
+    core, by data set, where somebody who runs what is missing should know.
     """
 
     name: str
@@ -46,6 +47,7 @@ class Row:
     config: str | None = None
     parts: tuple[str, ...] = ()
     only: str | None = None
+    minutes: Mapping[str, int] = field(default_factory=dict)
 
     def config_for(self, dataset: Dataset) -> str:
         """Return the file in ``examples/configs`` that it is trained with."""
@@ -70,8 +72,16 @@ ROWS = (
         {"model": "tactile-sgnet"},
         _published("0.79", "0.58", "0.97"),
         "tactile-sgnet.yaml",
+        minutes={"objects": 18, "containers": 12, "slip": 1},
     ),
-    Row("gru-mlp", "GRU-MLP", {"model": "gru-mlp"}, _published("0.72", "0.46", "0.87"), "gru-mlp.yaml"),
+    Row(
+        "gru-mlp",
+        "GRU-MLP",
+        {"model": "gru-mlp"},
+        _published("0.72", "0.46", "0.87"),
+        "gru-mlp.yaml",
+        minutes={"objects": 11, "containers": 6},
+    ),
     Row("cnn-3d", "CNN-3D", {"model": "cnn-3d"}, _published("0.90", "0.67", "0.44"), "cnn-3d.yaml"),
     Row(
         "location-tactile-snn",
@@ -89,8 +99,14 @@ ROWS = (
         "Hybrid, published training, lambda 0.5",
         {"location_weight": 0.5},
         config="{published}-hybrid-half-published.yaml",
+        minutes={"objects": 3, "containers": 2, "slip": 1},
     ),
-    Row("tactile-snn-delays", "Tactile-SNN, synapses of six delays", {"model": "tactile-snn", "delays": SIX_DELAYS}),
+    Row(
+        "tactile-snn-delays",
+        "Tactile-SNN, synapses of six delays",
+        {"model": "tactile-snn", "delays": SIX_DELAYS},
+        minutes={"objects": 3},
+    ),
     Row("hybrid-delays", "Hybrid, synapses of six delays", {"delays": SIX_DELAYS}),
     Row("tactile-snn-lif", "Tactile-SNN of TLIF neurons", {"model": "tactile-snn-lif"}, config="tactile-snn-lif.yaml"),
     Row(
@@ -129,7 +145,13 @@ ROWS = (
         config="containers-window-snn-levels.yaml",
         only="containers",
     ),
-    Row("hybrid-graph", "Hybrid of graphs", {"model": "hybrid-graph"}, config="hybrid-graph.yaml"),
+    Row(
+        "hybrid-graph",
+        "Hybrid of graphs",
+        {"model": "hybrid-graph"},
+        config="hybrid-graph.yaml",
+        minutes={"objects": 21, "containers": 14, "slip": 1},
+    ),
 )
 ROW_NAMES = tuple(row.name for row in ROWS)
 FLAGS = {"model": "--model", "order": "--order", "location_weight": "--lambda", "delays": "--delays"}

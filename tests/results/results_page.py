@@ -2,31 +2,15 @@
 
 from __future__ import annotations
 
-import csv
 import json
-import re
 import statistics
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from result_rows import DATASETS, ROWS, SEEDS, Dataset, Row, command
-
-from locsnn_compile.baselines.operations import ann_operations
-
-Found = Mapping[tuple[str, str], Mapping[int, Mapping[str, Any]]]
-"""(data set, row) -> seed -> figures."""
-
-NOT_RUN = "not run"
-BRANCH_NAMES = {"time": "SNN_TSRM", "location": "SNN_LSRM"}
-PUBLISHED_OPERATIONS = {
-    "gru-mlp": ("11.87", "11.87", "5.48"),
-    "cnn-3d": ("8.34", "8.14", "3.5"),
-    "hybrid": ("0.60", "0.83", "0.045"),
-}
-PUBLISHED_CASES = {"objects": (325, 36), "containers": (325, 20), "slip": (150, 2)}
-PRINTED_RATIOS = ("9.80-14.30", "13.90-19.78", "77.78-121.78")
+from operation_tables import ann_table, chip_counts, chip_ratios, named, operations, ratios
+from result_rows import DATASETS, ROWS, SEEDS, command
+from tables import NOT_RUN, Found, Table, column, kept, markdown, merged, seeds_of, spread, write_table
 
 
 def read(work: Path) -> Found:
@@ -39,26 +23,6 @@ def read(work: Path) -> Found:
                 if path.exists():
                     found.setdefault((dataset, row.name), {})[seed] = json.loads(path.read_text(encoding="utf-8"))
     return found
-
-
-def spread(values: Sequence[float], digits: int = 3) -> str:
-    """Return mean and sample standard deviation; how many where they are not five."""
-    if not values:
-        return NOT_RUN
-    deviation = f" ± {statistics.stdev(values):.{digits}f}" if len(values) > 1 else ""
-    count = "" if len(values) == len(SEEDS) else f" ({len(values)} of {len(SEEDS)} seeds)"
-    return f"{statistics.mean(values):.{digits}f}{deviation}{count}"
-
-
-Table = tuple[Sequence[str], Sequence[Sequence[str]]]
-"""Head and rows."""
-
-
-def markdown(made: Table) -> str:
-    """Return a table as Markdown, its first column to the left."""
-    head, rows = made
-    lines = ["| " + " | ".join(head) + " |", "| --- |" + " ---: |" * (len(head) - 1)]
-    return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)])
 
 
 def write_tables(found: Found, folder: Path) -> dict[str, Table]:
@@ -82,53 +46,10 @@ def _fuller(found: Found, before: Table | None) -> Found:
 
     def had(dataset: str, label: str) -> int:
         cell = stand.get(label, [NOT_RUN] * len(names))[names.index(dataset)]
-        return _seeds_of(cell) if cell else 0
+        return seeds_of(cell) if cell else 0
 
     labels = {row.name: row.label for row in ROWS}
     return {key: seeds for key, seeds in found.items() if len(seeds) >= had(key[0], labels[key[1]])}
-
-
-def write_table(path: Path, made: Table) -> None:
-    head, rows = made
-    with path.open("w", newline="", encoding="utf-8") as file:
-        csv.writer(file, lineterminator="\n").writerows([head, *rows])
-
-
-def kept(path: Path) -> Table | None:
-    """Return the table of a file, None where there is none."""
-    if not path.exists():
-        return None
-    with path.open(newline="", encoding="utf-8") as file:
-        head, *rows = csv.reader(file)
-    return head, rows
-
-
-def merged(made: Table, before: Table | None) -> Table:
-    """Lay a table over one with the same head: rows are known by their first cell, and what was not run stays."""
-    head, rows = made
-    if before is None or list(before[0]) != list(head):
-        return made
-    old = {row[0]: list(row) for row in before[1]}
-    new = {row[0]: [_laid(mine, was) for mine, was in zip(row, old.get(row[0], row), strict=True)] for row in rows}
-    order = new if old.keys() <= new.keys() else old | new
-    return head, [new.get(name, old.get(name, [])) for name in order]
-
-
-def _laid(mine: str, was: str) -> str:
-    """Return the cell that comes from more seeds."""
-    return was if _seeds_of(mine) < _seeds_of(was) else mine
-
-
-def _seeds_of(cell: str) -> int:
-    if cell == NOT_RUN:
-        return 0
-    found = re.search(rf"\((\d) of {len(SEEDS)} seeds\)", cell)
-    return int(found[1]) if found else len(SEEDS)
-
-
-def column(found: Found, dataset: str, row: str, key: str) -> list[float]:
-    """Return a figure of every seed that has it."""
-    return [float(f[key]) for f in found.get((dataset, row), {}).values() if f.get(key) is not None]
 
 
 def accuracy(found: Found) -> Table:
@@ -182,96 +103,6 @@ def chip(found: Found) -> Table:
     return head, rows
 
 
-def ann_table() -> Table:
-    """The published operations beside ours, to the last digit."""
-    rows = []
-    for name, label in (("gru-mlp", "GRU-MLP"), ("cnn-3d", "CNN-3D")):
-        cells = [label]
-        for printed, (steps, classes) in zip(PUBLISHED_OPERATIONS[name], PUBLISHED_CASES.values(), strict=True):
-            ours = ann_operations(name, fingertips=2, steps=steps, classes=classes)
-            cells += [printed, f"{ours:,}"]
-        rows.append(cells)
-    rows.append(["Hybrid", *(cell for printed in PUBLISHED_OPERATIONS["hybrid"] for cell in (printed, ""))])
-    rows.append(["ratio as printed", *(cell for printed in PRINTED_RATIOS for cell in (printed, ""))])
-    rows.append(["ratio, corrected", *(cell for text in corrected_ratios() for cell in (text, ""))])
-    head = ["network, two fingertips"]
-    for name in PUBLISHED_CASES:
-        head += [f"{name.title()}, 10^6, published", "ours, exactly"]
-    return head, rows
-
-
-def corrected_ratios() -> list[str]:
-    """Return the ratio row that the printed operations give."""
-    columns = zip(*(map(float, PUBLISHED_OPERATIONS[name]) for name in ("gru-mlp", "cnn-3d", "hybrid")), strict=True)
-    return [f"{min(gru, cnn) / hybrid:.2f}-{max(gru, cnn) / hybrid:.2f}" for gru, cnn, hybrid in columns]
-
-
-def quantiles(values: Sequence[float]) -> list[str]:
-    """Return mean, median, 99th percentile and maximum."""
-    array = np.asarray(values, dtype=float)
-    return [f"{figure:,.0f}" for figure in (array.mean(), np.median(array), np.percentile(array, 99), array.max())]
-
-
-def operations(found: Found) -> Table:
-    rows = []
-    for name, dataset in DATASETS.items():
-        for row in ROWS:
-            rows += _operation_rows(found.get((name, row.name), {}), row, dataset)
-    return ["network, test recordings of all seeds", "mean", "median", "99 %", "most"], rows
-
-
-def _operation_rows(seeds: Mapping[int, Mapping[str, Any]], row: Row, dataset: Dataset) -> list[list[str]]:
-    measured = [f for f in seeds.values() if "additions" in f]
-    if not measured:
-        return []
-    title = f"{row.label}, {dataset.title}"
-    by_part = {axis: np.concatenate([f["additions"][axis] for f in measured]) for axis in measured[0]["additions"]}
-    rows = [[f"{title}: {_branch(row, axis)}", *quantiles(each)] for axis, each in by_part.items()]
-    if measured[0]["transposed"]:
-        by_part["transposed"] = np.concatenate([f["transposed"] for f in measured])
-        rows.append([f"{title}: events transposed", *quantiles(by_part["transposed"])])
-    if len(by_part) > 1:
-        rows.append([f"{title}: together", *quantiles(sum(by_part.values(), start=np.zeros(1)))])
-    return rows
-
-
-def _branch(row: Row, axis: str) -> str:
-    named = row.model in ("hybrid", "tactile-snn", "location-tactile-snn") and axis in BRANCH_NAMES
-    return BRANCH_NAMES[axis] if named else f"{axis} branch"
-
-
-def ratios(found: Found) -> Table:
-    """Operations of the ANNs at the same input over ours, on average and for the costliest recording."""
-    rows = []
-    for name, dataset in DATASETS.items():
-        for row in (row for row in ROWS if row.model in ("hybrid", "window-snn")):
-            for ann, label in (("gru-mlp", "GRU-MLP"), ("cnn-3d", "CNN-3D")):
-                measured = [f for f in found.get((name, row.name), {}).values() if "additions" in f]
-                if measured:
-                    rows.append([f"{row.label}, {dataset.title}, against {label}", *_ratios(measured, ann)])
-    return ["networks", "operations of the ANN", "ratio, mean", "ratio, 99 %", "ratio, least"], rows
-
-
-def _ratios(measured: Sequence[Mapping[str, Any]], ann: str) -> list[str]:
-    first = measured[0]
-    theirs = ann_operations(ann, fingertips=first["fingertips"], steps=first["steps"], classes=first["classes"])
-    ours = np.concatenate([np.sum([*f["additions"].values(), f["transposed"]], axis=0) for f in measured])
-    return [f"{theirs:,}", *(f"{theirs / cost:.1f}" for cost in (ours.mean(), np.percentile(ours, 99), ours.max()))]
-
-
-def chip_counts(found: Found) -> Table:
-    rows = []
-    for (name, row_name), seeds in found.items():
-        measured = [f["chip"] for f in seeds.values() if "chip" in f]
-        if measured:
-            label = next(row.label for row in ROWS if row.name == row_name)
-            keys = ("synaptic_ops", "neuron_updates", "spikes", "input_events", "transpose_events")
-            cells = [f"{statistics.mean(float(f[key]) for f in measured):,.0f}" for key in keys]
-            rows.append([f"{label}, {DATASETS[name].title}", *cells])
-    head = ["network", "synaptic operations", "compartment updates", "spikes", "input events", "transposed events"]
-    return head, rows
-
-
 def confusions(found: Found) -> Table:
     rows = []
     for (name, row_name), seeds in found.items():
@@ -296,19 +127,17 @@ def commands(found: Found) -> Table:
     return ["command"], rows
 
 
-def best_ratios(ratios: Table) -> Table:
-    """The ratios of the networks that are named on the page."""
-    head, rows = ratios
-    named = ("Hybrid, lambda 1, loop", "Window-SNN, Objects", "Window-SNN, Containers", "Window-SNN and hybrid")
-    return head, [row for row in rows if row[0].startswith(named) and "synthetic" not in row[0]]
-
-
 def missing(accuracy: Table) -> str:
-    """Return the rows without all seeds, a line for every data set."""
-    lines = []
+    """Return the rows without all seeds, a line for every data set, with the minutes that a seed takes where they are known."""
+    lines, known = [], {row.label: row for row in ROWS}
     for place, dataset in enumerate(DATASETS.values()):
-        seeds = {row[0]: _seeds_of(row[3 * place + 2]) for row in accuracy[1]}
-        words = [f"{label} ({n} of {len(SEEDS)} seeds)" if n else label for label, n in seeds.items() if n < len(SEEDS)]
+        words = []
+        for row in accuracy[1]:
+            if (there := seeds_of(row[3 * place + 2])) < len(SEEDS):
+                minutes = known[row[0]].minutes.get(dataset.name)
+                notes = [f"{there} of {len(SEEDS)} seeds"] if there else []
+                notes += [f"{minutes} min per seed"] if minutes else []
+                words.append(f"{row[0]} ({', '.join(notes)})" if notes else row[0])
         lines += [f"- {dataset.title}: {'; '.join(words)}."] if words else []
     return "\n".join(lines) if lines else "Nothing: every row was run with all seeds."
 
@@ -321,6 +150,7 @@ TABLES: dict[str, Callable[[Found], Table]] = {
     "operations": operations,
     "ratios": ratios,
     "chip-counts": chip_counts,
+    "chip-ratios": chip_ratios,
     "commands": commands,
 }
 """What stands in ``docs/results/NAME.csv``."""
@@ -331,7 +161,8 @@ def page(tables: Mapping[str, Table]) -> str:
     template = (Path(__file__).with_name("results_template.md")).read_text(encoding="utf-8")
     values = {
         "accuracy": markdown(tables["accuracy"]),
-        "ratios": markdown(best_ratios(tables["ratios"])),
+        "ratios": markdown(named(tables["ratios"])),
+        "chip_ratios": markdown(named(tables["chip-ratios"])),
         "ann_table": markdown(ann_table()),
         "missing": missing(tables["accuracy"]),
     }

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 from broken_sensors import Change, changes
-from results_page import Table
 from study import SHIPPED, Shipped, Study
+from tables import Table
 
 import hw_model as hw
 

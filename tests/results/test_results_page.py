@@ -31,6 +31,7 @@ def figures(**own: Any) -> dict[str, Any]:
         "spike_agreement": 0.9, "prediction_agreement": 0.8, "additions": {"time": [100, 300], "location": [50, 150]},
         "transposed": [10, 30], "energy_pj": 2e6, "predictions": [0, 1, 1, 3], "labels": [0, 1, 2, 3], "psi": 10.0,
         "chip": dict.fromkeys(("synaptic_ops", "neuron_updates", "spikes", "input_events", "transpose_events"), 7.0),
+        "synaptic_ops": [100, 300],
         "right": {"together": [0.0, 0.5]}, "command": "",
     } | own  # fmt: skip
 
@@ -44,14 +45,15 @@ def work(tmp_path: Path) -> Path:
 
 
 def test_ratios_of_the_printed_operations_are_those_of_the_other_column() -> None:
-    from results_page import PRINTED_RATIOS, corrected_ratios
+    from operation_tables import PRINTED_RATIOS, corrected_ratios
 
     assert corrected_ratios() == ["13.90-19.78", "9.81-14.30", "77.78-121.78"]
     assert (PRINTED_RATIOS[1], PRINTED_RATIOS[2]) == (corrected_ratios()[0], corrected_ratios()[2])
 
 
 def test_table_of_the_artificial_networks() -> None:
-    from results_page import ann_table, markdown
+    from operation_tables import ann_table
+    from tables import markdown
 
     assert markdown(ann_table()).splitlines()[2:4] == [
         "| GRU-MLP | 11.87 | 11,868,704 | 11.87 | 11,867,680 | 5.48 | 5,476,928 |",
@@ -60,7 +62,8 @@ def test_table_of_the_artificial_networks() -> None:
 
 
 def test_rows_that_are_there_and_rows_that_are_not(work: Path) -> None:
-    from results_page import accuracy, markdown, read
+    from results_page import accuracy, read
+    from tables import markdown
 
     lines = {line.split(" | ")[0]: line for line in markdown(accuracy(read(work))).splitlines()}
     assert lines["| Hybrid, lambda 1, loop"] == (
@@ -70,7 +73,8 @@ def test_rows_that_are_there_and_rows_that_are_not(work: Path) -> None:
 
 
 def test_operations_by_branch_with_the_transposition(work: Path) -> None:
-    from results_page import operations, ratios, read
+    from operation_tables import operations, ratios
+    from results_page import read
 
     found = read(work)
     assert operations(found)[1] == [
@@ -84,6 +88,18 @@ def test_operations_by_branch_with_the_transposition(work: Path) -> None:
     ]  # fmt: skip
 
 
+def test_ratios_of_what_the_chip_does(work: Path) -> None:
+    from operation_tables import chip_ratios
+    from results_page import read
+
+    (work / "objects-windows-and-hybrid-0.json").write_text(json.dumps(figures(steps=250, classes=36)))
+    (work / "containers-cnn-3d-0.json").write_text(json.dumps({"test_accuracy": 0.5}))
+    assert chip_ratios(read(work))[1] == [
+        ["Window-SNN and hybrid, joined, Objects", "networks joined", "0.500 (1 of 5 seeds)", "200", "300", "15685.2", "10456.8"],
+        ["Hybrid, lambda 1, loop, Containers", "one network", "0.500 ± 0.000 (2 of 5 seeds)", "200", "300", "20352.0", "13568.0"],
+    ]  # fmt: skip
+
+
 def test_confusions_name_the_pairs(work: Path) -> None:
     from results_page import confusions, read
 
@@ -94,10 +110,23 @@ def test_missing_rows_are_named_where_they_belong(work: Path) -> None:
     from results_page import accuracy, missing, read
 
     objects, containers, _ = missing(accuracy(read(work))).splitlines()
-    assert containers.startswith("- Containers: Tactile-SNN; TactileSGNet; ")
+    assert containers.startswith(
+        "- Containers: Tactile-SNN; TactileSGNet (12 min per seed); GRU-MLP (6 min per seed); CNN-3D; "
+    )
     assert "; Hybrid, lambda 1, loop (2 of 5 seeds); " in containers
     assert ("joined" in objects, "neighbouring levels" in objects) == (True, False)
     assert ("joined" in containers, "neighbouring levels" in containers) == (False, True)
+
+
+def test_missing_seeds_say_how_many_are_there_and_how_long_one_takes() -> None:
+    from results_page import missing
+    from tables import NOT_RUN
+
+    some = ["TactileSGNet", "", "0.5 (1 of 5 seeds)", "", "", "0.5 ± 0.1", "", "", NOT_RUN, ""]
+    assert missing(([], [some])).splitlines() == [
+        "- Objects: TactileSGNet (1 of 5 seeds, 18 min per seed).",
+        "- Slip (synthetic): TactileSGNet (1 min per seed).",
+    ]
 
 
 def test_every_part_of_the_page_is_filled(work: Path) -> None:
@@ -127,7 +156,8 @@ def test_long_tables_are_files_next_to_the_page(work: Path) -> None:
 
 
 def test_rows_without_figures_keep_what_stands_in_the_file(work: Path) -> None:
-    from results_page import NOT_RUN, read, write_table, write_tables
+    from results_page import read, write_tables
+    from tables import NOT_RUN, write_table
 
     folder = work / "results"
     tables = write_tables(read(work), folder)

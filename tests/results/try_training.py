@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 from broken_sensors import clock
-from results_page import kept, merged, write_table
+from tables import kept, merged, write_table
 from ways import FOLDS, ROOT, Committee, Division, Floats, settings_of
 
 from hw_model.values import ByteArray

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.models.touch_model import TouchModel
 from locsnn_compile.training.batches import epoch_generator
 from locsnn_compile.training.config import TrainingConfig, config_from_mapping, read_config
 from locsnn_compile.training.measure import class_scores
@@ -78,9 +79,12 @@ class Setting:
         values = read_config(ROOT / f"examples/configs/{dataset}-{self.config}.yaml") | dict(self.options)
         return config_from_mapping(values | {"seed": repeat, "validation_fraction": 0.0, "refit": False})
 
-    def learn(self, of: Division, rows: Rows) -> Scorer:
+    def trained(self, of: Division, rows: Rows) -> tuple[TrainingConfig, TouchModel]:
         config = self.config_of(of.dataset, of.repeat)
-        network = train(of.recordings.subset(rows), config, classes=of.classes).network
+        return config, train(of.recordings.subset(rows), config, classes=of.classes).network
+
+    def learn(self, of: Division, rows: Rows) -> Scorer:
+        config, network = self.trained(of, rows)
         return lambda spikes: log_probabilities(config.count_scale * class_scores(network, spikes))
 
 
@@ -122,8 +126,23 @@ class Nearest:
         return nearest_prototype(self, of, rows)
 
 
-Way = Setting | Committee | Distilled | Nearest
-KINDS: Mapping[str, type[Any]] = {"members": Committee, "teachers": Distilled, "smooth": Nearest}
+@dataclass(frozen=True)
+class Coarse:
+    """A setting of windows whose weights have so many ``bits`` on the chip, rounded after or in training; see ``coarse.py``."""
+
+    label: str
+    setting: str
+    bits: int
+    in_training: bool = False
+
+    def learn(self, of: Division, rows: Rows) -> Scorer:
+        from coarse import coarse
+
+        return coarse(self, of, rows)
+
+
+Way = Setting | Committee | Distilled | Nearest | Coarse
+KINDS: Mapping[str, type[Any]] = {"members": Committee, "teachers": Distilled, "smooth": Nearest, "bits": Coarse}
 """The key that only ways of a kind have; the others are settings."""
 
 

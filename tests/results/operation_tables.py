@@ -1,0 +1,150 @@
+"""Operations: what is published next to ours, counted by the published method and by the chip, and ratios to the artificial networks."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from result_rows import DATASETS, ROWS, Dataset, Row
+from tables import Found, Table, spread
+
+from locsnn_compile.baselines.operations import ann_operations
+
+BRANCH_NAMES = {"time": "SNN_TSRM", "location": "SNN_LSRM"}
+PUBLISHED_OPERATIONS = {
+    "gru-mlp": ("11.87", "11.87", "5.48"),
+    "cnn-3d": ("8.34", "8.14", "3.5"),
+    "hybrid": ("0.60", "0.83", "0.045"),
+}
+PUBLISHED_CASES = {"objects": (325, 36), "containers": (325, 20), "slip": (150, 2)}
+PRINTED_RATIOS = ("9.80-14.30", "13.90-19.78", "77.78-121.78")
+
+
+def ann_table() -> Table:
+    """The published operations beside ours, to the last digit."""
+    rows = []
+    for name, label in (("gru-mlp", "GRU-MLP"), ("cnn-3d", "CNN-3D")):
+        cells = [label]
+        for printed, (steps, classes) in zip(PUBLISHED_OPERATIONS[name], PUBLISHED_CASES.values(), strict=True):
+            ours = ann_operations(name, fingertips=2, steps=steps, classes=classes)
+            cells += [printed, f"{ours:,}"]
+        rows.append(cells)
+    rows.append(["Hybrid", *(cell for printed in PUBLISHED_OPERATIONS["hybrid"] for cell in (printed, ""))])
+    rows.append(["ratio as printed", *(cell for printed in PRINTED_RATIOS for cell in (printed, ""))])
+    rows.append(["ratio, corrected", *(cell for text in corrected_ratios() for cell in (text, ""))])
+    head = ["network, two fingertips"]
+    for name in PUBLISHED_CASES:
+        head += [f"{name.title()}, 10^6, published", "ours, exactly"]
+    return head, rows
+
+
+def corrected_ratios() -> list[str]:
+    """Return the ratio row that the printed operations give."""
+    columns = zip(*(map(float, PUBLISHED_OPERATIONS[name]) for name in ("gru-mlp", "cnn-3d", "hybrid")), strict=True)
+    return [f"{min(gru, cnn) / hybrid:.2f}-{max(gru, cnn) / hybrid:.2f}" for gru, cnn, hybrid in columns]
+
+
+def quantiles(values: Sequence[float]) -> list[str]:
+    """Return mean, median, 99th percentile and maximum."""
+    array = np.asarray(values, dtype=float)
+    return [f"{figure:,.0f}" for figure in (array.mean(), np.median(array), np.percentile(array, 99), array.max())]
+
+
+def operations(found: Found) -> Table:
+    rows = []
+    for name, dataset in DATASETS.items():
+        for row in ROWS:
+            rows += _operation_rows(found.get((name, row.name), {}), row, dataset)
+    return ["network, test recordings of all seeds", "mean", "median", "99 %", "most"], rows
+
+
+def _operation_rows(seeds: Mapping[int, Mapping[str, Any]], row: Row, dataset: Dataset) -> list[list[str]]:
+    measured = [f for f in seeds.values() if "additions" in f]
+    if not measured:
+        return []
+    title = f"{row.label}, {dataset.title}"
+    by_part = {axis: np.concatenate([f["additions"][axis] for f in measured]) for axis in measured[0]["additions"]}
+    rows = [[f"{title}: {_branch(row, axis)}", *quantiles(each)] for axis, each in by_part.items()]
+    if measured[0]["transposed"]:
+        by_part["transposed"] = np.concatenate([f["transposed"] for f in measured])
+        rows.append([f"{title}: events transposed", *quantiles(by_part["transposed"])])
+    if len(by_part) > 1:
+        rows.append([f"{title}: together", *quantiles(sum(by_part.values(), start=np.zeros(1)))])
+    return rows
+
+
+def _branch(row: Row, axis: str) -> str:
+    named = row.model in ("hybrid", "tactile-snn", "location-tactile-snn") and axis in BRANCH_NAMES
+    return BRANCH_NAMES[axis] if named else f"{axis} branch"
+
+
+def ratios(found: Found) -> Table:
+    """Operations of the ANNs at the same input over ours, on average and for the costliest recording."""
+    rows = []
+    for name, dataset in DATASETS.items():
+        for row in (row for row in ROWS if row.model in ("hybrid", "window-snn")):
+            for ann, label in (("gru-mlp", "GRU-MLP"), ("cnn-3d", "CNN-3D")):
+                measured = [f for f in found.get((name, row.name), {}).values() if "additions" in f]
+                if measured:
+                    rows.append([f"{row.label}, {dataset.title}, against {label}", *_ratios(measured, ann)])
+    return ["networks", "operations of the ANN", "ratio, mean", "ratio, 99 %", "ratio, least"], rows
+
+
+def _ratios(measured: Sequence[Mapping[str, Any]], ann: str) -> list[str]:
+    first = measured[0]
+    theirs = ann_operations(ann, fingertips=first["fingertips"], steps=first["steps"], classes=first["classes"])
+    ours = np.concatenate([np.sum([*f["additions"].values(), f["transposed"]], axis=0) for f in measured])
+    return [f"{theirs:,}", *(f"{theirs / cost:.1f}" for cost in (ours.mean(), np.percentile(ours, 99), ours.max()))]
+
+
+def chip_ratios(found: Found) -> Table:
+    """Operations of CNN-3D at the same input over the synaptic operations that the chip does, for all recordings and seeds."""
+    rows = []
+    for (name, row_name), seeds in found.items():
+        measured = [f for f in seeds.values() if "synaptic_ops" in f]
+        if measured:
+            row = next(row for row in ROWS if row.name == row_name)
+            kind = "networks joined" if row.parts else "one network"
+            accuracy = spread([f["chip_accuracy"] for f in measured])
+            rows.append([f"{row.label}, {DATASETS[name].title}", kind, accuracy, *_chip_ratios(measured)])
+    counts = ["synaptic operations, mean", "synaptic operations, most"]
+    return ["network", "kind", "accuracy on the chip", *counts, "ratio, mean", "ratio, least"], rows
+
+
+def _chip_ratios(measured: Sequence[Mapping[str, Any]]) -> list[str]:
+    first, ours = measured[0], np.concatenate([f["synaptic_ops"] for f in measured])
+    theirs = ann_operations("cnn-3d", fingertips=first["fingertips"], steps=first["steps"], classes=first["classes"])
+    counts = ours.mean(), ours.max()
+    return [*(f"{count:,.0f}" for count in counts), *(f"{theirs / count:.1f}" for count in counts)]
+
+
+def chip_counts(found: Found) -> Table:
+    rows = []
+    for (name, row_name), seeds in found.items():
+        measured = [f["chip"] for f in seeds.values() if "chip" in f]
+        if measured:
+            label = next(row.label for row in ROWS if row.name == row_name)
+            keys = ("synaptic_ops", "neuron_updates", "spikes", "input_events", "transpose_events")
+            cells = [f"{statistics.mean(float(f[key]) for f in measured):,.0f}" for key in keys]
+            rows.append([f"{label}, {DATASETS[name].title}", *cells])
+    head = ["network", "synaptic operations", "compartment updates", "spikes", "input events", "transposed events"]
+    return head, rows
+
+
+NAMED = (
+    "Hybrid, lambda 1, loop",
+    "Window-SNN, Objects",
+    "Window-SNN, Containers",
+    "Window-SNN, three quarters cut",
+    "Window-SNN, neighbouring levels",
+    "Window-SNN and hybrid",
+)
+"""Networks whose ratios the page shows."""
+
+
+def named(table: Table) -> Table:
+    """Return the rows of the networks that are named on the page."""
+    head, rows = table
+    return head, [row for row in rows if row[0].startswith(NAMED) and "synthetic" not in row[0]]
