@@ -11,7 +11,7 @@ from unittest.mock import patch
 import benches
 
 from hw_model.rtl import ports
-from hw_model.rtl.board import Board
+from hw_model.rtl.board import Answer, Board
 from hw_model.rtl.cosimulation import END, TICK, words_of
 from hw_model.rtl.frames import HELLO, LOAD, REPORT, WORDS, FrameReader, framed
 from hw_model.rtl.images import CoreProgram, sizes_for
@@ -142,6 +142,15 @@ def transcript(desk: Desk, texts: Mapping[str, str]) -> list[bytes]:
             heard.append(until_greeted(port, 0, ()))
             heard.append(until_greeted(port, number, chapter))
     return heard
+
+
+def over_a_line(desk: Desk, texts: Mapping[str, str] | None = None) -> Answer:
+    """Return a board's answer over a line that is so slow that spikes still wait for it when the class is known."""
+    with closing(desk.port(texts, bit=8, spikes=64, patience=20_000)) as port:
+        board = Board(port)
+        board.load(desk.core)
+        board.report(True)
+        return board.play(desk.core, desk.spikes[0])
 
 
 def rates(folder: Path, texts: Mapping[str, str], bit: int, host_bit: int) -> list[str]:

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from desk import PRESS, REFUSED_LOADS, WORD, Desk, damaged, said, say, stream_words
+from desk import PRESS, REFUSED_LOADS, WORD, Desk, damaged, over_a_line, said, say, stream_words
 
 import hw_model as hw
 from hw_model.rtl.board import PROBLEMS, Board, spike_numbers
@@ -210,6 +210,12 @@ def test_steps_wait_for_spikes_that_wait(desk, loaded):
         answer = board.play(desk.core, desk.spikes[0])
     assert (answer.lost, answer.counts, answer.winner) == (0, plain.counts, plain.winner)
     assert len(answer.spikes) == plain.counts[3]
+
+
+def test_an_answer_comes_after_its_spikes(desk, loaded):
+    _, plain = loaded
+    answer = over_a_line(desk)
+    assert (answer.counts, answer.lost, len(answer.spikes)) == (plain.counts, 0, plain.counts[3])
 
 
 def test_spikes_without_room_are_counted(desk):
