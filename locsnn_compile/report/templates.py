@@ -2,19 +2,26 @@
 
 import re
 import string
+import sys
 from collections.abc import Callable, Mapping
-from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 
 def filled(package: str, name: str, **given: str) -> str:
     """Return a text file of a package, its places filled with what is given, or with the file that a place names."""
-    folder = files(package)
+    folder = Path(sys.modules[package].__path__[0])
 
     def part(place: re.Match[str]) -> str:
         return given[place[1]] if place[1] in given else folder.joinpath(place[1]).read_text("utf-8")
 
     return re.sub("@@(.+?)@@", part, folder.joinpath(name).read_text("utf-8"))
+
+
+def sections(package: str, name: str, **given: str) -> dict[str, str]:
+    """Return the parts of a text file of a package by the ``[names]`` that stand on lines of their own above them."""
+    _, *found = re.split(r"\n?^\[(.+)\]\n", filled(package, name, **given), flags=re.MULTILINE)
+    return dict(zip(found[::2], found[1::2], strict=True))
 
 
 class Filler(string.Formatter):

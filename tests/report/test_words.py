@@ -1,12 +1,15 @@
 """The words of the report: each is said somewhere, and the stages are those of the compiler, in its order."""
 
 from pathlib import Path
+from typing import get_args
 
 import pytest
 import yaml
 
 import locsnn_compile
-from locsnn_compile.report.content import Fact, Facts, Table, facts, table
+from locsnn_compile.report.content import Block, Fact, Facts, Table, facts, table
+from locsnn_compile.report.renderers.pieces import Pieces
+from locsnn_compile.report.templates import sections
 from locsnn_compile.report.words import OPERATIONS, STAGES, fill, section_words, sentence, words
 from locsnn_compile.verification.error_budget.budget import STAGES as COMPILED
 
@@ -44,6 +47,20 @@ def test_places_are_filled():
 )
 def test_a_place_says_how_its_value_is_shown(text, value, filled):
     assert fill(text, {"x": value}) == filled
+
+
+@pytest.mark.parametrize("file", ["pieces.html", "pieces.md"])
+def test_every_block_has_a_piece_in_every_form(file):
+    assert {kind.__name__ for kind in get_args(Block)} <= set(sections("locsnn_compile.report.renderers", file))
+
+
+def test_pieces_hold_what_is_there():
+    pieces = Pieces("pieces.html", str.upper)
+    assert pieces.each([Fact("a", "b")], "fact") == "<div><dt>A</dt><dd>B</dd></div>"
+    assert (pieces.some((), "assumed"), pieces.each(["c", Facts(())])) == (
+        "",
+        '<p>C</p><div class="facts"><dl></dl></div>',
+    )
 
 
 def test_a_row_without_a_mapping_is_a_value_and_facts_of_nothing_are_left_out():
