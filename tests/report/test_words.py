@@ -51,7 +51,9 @@ def test_a_place_says_how_its_value_is_shown(text, value, filled):
 
 @pytest.mark.parametrize("file", ["pieces.html", "pieces.md"])
 def test_every_block_has_a_piece_in_every_form(file):
-    assert {kind.__name__ for kind in get_args(Block)} <= set(sections("locsnn_compile.report.renderers", file))
+    assert {kind.__name__ for kind in get_args(Block)} <= set(
+        sections("locsnn_compile.report.renderers", file, assumed="")
+    )
 
 
 def test_pieces_hold_what_is_there():
