@@ -154,7 +154,9 @@ def lower_as(network: Network, chip: hw.Chip, setting: Setting, calibration: Cal
 
 
 def _measured(setting: Setting, levels: Levels, recordings: Recordings, spread: Spread) -> Candidate:
-    match = compare(levels.quantized, levels.program, recordings.spikes, source=recordings.source, spread=spread)
+    match = compare(
+        levels.quantized, levels.program, recordings.spikes, source=recordings.source, spread=spread, explain=False
+    )
     chip = levels.program.chip
     energy_pj = sum(hw.energy_pj(total(match.counts), chip.costs).values()) / match.samples
     losses = (match.prediction_agreement, match.spikes.agreement, energy_pj if chip.profiles else None, match.mean_ns)

@@ -3,6 +3,7 @@
 Packets take ways between the cores of a phase: X first, then Y, link by link.
 """
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property, lru_cache
 from itertools import pairwise
@@ -12,7 +13,7 @@ import numpy as np
 from hw_model.description.counts import BY_CORE, COUNTED
 from hw_model.engine.trace import TOTALS, PhaseInput, PhaseTrace
 from hw_model.program.chip_program import ChipProgram, Core, Pieces, pieces_of
-from hw_model.values import BoolArray, ByteArray, FloatArray, Frozen, Int32Array, IntArray, Shown
+from hw_model.values import AnyArray, BoolArray, ByteArray, Frozen, IntArray, Shown
 
 Tile = tuple[int, int]
 PER_PACKET = ("axon_packets", "packets_within_tile", "hops_x", "hops_y")
@@ -26,8 +27,8 @@ class Routes(Frozen, eq=False):
     ``target[r]`` (indices of the phase's cores), ``hops[r]`` (east-west, north-south) far, over the links ``over[r]``
     (longest way,),
     -1 behind the last. ``links[l]``: (column, row) of the tile that a link leaves and of the one that it enters;
-    ``along_y[l]``: it goes north or south. ``sent_from``: for every core, its columns and, for each of them, how many
-    packets of a spike take each of its ways.
+    ``along_y[l]``: it goes north or south. ``sent`` (3, entries): a column, a way, and how many packets of a spike of
+    the column take it.
     """
 
     piece: IntArray
@@ -37,32 +38,10 @@ class Routes(Frozen, eq=False):
     over: IntArray
     links: tuple[tuple[Tile, Tile], ...]
     along_y: IntArray
-    sent_from: tuple[tuple[IntArray, FloatArray], ...]
-
-    def packets(self, spikes: ByteArray) -> IntArray:
-        """Count the packets of each step on each way, (steps, ways), from spikes (steps, columns)."""
-        found = [spikes[:, columns].astype(np.float64) @ per_spike for columns, per_spike in self.sent_from]
-        # Sums of integers below 2^53 are exact in float64, and its matrix product is the fast one.
-        return np.concatenate(found, axis=1).astype(np.int64)
-
-    def by_piece(self, packets: IntArray, pieces: int) -> dict[str, IntArray]:
-        """Return the counts of :data:`PER_PACKET`, (..., pieces), from packets on each way, (..., ways)."""
-        sending, first = self._senders
-        found = {}
-        for name, each in self._per_packet.items():
-            found[name] = np.zeros((*packets.shape[:-1], pieces), dtype=np.int64)
-            if each.any():
-                found[name][..., sending] = np.add.reduceat(packets * each, first, axis=-1)
-        return found
+    sent: IntArray
 
     @cached_property
-    def _senders(self) -> tuple[IntArray, IntArray]:
-        """The pieces that send, and the first way of each."""
-        sending, first = np.unique(self.piece, return_index=True)
-        return sending, first
-
-    @cached_property
-    def _per_packet(self) -> dict[str, IntArray]:
+    def per_packet(self) -> dict[str, IntArray]:
         """What a packet on each way adds to the counts of :data:`PER_PACKET`, (ways,)."""
         x, y = self.hops.T
         return dict(zip(PER_PACKET, (np.ones_like(x), (x + y == 0).astype(np.int64), x, y), strict=True))
@@ -83,14 +62,16 @@ def routes_of(program: ChipProgram, phase: str) -> Routes:
     place = {core.number: i for i, core in enumerate(cores)}
     number_of: dict[tuple[Tile, Tile], int] = {}
     pieces = pieces_of(program, phase)
-    piece, target, hops, over, sent_from = [], [], [], [], []
+    piece: list[int] = []
+    target, hops, over, sent = [], [], [], []
     for index, core in enumerate(cores):
         local = core.slice_of_compartment[core.axons.out_compartment]
         ways = np.stack((local, core.axons.out_core))
         reached, way = np.unique(ways, axis=1, return_inverse=True)
-        per_spike = np.zeros((core.compartments, reached.shape[1]), dtype=np.float64)
-        np.add.at(per_spike, (core.axons.out_compartment, way.reshape(-1)), 1)
-        sent_from.append((program.columns_of_core(core), per_spike))
+        column = program.columns_of_core(core)[core.axons.out_compartment]
+        places = np.stack((column, len(piece) + way.reshape(-1)))
+        pairs, packets = np.unique(places, axis=1, return_counts=True)
+        sent.append(np.concatenate((pairs, packets[None])))
         for own, to in reached.T.tolist():
             piece.append(int(pieces.of_core[index]) + own)
             target.append(place[to])
@@ -107,7 +88,7 @@ def routes_of(program: ChipProgram, phase: str) -> Routes:
         over=np.array([row + [-1] * (longest - len(row)) for row in over], dtype=np.int64).reshape(len(over), longest),
         links=tuple(number_of),
         along_y=np.array([a[0] == b[0] for a, b in number_of], dtype=np.int64),
-        sent_from=tuple(sent_from),
+        sent=np.concatenate(sent, axis=1),
     )
 
 
@@ -174,6 +155,10 @@ _COLUMN = {name: k for k, name in enumerate(COUNTED)}
 _OF_SPIKES, _OF_TOTALS = [_COLUMN[name] for name in PER_SPIKE], [_COLUMN[name] for name in TOTALS]
 
 
+DENSE_MOST = 1 << 15
+"""Entries of what all spikes of a phase cause, up to which a matrix of them is quicker than to follow each."""
+
+
 def count_totals(program: ChipProgram, phase: str, played: PhaseInput, trace: PhaseTrace) -> IntArray:
     """Return the counts of every recording, (batch, fields of Counts): spikes of each source times what one causes."""
     table = np.zeros((len(trace.sent), len(COUNTED)), dtype=np.int64)
@@ -189,46 +174,98 @@ def count_totals(program: ChipProgram, phase: str, played: PhaseInput, trace: Ph
 
 def count_steps(program: ChipProgram, phase: str, played: PhaseInput, trace: PhaseTrace) -> list[StepActivity]:
     """Return the counts of every recording step by step and core by core."""
-    synapses, input_packets = _by_place(program, phase)
-    pieces, routes = pieces_of(program, phase), routes_of(program, phase)
-    lines = len(input_packets)
-    from_buffer = _through_buffer(program, phase)
+    causes, pieces, routes = _causes(program, phase), pieces_of(program, phase), routes_of(program, phase)
     step, found = np.arange(played.steps), []
     runs = (step >= played.start[:, None]) & (step < played.stop[:, None])
-    for i in range(len(trace.spikes)):
-        sent, played_lines = trace.spikes[i], played.lines(i)
-        events = played_lines.astype(np.float64)
-        by_piece = {
-            "synaptic_ops": _whole(events @ synapses[:lines] + sent.astype(np.float64) @ synapses[lines:]),
-            "neuron_updates": runs[i, :, None] * pieces.size,
-            "neuron_updates_active": trace.active[i].astype(np.int64),
-            "spikes": pieces.of_spikes(sent),
-        }
-        packets = routes.packets(sent)
-        by_piece |= routes.by_piece(packets, len(pieces.group))
-        assert set(by_piece) == set(BY_CORE)
-        found.append(
-            StepActivity(
-                pieces,
-                routes,
-                by_piece,
-                packets=packets,
-                input_packets=_whole(events @ input_packets),
-                buffered=played_lines[:, from_buffer].sum(axis=1, dtype=np.int64),
-            )
-        )
+    for i, spikes in enumerate(trace.spikes):
+        counts = causes.of(np.concatenate((played.lines(i), spikes), axis=1))
+        counts["neuron_updates"] = runs[i, :, None] * pieces.size
+        counts["neuron_updates_active"] = trace.active[i].astype(np.int64)
+        by_piece = {name: counts[name] for name in BY_CORE}
+        others = counts["packets"], counts["input_packets"], counts["buffered"][:, 0]
+        found.append(StepActivity(pieces, routes, by_piece, *others))
     return found
+
+
+class _Causes(Frozen, eq=False):
+    """What a spike of each source, input lines and then columns, causes: counts in columns of a table.
+
+    ``caused[first[s] : first[s] + many[s]]`` are those that source s adds to, each ``times[k]`` times; ``columns`` has
+    those of each count, of ``width`` in all.
+    """
+
+    first: IntArray
+    many: IntArray
+    caused: IntArray
+    times: IntArray
+    columns: dict[str, slice]
+    width: int
+
+    def of(self, sent: ByteArray) -> dict[str, IntArray]:
+        """Count what spikes (steps, sources) cause, (steps, columns) each."""
+        # Sums of integers below 2^53 are exact in float64, and its matrix product is the fast one.
+        sums = sent.astype(np.float64) @ self._dense if self._dense.size else self._followed(sent)
+        table = sums.astype(np.int64)
+        return {name: table[:, columns] for name, columns in self.columns.items()}
+
+    @cached_property
+    def _dense(self) -> AnyArray:
+        """All as one matrix (sources, columns); of no columns if it would have more than :data:`DENSE_MOST` entries."""
+        sources = np.repeat(np.arange(len(self.many)), self.many)
+        shape = len(self.many), self.width
+        if math.prod(shape) > DENSE_MOST:
+            return np.zeros((shape[0], 0))
+        return np.bincount(sources * shape[1] + self.caused, self.times, math.prod(shape)).reshape(shape)
+
+    def _followed(self, sent: ByteArray) -> AnyArray:
+        """Follow every spike to what it causes."""
+        # Bytes of 0 and 1 are booleans, and of these numpy finds the true ones fastest.
+        step, source = np.divmod(np.flatnonzero(sent.view(np.bool_)), sent.shape[1])
+        many = self.many[source]
+        entry = np.arange(many.sum()) + np.repeat(self.first[source] - (np.cumsum(many) - many), many)
+        at = np.repeat(step, many) * self.width + self.caused[entry]
+        return np.bincount(at, self.times[entry], len(sent) * self.width).reshape(len(sent), self.width)
+
+
+@lru_cache(maxsize=8)
+def _causes(program: ChipProgram, phase: str) -> _Causes:
+    """Gather what the spikes of a phase cause, entry by entry: source, count, its column, how often."""
+    cores, pieces, routes = program.cores_of(phase), pieces_of(program, phase), routes_of(program, phase)
+    buffered = _through_buffer(program, phase)
+    lines, own = len(buffered), np.arange(sum(core.compartments for core in cores))
+    sender, way, packets = routes.sent
+    entries: list[tuple[str, IntArray, IntArray, IntArray]] = [
+        ("spikes", lines + own, pieces.of_column, np.ones_like(own)),
+        ("packets", lines + sender, way, packets),
+        *((name, lines + sender, routes.piece[way], each[way] * packets) for name, each in routes.per_packet.items()),
+        ("buffered", np.flatnonzero(buffered), np.zeros(buffered.sum(), np.int64), np.ones(buffered.sum(), np.int64)),
+    ]
+    for index, core in enumerate(cores):
+        axons, source = core.axons, program.senders[core.number]
+        shape = (axons.input_axons, len(core.slices))
+        tally = np.bincount(axons.axon_of_synapse * shape[1] + core.slice_of_compartment[axons.target])
+        axon, piece = np.divmod(np.flatnonzero(tally), shape[1])
+        entries.append(("synaptic_ops", source[axon], pieces.of_core[index] + piece, tally[tally > 0]))
+        fed = source[source < lines]
+        entries.append(("input_packets", fed, np.full_like(fed, index), np.ones_like(fed)))
+    widths = dict.fromkeys(("synaptic_ops", "spikes", *PER_PACKET), len(pieces.group))
+    widths |= {"packets": len(routes.piece), "input_packets": len(cores), "buffered": 1}
+    ends = dict(zip(widths, np.cumsum([*widths.values()]).tolist(), strict=True))
+    begin = {name: end - widths[name] for name, end in ends.items()}
+    source, caused, times = (
+        np.concatenate(parts) for parts in zip(*((s, begin[name] + at, n) for name, s, at, n in entries), strict=True)
+    )
+    order = np.argsort(source, kind="stable")
+    order = order[times[order] > 0]
+    many = np.bincount(source[order], minlength=lines + len(own))
+    columns = {name: slice(begin[name], end) for name, end in ends.items()}
+    return _Causes(np.cumsum(many) - many, many, caused[order], times[order], columns, sum(widths.values()))
 
 
 def _through_buffer(program: ChipProgram, phase: str) -> BoolArray:
     """Tell which lines of a phase the transpose buffer plays, (lines,)."""
     inputs = program.inputs_of(phase)
     return np.repeat([item.positions is not None for item in inputs], [item.size for item in inputs])
-
-
-def _whole(sums: FloatArray) -> IntArray:
-    """Sums of integers below 2^53 are exact in float64, and its matrix product is the fast one."""
-    return sums.astype(np.int64)
 
 
 @lru_cache(maxsize=8)
@@ -252,28 +289,3 @@ def fan_out(program: ChipProgram, phase: str) -> IntArray:
         np.add.at(packets, sender, np.array(ways, dtype=np.int64).reshape(-1, len(PER_PACKET)))
     to_inputs = np.pad(input_packets, (0, count - lines))
     return np.column_stack((synapses, np.arange(count) >= lines, packets, to_inputs)).astype(np.int64)
-
-
-@lru_cache(maxsize=8)
-def _by_place(program: ChipProgram, phase: str) -> tuple[Int32Array, IntArray]:
-    """Return the synapses of each source at each piece, and the packets of each line to each core.
-
-    They grow with the square of a program's size; only counts of every step and core need them.
-    """
-    cores, pieces = program.cores_of(phase), pieces_of(program, phase)
-    lines = sum(item.size for item in program.inputs_of(phase))
-    synapses = np.zeros((lines + sum(core.compartments for core in cores), len(pieces.group)), dtype=np.int32)
-    input_packets = np.zeros((lines, len(cores)), dtype=np.int64)
-    for index, core in enumerate(cores):
-        axons, source = core.axons, program.senders[core.number]
-        piece = core.slice_of_compartment[axons.target]
-        here = slice(pieces.of_core[index], pieces.of_core[index + 1])
-        synapses[source, here] = _tally(axons.axon_of_synapse, piece, (axons.input_axons, len(core.slices)))
-        input_packets[source[source < lines], index] = 1
-    return synapses, input_packets
-
-
-def _tally(row: IntArray, column: IntArray, shape: tuple[int, int]) -> IntArray:
-    """Count how often each row meets each column."""
-    found: IntArray = np.bincount(row * shape[1] + column, minlength=shape[0] * shape[1])
-    return found.reshape(shape)

@@ -20,7 +20,7 @@ from locsnn_compile.network.quantized import ChipCuba, ChipNeuron, ChipSrm
 def kept(x: IntArray, decay: IntArray | int) -> IntArray:
     """Return x * (4096 - decay) / 4096, truncated toward zero."""
     product = x * (4096 - decay)
-    return (product + np.where(product < 0, 4095, 0)) >> 12
+    return (product + (product >> 63 & 4095)) >> 12
 
 
 def effective(mantissa: IntArray, exponent: int | IntArray) -> IntArray:
@@ -141,9 +141,10 @@ class ChipCubaSteps:
 
 def _wrapped(x: IntArray, bits: int) -> IntArray:
     """Return x in two's complement of ``bits`` bits plus sign."""
-    span = 2 << bits
-    rest = x % span
-    return np.where(rest >= span // 2, rest - span, rest)
+    half = 1 << bits
+    if -half <= x.min(initial=0) and x.max(initial=0) < half:
+        return x  # nearly always, and a remainder takes long
+    return (x + half) % (2 * half) - half
 
 
 def _clipped(x: IntArray, registers: Registers) -> IntArray:

@@ -135,8 +135,12 @@ def compare(
     source: str = "array",
     progress: Progress | None = None,
     spread: Spread = here,
+    explain: bool = True,
 ) -> Match:
-    """Play recordings (samples, steps, channels) to both sides, some at a time, and compare every spike."""
+    """Play recordings (samples, steps, channels) to both sides, some at a time, and compare every spike.
+
+    ``explain``: play the recording with the first difference again, and say what was there.
+    """
     network = quantized.network
     recordings = network.fit(recordings, source)
     _check_labels(network, labels, len(recordings), source)
@@ -149,6 +153,7 @@ def compare(
             progress(len(both.counts), len(recordings))
     assert both is not None  # there is a recording, and the phases count what all do
     assert total(both.counts) == total(both.counts_by_phase.values())
+    first = explain and both.differences
     least, most = (both.ends_ns[end] / len(recordings) if end in both.ends_ns else None for end in ("least", "most"))
     reference, chip = (np.concatenate(side) for side in zip(*both.predictions, strict=True))
     return Match(
@@ -159,7 +164,7 @@ def compare(
         labels=labels,
         by_population={name: found for name, found in both.matches.items() if name not in helpers},
         helpers={name: found for name, found in both.matches.items() if name in helpers},
-        first_divergence=_explain(quantized, program, recordings, both.differences[0]) if both.differences else None,
+        first_divergence=_explain(quantized, program, recordings, first[0]) if first else None,
         latency_range_ns=(least, most),
         **{name: getattr(both, name) for name in _ADDED_UP},
     )
