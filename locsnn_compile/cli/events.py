@@ -56,34 +56,25 @@ def run(args: argparse.Namespace) -> int:
 
 def statistics_lines(found: Mapping[str, Any], binning: str | None) -> list[str]:
     """Return the figures as lines; ``binning`` says what reading left out."""
-    width, steps, polarity = found["step_seconds"], found["steps"], found["polarity"]
-    events, silence, rate = found["events"]["per_recording"], found["silence"], found["rate_hz_per_channel"]
+    from locsnn_compile.report.content import facts
+    from locsnn_compile.report.words import sentence
+
+    width, steps, polarity, rate = (found[key] for key in ("step_seconds", "steps", "polarity", "rate_hz_per_channel"))
     seconds = "" if width is None else f" of {width:g} s ({steps * width:g} s)"
-    parts = (
-        plural(found["recordings"], "recording"),
-        plural(steps, "step") + seconds,
-        plural(found["channels"], "channel"),
-    )
-    least_to_most = f"{events['mean']:.1f} per recording ({events['least']} to {events['most']})"
-    empty = f"{plural(silence['empty_recordings'], 'recording')} without any event"
     rows = [(one["channel"], one["place"], one["events"]) for one in found["busiest_channels"]]
     busiest = [f"{channel}{place and f' ({place})'} {count}" for channel, place, count in rows]
     dead = [*map(str, found["dead_channels"][:_SHOWN_DEAD])] or ["none"]
     more = len(found["dead_channels"]) - _SHOWN_DEAD
-    named = {
+    given = {
         "labels": _labels(found["labels"]),
-        "events": f"{least_to_most}, {100 * found['events']['share_of_bins']:.2f} % of bins",
         "binning": binning,
         "rate": known(rate, lambda hz: f"{hz:.3g} Hz per channel, {hz * found['channels']:.4g} Hz in all", ""),
-        "silent at start": _spread(silence["start_steps"]),
-        "silent at end": _spread(silence["end_steps"]),
-        "silent steps": f"{100 * silence['share_of_steps']:.1f} %, {empty}",
-        "polarity": polarity and f"{100 * polarity['rising']:.1f} % rising, {100 * polarity['falling']:.1f} % falling",
-        "busiest channels": ", ".join(busiest) or "none",
-        "dead channels": ", ".join(dead) + (f", and {more} more" if more > 0 else ""),
+        "polarity": polarity and sentence("polarity", **polarity),
+        "busiest": ", ".join(busiest) or "none",
+        "dead": ", ".join(dead) + (f", and {more} more" if more > 0 else ""),
     }
-    lines = (f"{name:<17} {text}" for name, text in named.items() if text)
-    return [f"{found['source']}: {', '.join(parts)}", *lines]
+    lines = (f"{fact.label:<17} {fact.value}" for fact in facts("events", **{**found, **given}).facts)
+    return [sentence("recordings", of_seconds=seconds, **found), *lines]
 
 
 def _labels(labels: dict[int, int] | None) -> str:
@@ -94,10 +85,6 @@ def _labels(labels: dict[int, int] | None) -> str:
         return f"{plural(len(labels), 'class', 'classes')}, {plural(least, 'recording')} each"
     shown = ", ".join(f"{label}: {count}" for label, count in list(labels.items())[:_SHOWN_LABELS])
     return f"{plural(len(labels), 'class', 'classes')} ({shown}{', ...' if len(labels) > _SHOWN_LABELS else ''})"
-
-
-def _spread(steps: Mapping[str, float]) -> str:
-    return f"{steps['mean']:.1f} steps ({steps['least']} to {steps['most']})"
 
 
 def _raster(recordings: "Recordings", index: int) -> Sequence[str]:

@@ -29,7 +29,7 @@ from locsnn_compile.cli.checks import check_number, check_psi
 from locsnn_compile.cli.shell import progress_bar
 from locsnn_compile.cli.step_options import CHUNK, chunks_for_program, read_for_program
 from locsnn_compile.errors import InputError, check_known
-from locsnn_compile.report.format import count, energy, plural, share, time
+from locsnn_compile.report.format import plural
 
 if TYPE_CHECKING:
     from locsnn_compile.cluster.spread import Spread
@@ -231,31 +231,18 @@ def find_stops(
 
 def stop_lines(found: Row) -> list[str]:
     """Return where the margin comes from, what is saved, and how predictions compare, a line each."""
+    from locsnn_compile.report.words import sentence
+
     lines = []
-    calibrated = found.get("calibrated_on")
-    if calibrated:
-        part = f", {calibrated['part']} part" if calibrated["part"] else ""
+    if calibrated := found.get("calibrated_on"):
+        of_part = f", {calibrated['part']} part" if calibrated["part"] else ""
         lead = "no lead is" if found["margin"] is None else f"a lead of {found['margin']:.4g} is"
-        lines.append(
-            f"margin: {lead} enough for {share(calibrated['min_agreement'])} agreement on "
-            f"{plural(calibrated['recordings'], 'recording')} of {calibrated['source']}{part}"
-        )
+        lines.append(sentence("margin", lead=lead, of_part=of_part, **calibrated))
     saved = {key: 1 - found[key] / found[f"all_{key}"] if found[f"all_{key}"] else 0.0 for key in _SAVED}
-    line = (
-        f"stopped ({found['kind']}) after {count(found['steps'])} of {count(found['all_steps'])} steps on average, "
-        f"{share(saved['steps'])} saved; {share(saved['synaptic_ops'])} of synaptic operations"
-    )
-    if found["profile"]:
-        line += (
-            f"; {share(saved['energy_pj'])} of energy, {energy(found['energy_pj'])} instead of "
-            f"{energy(found['all_energy_pj'])}, and {time(found['latency_ns'])} instead of "
-            f"{time(found['all_latency_ns'])} (profile {found['profile']})"
-        )
-    lines.append(line)
-    same = f"as the whole recording in {share(found['agreement'])} of {plural(found['recordings'], 'recording')}"
-    if found["accuracy"] is not None:
-        same += f"; accuracy {found['accuracy']:.3f} instead of {found['whole_accuracy']:.3f}"
-    return [*lines, f"predicted {same}"]
+    priced = sentence("stopped, with costs", saved=saved, **found) if found["profile"] else ""
+    right = "" if found["accuracy"] is None else sentence("predicted, with labels", **found)
+    stopped = sentence("stopped", saved=saved, **found) + priced
+    return [*lines, stopped, sentence("predicted", **found) + right]
 
 
 _SAVED = ("steps", "synaptic_ops", "energy_pj")

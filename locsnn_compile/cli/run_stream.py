@@ -14,7 +14,6 @@ import hw_model as hw
 from locsnn_compile.cli.diff import read_report
 from locsnn_compile.cli.shell import progress_bar
 from locsnn_compile.errors import InputError
-from locsnn_compile.report.format import ratio, time
 
 if TYPE_CHECKING:
     from locsnn_compile.data.recordings import Recordings
@@ -100,6 +99,8 @@ def stream_all(
 
 def stream_lines(found: Row) -> list[str]:
     """Return predictions over time and the pace, a line each."""
+    from locsnn_compile.report.words import sentence
+
     right, length = found["right"], found["step_seconds"]
     shown = []
     for part in _MOMENTS:
@@ -107,19 +108,8 @@ def stream_lines(found: Row) -> list[str]:
         moment = f"step {step}" if length is None else _seconds(step, length)
         shown.append(f"{right[step - 1]:.3f} after {moment}")
     what = "accuracy over time" if found["right_is"] == "the label" else "already the last prediction"
-    latency = found["step_latency_seconds"]
-    pace = (
-        f"a step took {time(1e9 * latency['mean'])} on average, 99 % of them at most {time(1e9 * latency['p99'])}, "
-        f"the longest {time(1e9 * latency['worst'])}"
-    )
-    if length is None:
-        pace += "; the sensor's is not known: give --step-seconds"
-    else:
-        pace += (
-            f"; the sensor's is {time(1e9 * length)}: {ratio(found['real_time_factor'])} times as fast as real time, "
-            f"{ratio(found['worst_real_time_factor'])} times in the longest"
-        )
-    return [f"{what}: {', '.join(shown)}", pace]
+    of_sensor = sentence("pace of no sensor" if length is None else "pace of a sensor", **found)
+    return [f"{what}: {', '.join(shown)}", f"{sentence('pace of steps', **found)}; {of_sensor}"]
 
 
 def _rows(streams: dict[str, Any]) -> dict[str, Any]:

@@ -12,22 +12,14 @@ import argparse
 def run(args: argparse.Namespace) -> int:
     """List the chips, or print one."""
     import hw_model as hw
+    from locsnn_compile.report.words import sentence
 
     if args.show:
         print(hw.chip(args.show).document, end="")
         return 0
     for name in hw.chip_names():
         chip = hw.chip(name)
-        limits = chip.limits
-        print(f"{name}: {chip.description}")
-        if core := chip.open_core:
-            held = f"{core.compartments} compartments, {core.axons} sources of spikes, {core.synapses} synapses"
-            priced = f"energy profiles: {', '.join(chip.profiles)}" if chip.profiles else "energy is not known"
-            print(f"  the program as a whole: {held}, {core.slots} slots; cycles are exact, {priced}")
-            continue
-        print(
-            f"  {chip.chips} chip of {limits.cores_per_chip} cores; a core holds {limits.compartments_per_core} "
-            f"compartments, {limits.input_axons_per_core} input axons, {limits.synapse_words_per_core} synapse words"
-        )
-        print(f"  energy profiles: {', '.join(chip.profiles)}")
+        priced = f"energy profiles: {', '.join(chip.profiles)}" if chip.profiles else "energy is not known"
+        kind = "an open core" if chip.open_core else "a mesh of cores"
+        print(f"{name}: {chip.description}\n  {sentence(kind, chip=chip, priced=priced)}")
     return 0

@@ -62,6 +62,16 @@ def no_spikes(match: Mapping[str, Any], population: str) -> str:
     return "read by potential" if population in by_potential else SILENT
 
 
+def percent(value: float, decimals: str) -> str:
+    """Return a share as a percentage of so many decimals."""
+    return f"{100 * value:.{decimals}f} %"
+
+
+def seconds(value: float) -> str:
+    """Return a time given in seconds."""
+    return time(1e9 * value)
+
+
 def words(key: str) -> str:
     """Return a key of the document in words; one that is not known here, with its underscores as spaces."""
     return str(_TEXTS["words"].get(key, key.replace("_", " ")))
@@ -82,6 +92,6 @@ def core_words(row: Mapping[str, Any]) -> str:
     return f"core {row['core']}, {words(row['phase'])}"
 
 
-_SHOWN = (any_value, count, energy, memory, plural, points, ratio, share, short, time, words)
+_SHOWN = (any_value, count, energy, memory, percent, plural, points, ratio, seconds, share, short, time, words)
 fill = Filler({shown.__name__: shown for shown in _SHOWN}).fill
 """Fills the places of a text; a format is the name of a function that shows numbers, or a usual one."""

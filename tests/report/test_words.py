@@ -18,7 +18,8 @@ TEXTS = yaml.safe_load((REPORT / "words.yaml").read_text("utf-8"))
 
 
 def test_nothing_is_left_over():
-    code = "\n".join(path.read_text("utf-8") for path in REPORT.rglob("*.py"))
+    rooms = (REPORT, REPORT.parent / "cli")
+    code = "\n".join(path.read_text("utf-8") for room in rooms for path in room.rglob("*.py"))
     names = [name for kind in ("sections", "sentences", "verdicts", "facts", "tables") for name in TEXTS[kind]]
     assert [name for name in names if f'"{name}"' not in code and f"'{name}'" not in code] == []
 
