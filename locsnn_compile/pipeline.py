@@ -44,7 +44,7 @@ def lower(
     rounding: Rounding = NEAREST,
     calibration: Calibration | None = None,
 ) -> Levels:
-    """Lower a network to a program, SRM neurons by a strategy; every pass checks the level that it gives."""
+    """Lower a network to a program, SRM neurons by a strategy; levels are checked as they come."""
     check_network(network)
     quantized = quantize(network, chip, weight_bits, strategy, rounding, calibration)
     compartments = lower_neurons(quantized, chip)

@@ -5,8 +5,6 @@ from dataclasses import MISSING, Field, fields
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
-import yaml
-
 from hw_model.description.counts import BY_CORE, COUNT_NAMES
 from hw_model.description.profile import NotIncluded, Profile, Range
 from hw_model.errors import InputError, check_most, did_you_mean
@@ -37,13 +35,7 @@ def read_description(path: Path, what: str, example: str) -> str:
 
 def parse(cls: type[T], text: str, where: str, key: str, **given: object) -> T:
     """Read a dataclass from YAML text; every missing, unknown or mistyped key is an ``InputError``."""
-    try:
-        document = load_yaml(text, where)
-    except (yaml.YAMLError, ValueError) as error:
-        line = getattr(getattr(error, "problem_mark", None), "line", None)
-        what = f"the {key} file is not YAML" + ("" if line is None else f" at line {line + 1}")
-        fix = "Compare it with a chip that ships."
-        raise InputError(where, what, fix=fix) from error
+    document = load_yaml(text, where, f"the {key} file is not YAML{{line}}", "Compare it with a chip that ships.")
     return _Reader(where).build(cls, document, key, **given)
 
 

@@ -82,6 +82,12 @@ _LOCATOR, _LOCATOR_BYTES = b"PK\x06\x07", 20
 _END64, _END64_BYTES = b"PK\x06\x06", 56
 
 
+def open_archive(stream: IO[bytes]) -> zipfile.ZipFile:
+    """Return an archive to read, its directory checked; raises what zipfile and :func:`check_directory` do."""
+    check_directory(stream)
+    return zipfile.ZipFile(stream)
+
+
 def check_directory(stream: IO[bytes]) -> None:
     """Raise ``ValueError`` for a directory above :data:`MAX_DIRECTORY_BYTES`; what is no archive passes."""
     length = stream.seek(0, os.SEEK_END)

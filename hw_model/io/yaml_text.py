@@ -21,14 +21,35 @@ MAX_BYTES = 1_000_000
 
 #: The loader in C where there is one: with bounded depth it is the same, and many times faster.
 FAST_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+WAY_ON = "Write one 'key: value' a line."
 
 
-def load_yaml(text: str | bytes, where: str, *, loader: Any = yaml.SafeLoader, most_nodes: int = MAX_NODES) -> object:
+def load_yaml(
+    text: str | bytes,
+    where: str,
+    fault: str = "it is not a YAML file",
+    fix: str = WAY_ON,
+    *,
+    loader: Any = yaml.SafeLoader,
+    most_nodes: int = MAX_NODES,
+) -> object:
     """Return what YAML text holds, plain values only.
 
-    Raises ``InputError`` for keys given twice, aliases, deep nesting and too many values, and what the loader raises
-    for text that is not YAML: ``yaml.YAMLError`` or ``ValueError``.
+    Raises ``InputError`` for keys given twice, aliases, deep nesting and too many values, and with ``fault``, in which
+    ``{line}`` may stand for the place, and ``fix`` for text that is not YAML.
     """
+    try:
+        _check_events(text, where, most_nodes)
+        return yaml.load(text, Loader=loader)
+    # The loader trusts explicit tags: `!!int ''` and `!!bool x` meet it unprepared.
+    except (yaml.YAMLError, ValueError, LookupError, AttributeError, TypeError, ArithmeticError, RecursionError) as met:
+        line = getattr(getattr(met, "problem_mark", None), "line", None)
+        what = fault.format(line="" if line is None else f" at line {line + 1}")
+        raise InputError(where, what, fix=fix) from met
+
+
+def _check_events(text: str | bytes, where: str, most_nodes: int) -> None:
+    """Refuse what would be large or endless, before anything is built."""
     nodes = 0
     open_: list[_Container] = []
     for event in yaml.parse(text, Loader=FAST_LOADER):
@@ -50,26 +71,18 @@ def load_yaml(text: str | bytes, where: str, *, loader: Any = yaml.SafeLoader, m
             raise InputError(
                 where, "it holds too much", measured=f"more than {most_nodes} values", fix="Give a smaller file."
             )
-    try:
-        return yaml.load(text, Loader=loader)
-    # The loader trusts explicit tags: `!!int ''` and `!!bool x` meet it unprepared.
-    except (LookupError, AttributeError, TypeError, ArithmeticError, RecursionError) as error:
-        raise yaml.YAMLError("a value is not what its tag says") from error
 
 
 def read_mapping(path: Path, where: str, fix: str) -> dict[Any, Any]:
     """Return the mapping that a YAML file holds; ``InputError`` for any other file, with ``fix`` for one too large."""
-    way_on = "Write one 'key: value' a line."
     try:
         if path.stat().st_size > MAX_BYTES:
             raise InputError(where, "it is too large for a configuration", fix=fix)
-        values = load_yaml(path.read_text(encoding="utf-8"), where)
+        values = load_yaml(path.read_bytes(), where)
     except OSError as error:
         raise InputError(where, "it cannot be read", measured=error.strerror or "", fix="Check the path.") from None
-    except (yaml.YAMLError, ValueError):
-        raise InputError(where, "it is not a YAML file", fix=way_on) from None
     if not isinstance(values, dict):
-        raise InputError(where, "it holds no mapping", measured=type(values).__name__, fix=way_on)
+        raise InputError(where, "it holds no mapping", measured=type(values).__name__, fix=WAY_ON)
     return values
 
 

@@ -1,5 +1,6 @@
 """Programs written by hand: name inputs and compartments, connect them, build."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -136,22 +137,14 @@ class ProgramBuilder:
         """
         where = f"synapses {source.name!r} -> {target.name!r}"
         shape = (target.size, source.size)
-        if sparse.issparse(weights):
-            if weights.shape != shape:
-                raise _wrong_shape(where, "weights", weights.shape, shape)
-            entries = sparse.coo_array(weights)
-            entries.sum_duplicates()
-            given = np.asarray(entries.data)
-            rows, columns = entries.row.astype(np.int64), entries.col.astype(np.int64)
-            self._pruned += int((given == 0).sum())
-            keep = given != 0
-            rows, columns = rows[keep], columns[keep]
-            mantissa = _whole(where, "weights", given[keep], (len(rows),))
-        else:
-            matrix = _whole(where, "weights", weights, shape)
-            rows, columns = np.nonzero(matrix)
-            mantissa = matrix[rows, columns]
-            self._pruned += matrix.size - len(rows)
+        if sparse.issparse(weights) and weights.shape != shape:
+            raise _wrong_shape(where, "weights", weights.shape, shape)
+        entries = sparse.coo_array(weights if sparse.issparse(weights) else _whole(where, "weights", weights, shape))
+        entries.sum_duplicates()
+        keep = entries.data != 0
+        rows, columns = (index.astype(np.int64)[keep] for index in (entries.row, entries.col))
+        mantissa = _whole(where, "weights", entries.data[keep], rows.shape)
+        self._pruned += (entries.nnz if sparse.issparse(weights) else math.prod(shape)) - len(rows)
         # One delay for all is not spread over all pairs, of which there are many more than synapses.
         if sparse.issparse(delay) and delay.shape == shape:
             delay = _whole(where, "delay", sparse.csr_array(delay)[rows, columns], rows.shape)
@@ -210,28 +203,18 @@ def _wrong_shape(where: str, key: str, given: tuple[int, ...], shape: tuple[int,
 
 def _bias(name: str, values: IntArray, chip: Chip) -> tuple[IntArray, IntArray]:
     """Split bias values into mantissa and the smallest exponent that holds them."""
-    registers = chip.registers
-    span = 1 << registers.bias_mantissa_bits
-    exponent = np.zeros_like(values)
-    for e in range(registers.bias_exponent_max, -1, -1):
-        holds = (values % (1 << e) == 0) & (values >> e >= -span) & (values >> e < span)
-        exponent = np.where(holds, e, exponent)
-    mantissa = values >> exponent
-    bad = np.flatnonzero((mantissa << exponent != values) | (mantissa < -span) | (mantissa >= span))
+    most, span = chip.registers.bias_exponent_max, 1 << chip.registers.bias_mantissa_bits
+    exponents = np.arange(most + 1)[:, None]
+    mantissas = np.clip(np.rint(values / 2.0**exponents), -span, span - 1).astype(np.int64)
+    exponent = np.abs((mantissas << exponents) - values).argmin(axis=0)
+    mantissa = mantissas[exponent, np.arange(len(values))]
+    nearest = mantissa << exponent
+    bad = np.flatnonzero(nearest != values)
     if len(bad):
-        value = int(values[bad[0]])
         raise TargetError(
             f"compartments {name!r}",
-            f"bias {value} of compartment {bad[0]} is not a mantissa times a power of two",
-            measured=f"mantissa {-span}..{span - 1}, exponent 0..{registers.bias_exponent_max}",
-            fix=f"The nearest is {_nearest_bias(value, chip)}.",
+            f"bias {values[bad[0]]} of compartment {bad[0]} is not a mantissa times a power of two",
+            measured=f"mantissa {-span}..{span - 1}, exponent 0..{most}",
+            fix=f"The nearest is {nearest[bad[0]]}.",
         )
     return mantissa, exponent
-
-
-def _nearest_bias(value: int, chip: Chip) -> int:
-    span = 1 << chip.registers.bias_mantissa_bits
-    held = [
-        min(max(round(value / (1 << e)), -span), span - 1) << e for e in range(chip.registers.bias_exponent_max + 1)
-    ]
-    return min(held, key=lambda bias: abs(bias - value))

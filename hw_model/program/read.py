@@ -12,11 +12,10 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
-import yaml
 
 from hw_model.description.chip import parse_chip
 from hw_model.errors import InputError, LocsnnError
-from hw_model.io.files import check_directory
+from hw_model.io.files import open_archive
 from hw_model.io.folders import finish_writing
 from hw_model.io.given import checked
 from hw_model.io.yaml_text import FAST_LOADER, load_yaml
@@ -32,7 +31,6 @@ from hw_model.values import IntArray
 MAX_FILE_BYTES = 2 << 30
 MAX_ARRAY_BYTES, MAX_PACKING = 3 << 29, 64
 """Of all arrays together, unpacked: so many bytes, or, if that is more, so many times those of the file."""
-_CHUNK_BYTES = 1 << 20
 MAX_YAML_NODES = 2_000_000
 """Values, keys and containers of ``program.yaml``: about a hundred for each core."""
 
@@ -42,10 +40,8 @@ def load_program(folder: str | Path) -> ChipProgram:
     """Read a program; anything missing, damaged, swapped or newer is an ``InputError``."""
     finish_writing(Path(folder))
     yaml_bytes, npz_bytes = (_read(Path(folder) / name) for name in ("program.yaml", "program.npz"))
-    try:
-        document = load_yaml(yaml_bytes, "program.yaml", loader=FAST_LOADER, most_nodes=MAX_YAML_NODES)
-    except (yaml.YAMLError, ValueError) as error:
-        raise InputError("program.yaml", "the file is not YAML: it is damaged", fix="Compile again.") from error
+    asked = "program.yaml", "the file is not YAML: it is damaged", "Compile again."
+    document = load_yaml(yaml_bytes, *asked, loader=FAST_LOADER, most_nodes=MAX_YAML_NODES)
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise InputError("program.yaml", "this is not a program", fix="Give the folder that the compiler wrote.")
     if document.get("version") != VERSION:
@@ -69,8 +65,7 @@ def load_program(folder: str | Path) -> ChipProgram:
 
 def _unpack(content: bytes) -> dict[str, IntArray]:
     arrays: dict[str, IntArray] = {}
-    check_directory(io.BytesIO(content))
-    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+    with open_archive(io.BytesIO(content)) as archive:
         if sum(entry.file_size for entry in archive.infolist()) > max(MAX_ARRAY_BYTES, MAX_PACKING * len(content)):
             raise InputError("program.npz", "its arrays are absurdly large", fix="Compile again.")
         for entry in archive.infolist():
@@ -82,21 +77,14 @@ def _unpack(content: bytes) -> dict[str, IntArray]:
 
 
 def _vector(member: IO[bytes], entry: zipfile.ZipInfo) -> IntArray:
-    """Return an int64 vector, read in place: what its header claims is compared with what is there before."""
+    """Return an int64 vector, which numpy reads in place: its header's claims are compared with what is there first."""
     if np.lib.format.read_magic(member) != (1, 0):
         raise ValueError(entry.filename)
     shape, _, dtype = np.lib.format.read_array_header_1_0(member)
     if dtype != np.int64 or len(shape) != 1 or not 0 <= 8 * shape[0] <= entry.file_size:
         raise ValueError(entry.filename)
-    array: IntArray = np.empty(shape, dtype=np.int64)
-    content = array.view(np.uint8)
-    at = 0
-    while at < len(content):
-        chunk = member.read(min(_CHUNK_BYTES, len(content) - at))
-        if not chunk:
-            raise ValueError(entry.filename)
-        content[at : at + len(chunk)] = np.frombuffer(chunk, dtype=np.uint8)
-        at += len(chunk)
+    member.seek(0)
+    array: IntArray = np.lib.format.read_array(member, allow_pickle=False)
     return array
 
 

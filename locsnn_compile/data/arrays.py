@@ -3,14 +3,13 @@
 import io
 import math
 import re
-import zipfile
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from hw_model.io.files import check_directory, read_entry
+from hw_model.io.files import open_archive, read_entry
 from hw_model.values import AnyArray
 from locsnn_compile.data.axes import Order, parse_axes, to_step_major
 from locsnn_compile.data.event_formats import MAX_PLACE, parse_structured
@@ -137,8 +136,7 @@ def label_in_name(name: str) -> int | None:
 def _npz_entries(data: bytes, where: str) -> dict[str, AnyArray]:
     fix = "Write it again with numpy.savez."
     try:
-        check_directory(io.BytesIO(data))
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        with open_archive(io.BytesIO(data)) as archive:
             members = archive.infolist()
             unpacked = sum(member.file_size for member in members)
             if unpacked > 8 * MAX_ELEMENTS or len(members) > 100:

@@ -8,12 +8,11 @@ storages, each after its number of values.
 import io
 import stat
 import struct
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 
-from hw_model.io.files import check_directory, read_entry
+from hw_model.io.files import open_archive, read_entry
 from locsnn_compile.data.plain_pickle import Budget, RefusedError, read_pickle
 from locsnn_compile.data.tensors import Storage, Tensor, named, rebuilt, width_of
 from locsnn_compile.errors import InputError, check_most
@@ -82,8 +81,7 @@ def _storage(given: Any, held: dict[str, Storage], found: Callable[[str, int, in
 
 
 def _from_archive(data: bytes, where: str, fix: str, budget: Budget) -> object:
-    check_directory(io.BytesIO(data))
-    archive = zipfile.ZipFile(io.BytesIO(data))
+    archive = open_archive(io.BytesIO(data))
     entries = {entry.filename: entry for entry in archive.infolist()}
     unpacked = sum(entry.file_size for entry in entries.values())
     # Torch stores its entries unpacked; a file that unpacks to far more than it holds is none of torch's.

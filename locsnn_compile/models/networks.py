@@ -106,7 +106,8 @@ Layer = SRMLayer | LifLayer | GraphLayer | ChipLayer
 class TouchNetwork(TouchModel):
     """A spiking network by its description; layers are named as the populations and start from ``seed``.
 
-    With ``chip`` every population runs on the chip's integers, and its weights live on their grid.
+    With ``chip`` every population runs on the chip's integers, and its weights live on their grid. Next to branches
+    that spike, ``windows`` may count events, and their potentials are scores as well.
     """
 
     def __init__(
@@ -123,10 +124,10 @@ class TouchNetwork(TouchModel):
         self.register_buffer("walk", torch.from_numpy(walk.copy()), persistent=False)
         self._walks_in_order = np.array_equal(walk, np.arange(description.input.channels))
         self._branches = [branch for branch in description.branches if branch != description.structure.window_branch]
-        self.names = [name for branch in self._branches for name in description.populations(branch)]
         for branch in self._branches:
             for name in description.populations(branch):
                 self.add_module(name, self._make(name, branch, generator, initial_scale))
+        self.windows = WindowNetwork(description) if description.window is not None else None
 
     def _make(self, name: str, branch: str, generator: torch.Generator, initial_scale: float) -> Layer:
         """Return the layer of a population with its initial weights."""
@@ -150,11 +151,18 @@ class TouchNetwork(TouchModel):
         return layer
 
     def weight(self, name: str) -> nn.Parameter:
-        """Return the weights of a population."""
+        """Return the weights of a population, or a parameter of windows as it is learned."""
+        if self.windows is not None and name in self.windows.names:
+            return self.windows.weight(name)
         return self.layer(name).weight
 
+    def begin(self, spikes: ByteArray) -> None:
+        """Take what windows must know of the recordings (samples, steps, channels)."""
+        if self.windows is not None:
+            self.windows.begin(spikes)
+
     def forward(self, x: Tensor) -> dict[str, Tensor]:
-        """Return the output spikes of every population for ``x`` (batch, steps, channels)."""
+        """Return the spikes of every population for ``x`` (batch, steps, channels), and the potentials of windows."""
         self.check_shape(x)
         spikes: dict[str, Tensor] = {}
         for branch in self._branches:
@@ -163,15 +171,26 @@ class TouchNetwork(TouchModel):
             for name in self.description.populations(branch):
                 stream = self.layer(name)(delayed(stream, self.description.delays_onto(name)))
                 spikes[name] = stream
-        return spikes
+        return spikes if self.windows is None else spikes | self.windows(x)
 
     def _transposed(self, x: Tensor) -> Tensor:
         """Return what the location branch walks over; in channel order nothing is moved in memory."""
         return x.transpose(1, 2) if self._walks_in_order else transpose_recording(x, self.get_buffer("walk"))
 
     def scores(self, activity: Mapping[str, Tensor]) -> dict[str, Tensor]:
-        """Return spikes a class, (batch, classes), of the output of every branch."""
-        return {branch: activity[f"{branch}_output"].sum(dim=1) for branch in self._branches}
+        """Return spikes a class, (batch, classes), of the output of every branch, or potentials of windows."""
+        found = {branch: activity[f"{branch}_output"].sum(dim=1) for branch in self._branches}
+        return found if self.windows is None else found | self.windows.scores(activity)
+
+    def weights(self) -> dict[str, NDArray[np.float32]]:
+        """Return copies of the weights by name, the bias of windows as the kept network has it."""
+        return super().weights() | ({} if self.windows is None else self.windows.weights())
+
+    def load_weights(self, weights: Mapping[str, AnyArray]) -> None:
+        """Take weights by name; ``InputError`` where a name or shape does not fit."""
+        super().load_weights(weights)
+        if self.windows is not None:
+            self.windows.load_weights(weights)
 
     def hidden_spikes(self, activity: Mapping[str, Tensor]) -> list[Tensor]:
         """Return the spikes of every population but the outputs."""
@@ -191,46 +210,7 @@ class TouchNetwork(TouchModel):
 
     def mantissas(self) -> dict[str, IntArray]:
         """Return the mantissas [out, in] by population name, of a network on the chip's integers."""
-        layers = {name: self.layer(name) for name in self.names}
-        return {name: layer.mantissas() for name, layer in layers.items() if isinstance(layer, ChipLayer)}
-
-
-class HybridWindow(TouchModel):
-    """``hybrid-window``: two branches that spike, and the potentials of a third that counts events in windows."""
-
-    def __init__(self, description: NetworkDescription, *, seed: int, initial_scale: float) -> None:
-        super().__init__(description)
-        self.spiking = TouchNetwork(description, seed=seed, initial_scale=initial_scale)
-        self.windows = WindowNetwork(description)
-
-    def weight(self, name: str) -> nn.Parameter:
-        """Return the weights of a name, as they are learned."""
-        return (self.windows if name in self.windows.names else self.spiking).weight(name)
-
-    def begin(self, spikes: ByteArray) -> None:
-        """Take what the windows must know of the recordings (samples, steps, channels)."""
-        self.windows.begin(spikes)
-
-    def forward(self, x: Tensor) -> dict[str, Tensor]:
-        """Return the output spikes of every population that spikes, and the potentials of the windows."""
-        return {**self.spiking(x), **self.windows(x)}
-
-    def scores(self, activity: Mapping[str, Tensor]) -> dict[str, Tensor]:
-        """Return spikes a class of two branches, and potentials of the third, (batch, classes)."""
-        return self.spiking.scores(activity) | self.windows.scores(activity)
-
-    def hidden_spikes(self, activity: Mapping[str, Tensor]) -> list[Tensor]:
-        """Return the spikes of the hidden populations that learn."""
-        return self.spiking.hidden_spikes(activity)
-
-    def weights(self) -> dict[str, NDArray[np.float32]]:
-        """Return copies of the weights by name, the bias as the kept network has it."""
-        return self.spiking.weights() | self.windows.weights()
-
-    def load_weights(self, weights: Mapping[str, AnyArray]) -> None:
-        """Take weights by name; ``InputError`` where a name or shape does not fit."""
-        self.spiking.load_weights(weights)
-        self.windows.load_weights(weights)
+        return {name: layer.mantissas() for name, layer in self.named_children() if isinstance(layer, ChipLayer)}
 
 
 def delayed(x: Tensor, delays: Sequence[int]) -> Tensor:
@@ -262,6 +242,4 @@ def build_network(
             return ARTIFICIAL[description.architecture](description)
     if description.structure.neurons == "windows":
         return WindowNetwork(description)
-    if description.structure.window_branch:
-        return HybridWindow(description, seed=seed, initial_scale=initial_scale)
     return TouchNetwork(description, seed=seed, initial_scale=initial_scale, chip=chip)

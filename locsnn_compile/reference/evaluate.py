@@ -5,53 +5,21 @@ network does on calibration recordings is what weights are rounded for, and scal
 """
 
 from collections.abc import Mapping
-from functools import singledispatch
-from typing import Any, Protocol
 
 import numpy as np
 
 import hw_model as hw
 from hw_model.description.chip import Registers
 from hw_model.mapping.circles import sources_first
-from hw_model.values import AnyArray, BoolArray, ByteArray, FloatArray, Frozen, IntArray
+from hw_model.values import AnyArray, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.errors import InputError
 from locsnn_compile.network.network import Network, Population
-from locsnn_compile.network.neurons import Cuba, Neuron, SoftCuba, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Matrix, by_delay, charge
-from locsnn_compile.network.quantized import ChipCuba, ChipSrm
-from locsnn_compile.reference.neurons import (
-    ChipCubaSteps,
-    ChipSrmSteps,
-    CubaSteps,
-    SoftCubaSteps,
-    SrmSteps,
-    effective_weights,
-)
+from locsnn_compile.reference.neurons import effective_weights
+from locsnn_compile.reference.neurons import steps_of as steps_of
 
 Potentials = AnyArray
 """float64 of float neurons; of on-grid ones int64, in units of the registers."""
-
-
-class NeuronSteps(Protocol):
-    """The state of a population's neurons, (batch, n)."""
-
-    def step(self, arriving: Any) -> tuple[BoolArray, Potentials]:
-        """Take the weights that arrive; return spikes and the potential that decided them."""
-
-
-@singledispatch
-def steps_of(neuron: Neuron, batch: int, size: int, registers: Registers | None = None) -> NeuronSteps:
-    """Return neurons at rest, as their model has registered them; on-grid ones wrap and clip in ``registers``."""
-    fix = "Register its state with locsnn_compile.reference.evaluate.steps_of."
-    raise InputError(f"neuron {type(neuron).__name__}", "nothing says how it steps", fix=fix)
-
-
-steps_of.register(SrmAlpha, lambda neuron, batch, size, _=None: SrmSteps(neuron, batch, size))
-steps_of.register(Cuba, lambda neuron, batch, size, _=None: CubaSteps(neuron, batch, size))
-steps_of.register(SoftCuba, lambda neuron, batch, size, _=None: SoftCubaSteps(neuron, batch, size))
-steps_of.register(ChipCuba, lambda neuron, batch, _, registers: ChipCubaSteps(neuron, registers, batch))
-steps_of.register(ChipSrm, lambda neuron, batch, _, registers: ChipSrmSteps(neuron, registers, batch))
 
 
 class ReferenceResult(Frozen, eq=False):

@@ -7,12 +7,14 @@ with ``hw_model``, so that agreement of the two means something. Letters as in `
 import math
 from collections import deque
 from functools import singledispatch
+from typing import Any, Protocol
 
 import numpy as np
 
 from hw_model.description.chip import Registers
-from hw_model.values import BoolArray, FloatArray, IntArray
-from locsnn_compile.network.neurons import Cuba, SoftCuba, SrmAlpha, alpha_recursion
+from hw_model.values import AnyArray, BoolArray, FloatArray, IntArray
+from locsnn_compile.errors import InputError
+from locsnn_compile.network.neurons import Cuba, Neuron, SoftCuba, SrmAlpha, alpha_recursion
 from locsnn_compile.network.projections import ChipProjection, Matrix, values_of, with_values
 from locsnn_compile.network.quantized import ChipCuba, ChipNeuron, ChipSrm
 
@@ -31,6 +33,20 @@ def effective(mantissa: IntArray, exponent: int | IntArray) -> IntArray:
 def effective_weights(projection: ChipProjection) -> Matrix:
     """Return a projection's effective weights, int64, in the form of its mantissas."""
     return with_values(projection.mantissa, effective(values_of(projection.mantissa), projection.exponent))
+
+
+class NeuronSteps(Protocol):
+    """The state of a population's neurons, (batch, n)."""
+
+    def step(self, arriving: Any) -> tuple[BoolArray, AnyArray]:
+        """Take the weights that arrive; return spikes and the potential that decided them."""
+
+
+@singledispatch
+def steps_of(neuron: Neuron, batch: int, size: int, registers: Registers | None = None) -> NeuronSteps:
+    """Return neurons at rest, as their model has registered them; on-grid ones wrap and clip in ``registers``."""
+    fix = "Register its state with locsnn_compile.reference.evaluate.steps_of."
+    raise InputError(f"neuron {type(neuron).__name__}", "nothing says how it steps", fix=fix)
 
 
 class Filter:
@@ -63,14 +79,14 @@ def input_response(neuron: ChipNeuron, charge: IntArray, registers: Registers, s
 class ChipSrmSteps:
     """SRM neurons (batch, n) of d dendrites each, whose own spikes come back after the delay of each tap."""
 
-    def __init__(self, neuron: ChipSrm, registers: Registers, batch: int) -> None:
+    def __init__(self, neuron: ChipSrm, batch: int, size: int, registers: Registers) -> None:
         self._threshold, self._registers = 64 * neuron.threshold, registers
         self._dendrites, own = neuron.dendrites, neuron.refractory
         decay_u, decay_v = (np.tile(decay, neuron.dendrites) for decay in (neuron.decay_u, neuron.decay_v))
         self._alpha = Filter(decay_u, decay_v, registers, batch)
         self._pull = None if own.decay is None else Filter(own.decay, own.decay, registers, batch)
         self._taps = list(zip(own.delay, effective(own.mantissa, own.exponent[:, None]), strict=True))
-        self.fired = np.zeros((batch, len(neuron.threshold)), dtype=np.bool_)
+        self.fired = np.zeros((batch, size), dtype=np.bool_)
         length = int(own.delay.max(initial=0)) + 1
         self._past = deque([np.zeros_like(self.fired)] * length, maxlen=length)
 
@@ -101,7 +117,7 @@ def own_spike_response(neuron: ChipNeuron, registers: Registers, steps: int) -> 
 @own_spike_response.register
 def _at_rest(neuron: ChipSrm, registers: Registers, steps: int) -> IntArray:
     """Return what it adds at rest."""
-    state = ChipSrmSteps(neuron, registers, 1)
+    state = ChipSrmSteps(neuron, 1, len(neuron.threshold), registers)
     state.fired[:] = True
     silence = np.zeros((1, neuron.dendrites * len(neuron.threshold)), dtype=np.int64)
     return np.concatenate([state.step(silence)[1] for _ in range(steps)])
@@ -111,7 +127,7 @@ def _at_rest(neuron: ChipSrm, registers: Registers, steps: int) -> IntArray:
 def _by_reset(neuron: ChipCuba, registers: Registers, steps: int) -> IntArray:
     """Return what the reset takes from neurons that a steady current holds at the threshold."""
     held = 64 * neuron.threshold
-    state = ChipCubaSteps(neuron, registers, 1)
+    state = ChipCubaSteps(neuron, 1, len(neuron.threshold), registers)
     state.u[:] = held - kept(held, neuron.decay_v)
     state.blocked[:] = neuron.refractory - 1
     charge = state.u - kept(state.u, neuron.decay_u)
@@ -121,10 +137,10 @@ def _by_reset(neuron: ChipCuba, registers: Registers, steps: int) -> IntArray:
 class ChipCubaSteps:
     """Single compartments (batch, n) with the chip's own reset and refractory count."""
 
-    def __init__(self, neuron: ChipCuba, registers: Registers, batch: int) -> None:
+    def __init__(self, neuron: ChipCuba, batch: int, size: int, registers: Registers) -> None:
         self._neuron, self._registers = neuron, registers
         self._bias = neuron.bias_mantissa << neuron.bias_exponent
-        self.u, self.v, self.blocked = np.zeros((3, batch, len(neuron.threshold)), dtype=np.int64)
+        self.u, self.v, self.blocked = np.zeros((3, batch, size), dtype=np.int64)
 
     def step(self, arriving: IntArray) -> tuple[BoolArray, IntArray]:
         """Take the charge that arrives, (batch, n); return spikes and the potential before the reset."""
@@ -159,7 +175,7 @@ class SrmSteps:
     c = e * a / tau.
     """
 
-    def __init__(self, neuron: SrmAlpha, batch: int, size: int) -> None:
+    def __init__(self, neuron: SrmAlpha, batch: int, size: int, registers: Registers | None = None) -> None:
         self._theta = neuron.theta
         self._a, self._gain = alpha_recursion(neuron.tau_sr)
         own = -neuron.scale_ref * neuron.theta
@@ -209,7 +225,7 @@ class _Cut:
 class CubaSteps:
     """Leaky integrate-and-fire neurons (batch, n) with a current and a reset to zero."""
 
-    def __init__(self, neuron: Cuba, batch: int, size: int) -> None:
+    def __init__(self, neuron: Cuba, batch: int, size: int, registers: Registers | None = None) -> None:
         self._neuron = neuron
         self._current, self._voltage = np.zeros((2, batch, size))
         self._blocked = np.zeros((batch, size), dtype=np.int64)
@@ -230,7 +246,7 @@ class CubaSteps:
 class SoftCubaSteps:
     """Leaky integrate-and-fire neurons (batch, n) with a current, from which a spike takes its drop."""
 
-    def __init__(self, neuron: SoftCuba, batch: int, size: int) -> None:
+    def __init__(self, neuron: SoftCuba, batch: int, size: int, registers: Registers | None = None) -> None:
         self._neuron = neuron
         self._current, self._voltage = np.zeros((2, batch, size))
         self._fired = np.zeros((batch, size), dtype=np.bool_)
@@ -242,3 +258,10 @@ class SoftCubaSteps:
         self._voltage = (1.0 - n.decay_v) * self._voltage + self._current - n.drop * self._fired
         self._fired = self._voltage > n.threshold
         return self._fired, self._voltage
+
+
+steps_of.register(SrmAlpha, SrmSteps)
+steps_of.register(Cuba, CubaSteps)
+steps_of.register(SoftCuba, SoftCubaSteps)
+steps_of.register(ChipCuba, ChipCubaSteps)
+steps_of.register(ChipSrm, ChipSrmSteps)

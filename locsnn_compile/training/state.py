@@ -3,8 +3,6 @@
 import hashlib
 import io
 import math
-import pickle
-import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
@@ -22,17 +20,6 @@ from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.training.config import EpochRecord, TrainingConfig
 
 _FORMAT, _VERSION = "locsnn-training-state", 2
-_DAMAGED = (
-    OSError,
-    EOFError,
-    RuntimeError,
-    pickle.UnpicklingError,
-    zipfile.BadZipFile,
-    KeyError,
-    TypeError,
-    ValueError,
-)
-"""What torch raises for a file that is none, or a part of one; and what is raised for one that lacks an entry."""
 
 
 @dataclass
@@ -86,7 +73,10 @@ def load_state(path: Path, key: str) -> TrainingState | None:
             raise InputError(where, "it belongs to a run with other options or other data", fix=fix)
         held = {name: values[name] for name in TrainingState.__dataclass_fields__}
         return TrainingState(**held | {"history": [EpochRecord(**record) for record in held["history"]]})
-    except _DAMAGED:
+    except InputError:
+        raise
+    # Torch meets damaged bytes, or a part of a file, with many kinds of exception; each means the same to the user.
+    except Exception:
         raise InputError(where, "it is damaged", fix=fix) from None
 
 

@@ -20,7 +20,7 @@ from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.graph_and_windows import WindowParameters
-from locsnn_compile.models.networks import HybridWindow, build_network
+from locsnn_compile.models.networks import TouchNetwork, build_network
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.training.config import config_from_mapping
 from locsnn_compile.training.measure import weighted_counts
@@ -39,9 +39,9 @@ def touches(samples: int, steps: int = 40, share: float = 0.2) -> np.ndarray:
     return (np.random.default_rng(samples).random((samples, steps, 78)) < share).astype(np.uint8)
 
 
-def random_network(description: NetworkDescription) -> HybridWindow:
+def random_network(description: NetworkDescription) -> TouchNetwork:
     network = build_network(description, seed=1, initial_scale=6.0)
-    assert isinstance(network, HybridWindow)
+    assert isinstance(network, TouchNetwork)
     rng = np.random.default_rng(0)
     shapes = {name: description.weight_shapes[name] for name in description.window_names}
     network.windows.load_weights({name: rng.normal(size=shape).astype(np.float32) for name, shape in shapes.items()})

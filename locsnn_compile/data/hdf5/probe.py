@@ -1,8 +1,8 @@
 """Read HDF5 files before anybody else does, in processes that may die: the library in C does not survive all damage.
 
-Run as a script. A request on standard input is 8 bytes of length, high byte first, and a file; the answer on standard
-output is one byte: 1 where a process of its own read all of it, whatever it found, and 0 where that process crashed,
-took too much memory or did not come to an end. Imports nothing of this project, so that it starts at once.
+Run as a script with the number of an open connection. A request is the bytes of a file; the answer is one byte: 1 where
+a process of its own read all of it, whatever it found, and 0 where that process crashed, took too much memory or did
+not come to an end. Imports nothing of this project, so that it starts at once.
 """
 
 import contextlib
@@ -11,6 +11,7 @@ import os
 import resource
 import signal
 import sys
+from multiprocessing.connection import Connection
 
 import h5py
 
@@ -25,10 +26,10 @@ MAX_BYTES = 500_000_000
 
 def main() -> None:
     """Answer requests until there are no more."""
-    while len(header := sys.stdin.buffer.read(8)) == 8:
-        data = sys.stdin.buffer.read(int.from_bytes(header, "big"))
-        sys.stdout.buffer.write(b"\1" if survives(data) else b"\0")
-        sys.stdout.buffer.flush()
+    asked = Connection(int(sys.argv[1]))
+    with contextlib.suppress(EOFError):
+        while True:
+            asked.send_bytes(bytes([survives(asked.recv_bytes())]))
 
 
 def survives(data: bytes) -> bool:

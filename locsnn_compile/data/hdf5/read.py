@@ -1,15 +1,25 @@
-"""Read HDF5 files without trusting them: sizes are looked at before data, links out of the file are never followed."""
+"""Read HDF5 files without trusting them: sizes are looked at before data, links out of the file are never followed.
 
+Whether the library in C survives a file is asked of a process that is started once and may die in our place.
+"""
+
+import atexit
+import hashlib
 import io
+import os
+import subprocess
+import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
+from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from hw_model.values import AnyArray, FloatArray
-from locsnn_compile.data.hdf5.safety import library_survives
 from locsnn_compile.data.torch_file import read_bytes
 from locsnn_compile.errors import InputError, LocsnnError, check_most
 
@@ -21,6 +31,44 @@ MAX_TEXT = 1000
 """Longest text, in characters."""
 
 _WHOLE = "Give a whole file, or write it again."
+_PROBE = Path(__file__).with_name("probe.py")
+
+_survived: dict[bytes, bool] = {}
+"""What the process said of files so far, by their hashes: loading looks at a file more than once."""
+_lock = threading.Lock()
+
+
+@cache
+def _prober(owner: int) -> Connection:
+    """Start the process for a process of ours, with which it ends, and return the way to it."""
+    ours, theirs = Pipe()
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+    command, passed = [sys.executable, "-P", str(_PROBE), str(theirs.fileno())], [theirs.fileno()]
+    process = subprocess.Popen(command, stderr=subprocess.DEVNULL, env=environment, pass_fds=passed)
+    theirs.close()
+    atexit.register(process.wait)
+    atexit.register(ours.close)  # first
+    return ours
+
+
+def library_survives(data: bytes) -> bool:
+    """Tell whether reading these bytes as HDF5 comes to an end; True as well where no process can be started to try.
+
+    The library crashes, or runs for ever, on some damaged files; neither can be caught in the process that reads.
+    """
+    if sys.platform == "win32":
+        return True
+    digest = hashlib.sha256(data).digest()
+    try:
+        with _lock:
+            if digest not in _survived:
+                prober = _prober(os.getpid())
+                prober.send_bytes(data)
+                _survived[digest] = prober.recv_bytes() == b"\1"
+            return _survived[digest]
+    except (OSError, EOFError):
+        _prober.cache_clear()
+        return True
 
 
 class Group:

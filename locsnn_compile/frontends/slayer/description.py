@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from hw_model.io.yaml_text import load_yaml
 from hw_model.mapping.graph import Axis
 from hw_model.values import FloatArray, Frozen
 from locsnn_compile.data.torch_file import read_bytes
@@ -85,19 +86,13 @@ def axis_of(name: str) -> Axis:
 
 def read_config(path: Path) -> SlayerConfig:
     """Read a description; ``InputError`` for what is none."""
-    import yaml
-
-    from hw_model.io.yaml_text import load_yaml
-
     where = f"config {path.name!r}"
     data = read_bytes(path, where)
     check_most(len(data), MAX_CONFIG_BYTES, where, "it is too large", unit="bytes", fix="Give the YAML alone.")
-    try:
-        values = load_yaml(data, where)
-    except (yaml.YAMLError, ValueError):
-        raise InputError(where, "it is not YAML", fix="Give slayerPytorch's network description.") from None
+    fix = "Give slayerPytorch's network description."
+    values = load_yaml(data, where, "it is not YAML", fix)
     if not isinstance(values, dict):
-        raise InputError(where, "it is not a description", fix="Give slayerPytorch's network description.")
+        raise InputError(where, "it is not a description", fix=fix)
     return parse_config(values, where)
 
 

@@ -232,7 +232,7 @@ def _errors(task: _Task, candidates: ChipSrm, count: int) -> FloatArray:
         for p, part in zip(task.incoming, columns, strict=True):
             late = 1 + int(p.delay)
             charge[:, late:] += charge_of(calibration.spikes[p.source][here], part)[:, :-late]
-        state = ChipSrmSteps(candidates, task.chip.registers, len(own))
+        state = ChipSrmSteps(candidates, len(own), own.shape[2], task.chip.registers)
         for step in range(own.shape[1]):
             _, potential = state.step(charge[:, step])
             state.fired = own[:, step]
