@@ -23,6 +23,11 @@ def sealed(array: NDArray[T]) -> NDArray[T]:
     return array
 
 
+def picked(record: object, *names: str) -> dict[str, Any]:
+    """Return what a value holds under some names, by these names."""
+    return {name: getattr(record, name) for name in names}
+
+
 _PLAIN = (str, int, float, type(None))
 _LONGEST, _LONGEST_TEXT, _MOST_ITEMS = 400, 40, 4
 

@@ -12,7 +12,7 @@ from hw_model.mapping.routing import RoutedGraph, route_axons
 from hw_model.program.assemble import assemble
 from hw_model.program.text import compartments_text, placed_text, program_text, routed_text
 from hw_model.rtl.device import on_core
-from hw_model.values import Shown
+from hw_model.values import Shown, picked
 from locsnn_compile.network.check import check_network
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.quantized import QuantizedNetwork
@@ -50,7 +50,7 @@ def lower(
     compartments = lower_neurons(quantized, chip)
     placed = arrange_cores(place_cores(compartments, chip))
     routed = route_axons(placed)
-    kept = {name: getattr(network, name) for name in ("step_seconds", "event_threshold", "psi")}
+    kept = picked(network, "step_seconds", "event_threshold", "psi")
     program = replace(assemble(routed), **kept, **network.event_options)
     if chip.open_core:
         on_core(program, network.steps, chip)

@@ -73,12 +73,6 @@ class Profile(Shown, eq=True):
         return replace(self, time_ns={**self.time_ns, **ends}, time_ns_range={})  # type: ignore[dict-item]
 
 
-UNPRICED = Profile(
-    source="no power model of such devices is public",
-    basis="cycle-exact model of the RTL core at the placed clock",
-    energy_pj={},
-    time_ns={},
-    barrier_ns=Barrier(0.0, 0.0),
-    not_included=(),
-)
+_WHY, _BASIS = "no power model of such devices is public", "cycle-exact model of the RTL core at the placed clock"
+UNPRICED = Profile(_WHY, _BASIS, energy_pj={}, time_ns={}, barrier_ns=Barrier(0.0, 0.0), not_included=())
 """What an open core has instead of a profile: its clock cycles are counted, and nothing is priced."""

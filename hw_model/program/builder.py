@@ -97,26 +97,14 @@ class ProgramBuilder:
         def column(key: str, value: Ints) -> IntArray:
             return _whole(f"compartments {name!r}", key, value, (size,))
 
-        last = self._chip.registers.voltage_max
+        last, joined = self._chip.registers.voltage_max, None if joined_to is None else joined_to.name
+        given = {"decay_u": decay_u, "decay_v": decay_v, "threshold": threshold, "refractory": refractory}
+        given |= {"vmin": -last if vmin is None else vmin, "vmax": last if vmax is None else vmax}
+        columns = {key: column(key, value) for key, value in given.items()}
         # A lower limit beyond the register is the register's own end: 1 - 2^k is defined up to k = 31.
-        lowest = np.maximum(column("vmin", -last if vmin is None else vmin), -last)
-        mantissa, exponent = _bias(name, column("bias", bias), self._chip)
-        self._groups.append(
-            Compartments(
-                name,
-                "time",
-                size,
-                decay_u=column("decay_u", decay_u),
-                decay_v=column("decay_v", decay_v),
-                threshold=column("threshold", threshold),
-                bias_mantissa=mantissa,
-                bias_exponent=exponent,
-                refractory=column("refractory", refractory),
-                vmin=lowest,
-                vmax=column("vmax", last if vmax is None else vmax),
-                joined_to=None if joined_to is None else joined_to.name,
-            )
-        )
+        columns["vmin"] = np.maximum(columns["vmin"], -last)
+        columns["bias_mantissa"], columns["bias_exponent"] = _bias(name, column("bias", bias), self._chip)
+        self._groups.append(Compartments(name, "time", size, **columns, joined_to=joined))
         return Node(name, size)
 
     def connect(
@@ -165,15 +153,8 @@ class ProgramBuilder:
         if not self._inputs or not self._groups:
             fix = "Call add_input and add_compartments first."
             raise InputError(f"program {self._name!r}", "has no input or no compartments", fix=fix)
-        graph = CompartmentGraph(
-            self._name,
-            (Phase("time", "time", None),),
-            tuple(self._inputs),
-            tuple(self._groups),
-            tuple(self._synapses),
-            self._readout,
-            self._pruned,
-        )
+        parts = tuple(self._inputs), tuple(self._groups), tuple(self._synapses)
+        graph = CompartmentGraph(self._name, (Phase("time", "time", None),), *parts, self._readout, self._pruned)
         check_graph(graph, self._chip)
         return graph
 

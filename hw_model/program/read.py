@@ -25,7 +25,7 @@ from hw_model.mapping.placement import Slice
 from hw_model.mapping.routing import AxonTables, InputRoute
 from hw_model.program.check import OF_SYNAPSES, check_program
 from hw_model.program.chip_program import ChipProgram, CompartmentProfile, Core
-from hw_model.program.write import AXON_ARRAYS, CORE_ARRAYS, FORMAT, RECORDINGS, ROUTE_ARRAYS, VERSION
+from hw_model.program.write import AXON_ARRAYS, CORE_ARRAYS, FORMAT, INPUT_ENTRIES, RECORDINGS, ROUTE_ARRAYS, VERSION
 from hw_model.values import IntArray
 
 MAX_FILE_BYTES = 2 << 30
@@ -103,28 +103,19 @@ def _read(path: Path) -> bytes:
 
 
 def _program(document: dict[str, Any], arrays: dict[str, IntArray]) -> ChipProgram:
-    inputs = tuple(
-        Input(
-            item["name"],
-            int(item["size"]),
-            item["phase"],
-            item["stream"],
-            arrays[f"input{index}/positions"] if item["transposed"] else None,
-            arrays.get(f"input{index}/first_lines"),
-        )
-        for index, item in enumerate(document["inputs"])
-    )
-    routes = tuple(
-        InputRoute(item.name, **{name: arrays[f"input{index}/{name}"] for name in ROUTE_ARRAYS})
-        for index, item in enumerate(inputs)
-    )
+    inputs, routes = [], []
+    for index, item in enumerate(document["inputs"]):
+        positions = arrays[f"input{index}/positions"] if item["transposed"] else None
+        said = {name: item[name] for name in INPUT_ENTRIES} | {"size": int(item["size"])}
+        inputs.append(Input(**said, positions=positions, first_lines=arrays.get(f"input{index}/first_lines")))
+        routes.append(InputRoute(item["name"], *(arrays[f"input{index}/{name}"] for name in ROUTE_ARRAYS)))
     readout = document["readout"]
     return ChipProgram(
         name=str(document["name"]),
         chip=parse_chip(document["chip"], where="program.yaml: chip"),
         phases=tuple(Phase(**phase) for phase in document["phases"]),
-        inputs=inputs,
-        input_routes=routes,
+        inputs=tuple(inputs),
+        input_routes=tuple(routes),
         cores=tuple(_core(core, arrays) for core in document["cores"]),
         readout=None if readout is None else _readout(readout, document.get("readout_potentials_from")),
         synapses_pruned=int(document["synapses_pruned"]),
@@ -155,16 +146,14 @@ def _readout(weights: dict[str, float], first: Any) -> Readout:
 def _core(core: dict[str, Any], arrays: dict[str, IntArray]) -> Core:
     prefix = f"core{int(core['number'])}/"
     formats = tuple(SynapseFormat(**form) for form in core["synapse_formats"])
+    held_as: dict[str, Any] = {name: int(core[name]) for name in ("number", "slot", "vmin", "vmax")}
+    held_as |= {name: arrays[prefix + name] for name in CORE_ARRAYS}
     return Core(
-        number=int(core["number"]),
-        slot=int(core["slot"]),
+        **held_as,
         phase=core["phase"],
         slices=tuple(Slice(**piece) for piece in core["slices"]),
         profiles=tuple(CompartmentProfile(**profile) for profile in core["compartment_profiles"]),
         thresholds=tuple(map(int, core["threshold_mantissas"])),
-        vmin=int(core["vmin"]),
-        vmax=int(core["vmax"]),
-        **{name: arrays[prefix + name] for name in CORE_ARRAYS},
         axons=AxonTables(
             formats=formats,
             synapse_words=int(core["synapse_words"]),

@@ -28,10 +28,8 @@ def array_text(array: AnyArray) -> str:
         return f"{values.flat[0]}"
     if values.size <= WRITTEN_OUT:
         return " ".join(map(str, values.ravel().tolist()))
-    digest = hashlib.sha256(
-        np.ascontiguousarray(values, np.int64 if values.dtype.kind == "i" else None).tobytes()
-    ).hexdigest()[:12]
-    return f"{values.min()}..{values.max()} #{digest}"
+    content = np.ascontiguousarray(values, np.int64 if values.dtype.kind == "i" else None).tobytes()
+    return f"{values.min()}..{values.max()} #{hashlib.sha256(content).hexdigest()[:12]}"
 
 
 def compartments_text(graph: CompartmentGraph) -> str:

@@ -14,11 +14,11 @@ from hw_model.errors import InputError
 from hw_model.io.files import npy_bytes, pack_files
 from hw_model.io.folders import replace_entries
 from hw_model.mapping.routing import AxonTables
-from hw_model.values import IntArray
+from hw_model.values import IntArray, picked
 
 if TYPE_CHECKING:
     from hw_model.mapping.graph import Readout
-    from hw_model.program.chip_program import ChipProgram
+    from hw_model.program.chip_program import ChipProgram, Core
 
 FORMAT = "locsnn-program"
 VERSION = 1
@@ -28,6 +28,7 @@ RECORDINGS = _NUMBERS | {"polarities": int, "columns": int}
 CORE_ARRAYS = ("profile", "threshold", "bias_mantissa", "bias_exponent", "parent")
 AXON_ARRAYS = ("list_start", "target", "mantissa", "delay", "format_index", "out_compartment", "out_core", "out_axon")
 ROUTE_ARRAYS = ("line", "core", "axon")
+INPUT_ENTRIES = ("name", "size", "phase", "stream")
 
 
 def program_files(program: ChipProgram) -> dict[str, bytes]:
@@ -69,40 +70,28 @@ def _document(program: ChipProgram) -> dict[str, Any]:
         "target": program.chip.name,
         "provenance": dict(program.provenance),
         "synapses_pruned": program.synapses_pruned,
-        **{name: getattr(program, name) for name in RECORDINGS if getattr(program, name) is not None},
+        **{name: value for name, value in picked(program, *RECORDINGS).items() if value is not None},
         "phases": [_given(asdict(phase), "align_events") for phase in program.phases],
-        "inputs": [
-            {
-                "name": i.name,
-                "size": i.size,
-                "phase": i.phase,
-                "stream": i.stream,
-                "transposed": i.positions is not None,
-            }
-            for i in program.inputs
-        ],
+        "inputs": [{**picked(i, *INPUT_ENTRIES), "transposed": i.positions is not None} for i in program.inputs],
         "readout": None if readout is None else dict(readout.terms),
         **({"readout_potentials_from": _potentials_from(readout)} if readout and readout.from_step else {}),
-        "cores": [
-            {
-                "number": core.number,
-                "slot": core.slot,
-                "phase": core.phase,
-                "compartments": core.compartments,
-                "input_axons": core.axons.input_axons,
-                "output_axons": core.axons.output_axons,
-                "synapses": len(core.axons.target),
-                "synapse_words": core.axons.synapse_words,
-                "vmin": core.vmin,
-                "vmax": core.vmax,
-                "slices": [asdict(piece) for piece in core.slices],
-                "compartment_profiles": [asdict(profile) for profile in core.profiles],
-                "threshold_mantissas": list(core.thresholds),
-                "synapse_formats": [asdict(form) for form in core.axons.formats],
-            }
-            for core in program.cores
-        ],
+        "cores": [_core(core) for core in program.cores],
         "chip": program.chip.document,
+    }
+
+
+def _core(core: Core) -> dict[str, Any]:
+    axons = core.axons
+    return {
+        **picked(core, "number", "slot", "phase", "compartments"),
+        **picked(axons, "input_axons", "output_axons"),
+        "synapses": len(axons.target),
+        **picked(axons, "synapse_words"),
+        **picked(core, "vmin", "vmax"),
+        "slices": [asdict(piece) for piece in core.slices],
+        "compartment_profiles": [asdict(profile) for profile in core.profiles],
+        "threshold_mantissas": list(core.thresholds),
+        "synapse_formats": [asdict(form) for form in axons.formats],
     }
 
 
@@ -125,10 +114,10 @@ def _arrays(program: ChipProgram) -> dict[str, IntArray]:
         if item.first_lines is not None:
             arrays[f"input{index}/first_lines"] = item.first_lines
     for index, route in enumerate(program.input_routes):
-        arrays.update({f"input{index}/{name}": getattr(route, name) for name in ROUTE_ARRAYS})
+        arrays.update({f"input{index}/{name}": array for name, array in picked(route, *ROUTE_ARRAYS).items()})
     for core in program.cores:
-        arrays.update({f"core{core.number}/{name}": getattr(core, name) for name in CORE_ARRAYS})
-        arrays.update({f"core{core.number}/{name}": getattr(core.axons, name) for name in AXON_ARRAYS})
+        held = picked(core, *CORE_ARRAYS) | picked(core.axons, *AXON_ARRAYS)
+        arrays.update({f"core{core.number}/{name}": array for name, array in held.items()})
     return arrays
 
 

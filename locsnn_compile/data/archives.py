@@ -158,8 +158,7 @@ def read_archive(path: Path, *, split: str | None, binning: Binning) -> Recordin
         labels = [class_names.index(class_of(name)) for name in names]
     else:
         class_names = None
-    known = np.array([label for label in labels if label is not None], dtype=np.int64)
-    held = known if len(known) == len(names) else None
+    held = None if None in labels else np.array(labels, dtype=np.int64)
     return Recordings(spikes, held, seconds, path.name, binned=binned, class_names=class_names)
 
 

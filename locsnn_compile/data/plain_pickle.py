@@ -16,8 +16,8 @@ MAX_KEY = 16
 
 _KEYS = frozenset((str, int, float, bool, bytes, type(None)))
 _PLAIN = frozenset(("BININT", "BININT1", "BININT2", "LONG1", "BINFLOAT", "BINUNICODE"))
-_SAME = {"NONE": None, "NEWTRUE": True, "NEWFALSE": False, "EMPTY_TUPLE": ()}
-_NEW: dict[str, Callable[[], object]] = {"EMPTY_LIST": list, "EMPTY_DICT": dict}
+_FIXED: dict[str, Callable[[], object]] = {"NONE": lambda: None, "NEWTRUE": lambda: True, "NEWFALSE": lambda: False}
+_NEW = _FIXED | {"EMPTY_TUPLE": tuple, "EMPTY_LIST": list, "EMPTY_DICT": dict}
 _LAST = {"TUPLE1": 1, "TUPLE2": 2, "TUPLE3": 3, "APPEND": 1, "SETITEM": 2}
 """How many values an opcode takes off the stack, where it does not take those since the last mark."""
 _MARKED = frozenset(("TUPLE", "APPENDS", "SETITEMS"))
@@ -59,8 +59,6 @@ def read_pickle(
         budget.take(1 + _cost(arg))
         if name in _PLAIN:
             stack.append(arg)
-        elif name in _SAME:
-            stack.append(_SAME[name])
         elif name in _NEW:
             stack.append(_NEW[name]())
         elif name in ("BINPUT", "LONG_BINPUT"):

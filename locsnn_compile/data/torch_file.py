@@ -55,11 +55,8 @@ def load_plain(data: bytes, where: str, *, fix: str) -> object:
     except InputError:
         raise
     except RefusedError as error:
-        what, fix = (
-            "it holds objects that would run code when read, so it was not read",
-            "Save tensors and plain values only.",
-        )
-        raise InputError(where, what, measured=str(error), fix=fix) from None
+        what = "it holds objects that would run code when read, so it was not read"
+        raise InputError(where, what, measured=str(error), fix="Save tensors and plain values only.") from None
     # Damaged bytes are met with many kinds of exception; each means the same to the user.
     except Exception:
         raise InputError(where, "it is damaged, truncated or not a torch file", fix=fix) from None

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import sparse
 
 from hw_model.mapping.graph import Axis
-from hw_model.values import AnyArray
+from hw_model.values import AnyArray, picked
 from locsnn_compile.errors import TargetError
 from locsnn_compile.frontends.parts import VIEW_NAMES, Parts
 from locsnn_compile.models.branch_graph import branch_graph, spread_weights
@@ -76,19 +76,9 @@ def network_of(checkpoint: Checkpoint) -> Network:
     _add_branches(parts, checkpoint)
     if description.structure.window_branch:
         _add_windows(parts, checkpoint)
-    layout = description.input
-    return parts.network(
-        name=description.name,
-        channels=layout.channels,
-        steps=layout.steps,
-        step_seconds=layout.step_seconds,
-        sensor=layout.sensor,
-        event_threshold=layout.event_threshold,
-        psi=_psi(checkpoint),
-        class_names=description.class_names,
-        sha256=checkpoint.sha256,
-        recordings=checkpoint.recordings,
-    )
+    said = picked(description.input, "channels", "steps", "step_seconds", "sensor", "event_threshold")
+    said |= picked(description, "name", "class_names") | picked(checkpoint, "sha256", "recordings")
+    return parts.network(**said, psi=_psi(checkpoint))
 
 
 def _psi(checkpoint: Checkpoint) -> float | None:

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from hw_model.engine.compiled import compiled, compiled_with_arrays
+from hw_model.engine.compiled import compiled_with_arrays
 from hw_model.values import AnyArray
 from locsnn_compile.models.dense_layer import DenseLayer, to_device, to_host
 from locsnn_compile.models.description import NeuronParameters
@@ -67,13 +67,6 @@ def _respond_back(
                 values[b, t, i] = gain * response[i]
 
 
-@compiled
-def _scale_distances(u: AnyArray, constants: tuple[Any, ...], found: AnyArray) -> None:  # pragma: no cover - compiled
-    theta, factor = constants
-    for k in range(len(u)):
-        found[k] = abs(u[k] - theta) * factor
-
-
 def respond(drive: AnyArray, neuron: NeuronParameters) -> tuple[AnyArray, AnyArray]:
     """Return (spikes, u), both (batch, steps, n), of the weights that each step's spikes add up to, ``drive``.
 
@@ -92,8 +85,9 @@ def _gradient_of_drive(u: AnyArray, by_spikes: Tensor, neuron: NeuronParameters)
     """Return the gradient by the drive, of that by the spikes."""
     kind = u.dtype.type
     width = neuron.tau_rho * neuron.theta
-    slope = np.empty_like(u)
-    _scale_distances(u.reshape(-1), (kind(neuron.theta), kind(-1.0 / width)), slope.reshape(-1))
+    slope: AnyArray = u - kind(neuron.theta)
+    np.abs(slope, out=slope)
+    slope *= kind(-1.0 / width)
     # numpy's exponential takes half the time of torch's.
     np.exp(slope, out=slope)
     if by_spikes.stride(1) == 0:

@@ -72,10 +72,8 @@ def _shared(key: str, networks: Sequence[Network]) -> Any:
     said = [(network.name, value) for network in networks if (value := getattr(network, key)) is not None]
     for (first, its), (name, value) in pairwise(said):
         if value != its:
-            what, measured = (
-                f"it differs from {first!r} in {key.replace('_', ' ')}",
-                f"{_short(value)} against {_short(its)}",
-            )
+            what = f"it differs from {first!r} in {key.replace('_', ' ')}"
+            measured = f"{_short(value)} against {_short(its)}"
             raise InputError(f"model {name!r}", what, measured=measured, fix="Join networks of one input.")
     return said[0][1] if said else None
 

@@ -108,12 +108,9 @@ def _check_voltage(population: Population, neuron: ChipNeuron, chip: Chip) -> No
     """Refuse integers that came with a network, and whose threshold no voltage of this chip passes."""
     threshold, registers = 64 * int(neuron.threshold.max()), chip.registers
     if registers.voltage_max <= threshold <= 64 * registers.threshold_mantissa_max:
-        where, what = (
-            f"population {population.name!r}",
-            "its threshold is beyond every voltage, so it could never spike",
-        )
+        what = "its threshold is beyond every voltage, so it could never spike"
         measured = f"{threshold} against {registers.voltage_max}; {chip.name} has voltage_bits {registers.voltage_bits}"
-        raise TargetError(where, what, measured=measured, fix="Train it for this chip.")
+        raise TargetError(f"population {population.name!r}", what, measured=measured, fix="Train it for this chip.")
 
 
 def weight_bits_of(chip: Chip, asked: int | None) -> int:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from hw_model.io.given import checked
-from hw_model.values import ArrayLike
+from hw_model.values import ArrayLike, picked
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import OPEN, Expected, Recordings
 from locsnn_compile.data.torch_writer import need_torch
@@ -31,21 +31,9 @@ def read_parts(
         sizes = own.step_seconds, own.event_threshold, own.steps, own.channels
         model = Expected("the network to start from", *sizes, start.description.class_names, **own.sensor.event_options)
     parts = [part for part in ("train", "test") if part in recording_parts(data, test_share=config.split)]
-    read = [
-        read_recordings(
-            data,
-            split=part,
-            step_seconds=config.step_seconds,
-            threshold=config.event_threshold,
-            steps=config.steps,
-            axes=config.axes,
-            sensor=config.sensor,
-            test_share=config.split,
-            fold=config.fold,
-            model=model,
-        )
-        for part in (parts if "train" in parts else [None])
-    ]
+    asked = picked(config, "step_seconds", "steps", "axes", "sensor", "fold")
+    asked |= {"threshold": config.event_threshold, "test_share": config.split, "model": model}
+    read = [read_recordings(data, split=part, **asked) for part in (parts if "train" in parts else [None])]
     steps = max(part.spikes.shape[1] for part in read)
     recordings, *test = (part.with_steps(steps) for part in read)
     return recordings, test[0] if test else None

@@ -192,13 +192,12 @@ def _run_phase(run: _Run, state: TrainingState, rows: IntArray, held: IntArray, 
             network.hold()
             average.update()
             total += float(loss.detach()) * len(y)
-        record = EpochRecord(state.phase, epoch, rate, total / len(rows), None, None)
         state.weights = _weights(network)
         with average.in_place():
-            if len(held):
-                loss_held, accuracy = evaluate(network, run.loss, recordings.spikes[held], recordings.labels[held])
-                record = EpochRecord(state.phase, epoch, rate, total / len(rows), loss_held, accuracy)
+            validation = recordings.spikes[held], recordings.labels[held]
+            figures = evaluate(network, run.loss, *validation) if len(held) else (None, None)
             found = _weights(network)
+        record = EpochRecord(state.phase, epoch, rate, total / len(rows), *figures)
         state.history.append(record)
         state.epoch, state.averages, state.optimizer = epoch, average.values, optimizer.state_dict()
         chosen = state.phase == "select" and choose_epoch(state.history, config.smoothing_epochs, len(held)) == epoch

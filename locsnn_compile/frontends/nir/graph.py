@@ -130,11 +130,9 @@ def _read_node(group: Group, where: str, depth: int, seen: list[int]) -> NirNode
     check_known(where, f"{kind[:60]!r} is not a NIR primitive", kind[:60], PARAMETERS)
     # Some versions write the input's type as a group; its order is all that the weights behind it need.
     left_out = [name for name in OPTIONAL if name not in group or (name == "input_type" and group.is_group(name))]
-    held = [name for name in PARAMETERS[kind] if name not in left_out]
-    return NirNode(
-        kind,
-        {
-            name: group.value(name) if name == "padding" else group.array(name, infinite=name in UNBOUNDED)
-            for name in held
-        },
-    )
+    held: dict[str, Array | str] = {}
+    for name in PARAMETERS[kind]:
+        if name not in left_out:
+            words = name == "padding"
+            held[name] = group.value(name) if words else group.array(name, infinite=name in UNBOUNDED)
+    return NirNode(kind, held)

@@ -56,13 +56,7 @@ DELAY_MAX = 62
 KERNELS = ("full", "cut")
 
 _STATE_KEYS = ("state_dict", "model_state_dict", "net", "model")
-_WEIGHT = (
-    ".weight",
-    ".weight_g",
-    ".weight_v",
-    ".parametrizations.weight.original0",
-    ".parametrizations.weight.original1",
-)
+_WEIGHT = (".weight", ".weight_g", ".weight_v", *(f".parametrizations.weight.original{i}" for i in range(2)))
 _FIX = "Save net.state_dict() with torch.save."
 
 
