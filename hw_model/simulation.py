@@ -12,9 +12,10 @@ from hw_model.description.counts import Counts, total
 from hw_model.engine.playing import Player, Spikes, length_of, play, read_streams
 from hw_model.engine.probes import KINDS, Kind, PhaseProbes, Probe, hull, read_probes
 from hw_model.engine.trace import EVENTS, PhaseInput, PhaseTrace, Register, Window
-from hw_model.errors import InputError, check_known
+from hw_model.errors import InputError, check_known, check_most
 from hw_model.io.given import checked
 from hw_model.mapping.graph import largest
+from hw_model.program.check import MAX_STEPS
 from hw_model.program.chip_program import ChipProgram
 from hw_model.values import AnyArray, ByteArray, FloatArray, IntArray, Shown
 
@@ -106,6 +107,7 @@ def play_recordings(
     """Do what :func:`simulate` does with any engine: ``run_phase`` plays some recordings to a phase."""
     if steps is not None and steps < 1:
         raise InputError("steps", "nothing to simulate", measured=f"{steps} against at least 1", fix="Raise steps.")
+    check_most(steps or 1, MAX_STEPS, "steps", "a simulation does not hold so many", fix="Lower steps.")
     probes = read_probes(program, probe)
     decisive = _decisive(program)
     kept_probes = probes | {kind: hull(probe, probes.get(kind, probe)) for kind, probe in decisive.items()}

@@ -103,6 +103,7 @@ class CompiledModel(Frozen, eq=False):
         written = {name: text.encode(errors="backslashreplace") for name, text in texts.items()}
         return {**program_files(self.program), **written, **exchanged, **tables}
 
+    @checked
     def save(self, folder: str | Path) -> None:
         """Write the program and its reports into a folder, all or none; the rest of what it holds stays."""
         write_build(Path(folder), self.files())

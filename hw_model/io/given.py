@@ -30,7 +30,7 @@ _SHOWN = 60
 def checked(function: Callable[P, T]) -> Callable[P, T]:
     """Refuse arguments that are not of the annotated types in one line, before the function begins.
 
-    Arrays, and what sequences and mappings hold, are left to the function.
+    Arrays, and what sequences and mappings hold, are left to the function; only rows that differ are refused here.
     """
     signature, called = inspect.signature(function), function.__qualname__.removesuffix(".__init__")
     # A name of annotations may be known only when all modules are.
@@ -75,7 +75,10 @@ def _kinds(hint: Any) -> tuple[Any, ...]:
     """Return the types that a hint takes, ``object`` among them where no ``isinstance`` tells."""
     options = get_args(hint) if type(hint).__name__ in ("UnionType", "_UnionGenericAlias") else (hint,)
     known = [get_origin(option) or option for option in options]
-    plain = [isinstance(kind, type) and kind is not bool and not kind.__module__.startswith("numpy.") for kind in known]
+    plain = [
+        isinstance(kind, type) and kind not in (bool, Any) and not kind.__module__.startswith("numpy.")
+        for kind in known
+    ]
     return tuple(kind if told else object for kind, told in zip(known, plain, strict=True))
 
 
@@ -88,8 +91,19 @@ def _check(function: str, name: str, value: Any, kinds: tuple[Any, ...]) -> None
             measured=f"got {type(value).__name__} {_short(repr(value))}",
             fix=next((_WAYS_OUT[kind] for kind in names if kind in _WAYS_OUT), "Correct it."),
         )
+    if object in kinds and isinstance(value, list | tuple):
+        _check_rows(f"{function}, {name}", value)
     if Path in kinds and isinstance(value, str | Path):
         check_path(value, f"{name.rsplit('_', 1)[-1]} {_short(str(value))!r}")
+
+
+def _check_rows(where: str, value: Sequence[Any]) -> None:
+    import numpy as np
+
+    try:
+        np.asarray(value)
+    except ValueError:
+        raise InputError(where, "it is not an array: its rows differ in length", fix="Make them equal.") from None
 
 
 def _short(text: str) -> str:

@@ -60,11 +60,14 @@ class ProgramBuilder:
         self._readout: Readout | None = None
         self._pruned = 0
 
+    @checked
     def add_input(self, name: str, size: int) -> Node:
         """Add ``size`` input lines; line i spikes at step t where column i of the played array does."""
-        self._inputs.append(Input(name, int(size), "time", name))
-        return Node(name, int(size))
+        node = _node(name, size)
+        self._inputs.append(Input(name, node.size, "time", name))
+        return node
 
+    @checked
     def add_compartments(
         self,
         name: str,
@@ -88,25 +91,27 @@ class ProgramBuilder:
         compartment i in the same step, and neither spikes nor is reset; ``join`` names the operation, of which only
         ADD has a meaning here.
         """
-        size = int(size)
+        node = _node(name, size)
         if join != "ADD":
             what = f"the join operation {join!r} is not modelled: no public source gives its integer timing"
             fix = "Join with ADD."
             raise TargetError(f"compartments {name!r}", what, fix=fix)
 
         def column(key: str, value: Ints) -> IntArray:
-            return _whole(f"compartments {name!r}", key, value, (size,))
+            return _whole(f"compartments {name!r}", key, value, (node.size,))
 
         last, joined = self._chip.registers.voltage_max, None if joined_to is None else joined_to.name
         given = {"decay_u": decay_u, "decay_v": decay_v, "threshold": threshold, "refractory": refractory}
         given |= {"vmin": -last if vmin is None else vmin, "vmax": last if vmax is None else vmax}
         columns = {key: column(key, value) for key, value in given.items()}
         # A lower limit beyond the register is the register's own end: 1 - 2^k is defined up to k = 31.
-        columns["vmin"] = np.maximum(columns["vmin"], -last)
+        low = columns["vmin"]
+        columns["vmin"] = np.where(np.isin(low, [1 - (1 << k) for k in range(32)]), np.maximum(low, -last), low)
         columns["bias_mantissa"], columns["bias_exponent"] = _bias(name, column("bias", bias), self._chip)
-        self._groups.append(Compartments(name, "time", size, **columns, joined_to=joined))
-        return Node(name, size)
+        self._groups.append(Compartments(name, "time", node.size, **columns, joined_to=joined))
+        return node
 
+    @checked
     def connect(
         self,
         source: Node,
@@ -140,7 +145,8 @@ class ProgramBuilder:
             delay = _whole(where, "delay", delay.toarray() if sparse.issparse(delay) else delay, shape)[rows, columns]
         delays = np.broadcast_to(_whole(where, "delay", delay, rows.shape), rows.shape)
         order = np.lexsort((rows, columns))
-        number, bits = int(_whole(where, "exponent", exponent, ())), weight_bits or self._chip.registers.weight_bits[-1]
+        number = int(_whole(where, "exponent", exponent, ()))
+        bits = self._chip.registers.weight_bits[-1] if weight_bits is None else weight_bits
         arrays = columns[order], rows[order], mantissa[order], delays[order]
         self._synapses.append(Synapses(source.name, target.name, *arrays, number, bits, sign_mode))
 
@@ -161,6 +167,12 @@ class ProgramBuilder:
     def build(self) -> ChipProgram:
         """Check, place, arrange, route and assemble; a broken limit is a ``TargetError`` that says what would fit."""
         return assemble(route_axons(arrange_cores(place_cores(self.graph(), self._chip))))
+
+
+def _node(name: str, size: int) -> Node:
+    if size < 1:
+        raise InputError(f"{name!r}", "it is empty", measured=f"size {size}", fix="Give it a size.")
+    return Node(name, int(size))
 
 
 def _whole(where: str, key: str, value: Any, shape: tuple[int, ...]) -> IntArray:

@@ -44,10 +44,13 @@ def check_network(network: Network) -> None:
 def _check_readout(network: Network) -> None:
     readout = network.readout
     found = [p.size for name in readout.populations for p in network.populations if p.name == name]
-    if len(set(found)) != 1 or not len(found) == len(readout.populations) == len(readout.weights):
+    weights = np.asarray(readout.weights, dtype=np.float64)
+    whole = len(found) == len(readout.populations) == len(weights) and np.isfinite(weights).all()
+    if len(set(found)) != 1 or not whole:
         measured = f"populations {readout.populations}, sizes {found}, weights {readout.weights}"
         fix = "Name populations of one size, each with its weight."
         raise InputError("readout", "it does not add up scores of populations of one size", measured=measured, fix=fix)
+    _check_magnitude("readout", "a weight", weights[weights != 0], _LEAST)
 
 
 def _check_start(view: InputView, network: Network) -> None:

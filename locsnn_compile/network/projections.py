@@ -116,7 +116,9 @@ def held_matrix(given: Any, where: str) -> Matrix:
 
 
 def _of_type(given: ArrayLike, dtype: npt.DTypeLike) -> Values:
-    """Return a copy in a type."""
+    """Return a copy in a type; ``TypeError`` for complex numbers."""
+    if np.iscomplexobj(given):
+        raise TypeError
     return whole_numbers(given) if np.issubdtype(dtype, np.integer) else np.array(given, dtype=dtype)
 
 

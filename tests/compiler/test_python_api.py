@@ -189,6 +189,9 @@ BROKEN = [
     ("scores of nobody", lambda: lc.compile(by_hand(readout=lc.Readout(("score",), (1.0,)))), f"{READOUT} (populations ('score',), sizes [], weights (1.0,)). {ONE_SIZE}"),
     ("scores of two sizes", lambda: lc.compile(by_hand(readout=lc.Readout(("scores", "hidden"), (1.0, 1.0)))), f"{READOUT} (populations ('scores', 'hidden'), sizes [2, 3], weights (1.0, 1.0)). {ONE_SIZE}"),
     ("scores without weights", lambda: lc.compile(by_hand(readout=lc.Readout(("scores",), ()))), f"{READOUT} (populations ('scores',), sizes [2], weights ()). {ONE_SIZE}"),
+    ("scores that are no numbers", lambda: lc.compile(by_hand(readout=lc.Readout(("scores",), (float("nan"),)))), f"{READOUT} (populations ('scores',), sizes [2], weights (nan,)). {ONE_SIZE}"),
+    ("scores beyond measure", lambda: lc.compile(by_hand(readout=lc.Readout(("scores",), (1e300,)))), "readout: a weight is too large a number to compute with (1e+300 against 1e-100 to 1e+100). Give it in other units."),
+    ("complex weights", lambda: lc.Projection("touch", "hidden", [[1j]]), "projection 'touch' -> 'hidden': the weights are not an array of numbers. Give one row a target and one column a source."),
     ("no scores", lambda: lc.compile(by_hand(readout=lc.Readout((), ()))), f"{READOUT} (populations (), sizes [], weights ()). {ONE_SIZE}"),
 ]  # fmt: skip
 

@@ -59,6 +59,14 @@ def test_limits(arguments, message):
     assert str(caught.value) == message
 
 
+@pytest.mark.parametrize("vmin", [1 - 2**32, -(2**23)], ids=["beyond all", "beyond the register, of another form"])
+def test_lower_limits_beyond_the_register_keep_their_form(vmin):
+    with pytest.raises(hw.TargetError) as caught:
+        build(parameters={"vmin": vmin})
+    assert str(caught.value) == f"compartments 'n': vmin {vmin} is not of the form 1 - 2^k. The nearest is -8388607."
+    assert build(parameters={"vmin": 1 - 2**31}).cores[0].vmin == -8388607
+
+
 def fan_out(chip, *, senders, targets):
     builder = hw.ProgramBuilder(chip)
     x = builder.add_input("x", 1)
@@ -91,6 +99,11 @@ MISTAKES = [
     ("sparse shape", {"weights": sparse.csr_array(np.eye(2, dtype=int))}, "synapses 'x' -> 'n': weights has the wrong shape ((2, 2) against (1, 2)). Give n_target rows and n_source columns."),
     ("parameter shape", {"parameters": {"decay_u": [1, 2]}}, "compartments 'n': decay_u has the wrong shape ((2,) against (1,)). Give one value a compartment."),
     ("bits", {"weight_bits": 7}, "weight bits: no synapse format has 7 bits. Choose one of 1, 2, 3, 4, 5, 6, 8."),
+    ("no bits", {"weight_bits": 0}, "weight bits: no synapse format has 0 bits. Choose one of 1, 2, 3, 4, 5, 6, 8."),
+    ("rows", {"weights": [[2, 2], [2]]}, "ProgramBuilder.connect, weights: it is not an array: its rows differ in length. Make them equal."),
+    ("rows of a parameter", {"parameters": {"bias": [[2, 2], [2]]}}, "ProgramBuilder.add_compartments, bias: it is not an array: its rows differ in length. Make them equal."),
+    ("half a neuron", {"size": 1.5}, "ProgramBuilder.add_compartments, size: it must be an int (got float 1.5). Correct it."),
+    ("less than no size", {"size": -1, "weights": np.zeros((0, 2))}, "'n': it is empty (size -1). Give it a size."),
     ("no size", {"size": 0, "weights": np.zeros((0, 2))}, "'n': it is empty (size 0). Give it a size."),
 ]  # fmt: skip
 
@@ -112,10 +125,12 @@ def test_mistakes(arguments, message):
         (np.zeros((0, 3, 2)), {}, "spikes: nothing to simulate (recordings: 0, steps: 3). Give some recordings and steps."),
         (np.zeros((0, 2)), {}, "spikes: nothing to simulate (recordings: 1, steps: 0). Give some recordings and steps."),
         (np.zeros((3, 2)), {"steps": 0}, "steps: nothing to simulate (0 against at least 1). Raise steps."),
+        (np.zeros((3, 2)), {"steps": 10**12}, "steps: a simulation does not hold so many (1000000000000 against 10000000). Lower steps."),
+        ([[0, 1], [1]], {}, "simulate, spikes: it is not an array: its rows differ in length. Make them equal."),
         (np.zeros((3, 2)), {"engine": "fats"}, "engine 'fats': does not exist. Did you mean 'fast'?"),
         (np.zeros((3, 2)), {"probe": ("spike",)}, "probe 'spike': does not exist. Did you mean 'spikes'?"),
     ],
-    ids=["channels", "graded", "nan", "stream", "no recordings", "no rows", "steps", "engine", "probe"],
+    ids=["channels", "graded", "nan", "stream", "no recordings", "no rows", "steps", "many steps", "rows", "engine", "probe"],
 )  # fmt: skip
 def test_what_cannot_be_played(spikes, options, message):
     with pytest.raises(hw.InputError) as caught:
