@@ -1,10 +1,11 @@
 // The charges under way, of every slot and compartment: add to one, or take one and leave 0, an operation per cycle.
 //
 //     cycle 0   the operation arrives, its address goes to the memory
-//     cycle 1   the memory's word is captured, or the sum of an operation just before it (`forwarding`)
-//     cycle 2   `taken` is the value; the sum, or 0 after a take, is written back
+//     cycle 1   the memory answers, late in the cycle
+//     cycle 2   `taken` is the value: the newest result of its address that is still on its way, or the memory's word
+//     cycle 3   the sum, or 0 after a take, is written back
 //
-// A word that is written in a cycle can be read in the next, so operations one and two cycles old are forwarded.
+// A word that is written in a cycle can be read in the next, so results of operations up to three cycles old are forwarded.
 module accumulator #(
     parameter integer WIDTH = 18,
     parameter integer DEPTH = 1024
@@ -15,39 +16,42 @@ module accumulator #(
     input  logic [$clog2(DEPTH)-1:0] address,
     input  logic [WIDTH-1:0]         addend,
     output logic [WIDTH-1:0]         taken,
-    // Between recordings every word is set to 0.
+    // Between recordings every word is set to 0: taken, whatever it is.
     input  logic                     sweep,
     input  logic [$clog2(DEPTH)-1:0] sweep_address
 );
-    logic                     valid1, valid2, valid3;
-    logic                     take1, take2;
-    logic [$clog2(DEPTH)-1:0] address1, address2, address3;
+    logic                     valid1, valid2, valid3, valid4;
+    logic                     take1, take2, sweep1, sweep2, write3;
+    logic [$clog2(DEPTH)-1:0] address1, address2, address3, address4;
     logic [WIDTH-1:0]         addend1, addend2;
-    logic [WIDTH-1:0]         value2, written3;
-    logic [WIDTH-1:0]         stored;
+    logic [WIDTH-1:0]         stored, stored2, written3, written4, written5;
+    logic                     as3, as4, as5;  // the operation of cycle 2 has the address of the one in that cycle
 
-    wire [WIDTH-1:0] written = take2 ? {WIDTH{1'b0}} : value2 + addend2;
-    assign taken = value2;
+    assign taken = as3 ? written3 : as4 ? written4 : as5 ? written5 : stored2;
 
     wire ticking;
     clock_gate gate (.clk, .enable(valid || valid1 || valid2 || valid3 || sweep), .gated(ticking));
 
     memory #(.WIDTH(WIDTH), .DEPTH(DEPTH)) charges (
         .clk(ticking),
-        .write        ((valid2 && (!take2 || value2 != 0)) || sweep),  // what is 0 stays 0
-        .write_address(sweep ? sweep_address : address2),
-        .write_data   (sweep ? {WIDTH{1'b0}} : written),
+        .write        (write3),
+        .write_address(address3),
+        .write_data   (written3),
         .read         (valid),
         .read_address (address),
         .read_data    (stored)
     );
 
     always_ff @(posedge ticking) begin
-        {valid1, take1, address1, addend1} <= {valid, take, address, addend};
-        {valid2, take2, address2, addend2} <= {valid1, take1, address1, addend1};
-        {valid3, address3, written3} <= {valid2, address2, written};
-        if (valid2 && address2 == address1) value2 <= written;
-        else if (valid3 && address3 == address1) value2 <= written3;
-        else value2 <= stored;
+        {valid1, take1, sweep1, addend1} <= {valid || sweep, take || sweep, sweep, addend};
+        {valid2, take2, sweep2, addend2} <= {valid1, take1, sweep1, addend1};
+        {valid3, valid4} <= {valid2, valid3};
+        address1 <= sweep ? sweep_address : address;
+        {address2, address3, address4} <= {address1, address2, address3};
+        stored2 <= stored;
+        {as3, as4, as5} <= {valid2 && address2 == address1, valid3 && address3 == address1, valid4 && address4 == address1};
+        written3 <= take2 ? {WIDTH{1'b0}} : taken + addend2;
+        write3 <= valid2 && (!take2 || taken != 0 || sweep2);  // what is 0 stays 0
+        {written4, written5} <= {written3, written4};
     end
 endmodule

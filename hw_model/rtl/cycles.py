@@ -59,7 +59,7 @@ class _Clock:
         """Play the words of a phase to its ``compartments``; ``steps``: those that fire, in order."""
         fired = deque(steps)
         for wait, word in words:
-            self.prepared = max(self.prepared + wait, self.consumed)
+            self.prepared = max(self.prepared + wait, self.consumed + 1)
             if word == HIDDEN:
                 continue
             self._deliver(max(self.prepared + 1, self.open) if word >= 0 else NEVER)
@@ -79,27 +79,27 @@ class _Clock:
         self.row = self.open = self.consumed + 1
 
     def _request(self, cycle: int, source: int) -> int:
-        """Deliver a spike; return when its request is accepted: the lookup before it must be done."""
-        accepted = max(cycle, self.walk - 1)
+        """Deliver a spike; return when its request is accepted: the walk before it must have begun."""
+        accepted = max(cycle, self.walk)
         self.walk = max(accepted + 2, self.walked)
         self.walked = self.walk + self.lengths[source]
         return accepted
 
     def _deliver(self, earliest: int) -> None:
         """Deliver the spikes that are heads of the queue before an event is taken, which is not before ``earliest``."""
-        while self.spikes and max(self.spikes[0][0], self.accepted + 1) <= max(earliest, self.walk - 1):
+        while self.spikes and max(self.spikes[0][0], self.accepted + 2) <= max(earliest, self.walk):
             head, source = self.spikes.popleft()
-            self.accepted = self._request(max(head, self.accepted + 1), source)
+            self.accepted = self._request(max(head, self.accepted + 2), source)
             self.row = max(self.row, self.accepted + 2)
 
     def _update(self, first: int, compartments: range, fired: list[int]) -> None:
-        """Update from cycle ``first`` on. What fires is the head of the queue ten cycles after its issue.
+        """Update from cycle ``first`` on. What fires is the head of the queue 11 cycles after its issue.
 
         Heads are looked up from five cycles before the end of the updates on.
         """
         self.open = first + len(compartments)
         for number in fired:
-            head = max(self.open - 5, first + number - compartments.start + 10)
+            head = max(self.open - 5, first + number - compartments.start + 11)
             self.spikes.append((head, self.first_source + number))
         self.row = self.open + (8 if compartments else 0) + 1
 
@@ -129,13 +129,13 @@ def _streamed(core: CoreProgram, recording: ByteArray) -> Iterator[Word]:
 def _transposed(core: CoreProgram, phase: CorePhase, recording: ByteArray) -> Iterator[Word]:
     """Yield words as the scan of the buffer finds them.
 
-    A channel of a row takes a cycle, a visit three and one for every word of 32 rows.
+    A channel of a row takes a cycle, a visit four and one for every word of 32 rows.
     """
     visits, origin = phase.visits.T.tolist(), phase.origin(recording)
-    wait, at = 9 + 3, 0  # the fields of the phase are read first
+    wait, at = 10 + 5, 0  # the fields of the phase are read first
     for step in phase.span(recording):
         if phase.by_rows:
-            read, wait = 0, wait + 2
+            read, wait = 0, wait + 3
             for channel in np.flatnonzero(recording[step : step + 1].any(axis=0)).tolist():
                 yield wait + channel - read, phase.row_source + channel
                 read, wait = channel, 0
@@ -147,7 +147,7 @@ def _transposed(core: CoreProgram, phase: CorePhase, recording: ByteArray) -> It
                 shown = 0 <= row - origin < phase.rows
                 yield wait + row // BITMAP_BITS + 1 - read, source + row - origin if shown else HIDDEN
                 read, wait = row // BITMAP_BITS + 1, 1
-            wait += core.row_words - read + 3
+            wait += core.row_words - read + 2
             at += 1
         yield wait, TICK
         wait = 2
@@ -157,5 +157,5 @@ def _transposed(core: CoreProgram, phase: CorePhase, recording: ByteArray) -> It
 def _readout(core: CoreProgram) -> int:
     """Return the cycles of the readout: a bit of a weight per cycle."""
     readout, weights = core.program.readout, core.tables["weights"]["magnitude"].tolist()
-    of_class = sum(3 + weight.bit_length() for weight in weights) + 1
+    of_class = sum(3 + weight.bit_length() for weight in weights) + 2
     return core.program.populations[readout.populations[0]] * of_class if readout else 0

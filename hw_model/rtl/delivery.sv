@@ -5,8 +5,8 @@
 // and lowest bit of the slot have an odd number of ones, so a list is even whatever its targets and delays have in common.
 // Which half of a word goes to which bank changes with every step. The lowest bit of a compartment follows from the others.
 //
-// The next request is looked up while a list is walked, so lists follow each other without a gap. A list of no synapses
-// takes one cycle.
+// The next request is looked up while a list is walked, so a list of two words or more is followed by the next without a gap.
+// A list of no synapses takes a cycle.
 module delivery #(
     parameter integer AXONS = 2048,
     parameter integer SYNAPSES = 16384,
@@ -36,7 +36,7 @@ module delivery #(
     localparam integer TARGET_BITS = $clog2(COMPARTMENTS) - 1;
     localparam integer SLOT_BITS = $clog2(SLOTS);
     localparam integer ADDRESS = SLOT_BITS + TARGET_BITS;
-    localparam integer HALF = 1 + TARGET_BITS + SLOT_BITS + 3 + 9;
+    localparam integer HALF = TARGET_BITS + SLOT_BITS + 3 + 9;
     localparam integer WORD = 2 * HALF;
 
     // Lookup: `found` says that the axon memory shows the list of an accepted request.
@@ -52,7 +52,7 @@ module delivery #(
     logic [SLOT_BITS-1:0]    walk_base;
     wire                     last = left <= 1;
     wire                     begin_list = found && (!walking || last);
-    assign ready = !found || begin_list;
+    assign ready = !found;
 
     memory #(.WIDTH(2 * SYNAPSE_BITS), .DEPTH(AXONS)) axons (
         .clk,
@@ -107,12 +107,13 @@ module delivery #(
     genvar bank;
     generate
         for (bank = 0; bank < 2; bank = bank + 1) begin : banks
-            wire                   used;
             wire [TARGET_BITS-1:0] target;
             wire [SLOT_BITS-1:0]   delay;
             wire [2:0]             exponent;
             wire signed [8:0]      mantissa;
-            assign {mantissa, exponent, delay, target, used} = base2[0] == bank ? word2[HALF-1:0] : word2[WORD-1:HALF];
+            assign {mantissa, exponent, delay, target} = base2[0] == bank ? word2[HALF-1:0] : word2[WORD-1:HALF];
+            // A half without a synapse is 0 * 2^7, which no synapse is.
+            wire used = mantissa != 0 || exponent != 7;
             wire signed [15:0] weight = {{7{mantissa[8]}}, mantissa};
             wire [15:0]        effective = weight <<< exponent;
             // A spike of step t acts at step t + 1 + delay, with 64 * mantissa * 2^exponent; charges are in units of 64.

@@ -22,6 +22,7 @@ module event_input #(
     output logic [1:0]        out_kind,
     output logic [SOURCE-1:0] out_source,
     output logic              mark,       // an event of `mark_channel` at `mark_step` was accepted
+    output logic              mark_first, // the first of its step
     output logic [15:0]       mark_channel,
     output logic [23:0]       mark_step,
     output logic              stop,
@@ -36,7 +37,7 @@ module event_input #(
     logic        open;        // an event came since the last tick
     logic [15:0] last_channel;
     logic [23:0] step;
-    wire         free = !out_valid || out_ready;
+    wire         free = !out_valid;  // whether a word is taken in this cycle is known too late for the next one
     wire         full = steps != 0 && step == steps;
     wire         accepted = in_valid && in_ready;
     assign in_ready = listen && !tail && !ended && free;
@@ -54,6 +55,7 @@ module event_input #(
 
     always_ff @(posedge clk) begin
         mark <= accepted && in_kind == EVENT && sound;
+        mark_first <= !open;
         mark_channel <= in_channel;
         mark_step <= step;
         stop <= accepted && in_kind == STOP;

@@ -21,7 +21,7 @@ from hw_model.values import IntArray
 
 JOIN_DISTANCE = 6
 """Cycles from the issue of a child to the earliest of its parent: the sum is written in cycle 8 and read in cycle 3."""
-STEP_BITS, LOAD_BITS, BITMAP_BITS = 24, 128, 32
+STEP_BITS, VISIT_BITS, LOAD_BITS, BITMAP_BITS = 24, 16, 128, 32
 MEMORIES = ("settings", "axons", "synapses", "leaks", "fires", "visits", "weights", "phases")
 """By the number that the load port knows them by."""
 PLACE = Layout.of(address=24, memory=8)
@@ -34,6 +34,8 @@ SIMULATED = Sizes(
 """Sizes that hold most programs, so that one built simulator plays them."""
 BANKS = (0, 1)
 """Of charges under way, as seen in a step whose next one has an even slot: delivery.sv says which is which."""
+NO_SYNAPSE = {"exponent": 7}
+"""What stands for no synapse in a half of a word: a weight of 0 has exponent 0."""
 Table = dict[str, IntArray]
 """Fields of a memory's words by name, each (words,)."""
 
@@ -44,7 +46,7 @@ def layouts(sizes: Sizes) -> dict[str, Layout]:
         (getattr(sizes, name) - 1).bit_length()
         for name in ("synapses", "compartments", "slots", "entries", "bitmap", "axons")
     )
-    half = {"used": 1, "target": number - 1, "delay": slot, "exponent": 3, "mantissa": 9}
+    half = {"target": number - 1, "delay": slot, "exponent": 3, "mantissa": 9}
     return {
         "axons": Layout.of(start=synapse - 1, length=synapse - 1),
         "synapses": Layout.of("mantissa0", "mantissa1", **{f"{name}{i}": half[name] for i in BANKS for name in half}),
@@ -53,7 +55,7 @@ def layouts(sizes: Sizes) -> dict[str, Layout]:
             threshold=17, blocks=6, spiking=1, vmin_log=5, vmax_log=5, child=1, first=1, parent=number, read_out=1,
             by_potential=1, entry=entry,
         ),
-        "visits": Layout.of(step=STEP_BITS, place=place, source=source),
+        "visits": Layout.of(step=VISIT_BITS, place=place, source=source),
         "weights": Layout.of(magnitude=32, negative=1),
         "phases": Layout.of(value=STEP_BITS),
         "settings": Layout.of(value=STEP_BITS),
@@ -73,6 +75,9 @@ class CoreProgram:
         self.program = program
         refuse_unplayable(program)
         self.phases, self.first_source = core_phases(program, rows, steps)
+        longest = max((phase.steps for phase in self.phases[1:]), default=0)
+        most = (1 << VISIT_BITS) - 1
+        refuse_unless(longest <= most, program, f"phase of more than {most} steps after the first", longest)
         self.kept = max(phase.kept for phase in self.phases)
         self.heard = max(self.kept, self.phases[0].steps)
         self.row_words = -(-self.kept // BITMAP_BITS)
@@ -196,13 +201,14 @@ class CoreProgram:
             numbers = self.numbers[core.phase]
             source = np.concatenate((heard, self.first_source + numbers))
             exponent = _array(form.exponent for form in axons.formats)[axons.format_index]
+            # A negative exponent loses low bits of the mantissa, weight by weight.
+            mantissa = axons.mantissa.astype(np.int64) >> np.maximum(-exponent, 0)
             parts.append({
                 "source": source[self.program.senders[core.number][axons.axon_of_synapse]],
                 "target": numbers[self.program.columns_of_core(core)[axons.target]],
                 "delay": axons.delay,
-                "exponent": np.maximum(exponent, 0),
-                # A negative exponent loses low bits of the mantissa, weight by weight.
-                "mantissa": axons.mantissa.astype(np.int64) >> np.maximum(-exponent, 0),
+                "exponent": np.maximum(exponent, 0) * (mantissa != 0),
+                "mantissa": mantissa,
             })  # fmt: skip
         return {name: np.concatenate([part[name] for part in parts]).astype(np.int64) for name in parts[0]}
 
@@ -216,8 +222,8 @@ class CoreProgram:
         lists = np.concatenate(([0], np.cumsum(counts.reshape(-1, 2).max(axis=1))))
         word = np.arange(len(order)) + np.repeat(np.repeat(lists[:-1], 2) - np.cumsum(counts) + counts, counts)
         table: Table = {}
-        for name, column in {**synapses, "target": synapses["target"] >> 1, "used": np.ones_like(bank)}.items():
-            found = np.zeros((2, int(lists[-1])), dtype=np.int64)
+        for name, column in {**synapses, "target": synapses["target"] >> 1}.items():
+            found = np.full((2, int(lists[-1])), NO_SYNAPSE.get(name, 0))
             found[bank[order], word] = column[order]
             table |= {f"{name}{side}": found[side] for side in BANKS}
         return lists, table
@@ -238,7 +244,7 @@ class CoreProgram:
             "has_children": np.isin(self.number, parent),
             "threshold": self._joined(lambda core: core.threshold_voltage >> WEIGHT_SHIFT),
             "blocks": np.maximum(self._joined(lambda core: core.setting("refractory")) - 1, 0),
-            "spiking": self._joined(lambda core: 1 - core.setting("joined")),
+            "spiking": self._joined(lambda core: (core.vmax > core.threshold_voltage) & (core.setting("joined") == 0)),
             "vmin_log": self._joined(lambda core: (1 - core.vmin).bit_length() - 1),
             "vmax_log": self._joined(lambda core: core.vmax.bit_length()),
             "child": child,

@@ -1,23 +1,26 @@
 // What a step leaves of a register: rz(x, d) = sign(x) * ((|x| * (4096 - d)) >> 12), truncated toward zero.
 //
-// `keep` is 4096 - d. Three cycles: magnitude, product, sign.
+// `keep` is 4096 - d. The product is cut off toward minus infinity, so a negative one with a fraction is one too low. Two
+// cycles: the products of the halves of x, and their sum.
 module leak (
     input  logic               clk,
     input  logic signed [23:0] x,
     input  logic [12:0]        keep,
     output logic signed [23:0] left
 );
-    logic        negative1, negative2;
-    logic [23:0] magnitude1;
-    logic [12:0] keep1;
-    logic [36:0] product2;
+    logic [24:0]        low;   // of x[11:0]
+    logic signed [24:0] high;  // of x[23:12], 4096 times as much
+    logic               negative;
+    wire                up = negative && low[11:0] != 0;
+    // The lowest bit carries `up` into the sum.
+    wire signed [25:0]  sum = {high, 1'b1} + {12'b0, low[24:12], up};
 
     always_ff @(posedge clk) begin
-        {negative1, magnitude1, keep1} <= {x[23], x[23] ? -x : x, keep};
-        {negative2, product2} <= {negative1, {13'b0, magnitude1} * {24'b0, keep1}};
+        low <= {13'b0, x[11:0]} * {12'b0, keep};
+        high <= $signed({{13{x[23]}}, x[23:12]}) * $signed({12'b0, keep});
+        negative <= x[23];
+        left <= sum[24:1];
     end
-    wire signed [23:0] magnitude = product2[35:12];
-    assign left = negative2 ? -magnitude : magnitude;
 
-    wire unused = &{1'b0, product2[36], product2[11:0]};
+    wire unused = &{1'b0, sum[25], sum[0]};
 endmodule

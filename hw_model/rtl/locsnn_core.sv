@@ -62,6 +62,10 @@ module locsnn_core #(
     localparam integer NUMBER = $clog2(COMPARTMENTS);
     localparam integer SLOT = $clog2(SLOTS);
     localparam integer ENTRY = $clog2(ENTRIES);
+    localparam integer ADDRESS = SLOT + NUMBER - 1;
+    // Between recordings all of the largest memory is swept, and the others over and over.
+    localparam integer SWEPT = ADDRESS > $clog2(BITMAP) ? ADDRESS : $clog2(BITMAP);
+    localparam integer SWEEPING = SWEPT > ENTRY ? SWEPT : ENTRY;
 
     // Settings: memory 0 of the load port.
     localparam integer HEARD = 0, KEPT = 1, CHANNELS = 2, ROW_WORDS = 3, ROW_SHIFT = 4, ALIGN_EVENTS = 5, PHASES = 6,
@@ -85,9 +89,10 @@ module locsnn_core #(
     logic [2:0]        state;
     logic [23:0]       step;
     logic [SLOT-1:0]   slot;
-    logic [23:0]       sweep_at;
-    logic [23:0]       number, number_begin;
-    wire               buffered = phase != 0;
+    logic [SWEEPING:0] sweep_at;
+    logic [NUMBER:0]   number, number_begin;
+    wire [NUMBER:0]    number_end = its[NUMBER_END][NUMBER:0];
+    logic              buffered;  // the phase is not the first
     wire               clear = reset || state == CLEAN;
     memory #(.WIDTH(24), .DEPTH(512)) phases (
         .clk,
@@ -102,15 +107,15 @@ module locsnn_core #(
     wire              word_valid = buffered ? line_valid : event_valid;
     wire [1:0]        word_kind = buffered ? line_kind : event_kind;
     wire [SOURCE-1:0] word_source = buffered ? line_source : event_source;
-    wire              mark, stop, failed;
+    wire              mark, mark_first, stop, failed;
     wire [15:0]       mark_channel;
     wire [23:0]       mark_step;
     wire [2:0]        error;
     wire              delivering, updating, delivery_ready, read_out_done;
     wire              head_valid, queue_empty;
-    wire [NUMBER-1:0] head;
+    wire [SOURCE-1:0] head;
     // A recording may be longer than the first phase: the buffer has the rest.
-    wire over = step == its[STEPS];
+    logic over;
     // While compartments are on their way to fire, events of the next row are delivered: all charges of this step were
     // taken, so the slot that is free now is that of the longest delay of the next.
     logic last_step;
@@ -118,7 +123,7 @@ module locsnn_core #(
     wire early = state == SPIKES && !head_valid && !last_step;
     // Spikes are looked up before the last charge is taken: theirs are added five cycles later.
     logic ending;
-    always_ff @(posedge clk) ending <= state == UPDATE && number + 6 >= its[NUMBER_END];
+    always_ff @(posedge clk) ending <= state == UPDATE && number + 6 >= number_end;
     wire spike = head_valid && (state == SPIKES || (state == UPDATE && ending));
     wire is_event = word_kind == EVENT, is_tick = word_kind == TICK;
     wire word_ready = early ? is_event && delivery_ready
@@ -131,32 +136,35 @@ module locsnn_core #(
         case (state)
             CLEAN: begin
                 sweep_at <= sweep_at + 1;
-                if (sweep_at == settings[SWEEP]) state <= PHASE;
-                {phase, field} <= 0;
+                if (sweep_at == settings[SWEEP][SWEEPING:0]) state <= PHASE;
+                {phase, field, buffered} <= 0;
             end
             PHASE: begin
-                if (field == 0) number_begin <= buffered ? its[NUMBER_END] : 24'd0;
-                else {its[0], its[1], its[2], its[3], its[4], its[5], its[6], its[7]}
+                if (field == 0) number_begin <= buffered ? number_end : {(NUMBER + 1){1'b0}};
+                else if (field != 9) {its[0], its[1], its[2], its[3], its[4], its[5], its[6], its[7]}
                     <= {its[1], its[2], its[3], its[4], its[5], its[6], its[7], next_field};
                 field <= field + 1;
                 {step, slot} <= 0;
-                if (field == 8) state <= ROW;
+                over <= its[STEPS] == 0;
+                if (field == 9) state <= ROW;
             end
             ROW: begin
                 number <= number_begin;
                 field <= 0;
-                if (word_taken && is_tick && !over) state <= number_begin == its[NUMBER_END] ? SPIKES : UPDATE;
+                if (word_taken && is_tick && !over) state <= number_begin == number_end ? SPIKES : UPDATE;
                 if (phase_over) begin
                     state <= last_phase ? READOUT : PHASE;
                     phase <= phase + 1;
+                    buffered <= 1;
                 end
             end
             UPDATE: begin
                 number <= number + 1;
-                if (number + 1 == its[NUMBER_END]) state <= SPIKES;
+                if (number + 1 == number_end) state <= SPIKES;
             end
             SPIKES: if (!updating && queue_empty) begin
                 step <= step + 1;
+                over <= last_step;
                 slot <= (slot + 1) & settings[SLOT_MASK][SLOT-1:0];
                 state <= ROW;
             end
@@ -182,7 +190,7 @@ module locsnn_core #(
         .steps(settings[HEARD]), .channels(settings[CHANNELS]),
         .in_valid, .in_ready, .in_kind, .in_channel,
         .out_valid(event_valid), .out_ready(word_ready && !buffered), .out_kind(event_kind), .out_source(event_source),
-        .mark, .mark_channel, .mark_step, .stop, .failed, .error
+        .mark, .mark_first, .mark_channel, .mark_step, .stop, .failed, .error
     );
 
     transpose #(.BITMAP(BITMAP), .VISITS(VISITS), .SOURCE(SOURCE)) buffer (
@@ -191,22 +199,23 @@ module locsnn_core #(
         .row_words(settings[ROW_WORDS]), .row_shift(settings[ROW_SHIFT]), .align_events(settings[ALIGN_EVENTS]),
         .steps(its[STEPS]), .visits_end(its[VISITS_END]), .rows(its[ROWS]), .row_source(its[ROW_SOURCE]),
         .by_rows(its[BY_ROWS][0]), .aligned(its[ALIGNED][0]),
-        .mark, .mark_channel, .mark_step,
-        .sweep(clear && {8'b0, sweep_at} < BITMAP), .sweep_address(sweep_at[$clog2(BITMAP)-1:0]),
-        .start(state == PHASE && field == 8 && buffered),
+        .mark, .mark_first, .mark_channel, .mark_step,
+        .sweep(clear && 32'(sweep_at) < BITMAP), .sweep_address(sweep_at[$clog2(BITMAP)-1:0]),
+        .start(state == PHASE && field == 9 && buffered),
         .out_valid(line_valid), .out_ready(word_ready && buffered), .out_kind(line_kind), .out_source(line_source)
     );
 
     // Spikes to deliver: of lines in a row, of compartments after their update.
-    localparam integer ADDRESS = SLOT + NUMBER - 1;
     wire [1:0]             add;
     wire [2*ADDRESS-1:0]   add_address;
     wire [2*CHARGE-1:0]    add_charge, taken;
     wire                   fired;
-    wire [NUMBER-1:0]      done_number;
+    wire [NUMBER-1:0]      early_number, done_number;
+    logic [SOURCE-1:0]     done_source;
+    always_ff @(posedge clk) done_source <= SOURCE'(early_number) + settings[FIRST_SOURCE][SOURCE-1:0];
 
-    queue #(.WIDTH(NUMBER), .DEPTH(COMPARTMENTS)) spikes (
-        .clk, .clear, .push(fired), .pushed(done_number), .head_valid, .head,
+    queue #(.WIDTH(SOURCE), .DEPTH(COMPARTMENTS)) spikes (
+        .clk, .clear, .push(fired), .pushed(done_source), .head_valid, .head,
         .pop(spike && delivery_ready), .empty(queue_empty)
     );
 
@@ -215,7 +224,7 @@ module locsnn_core #(
         .load_address, .load_data,
         .request(spike || ((early || (row && !over)) && word_valid && is_event)),
         .ready(delivery_ready),
-        .source(spike ? {{(SOURCE-NUMBER){1'b0}}, head} + settings[FIRST_SOURCE][SOURCE-1:0] : word_source),
+        .source(spike ? head : word_source),
         .base(slot + (early ? SLOT'(2) : SLOT'(1))), .slot_mask(settings[SLOT_MASK][SLOT-1:0]),
         .add, .add_address, .add_charge, .busy(delivering)
     );
@@ -234,7 +243,7 @@ module locsnn_core #(
                 .clk, .valid(add[bank] || take), .take,
                 .address(state == UPDATE ? {slot, number[NUMBER-1:1]} : add_address[bank*ADDRESS+:ADDRESS]),
                 .addend(add_charge[bank*CHARGE+:CHARGE]), .taken(taken[bank*CHARGE+:CHARGE]),
-                .sweep(clear && {8'b0, sweep_at} < SLOTS * COMPARTMENTS / 2), .sweep_address(sweep_at[ADDRESS-1:0])
+                .sweep(clear && 32'(sweep_at) < SLOTS * COMPARTMENTS / 2), .sweep_address(sweep_at[ADDRESS-1:0])
             );
         end
     endgenerate
@@ -247,7 +256,7 @@ module locsnn_core #(
         .clk, .clear, .load_leak(load_valid && load_memory == 3), .load_fire(load_valid && load_memory == 4),
         .load_address, .load_data,
         .issue(state == UPDATE), .first_step(step == 0), .number(number[NUMBER-1:0]), .charge, .busy(updating),
-        .done, .done_number, .fired, .done_u, .done_v, .potential, .active, .charge_wrap, .current_wraps, .voltage_clip,
+        .early_number, .done, .done_number, .fired, .done_u, .done_v, .potential, .active, .charge_wrap, .current_wraps, .voltage_clip,
         .early_read, .early_entry, .read_out, .by_potential, .entry
     );
 
@@ -255,7 +264,7 @@ module locsnn_core #(
         .clk, .clear, .load_weight(load_valid && load_memory == 6), .load_address, .load_data,
         .classes(settings[CLASSES]), .populations(settings[POPULATIONS]),
         .potentials_from(its[POTENTIALS_FROM]), .step,
-        .sweep(clear && {8'b0, sweep_at} < ENTRIES), .sweep_address(sweep_at[ENTRY-1:0]),
+        .sweep(clear && 32'(sweep_at) < ENTRIES), .sweep_address(sweep_at[ENTRY-1:0]),
         .early_read, .early_entry, .read_out, .by_potential, .entry, .fired, .potential,
         .start(phase_over && last_phase),
         .done(read_out_done), .winner(answer_class), .score_valid(probe_score_valid), .score(probe_score)
@@ -274,5 +283,6 @@ module locsnn_core #(
     assign {probe_fired, probe_active, probe_charge_wrap} = {fired, active, charge_wrap};
     assign {probe_current_wraps, probe_voltage_clip} = {current_wraps, voltage_clip};
 
-    wire unused = &{1'b0, settings[SLOT_MASK], settings[FIRST_SOURCE], its[BY_ROWS], its[ALIGNED]};
+    wire unused = &{1'b0, settings[SLOT_MASK], settings[FIRST_SOURCE], its[NUMBER_END], its[BY_ROWS],
+        its[ALIGNED]};
 endmodule

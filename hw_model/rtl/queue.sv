@@ -1,6 +1,8 @@
 // Compartments that fired in a step, in order, until their spikes are delivered. It holds one of each.
+//
+// The oldest waits in a register. Its successor takes its place two cycles after it was popped.
 module queue #(
-    parameter integer WIDTH = 9,
+    parameter integer WIDTH = 10,
     parameter integer DEPTH = 512
 ) (
     input  logic             clk,
@@ -14,8 +16,11 @@ module queue #(
 );
     localparam integer PLACE = $clog2(DEPTH);
 
-    logic [PLACE:0] begin_at, end_at;  // one bit more than a place, which tells full from empty
-    wire  [PLACE:0] next_begin = begin_at + {{PLACE{1'b0}}, pop};
+    logic [PLACE:0]   begin_at, end_at;  // one bit more than a place, which tells full from empty
+    logic             coming;            // the memory shows the next head
+    logic [WIDTH-1:0] oldest;
+    wire  [PLACE:0]   next_begin = begin_at + {{PLACE{1'b0}}, pop};
+    wire              read = next_begin != end_at && (pop || !(head_valid || coming));
     assign empty = begin_at == end_at;
 
     memory #(.WIDTH(WIDTH), .DEPTH(DEPTH)) places (
@@ -23,17 +28,19 @@ module queue #(
         .write        (push),
         .write_address(end_at[PLACE-1:0]),
         .write_data   (pushed),
-        .read         (next_begin != end_at && (pop || !head_valid)),
+        .read,
         .read_address (next_begin[PLACE-1:0]),
-        .read_data    (head)
+        .read_data    (oldest)
     );
 
     always_ff @(posedge clk) begin
-        if (clear) {begin_at, end_at, head_valid} <= 0;
+        if (coming) head <= oldest;
+        if (clear) {begin_at, end_at, coming, head_valid} <= 0;
         else begin
             begin_at <= next_begin;
             if (push) end_at <= end_at + 1;
-            head_valid <= next_begin != end_at;
+            coming <= read;
+            head_valid <= coming || (head_valid && !pop);
         end
     end
 endmodule

@@ -33,7 +33,7 @@ module readout #(
 );
     localparam integer ENTRY = $clog2(ENTRIES);
     localparam integer GROUPS = 64, GROUP = 6;  // populations that are read out, at most
-    localparam logic [2:0] IDLE = 0, READ = 1, LOAD = 2, MULTIPLY = 3, COMPARE = 4;
+    localparam logic [2:0] IDLE = 0, READ = 1, LOAD = 2, MULTIPLY = 3, COMPARE = 4, DECIDE = 5;
 
     logic [2:0]         state;
     logic [ENTRY-1:0]   address;
@@ -53,7 +53,7 @@ module readout #(
 
     always_comb begin
         write = fired;
-        new_tally = tally8 + {23'b0, fired};
+        new_tally = tally8 + 24'd1;
         if (by_potential) begin
             write = step == potentials_from || (step > potentials_from && potential > tally8);
             new_tally = potential;
@@ -62,7 +62,7 @@ module readout #(
 
     // Weights are a sign and a magnitude.
     logic [32:0]        weight;
-    logic [23:0]        population;
+    logic [GROUP:0]     population;
     memory #(.WIDTH(33), .DEPTH(GROUPS)) weights (
         .clk,
         .write        (load_weight),
@@ -72,10 +72,14 @@ module readout #(
         .read_address (population[GROUP-1:0]),
         .read_data    (weight)
     );
-    logic [23:0]        class_number;
+    logic [ENTRY:0]     class_number;
     logic [31:0]        factor;
     logic               negative;
-    logic signed [63:0] addend, best;
+    // -x is ~x + 1: of a negative weight, `addend` has the inverted bits, and 1 is added with it.
+    logic [63:0]        addend;
+    logic signed [63:0] best;
+    logic               better;
+    wire [64:0]         sum = {score, 1'b1} + {addend, negative};
 
     assign score_valid = state == COMPARE;
     always_ff @(posedge clk) begin
@@ -90,30 +94,34 @@ module readout #(
             end
             READ: state <= LOAD;
             LOAD: begin
-                addend <= {{40{stored[23]}}, stored};
+                addend <= {{40{stored[23]}}, stored} ^ {64{weight[32]}};
                 {negative, factor} <= weight;
                 state <= MULTIPLY;
             end
             MULTIPLY:
             if (factor != 0) begin
-                if (factor[0]) score <= negative ? score - addend : score + addend;
-                addend <= addend <<< 1;
+                if (factor[0]) score <= sum[64:1];
+                addend <= {addend[62:0], negative};
                 factor <= factor >> 1;
             end else begin
                 population <= population + 1;
                 address <= address + classes[ENTRY-1:0];
-                state <= population + 1 == populations ? COMPARE : READ;
+                state <= population + 1 == populations[GROUP:0] ? COMPARE : READ;
+            end
+            COMPARE: begin
+                better <= class_number == 0 || score > best;
+                state <= DECIDE;
             end
             default: begin
-                if (class_number == 0 || score > best) begin
+                if (better) begin
                     best <= score;
-                    winner <= class_number[15:0];
+                    winner <= 16'(class_number);
                 end
                 class_number <= class_number + 1;
                 population <= 0;
-                address <= class_number[ENTRY-1:0] + 1;
+                address <= class_number[ENTRY-1:0] + 1'b1;
                 score <= 0;
-                if (class_number + 1 == classes) begin
+                if (class_number + 1 == classes[ENTRY:0]) begin
                     done <= 1;
                     state <= IDLE;
                 end else state <= READ;
@@ -125,5 +133,5 @@ module readout #(
         end
     end
 
-    wire unused = &{1'b0, load_address, load_data, class_number};
+    wire unused = &{1'b0, load_address, load_data, classes, populations, sum[0]};
 endmodule

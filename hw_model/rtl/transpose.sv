@@ -28,6 +28,7 @@ module transpose #(
     input  logic                      by_rows,
     input  logic                      aligned,
     input  logic                      mark,
+    input  logic                      mark_first,    // the first of its step
     input  logic [15:0]               mark_channel,
     input  logic [23:0]               mark_step,
     input  logic                      sweep,
@@ -40,63 +41,70 @@ module transpose #(
 );
     localparam logic [1:0] EVENT = 0, TICK = 1, END = 2;
     localparam integer PLACE = $clog2(BITMAP);
-    localparam integer VISIT = 24 + PLACE + SOURCE;
+    localparam integer ROW = PLACE + 6;  // bits of a row, and of one before the first: a word has 32
+    localparam integer STEP = 16;
+    localparam integer VISIT = STEP + PLACE + SOURCE;
     localparam integer INDEX = $clog2(VISITS);
 
-    // Reading. IDLE; FETCH: a visit is read; COMPARE: is its step now? NEXT: the rows of this step, a visit that is due,
-    // or the step ends; CHANNEL: a channel of this row; PRIME: the first word of a visit is read; SCAN: a spike for each
-    // bit of a word, while the next word waits.
-    localparam logic [2:0] IDLE = 0, FETCH = 1, COMPARE = 2, NEXT = 3, CHANNEL = 4, PRIME = 5, SCAN = 6;
+    // Reading. IDLE; FETCH and HOLD: the first visit is read; COMPARE: is its step now? NEXT: the rows of this step, a visit
+    // that is due, or the step ends; CHANNEL: a channel of this row is read, another looked at; PRIME: the first word of a
+    // visit is read, and the next visit; SCAN: an event for each bit of a word, while the next word waits.
+    //
+    // What is found waits for its turn in a register, and all stands still until then. From there it leaves as a word.
+    localparam logic [2:0] IDLE = 0, FETCH = 1, HOLD = 2, COMPARE = 3, NEXT = 4, CHANNEL = 5, PRIME = 6, SCAN = 7;
     logic [2:0]        state;
     logic              due, over, row_done;
     logic [INDEX:0]    index;
-    logic [23:0]       step, words_left, channel;
+    logic [STEP-1:0]   step;
+    logic [ROW-1:0]    row;           // of this step
+    logic [PLACE:0]    words_left, channel;
+    logic              word_is, bits_are;  // of channels by rows: `word` and `bits` hold one
     logic [PLACE-1:0]  place;
     logic [SOURCE-1:0] source;
-    logic [23:0]       word_row, next_row;  // the row of a word's lowest bit
-    logic [31:0]       bits;
-    logic [31:0]       word;
-    logic [VISIT-1:0]  visit;
-    wire [23:0]        visit_step = visit[23:0];
-    wire [PLACE-1:0]   visit_place = visit[24+:PLACE];
-    wire [SOURCE-1:0]  visit_source = visit[24+PLACE+:SOURCE];
-    wire               free = !out_valid || out_ready;
+    logic [ROW-1:0]    word_row;      // the row of the lowest of `bits`; by rows, the channel that was looked at last
+    logic [31:0]       bits, word;
+    logic              fetched;
+    logic [VISIT-1:0]  visit_word, visit;
+    wire [STEP-1:0]    visit_step = visit[STEP-1:0];
+    wire [PLACE-1:0]   visit_place = visit[STEP+:PLACE];
+    wire [SOURCE-1:0]  visit_source = visit[STEP+PLACE+:SOURCE];
+    logic              found, found_visited;
+    logic [1:0]        found_kind;
+    logic [4:0]        found_bit;
+    wire               go = !found || !out_valid;  // whether a word is taken is known too late in a cycle
     wire               next_word = state == SCAN && bits == 0 && words_left != 0;
+    wire               next_channel = state == CHANNEL && channel != channels[PLACE:0];
 
     // The first row with enough events.
-    logic [23:0] together, touch;
-    logic        touched;
-    wire  [23:0] so_far = mark_step == last_marked ? together + 1 : 24'd1;
-    wire  [23:0] origin = !aligned ? 24'd0 : touched ? touch : kept;
-    logic [23:0] last_marked;
+    logic [16:0]    together;
+    logic [ROW-1:0] touch;
+    logic           touched;
+    wire [16:0]     so_far = mark_first ? 17'd1 : together + 17'd1;
+    wire [ROW-1:0]  origin = !aligned ? {ROW{1'b0}} : touched ? touch : kept[ROW-1:0];
     always_ff @(posedge clk) begin
         if (mark) begin
-            {together, last_marked} <= {so_far, mark_step};
-            if (so_far == align_events && !touched) {touched, touch} <= {1'b1, mark_step};
+            together <= so_far;
+            if (so_far == align_events[16:0] && !touched) {touched, touch} <= {1'b1, mark_step[ROW-1:0]};
         end
-        if (clear) {together, touched} <= 0;
+        if (clear) touched <= 0;
     end
 
-    // Marking takes two cycles: read the word, write it with one bit more. A channel is marked once in a step, so a word
-    // is not marked twice in a row.
-    logic             mark1;
-    logic [PLACE-1:0] mark_place1;
-    logic [31:0]      mark_bit1;
-    wire [23:0]       mark_place = ({8'b0, mark_channel} << row_shift[4:0]) | {5'b0, mark_step[23:5]};
+    // Marking takes three cycles: read the word, set a bit of it in `bits`, write it. Words of the stream come in every other
+    // cycle, and a channel is marked once in a step, so a word is not marked twice in a row.
+    logic             mark1, mark2;
+    logic [PLACE-1:0] mark_place1, mark_place2;
+    logic [31:0]      mark_bit1;  // 0 where nothing is marked
+    wire [31:0]       marked = word | mark_bit1;
+    wire [PLACE-1:0]  mark_place = PLACE'({8'b0, mark_channel} << row_shift[3:0]) | mark_step[5+:PLACE];
     wire              marking = mark && mark_step < kept;
-    // By rows: `word` is that of the channel before this one.
-    wire [23:0]       row = step + origin;
-    wire [23:0]       row_place = (channel << row_shift[4:0]) | {5'b0, row[23:5]};
-    wire              hit = channel != 0 && word[row[4:0]];
-    wire              next_channel = state == CHANNEL && (!hit || free);
 
     memory #(.WIDTH(32), .DEPTH(BITMAP)) bitmap (
         .clk,
-        .write        (mark1 || sweep),
-        .write_address(sweep ? sweep_address : mark_place1),
-        .write_data   (sweep ? 32'b0 : word | mark_bit1),
-        .read         (marking || state == PRIME || next_word || next_channel),
-        .read_address (state == IDLE ? mark_place[PLACE-1:0] : state == CHANNEL ? row_place[PLACE-1:0] : place),
+        .write        (mark2 || sweep),
+        .write_address(sweep ? sweep_address : mark_place2),
+        .write_data   (sweep ? 32'b0 : bits),
+        .read         (marking || (go && (state == PRIME || next_word || next_channel))),
+        .read_address (state == IDLE ? mark_place : place),
         .read_data    (word)
     );
     memory #(.WIDTH(VISIT), .DEPTH(VISITS)) visit_list (
@@ -104,89 +112,102 @@ module transpose #(
         .write        (load_visit),
         .write_address(load_address[INDEX-1:0]),
         .write_data   (load_data[VISIT-1:0]),
-        .read         (state == FETCH),
+        .read         (go && (state == FETCH || state == PRIME)),
         .read_address (index[INDEX-1:0]),
-        .read_data    (visit)
+        .read_data    (visit_word)
     );
 
-    wire [31:0] lowest = bits & (~bits + 1);
-    wire [4:0]  lowest_index = {|(lowest & 32'hffff0000), |(lowest & 32'hff00ff00), |(lowest & 32'hf0f0f0f0),
-                               |(lowest & 32'hcccccccc), |(lowest & 32'haaaaaaaa)};
-    wire [23:0] event_row = word_row + {19'b0, lowest_index};
+    wire [31:0]    lowest = bits & (~bits + 1);
+    wire [4:0]     lowest_index = {|(lowest & 32'hffff0000), |(lowest & 32'hff00ff00), |(lowest & 32'hf0f0f0f0),
+                                   |(lowest & 32'hcccccccc), |(lowest & 32'haaaaaaaa)};
+    wire           hit = bits_are && bits[row[4:0]];
+    wire [ROW-1:0] event_row = word_row + ROW'(found_bit);
 
     always_ff @(posedge clk) begin
-        mark1 <= marking && !clear;
-        mark_place1 <= mark_place[PLACE-1:0];
-        mark_bit1 <= 32'b1 << mark_step[4:0];
-        over <= step == steps || (by_rows && aligned && row >= rows);
+        {mark1, mark2} <= clear ? 2'b0 : {marking, mark1};
+        {mark_place1, mark_place2} <= {mark_place, mark_place1};
+        mark_bit1 <= marking ? 32'b1 << mark_step[4:0] : 32'b0;
+        over <= step == steps[STEP-1:0] || (by_rows && aligned && row == rows[ROW-1:0]);
+        fetched <= go && (state == FETCH || state == PRIME);
+        if (fetched) visit <= visit_word;
         if (out_ready) out_valid <= 0;
-        case (state)
-            IDLE: if (start) begin
-                {step, row_done} <= 0;
-                state <= FETCH;
+        if (go) begin
+            found <= 0;
+            if (found) begin
+                // Before the first row it wraps, to a large number.
+                out_valid <= !found_visited || event_row < rows[ROW-1:0];
+                out_kind <= found_kind;
+                out_source <= source + SOURCE'(event_row);
             end
-            FETCH: state <= COMPARE;
-            COMPARE: begin
-                due <= {{(23-INDEX){1'b0}}, index} != visits_end && visit_step == step;
-                state <= NEXT;
-            end
-            NEXT:
-            if (by_rows && !over && !row_done) begin
-                channel <= 0;
-                row_done <= 1;
-                state <= CHANNEL;
-            end else if (due) begin
-                {place, source} <= {visit_place, visit_source};
-                next_row <= -origin;
-                words_left <= row_words;
-                state <= PRIME;
-            end else if (free) begin
-                out_valid <= 1;
-                out_kind <= over ? END : TICK;
-                step <= step + 1;
-                row_done <= 0;
-                state <= over ? IDLE : COMPARE;
-            end
-            CHANNEL:
-            if (next_channel) begin
-                channel <= channel + 1;
-                if (hit) begin
-                    out_valid <= 1;
-                    out_kind <= EVENT;
-                    out_source <= row_source[SOURCE-1:0] + channel[SOURCE-1:0] - 1'b1;
+            case (state)
+                IDLE: begin
+                    bits <= marked;
+                    if (start) state <= FETCH;
+                    {step, row_done} <= 0;
+                    row <= origin;
                 end
-                if (channel == channels) state <= NEXT;
-            end
-            PRIME: begin
-                place <= place + 1;
-                bits <= 0;
-                state <= SCAN;
-            end
-            default:
-            if (bits != 0) begin
-                if (free) begin
-                    out_valid <= event_row < rows;  // before the first row it wraps, to a large number
-                    out_kind <= EVENT;
-                    out_source <= source + event_row[SOURCE-1:0];
+                FETCH: state <= HOLD;
+                HOLD: state <= COMPARE;
+                COMPARE: begin
+                    due <= {{(23-INDEX){1'b0}}, index} != visits_end && visit_step == step;
+                    state <= NEXT;
+                end
+                NEXT:
+                if (by_rows && !over && !row_done) begin
+                    source <= row_source[SOURCE-1:0];
+                    place <= row[5+:PLACE];
+                    word_row <= {ROW{1'b1}};
+                    channel <= 0;
+                    {word_is, bits_are} <= 0;
+                    row_done <= 1;
+                    state <= CHANNEL;
+                end else if (due) begin
+                    {place, source} <= {visit_place, visit_source};
+                    word_row <= -origin - ROW'(32);
+                    words_left <= row_words[PLACE:0];
+                    index <= index + 1;
+                    bits <= 0;
+                    state <= PRIME;
+                end else begin
+                    found <= 1;
+                    found_visited <= 0;
+                    found_kind <= over ? END : TICK;
+                    step <= step + 1;
+                    row <= row + 1;
+                    row_done <= 0;
+                    state <= over ? IDLE : COMPARE;
+                end
+                CHANNEL: begin
+                    place <= place + (PLACE'(1) << row_shift[3:0]);
+                    if (next_channel) channel <= channel + 1;
+                    {bits_are, word_is} <= {word_is, next_channel};
+                    bits <= marked;
+                    {found, found_visited, found_kind, found_bit} <= {hit, 1'b0, EVENT, 5'd0};
+                    if (bits_are) word_row <= word_row + 1;
+                    if (!next_channel && !word_is) state <= NEXT;
+                end
+                PRIME: begin
+                    place <= place + 1;
+                    state <= SCAN;
+                end
+                default:
+                if (bits != 0) begin
+                    {found, found_visited, found_kind, found_bit} <= {1'b1, 1'b1, EVENT, lowest_index};
                     bits <= bits & ~lowest;
-                end
-            end else if (words_left != 0) begin
-                bits <= word;
-                word_row <= next_row;
-                next_row <= next_row + 32;
-                place <= place + 1;
-                words_left <= words_left - 1;
-            end else begin
-                index <= index + 1;
-                state <= FETCH;
-            end
-        endcase
+                end else if (words_left != 0) begin
+                    bits <= marked;
+                    word_row <= word_row + 32;
+                    place <= place + 1;
+                    words_left <= words_left - 1;
+                end else state <= COMPARE;
+            endcase
+        end
         if (clear) begin
             state <= IDLE;
-            out_valid <= 0;
+            {out_valid, found} <= 0;
             index <= 0;
         end
     end
 
-    wire unused = &{1'b0, load_address, load_data, mark_place, row_place, row_shift, row_source};
+    wire unused = &{1'b0, load_address, load_data, steps, rows, channels, row_words, row_shift, row_source, align_events};
 endmodule

@@ -7,9 +7,9 @@
 //
 //     0  number: state, constants of the leak and charge are read       5  add bias; add joined voltages
 //     1  they arrive                                                    6  v is their sum
-//     2  magnitudes of u and v                                          7  clip v
-//     3  products with 4096 - d                                         8  compare, write the state, tell of the spike
-//     4  signs; add q to u
+//     2  products of u and v with 4096 - d                              7  clip v, compare
+//     3  their sums                                                     8  write the state, tell of the spike
+//     4  add q to u
 module update #(
     parameter integer COMPARTMENTS = 512,
     parameter integer CHARGE = 18,
@@ -28,7 +28,8 @@ module update #(
     // The charge that is due, two cycles after its compartment was issued, in units of 64.
     input  logic [CHARGE-1:0]               charge,
     output logic                            busy,
-    // What became of a compartment, in the last of its cycles.
+    // What became of a compartment, in the last of its cycles; its number a cycle earlier, too.
+    output logic [$clog2(COMPARTMENTS)-1:0] early_number,
     output logic                            done,
     output logic [$clog2(COMPARTMENTS)-1:0] done_number,
     output logic                            fired,
@@ -67,6 +68,7 @@ module update #(
         {valid3, valid4, valid5, valid6, valid7, valid8} <= clear ? 6'b0 : {valid2, valid3, valid4, valid5, valid6, valid7};
     end
     assign busy = |issued;
+    assign early_number = number7;
     clock_gate gate (.clk, .enable(issue || busy || clear || load_leak || load_fire), .gated(ticking));
 
     // 0 and 1: state and constants of the leak.
@@ -175,9 +177,12 @@ module update #(
     wire signed [SUM-1:0]  low7 = {{(SUM-23){vmin7[23]}}, vmin7[22:0]};
     wire signed [SUM-1:0]  high7 = {{(SUM-23){vmax7[23]}}, vmax7[22:0]};
     logic signed [23:0]    clipped8;
-    logic                  clip8;
+    logic                  clip8, above8;
     always_ff @(posedge ticking) begin
         sum7 <= rest6 + {{(SUM-23){drive6[23]}}, drive6[22:0]};
+        // Limits do not matter here: the lower one is never above a threshold, and where the upper one is not above it, the
+        // loader says that the compartment does not spike.
+        above8 <= sum7 > $signed({{(SUM-23){1'b0}}, fire7[16:0], 6'b0});
         clip8 <= sum7 < low7 || sum7 > high7;
         clipped8 <= sum7 < low7 ? vmin7 : sum7 > high7 ? vmax7 : sum7[23:0];
     end
@@ -191,9 +196,10 @@ module update #(
     wire [ENTRY-1:0]  entry8;
     assign {entry8, by_potential8, read_out8, parent8, first_child8, child8, vmax_log8, vmin_log8, spiking8, blocks8,
             threshold8} = fire8;
-    wire held8 = blocked8 != 0;
+    logic held8;
+    always_ff @(posedge ticking) held8 <= blocked7 != 0;
 
-    assign fired = valid8 && spiking8 && !held8 && clipped8 > $signed({1'b0, threshold8, 6'b0});
+    assign fired = valid8 && spiking8 && !held8 && above8;
     assign potential = held8 ? 24'd0 : clipped8;
     assign done_v = fired ? 24'd0 : potential;
     assign done_u = u8;
@@ -211,9 +217,10 @@ module update #(
     assign entry = entry8;
 
     join_sums #(.WIDTH(JOIN), .COMPARTMENTS(COMPARTMENTS)) joins (
-        .clk(ticking), .child(valid8 && child8), .first(first_child8), .parent(parent8), .v(done_v),
+        .clk(ticking), .child(valid8 && child8), .first(first_child8), .parent(parent8), .v(clipped8),  // a child does not fire
+       
         .read(valid3 && has_children3), .read_address(number3), .joined(joined4)
     );
 
-    wire unused = &{1'b0, load_address, load_data, vmin_log8, vmax_log8};
+    wire unused = &{1'b0, load_address, load_data, threshold8, vmin_log8, vmax_log8};
 endmodule

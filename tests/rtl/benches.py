@@ -32,6 +32,7 @@ def ends_of_ranges() -> tuple[hw.ChipProgram, np.ndarray]:
     for target in (one, two, one, two, y):
         for exponent, delay in ((7, 0), (7, 0), (-2, 3)):
             weights = 2 * r.integers(-128, 128, (target.size, 4))
+            weights[0, 0] = 2  # with exponent -2 it adds nothing, and is counted
             b.connect(x, target, weights, exponent=exponent, delay=delay)
     b.connect(x, y, 255 * np.ones((3, 4), dtype=int), sign_mode="excitatory", delay=62)
     for source in (one, two):

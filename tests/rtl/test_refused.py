@@ -67,6 +67,11 @@ def two_first_steps() -> hw.ChipProgram:
     return hybrids.assembled(benches.CHIP, Readout(("y", "z"), (1.0, 1.0), (1, 2)), b.graph())
 
 
+def a_long_phase() -> hw.ChipProgram:
+    visit = {"positions": np.arange(CHANNELS)}
+    return benches.together(branch("a", Phase("a", "location", 1 << 16), CHANNELS, visit))
+
+
 CASES = {
     other_widths: "current_bits other than 23 (20)",
     a_group_twice: "readout of a group twice (a/y, a/y)",
@@ -75,6 +80,7 @@ CASES = {
     late_potentials: "readout of potentials of a phase that starts late ('a')",
     a_stream_of_two: "start by some of several streams (touch)",
     different_lengths: "phase of transposed inputs of different lengths ([4, 5])",
+    a_long_phase: "phase of more than 65535 steps after the first (65536)",
     two_first_steps: "readout of potentials from several steps of a phase ([1, 2])",
 }
 
