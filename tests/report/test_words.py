@@ -8,7 +8,7 @@ import yaml
 
 import locsnn_compile
 from locsnn_compile.report.content import Block, Fact, Facts, Table, facts, table
-from locsnn_compile.report.renderers.pieces import Pieces
+from locsnn_compile.report.pieces import Pieces
 from locsnn_compile.report.templates import sections
 from locsnn_compile.report.words import OPERATIONS, STAGES, fill, section_words, sentence, words
 from locsnn_compile.verification.error_budget.budget import STAGES as COMPILED
@@ -58,7 +58,7 @@ def test_every_block_has_a_piece_in_every_form(file):
 
 
 def test_pieces_hold_what_is_there():
-    pieces = Pieces("pieces.html", str.upper)
+    pieces = Pieces("locsnn_compile.report.renderers", "pieces.html", str.upper)
     assert pieces.each([Fact("a", "b")], "fact") == "<div><dt>A</dt><dd>B</dd></div>"
     assert (pieces.some((), "assumed"), pieces.each(["c", Facts(())])) == (
         "",

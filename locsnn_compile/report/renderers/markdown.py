@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from locsnn_compile.report import content
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.format import plain
-from locsnn_compile.report.renderers.pieces import Pieces
+from locsnn_compile.report.pieces import Pieces
 
 if TYPE_CHECKING:
     from locsnn_compile.verification.excerpt import Excerpt
@@ -45,4 +45,4 @@ def line(cells: Sequence[str]) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-_PIECES = Pieces("pieces.md", text, table=_table)
+_PIECES = Pieces(__package__, "pieces.md", text, table=_table)

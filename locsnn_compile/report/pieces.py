@@ -1,6 +1,6 @@
 """Forms of the report as pieces of markup, in files next to the renderers."""
 
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any
 
 from locsnn_compile.report.templates import Filler, sections
@@ -16,20 +16,29 @@ class Pieces(Filler):
     """
 
     def __init__(
-        self, file: str, escape: Callable[[str], str], *, folded: bool = False, **shown: Callable[..., str]
+        self,
+        package: str,
+        file: str,
+        escape: Callable[[str], str],
+        *,
+        folded: bool = False,
+        **shown: Callable[..., str],
     ) -> None:
-        super().__init__({"": escape, "raw": str, "each": self.each, "some": self.some, **shown})
-        found = sections(__package__, file, assumed=ASSUMED)
+        super().__init__(
+            {"": lambda value: escape(str(value)), "raw": str, "each": self.each, "some": self.some, **shown}
+        )
+        found = sections(package, file, assumed=ASSUMED)
         self._pieces = {name: "".join(piece.splitlines()) if folded else piece for name, piece in found.items()}
 
     def each(self, values: Iterable[Any], name: str = "") -> str:
         """Return a piece for each value, by default that of its type; each knows its ``index``."""
-        return "".join(self.piece(name or type(value).__name__, value, index=i) for i, value in enumerate(values))
+        return "".join(self.piece(name or type(value).__name__, value, i) for i, value in enumerate(values))
 
     def some(self, values: Collection[Any], name: str) -> str:
         """Return a piece of all values, nothing where there are none."""
         return self.piece(name, values) if values else ""
 
-    def piece(self, name: str, content: Any, **more: Any) -> str:
-        """Return a piece, filled with what some content holds, and more."""
-        return self.fill(self._pieces[name], {"self": content, **getattr(content, "__dict__", {}), **more})
+    def piece(self, name: str, content: Any, index: int = 0, **more: Any) -> str:
+        """Return a piece, filled with what some content holds, a mapping or any object, and more."""
+        held = content if isinstance(content, Mapping) else getattr(content, "__dict__", {})
+        return self.fill(self._pieces[name], {"self": content, "index": index, **held, **more})
