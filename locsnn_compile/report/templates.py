@@ -2,15 +2,15 @@
 
 import re
 import string
-import sys
 from collections.abc import Callable, Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 
 def filled(package: str, name: str, **given: str) -> str:
     """Return a text file of a package, its places filled with what is given, or with the file that a place names."""
-    folder = Path(sys.modules[package].__path__[0])
+    folder = Path(import_module(package).__path__[0])
 
     def part(place: re.Match[str]) -> str:
         return given[place[1]] if place[1] in given else folder.joinpath(place[1]).read_text("utf-8")
