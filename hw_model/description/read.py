@@ -8,6 +8,7 @@ from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 from hw_model.description.counts import BY_CORE, COUNT_NAMES
 from hw_model.description.profile import NotIncluded, Profile, Range
 from hw_model.errors import InputError, check_most, did_you_mean
+from hw_model.io.given import size_of
 from hw_model.io.yaml_text import load_yaml
 from hw_model.values import Frozen
 
@@ -26,7 +27,7 @@ def read_description(path: Path, what: str, example: str) -> str:
     """Return the text of a file that describes a chip or a profile; ``example``: files that it should be like."""
     try:
         fix, too_large = f"Give a {what} file like {example}.", f"the file is too large for a {what} description"
-        check_most(path.stat().st_size, MAX_FILE_BYTES, path.name, too_large, unit="bytes", fix=fix)
+        check_most(size_of(path), MAX_FILE_BYTES, path.name, too_large, unit="bytes", fix=fix)
         return path.read_text("utf-8")
     except (OSError, UnicodeDecodeError) as error:
         fix = f"Give the path of a {what} YAML file."

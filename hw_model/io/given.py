@@ -4,6 +4,7 @@ import errno
 import functools
 import inspect
 import os
+import stat
 from collections.abc import Callable, Iterator, Sequence
 from numbers import Integral, Real
 from pathlib import Path
@@ -55,6 +56,14 @@ def check_path(path: str | Path, where: str) -> None:
         if error.errno == errno.ENAMETOOLONG:
             longest = max(len(os.fsencode(part)) for part in Path(path).parts)
             raise InputError(where, "the name is too long", measured=f"{longest} bytes", fix="Shorten it.") from None
+
+
+def size_of(path: Path) -> int:
+    """Return the bytes of a file; ``OSError`` for a pipe or a device, which may never come to an end."""
+    found = path.stat()
+    if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):
+        raise OSError(errno.EINVAL, "it is not a plain file")
+    return found.st_size
 
 
 def _bound(signature: inspect.Signature, args: Any, kwargs: Any) -> Iterator[tuple[str, Any]]:

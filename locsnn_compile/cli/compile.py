@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 from locsnn_compile.backends import BENCH_KINDS, BUILD_NAMES, EMIT_KINDS, EMITTED_NAMES
 from locsnn_compile.cli.checks import check_psi, given, recording_of
 from locsnn_compile.cli.completion import answer_shell
-from locsnn_compile.cli.shell import EXIT_GATE, Parser, declared, guarded, progress_bar, texts_of
+from locsnn_compile.cli.shell import EXIT_GATE, Parser, declared, guarded, progress_bar, terminal, texts_of
 from locsnn_compile.cli.step_options import asked_reading, with_steps
 from locsnn_compile.errors import InputError, check_known
 from locsnn_compile.report.figures.flat import picked
@@ -112,11 +112,9 @@ def run(args: Namespace) -> int:
 
 
 def _print_summary(report: dict[str, Any], folder: Path, files: dict[str, bytes]) -> None:
-    from rich.console import Console
-
     from locsnn_compile.report.renderers.terminal import render_terminal
 
-    console = Console()
+    console = terminal()
     render_terminal(report, console)
     names = dict.fromkeys(f"{name.split('/')[0]}/" if "/" in name else name for name in files)
     console.print(f"wrote {folder}/: {', '.join(names)}", markup=False, highlight=False, soft_wrap=True)

@@ -11,6 +11,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from locsnn_compile.cli.shell import terminal
 from locsnn_compile.errors import InputError
 
 if TYPE_CHECKING:
@@ -48,11 +49,9 @@ def run(args: argparse.Namespace) -> int:
             by = percent(a, b)
             print(f"{key}: {a} -> {b}{f' ({by})' if by else ''}")
     else:
-        from rich.console import Console
-
         from locsnn_compile.report.renderers.terminal import render_summary
 
-        render_summary(comparison(before, after), Console())
+        render_summary(comparison(before, after), terminal())
         print("\n--all lists every figure that changed.")
     return 0
 
@@ -69,7 +68,7 @@ def _build(folder: Path) -> "Build":
 def read_report(folder: Path) -> dict[str, Any]:
     """Return report.json of a build; anything else is an ``InputError``."""
     from hw_model.io.folders import finish_writing
-    from hw_model.io.given import check_path
+    from hw_model.io.given import check_path, size_of
 
     check_path(folder, f"build {folder.name[:60]!r}")
     finish_writing(folder)
@@ -77,7 +76,7 @@ def read_report(folder: Path) -> dict[str, Any]:
     where = f"build {folder.name!r}"
     fix = "Give a folder that locsnn-compile wrote."
     try:
-        if path.stat().st_size > MAX_REPORT_BYTES:
+        if size_of(path) > MAX_REPORT_BYTES:
             raise InputError(where, "its report.json is too large", fix=fix)
         document = json.loads(path.read_bytes())
     except OSError as error:

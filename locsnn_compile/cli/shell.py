@@ -18,11 +18,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
-from typing import Any, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 from locsnn_compile import __version__
 from locsnn_compile.cli.options import add_options
 from locsnn_compile.errors import InputError, LocsnnError, check_known
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 _OTHERS = ("help", "options", "version")
 
@@ -199,6 +202,17 @@ def guarded(parser: Parser, typed: Sequence[str] | None, run: Callable[[argparse
         if error.filename is None and error.errno in _NO_ROOM:
             _drop_output()
         return EXIT_INPUT
+
+
+def terminal() -> "Console":
+    """Return what prints with colours; rich would leave with 1 where the reader of our output goes away."""
+    from rich.console import Console
+
+    class Terminal(Console):
+        def on_broken_pipe(self) -> None:
+            raise BrokenPipeError
+
+    return Terminal()
 
 
 def _as_typed(error: LocsnnError, typed: Sequence[str]) -> LocsnnError:

@@ -20,6 +20,7 @@ import locsnn_compile as lc
 from hw_model.errors import MAX_PART, InputError
 from hw_model.io.files import MAX_DIRECTORY_BYTES, check_directory
 from hw_model.io.yaml_text import load_yaml
+from locsnn_compile.cli.diff import read_report
 from locsnn_compile.cli.main import main
 from locsnn_compile.data import read_recordings
 from locsnn_compile.frontends.slayer.description import read_config as read_slayer_config
@@ -275,6 +276,9 @@ def packed_npy(array):
 PIPES = [
     ("events", "a.npy", lambda path: read_recordings(path), "file 'a.npy': it is not a plain file. Write it to a file first."),
     ("a model", "a.nir", lambda path: lc.load(path), "model 'a.nir': it is not a plain file. Write it to a file first."),
+    ("a chip", "a.yaml", lambda path: hw.chip(path), "a.yaml: the chip file cannot be read: it is not a plain file. Give the path of a chip YAML file."),
+    ("a configuration", "a.yaml", lambda path: read_training_config(path), "config 'a.yaml': it cannot be read (it is not a plain file). Check the path."),
+    ("a report", "report.json", lambda path: read_report(path.parent), "build 'NAME': report.json cannot be read: it is not a plain file. Give a folder that locsnn-compile wrote."),
     ("a program", "program.yaml", lambda path: hw.load_program(path.parent), "program.yaml: it is not a plain file. Give the folder that the compiler wrote."),
 ]  # fmt: skip
 
@@ -282,7 +286,7 @@ PIPES = [
 @pytest.mark.parametrize(("name", "read", "message"), [row[1:] for row in PIPES], ids=[row[0] for row in PIPES])
 def test_a_pipe_that_nobody_writes_to(tmp_path, name, read, message):
     os.mkfifo(tmp_path / name)
-    assert message_of(read, tmp_path / name) == message
+    assert message_of(read, tmp_path / name) == message.replace("NAME", tmp_path.name)
 
 
 def test_names_that_would_move_the_cursor_are_written_out(tmp_path):
