@@ -1,0 +1,284 @@
+"""What is tried from end to end, a group of cases for each function, whose docstring is what the page says of it.
+
+What a neuron is: its time constants, decays, threshold, refractory count and bias. What reaches it: weights and what
+rounding makes of them, delays, and inputs from silence to every line.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+import yaml
+
+from hw_model.arithmetic.fixed_point import WEIGHT_BITS, WEIGHT_EXPONENTS
+from hw_model.io.yaml_text import FAST_LOADER
+from locsnn_compile.network.neurons import Rule
+from locsnn_compile.network.projections import Signs
+from locsnn_compile.network.quantized import ChipCuba, ChipNeuron, ChipSrm
+from locsnn_compile.passes.rounding.task import FINE, NEAREST, Rounding
+from locsnn_compile.report.templates import filled
+from locsnn_compile.settings import NATIVE, USUAL
+from locsnn_compile.stress.cases import case as usual
+from locsnn_compile.stress.cases.case import (
+    CHANNELS,
+    NEURONS,
+    THETA,
+    Case,
+    case_of,
+    lif,
+    lif_case,
+    srm,
+    srm_cases,
+    weights,
+)
+
+STEPS_OF_TAU = (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 8000, 10_000)
+SHORT, LONG, FROM = 200, 2000, 200
+"""Steps of a recording: of time constants of 200 steps and more, the longer."""
+ENDS = (0, 1, 4095, 4096)
+THRESHOLD = 400
+PARTS = (1, 2, 3, 4, 7)
+"""A threshold in so many spikes."""
+RULES: tuple[Rule, ...] = (">", ">=")
+LIMIT = 4090.0
+"""Thresholds: about the largest bias next to which a threshold mantissa of 1 is left."""
+EXTREMES: dict[str, dict[str, dict[str, Any]]] = yaml.load(filled(__package__, "extremes.yaml"), FAST_LOADER)
+"""By neuron and name of the case what is changed."""
+DECADES = range(-6, 7)
+DELAYS = (0, 1, 61, 62, 63, 10**9)
+ROUNDINGS: dict[str, Rounding] = {
+    "nearest": NEAREST,
+    "two decays": Rounding(fitted_decays=True),
+    "several formats": Rounding(graded=True),
+    "together": Rounding(error_aware=True),
+    "scales apart": Rounding(scaled_apart=True),
+    "all of these": FINE,
+    "a quarter split": replace(FINE, split=0.25),
+    "all split": replace(FINE, split=1.0),
+}
+TIME_CONSTANTS = (10.0, 100.0)
+CROWD = 4096
+"""Input axons that a core has; a neuron with a self-synapse takes one for itself."""
+
+
+def time_constants() -> Iterator[Case]:
+    """From half a step to more than a decay holds. The decay nearest to `exp(-1 / tau)` is within 1/8192 of it, so long
+    time constants are coarse: at 1,000 steps it has 3 bits. From about 2,000 steps the alpha kernel gains so much that
+    all weights are less than the smallest charge.
+    """
+    for tau in STEPS_OF_TAU:
+        played = usual.random_input(LONG if tau >= FROM else SHORT, samples=1)
+        given, leaky = weights(tau), weights(tau, response="leak")
+        yield from srm_cases(f"tau_sr {tau:g}", srm(tau_sr=tau), given, played, x=tau)
+        yield lif_case(f"leak of {tau:g} steps", lif(tau), leaky, played, x=tau)
+        both = lif(tau, decay_u=-np.expm1(-1 / tau))
+        yield lif_case(f"leak and current of {tau:g}", both, given / tau**0.5, played)
+
+
+def refractory_time_constants() -> Iterator[Case]:
+    """The kernel of the neuron's own spikes. `dendrite` takes what a decay holds, `delay-line` what 63 steps of delay
+    hold, and `reset` has none.
+    """
+    for tau in STEPS_OF_TAU:
+        yield from srm_cases(f"tau_ref {tau:g}", srm(tau_ref=tau))
+
+
+def decays() -> Iterator[Case]:
+    """Networks that are integers already: all of the error is truncation. A decay of 0 or 4096 cuts nothing."""
+    mantissa = np.random.default_rng(usual.SEED).integers(-90, 120, (NEURONS, CHANNELS))
+    for decay_u, decay_v in product(ENDS, ENDS):
+        neuron = ChipCuba.of(NEURONS, decay_u=decay_u, decay_v=decay_v, threshold=THRESHOLD)
+        yield case_of(f"decay_u {decay_u}, decay_v {decay_v}", NATIVE, neuron, mantissa)
+    for decay, own in ((0, 4096), (1, 4095), (4095, 1), (4096, 0)):
+        dendrite = ChipSrm.with_taps(
+            NEURONS,
+            decay=decay,
+            threshold=THRESHOLD,
+            refractory_decay=own,
+            mantissa=-200,
+            exponent=1,
+        )
+        yield case_of(f"decays {decay}, refractory {own}", "dendrite", dendrite, mantissa)
+        taps = ChipSrm.with_taps(
+            NEURONS, decay=decay, threshold=THRESHOLD, delay=[0, 1, 62], mantissa=[-200, 100, -50], exponent=[1, 1, 0]
+        )
+        yield case_of(f"decays {decay}", "delay-line", taps, mantissa)
+
+
+def exact_thresholds() -> Iterator[Case]:
+    """Weights that add up to the threshold exactly. Where the chip holds them without rounding the rule, `>` or `>=`,
+    is kept; elsewhere the least rounding decides, and each such decision is counted.
+    """
+    one, two = (usual.random_input(channels=channels) for channels in (1, 2))
+    for rule in RULES:
+        for parts in PARTS:
+            name, neuron = "one spike" if parts == 1 else f"{parts} spikes", lif(size=1, decay_v=0.0, rule=rule)
+            yield lif_case(f"integrator, {name}, rule {rule}", neuron, [[THETA / parts]], one)
+        neuron = lif(size=1, decay_v=1.0, rule=rule)
+        yield lif_case(f"memoryless, 1/4 and 3/4, rule {rule}", neuron, [[0.25 * THETA, 0.75 * THETA]], two)
+    # Single spikes so far apart that the kernel of one is over before the next.
+    apart = np.zeros_like(one)
+    apart[:, 0 : usual.STEPS : usual.STEPS // 2] = 1
+    for strategy, tau in product(USUAL, (1.0, 10.0)):
+        yield case_of(f"peak of a kernel of {tau:g}", strategy, srm(tau_sr=tau), [[THETA]], apart)
+    for over, word in ((0, "at"), (1, "a unit above")):
+        memoryless = ChipCuba.of(1, decay_u=4096, decay_v=4096, threshold=100, bias_mantissa=over)
+        yield case_of(f"integers, {word} it", NATIVE, memoryless, [[100]], one)
+    memoryless_srm = ChipSrm.with_taps(1, decay=4096, threshold=100, refractory_decay=4096, mantissa=-1, exponent=0)
+    yield case_of("integers, at it", "dendrite", memoryless_srm, [[100]], one)
+
+
+def refractory_counts() -> Iterator[Case]:
+    """Steps that a neuron is held after a spike: the chip counts to 63."""
+    for steps in (0, 1, 2, 63, 64, 10**12):
+        yield lif_case(f"count {steps}", lif(refractory=steps), weights(response="leak") * 3)
+    for scale in (5.0, 10.0, 100.0):
+        yield case_of(f"scale_ref {scale:g}", "reset", srm(scale_ref=scale), weights() * 3)
+
+
+def biases() -> Iterator[Case]:
+    """A bias of less than half a unit of the register is lost, and one of more than 4,095 thresholds is refused."""
+    one = usual.random_input(channels=1)
+    for bias in (1e-9, 1e-6, 1e-3, 0.05, 1.0, 100.0, LIMIT, LIMIT + 10, -0.05, -100.0, -LIMIT):
+        yield lif_case(f"{bias:g} thresholds", lif(bias=bias * THETA))
+    alone = lif(bias=0.2 * THETA, decay_v=0.0)
+    yield lif_case("bias alone, nothing fades", alone, np.zeros((NEURONS, 1)), one)
+    for mantissa, exponent in ((-4096, 7), (4095, 7), (4095, 0), (4096, 0), (-4097, 0), (1, 8)):
+        neuron = ChipCuba.of(
+            NEURONS, decay_u=4096, decay_v=410, threshold=8000, bias_mantissa=mantissa, bias_exponent=exponent
+        )
+        name, given = f"mantissa {mantissa}, exponent {exponent}", np.full((NEURONS, 1), 255)
+        yield case_of(name, NATIVE, neuron, given, one)
+
+
+def float_extremes() -> Iterator[Case]:
+    """Denormal, infinite, not a number: refused, or counted as lost; nothing turns into nan."""
+    for name, change in EXTREMES["srm"].items():
+        neuron = replace(srm(), **change)
+        scaled = weights() * (neuron.theta / THETA if 1e-200 < neuron.theta < 1e200 else 1.0)
+        yield from srm_cases(name, neuron, scaled)
+    for name, change in EXTREMES["lif"].items():
+        given = weights(response="leak") * change.get("weights times", 1.0)
+        for which, first in (("weights", 0), ("weights but the first", 1)):
+            if which in change:
+                given[:, first:] = change[which]
+        integrator = lif(**{key: value for key, value in change.items() if not key.startswith("weights")})
+        yield lif_case(name, integrator, given)
+
+
+def one_scale_for_all() -> Iterator[Case]:
+    """Twelve orders of magnitude, and equal integers: only ratios reach the chip."""
+    for decade in DECADES[::3]:
+        by, name = 10.0**decade, f"both times 1e{decade:+d}"
+        yield from srm_cases(name, srm(theta=THETA * by), weights() * by)
+        yield lif_case(name, lif(threshold=THETA * by), weights(response="leak") * by)
+
+
+def weights_against_thresholds() -> Iterator[Case]:
+    """Twelve orders of magnitude against one threshold. Below, weights round to 0; above, a single step's charge fills
+    its register.
+    """
+    for decade in DECADES:
+        by, name = 10.0**decade, f"weights times 1e{decade:+d}"
+        yield from srm_cases(name, given=weights() * by, x=by)
+        yield lif_case(name, given=weights(response="leak") * by, x=by)
+
+
+def weight_shapes() -> Iterator[Case]:
+    """One exponent serves a population, so one huge weight takes the bits of all others."""
+    shape, drawn = (NEURONS, CHANNELS), weights()
+    lonely, uneven = np.zeros(shape), drawn.copy()
+    lonely[0, 0] = THETA
+    uneven[0, 0] = 1000 * THETA
+    for name, given in (
+        ("all equal", np.full(shape, 0.1 * THETA)),
+        ("all zero", np.zeros(shape)),
+        ("one, of all", lonely),
+        ("one huge among small ones", uneven),
+        ("one neuron far heavier", drawn * np.array([1000.0, 1.0, 1.0, 1.0])[:, None]),
+        ("all negative", -np.abs(drawn)),
+        ("negative zeros", np.full(shape, -0.0)),
+    ):
+        yield from srm_cases(name, given=given)
+        yield lif_case(name, given=given)
+
+
+def weight_bits() -> Iterator[Case]:
+    """Every width of a synapse format, and 7, which none has."""
+    for bits in (*WEIGHT_BITS, 7):
+        name = "1 bit" if bits == 1 else f"{bits} bits"
+        yield from srm_cases(name, weight_bits=bits)
+        yield lif_case(name, weight_bits=bits)
+
+
+def roundings() -> Iterator[Case]:
+    """Each step beyond rounding to the nearest, alone and all together; the other groups have all but splitting, as
+    `locsnn-compile` does. Weights are rounded for recordings that are not played here.
+    """
+    for name, rounding in ROUNDINGS.items():
+        for tau in TIME_CONSTANTS:
+            yield from srm_cases(f"{name}, tau_sr {tau:g}", srm(tau_sr=tau), weights(tau), rounding=rounding)
+        yield lif_case(name, rounding=rounding)
+
+
+def weight_exponents() -> Iterator[Case]:
+    """Integer weights at the ends of their grid; the threshold grows with the exponent. A negative exponent takes the
+    low bits, of the smallest weights all.
+    """
+    ends: dict[Signs, tuple[int, ...]] = {"apart": (-255, -1, 1, 255), "mixed": (-256, -2, 2, 254)}
+    for signs, mantissas in ends.items():
+        mantissa = np.random.default_rng(usual.SEED).choice(mantissas, (NEURONS, CHANNELS))
+        for exponent in WEIGHT_EXPONENTS[:: 1 if signs == "mixed" else 5]:
+            neuron = ChipCuba.of(NEURONS, decay_u=4096, decay_v=410, threshold=max(1, int(255 * 2.0**exponent)))
+            name = f"exponent {exponent}, signs {signs}"
+            yield case_of(name, NATIVE, neuron, mantissa, exponent=exponent, signs=signs)
+
+
+def delays() -> Iterator[Case]:
+    """Up to 62 steps."""
+    for delay in DELAYS:
+        yield case_of(f"delay {delay}", "dendrite", srm(), weights(), delay=delay)
+        yield lif_case(f"delay {delay}", delay=delay)
+    many = np.random.default_rng(usual.SEED).integers(0, 63, (NEURONS, CHANNELS))
+    yield lif_case("delays 0 to 62, each its own", delay=many)
+
+
+def input_patterns() -> Iterator[Case]:
+    """Silence, single spikes, alternating, bursts and every line in every step, onto the published neuron."""
+    none = np.zeros((1, usual.STEPS, CHANNELS), dtype=np.uint8)
+    once, alternating, bursts = none.copy(), none.copy(), none.copy()
+    once[0, 0, 0] = 1
+    alternating[0, ::2] = 1
+    bursts[0, np.arange(usual.STEPS) % 50 < 10] = 1
+    for name, played in (
+        ("none", none),
+        ("one spike", once),
+        ("one a channel, in turn", np.eye(CHANNELS, dtype=np.uint8)[np.arange(usual.STEPS) % CHANNELS][None]),
+        ("alternating", alternating),
+        ("bursts", bursts),
+        ("every step", np.ones_like(none)),
+        ("random", usual.random_input()),
+    ):
+        yield from srm_cases(name, played=played)
+        yield lif_case(name, played=played)
+
+
+def crowds() -> Iterator[Case]:
+    """All the inputs that a core has, with the largest weights there are, in every step: the charge of one step wraps,
+    and every wrap is counted.
+    """
+    neuron = ChipCuba.of(1, decay_u=410, decay_v=410, threshold=1000)
+    dendrite = ChipSrm.with_taps(1, decay=390, threshold=8000, refractory_decay=2589, mantissa=-250, exponent=6)
+
+    def crowd(name: str, strategy: str, model: ChipNeuron, lines: int, weight: int, **more: Any) -> Case:
+        every = np.ones((1, 20, lines), dtype=np.uint8)
+        return case_of(f"{lines} inputs{name}", strategy, model, np.full((1, lines), weight), every, **more)
+
+    for sign, word in ((1, "excite"), (-1, "inhibit")):
+        for exponent in (0, 7):
+            name = f" {word}, exponent {exponent}"
+            yield crowd(name, NATIVE, neuron, CROWD, sign * 255, exponent=exponent)
+            yield crowd(name, "dendrite", dendrite, CROWD - 1, sign * 255, exponent=exponent)
+    yield crowd("", "dendrite", dendrite, CROWD, 255)
