@@ -39,7 +39,6 @@ FILES_OF_LOOPS = (
     "engine/layout",
     "engine/tiles",
     "streaming/location_phase",
-    "streaming/time_phase",
 )
 
 OPTIONS = {"_nrt": False, "nogil": True, "boundscheck": False, "no_cfunc_wrapper": True}

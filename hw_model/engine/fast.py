@@ -38,21 +38,27 @@ def _run_part(
     kept = tiles.NOTHING_KEPT
     if windows:
         kept = tiles.Kept(True, *(_kept(kind, layout, trace, windows, part) for kind in REGISTERS))
-    rooms, loop = _made(layout)
+    rooms, _ = _made(layout)
     try:
         room = rooms.pop()  # of two threads that ask for the last one, one finds none
     except IndexError:
         room = tiles.first_state(layout), tiles.workspace(layout)
     arguments = (
         *join_lists(played.events, part), played.start[part], played.stop[part],
-        layout.nodes, layout.chunks, layout.links, *room, skip,
+        layout.nodes, layout.chunks, layout.links, *room, skip, False,
         trace.spikes[part], trace.sent[part], trace.active[part], trace.events[part], trace.totals[part], kept,
     )  # fmt: skip
-    if not loop:
-        loop.append(entry(_run, *arguments))
-    loop[0](*arguments)
+    machine_code(layout, arguments)(*arguments)
     if layout.columns <= SMALL:
         rooms.append(room)
+
+
+def machine_code(layout: FastLayout, arguments: tuple[Any, ...]) -> Callable[..., Any]:
+    """Return the loop over recordings for a layout, given arguments of the kinds that it is always called with."""
+    _, loop = _made(layout)
+    if not loop:
+        loop.append(entry(_run, *arguments))
+    return loop[0]
 
 
 @lru_cache(maxsize=8)
@@ -70,24 +76,27 @@ def _kept(
     return tiles.KeptRegister(place, window.start, trace.registers.get(kind, window.empty(part.stop))[part])
 
 
-def join_lists(events: Sequence[EventLists], part: slice) -> tuple[IntArray, Int32Array]:
+def join_lists(events: Sequence[EventLists], part: slice = slice(None)) -> tuple[IntArray, Int32Array]:
     """Return the lists of several inputs as one: where each recording of ``part``, row and input begins, and lines."""
+    if len(events) == 1:
+        return np.ascontiguousarray(events[0].first[part])[:, :, None], events[0].channel
     offset = 0
     first = np.empty((*events[0].first[part].shape, len(events)), dtype=np.int64)
     for node, lists in enumerate(events):
         np.add(lists.first[part], offset, out=first[:, :, node])
         offset += len(lists.channel)
-    return first, events[0].channel if len(events) == 1 else np.concatenate([lists.channel for lists in events])
+    return first, np.concatenate([lists.channel for lists in events])
 
 
 @compiled
 def _run(  # type: ignore[no-untyped-def]
-    first, line, start, stop, nodes, chunks, links, state, work, skip, spikes, sent, active, events, totals, kept
+    first, line, start, stop, nodes, chunks, links, state, work, skip, on, spikes, sent, active, events, totals, kept
 ):
-    """Run recordings one after the other, each tile by tile."""
+    """Run recordings one after the other, each tile by tile; ``on``: go on from the state as it is."""
     tile = len(work.masks)
     for b in range(len(spikes)):
-        tiles.reset(state)
+        if not on:
+            tiles.reset(state)
         for step in range(start[b], stop[b], tile):
             rows = min(tile, stop[b] - step)
             totals[b, SKIPPED] += tiles.run_tile(

@@ -17,7 +17,7 @@ def read_streams(program: ChipProgram, spikes: Spikes) -> tuple[dict[str, ByteAr
     """Return every stream as (batch, steps, channels) of 0 and 1, and whether a batch was given."""
     expected = program.streams
     given = dict(spikes) if isinstance(spikes, Mapping) else {name: spikes for name in list(expected)[:1]}
-    if sorted(given) != sorted(expected):
+    if given.keys() != expected.keys():
         raise InputError(
             "spikes", f"the program plays {', '.join(sorted(expected))}", fix="Give a mapping with one array for each."
         )

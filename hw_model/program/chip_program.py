@@ -165,7 +165,7 @@ class ChipProgram(Shown):
                 source[begin[axons.out_core] + axons.out_axon] = sent
         return tuple(np.split(source, begin[1:-1]))
 
-    @property
+    @cached_property
     def streams(self) -> dict[str, int]:
         """Recordings that the program expects, by name, with their channels."""
         return {item.stream: item.channels for item in self.inputs}

@@ -71,6 +71,7 @@ class Session:
         self._length = _length(program, psi)
         self._branches = [_Branch(program, phase) for phase in program.phases]
         place = {name: i for i, branch in enumerate(self._branches) for name in branch.columns}
+        self._classes = program.populations[program.readout.populations[0]]
         self._output = [
             _Output(name, float(weight), place[name], self._branches[place[name]].columns[name])
             for name, weight in program.readout.terms
@@ -94,11 +95,14 @@ class Session:
         rows = next(iter(streams.values())).shape[1]
         counts = [branch.push(self.steps, streams) for branch in self._branches]
         self.steps += rows
-        found = {output.population: counts[output.branch][:, output.columns] for output in self._output}
-        scores = sum(self._weight(output, rows) * found[output.population] for output in self._output)
-        potential = {name: so_far for name, so_far in found.items() if name in self._by_potential}
-        spikes_of = {name: so_far for name, so_far in found.items() if name not in potential}
-        return StepScores(spikes_of, potential, np.asarray(scores, dtype=np.float64))
+        spikes_of: dict[str, IntArray] = {}
+        potential: dict[str, IntArray] = {}
+        scores = np.zeros((rows, self._classes))
+        for output in self._output:
+            found = counts[output.branch][:, output.columns]
+            (potential if output.population in self._by_potential else spikes_of)[output.population] = found
+            scores += self._weight(output, rows) * found
+        return StepScores(spikes_of, potential, scores)
 
     @property
     def replayed(self) -> tuple[int, int]:

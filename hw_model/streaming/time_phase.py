@@ -1,14 +1,16 @@
 """A phase whose inputs are played as they come: rows are pushed, and its state goes on from push to push."""
 
-from typing import NamedTuple
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hw_model.engine import tiles
-from hw_model.engine.compiled import absorbed, compiled, entry, inner
+from hw_model.engine.events import list_events
+from hw_model.engine.fast import join_lists, machine_code
 from hw_model.engine.layout import FastLayout
-from hw_model.engine.tiles import TILE
-from hw_model.values import AnyArray, ByteArray
+from hw_model.engine.trace import EVENTS, TOTALS
+from hw_model.values import AnyArray, ByteArray, IntArray
 
 
 class Read(NamedTuple):
@@ -18,53 +20,32 @@ class Read(NamedTuple):
     first: AnyArray
 
 
-class Room(NamedTuple):
-    """What a tile of rows is played from and to: event lists, spikes, and what :func:`run_tile` counts.
-
-    ``so_far`` (columns,): the spikes since the first step, or the largest potentials of the columns that are ``read``.
-    """
-
-    first: AnyArray
-    line: AnyArray
-    spikes: AnyArray
-    so_far: AnyArray
-    sent: AnyArray
-    active: AnyArray
-    kept: tiles.Kept
-    read: Read
-
-
 class Live:
     """A phase of ``steps`` steps, or without end, before its first step."""
 
     def __init__(self, layout: FastLayout, steps: int | None, read: Read) -> None:
-        inputs = layout.inputs
-        lines = int(layout.nodes.size[:inputs].sum())
-        place = np.full(layout.columns, -1, dtype=np.int64)
-        place[read.columns] = np.arange(len(read.columns))
-        potential = tiles.KeptRegister(place, 0, np.zeros((1, TILE, len(read.columns)), dtype=np.int64))
-        room = Room(
-            first=np.zeros((TILE + 1, inputs), np.int64), line=np.empty(TILE * lines, np.int32),
-            spikes=np.zeros((TILE, layout.columns), np.uint8), so_far=np.zeros(layout.columns, np.int64),
-            sent=np.zeros(lines + layout.columns, np.int64), active=np.zeros((TILE, layout.pieces), np.int64),
-            kept=tiles.Kept(len(read.columns) > 0, tiles.NO_REGISTER, tiles.NO_REGISTER, potential), read=read,
-        )  # fmt: skip
-        self._steps, self._columns, self._start = steps, layout.columns, 0
-        self._state, self._so_far = tiles.first_state(layout), room.so_far
-        self._played = (layout.nodes, layout.chunks, layout.links, self._state, tiles.workspace(layout), room)
-        rows, counts = np.zeros((1, lines), dtype=np.uint8), np.zeros((1, layout.columns), dtype=np.int64)
-        self._push = entry(_push, rows, 1, 0, *self._played, counts)
+        self._layout, self._steps, self._read, self._start = layout, steps, read, 0
+        ends = np.cumsum([0, *layout.nodes.size[: layout.inputs]])
+        self._inputs = [slice(*ends) for ends in pairwise(ends.tolist())]
+        self._state, self._work = tiles.first_state(layout), tiles.workspace(layout)
+        self._so_far = np.zeros(layout.columns, dtype=np.int64)
+        self._place = np.full(layout.columns, -1, dtype=np.int64)
+        self._place[read.columns] = np.arange(len(read.columns))
+        self._room: tuple[ByteArray, IntArray, tuple[Any, ...]] | None = None
+        # What the loop counts of a whole recording: nobody asks a session for it.
+        shapes = (1, int(ends[-1]) + layout.columns), (1, len(EVENTS), layout.columns), (1, len(TOTALS))
+        self._sent, self._events, self._totals = (np.zeros(shape, dtype=np.int64) for shape in shapes)
 
     def reset(self) -> None:
         """Go back to before the first step."""
         tiles.reset(self._state)
-        self._so_far[:] = 0
+        self._so_far = np.zeros_like(self._so_far)
         self._start = 0
 
     def wait(self, rows: ByteArray) -> AnyArray:
         """Leave rows out that come before the first step, and return what every column gives after each: 0."""
         self._start += len(rows)
-        return np.zeros((len(rows), self._columns), dtype=np.int64)
+        return np.zeros((len(rows), self._layout.columns), dtype=np.int64)
 
     def push(self, before: int, rows: ByteArray) -> AnyArray:
         """Play rows (rows, lines), side by side in memory and writeable, from step ``before`` on.
@@ -72,60 +53,52 @@ class Live:
         Return what every column gives so far after each, (rows, columns): its spikes or, if read, largest potential.
         """
         lasting = len(rows) if self._steps is None else max(0, min(len(rows), self._start + self._steps - before))
-        counts = np.empty((len(rows), self._columns), dtype=np.int64)
-        self._push(rows, lasting, before, *self._played, counts)
+        counts = np.empty((len(rows), self._layout.columns), dtype=np.int64)
+        if lasting:
+            played = counts[:lasting]
+            potential = self._play(rows[:lasting], played)
+            played[0] += self._so_far
+            if lasting > 1:
+                np.cumsum(played, axis=0, out=played)
+            if potential.size:
+                self._take_largest(before, potential, played)
+            self._so_far = played[-1].copy()
+        if lasting < len(rows):
+            counts[lasting:] = self._so_far
         return counts
 
+    def _play(self, rows: ByteArray, spikes: IntArray) -> IntArray:
+        """Tell the spikes of some rows, (rows, columns), and return the potentials of the columns that are read."""
+        if self._room is None or len(self._room[0]) != len(rows):
+            self._room = self._room_for(len(rows))
+        sent, potential, arguments = self._room
+        sent[:] = 0
+        potential[:] = 0
+        lists = [list_events(rows[None, :, its] if len(self._inputs) > 1 else rows[None]) for its in self._inputs]
+        arguments = *join_lists(lists), *arguments
+        machine_code(self._layout, arguments)(*arguments)
+        spikes[:] = sent
+        return potential
 
-# Typed as the variables that :mod:`hw_model.engine.fast` calls the same loop with, so that it is compiled once.
-_SKIP, _ZERO = np.bool_(True), np.int64(0)
-
-
-@compiled
-def _push(  # type: ignore[no-untyped-def]
-    rows, lasting, before, nodes, chunks, links, state, work, room, counts
-):
-    for low in range(0, lasting, len(room.spikes)):
-        many = min(len(room.spikes), lasting - low)
-        _list_rows(rows, low, many, nodes, room.first, room.line)
-        tiles.run_tile(
-            _ZERO, many, room.first, room.line, nodes, chunks, links, state, work, _SKIP,
-            room.spikes, room.sent, room.active, _ZERO, room.kept,
+    def _room_for(self, many: int) -> tuple[ByteArray, IntArray, tuple[Any, ...]]:
+        """Return room for the spikes and potentials of so many rows, and what the loop is to be given with it."""
+        layout, read = self._layout, len(self._read.columns)
+        spikes, active = np.zeros((1, many, layout.columns), np.uint8), np.zeros((1, many, layout.pieces), np.int64)
+        potential, kept = np.zeros((1, many, read), dtype=np.int64), tiles.NOTHING_KEPT
+        if read:
+            register = tiles.KeptRegister(self._place, 0, potential)
+            kept = tiles.Kept(True, tiles.NO_REGISTER, tiles.NO_REGISTER, register)
+        arguments = (
+            np.zeros(1, np.int64), np.full(1, many), layout.nodes, layout.chunks, layout.links, self._state, self._work,
+            True, True, spikes, self._sent, active, self._events, self._totals, kept,
         )  # fmt: skip
-        for row in range(many):
-            if room.kept.watched:
-                _read_potentials(row, before + low + row, room)
-            for column in range(len(room.so_far)):
-                room.so_far[column] += room.spikes[row, column]
-                room.spikes[row, column] = 0
-                counts[low + row, column] = room.so_far[column]
-    for row in range(lasting, len(rows)):
-        for column in range(len(room.so_far)):
-            counts[row, column] = room.so_far[column]
+        return spikes[0], potential[0], arguments
 
-
-@absorbed
-def _read_potentials(row, step, room):  # type: ignore[no-untyped-def]
-    """Take the potentials of a row of a tile into the largest so far, instead of spikes; leave room for a next tile."""
-    for j in range(len(room.read.columns)):
-        column, seen = room.read.columns[j], room.kept.potential.rows[0, row, j]
-        room.kept.potential.rows[0, row, j] = 0
-        room.spikes[row, column] = 0
-        first = room.read.first[j]
-        if step == first or (step > first and seen > room.so_far[column]):
-            room.so_far[column] = seen
-
-
-@inner
-def _list_rows(rows, low, many, nodes, first, line):  # type: ignore[no-untyped-def]
-    """List the events of ``many`` rows from ``low`` on, input after input."""
-    found = 0
-    for node in range(first.shape[1]):
-        begin = nodes.first[node]
-        for row in range(many):
-            first[row, node] = found
-            for source in range(nodes.size[node]):
-                if rows[low + row, begin + source]:
-                    line[found] = source
-                    found += 1
-        first[many, node] = found
+    def _take_largest(self, before: int, potential: IntArray, counts: IntArray) -> None:
+        """Put the largest potential so far of the columns that are read in place of their spikes, until their first."""
+        columns, step = self._read.columns, np.arange(before, before + len(potential))[:, None]
+        least = np.iinfo(np.int64).min
+        known = np.where(before > self._read.first, self._so_far[columns], least)
+        seen = np.where(step >= self._read.first, potential, least)
+        largest = np.maximum.accumulate(np.maximum(seen, known), axis=0)
+        counts[:, columns] = np.where(step >= self._read.first, largest, 0)
