@@ -18,7 +18,7 @@ from hw_model.rtl.cycles import core_cycles
 from hw_model.rtl.device import on_core
 from hw_model.rtl.images import SIMULATED, CoreProgram, parameters, sizes_for
 from hw_model.rtl.memory_words import hex_words
-from hw_model.rtl.simulators import cache_folder, said, sources
+from hw_model.rtl.simulators import kept, said, sources
 from hw_model.simulation import SimulationResult, simulate
 from hw_model.values import ByteArray, IntArray
 
@@ -77,7 +77,7 @@ def fit(program: ChipProgram, board: str, seeds: int) -> tuple[dict[str, Any], b
     assert device.open_core is not None
     on_core(program, max(phase.steps or 1 for phase in program.phases), device)
     made = board_files(device.open_core, board)
-    folder = cache_folder() / f"fit-{hashlib.sha256(repr(sorted(made.items())).encode()).hexdigest()[:16]}"
+    folder = kept(f"fit-{hashlib.sha256(repr(sorted(made.items())).encode()).hexdigest()[:16]}")
     write_build(folder, {} if (folder / "Makefile").exists() else made)
     where = f"board {board!r}"
     tools = said(["make", "-s", "tools", f"BOARD={board}"], folder, where).split()

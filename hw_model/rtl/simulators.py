@@ -1,5 +1,6 @@
 """The core built with Verilator or Icarus Verilog, once for its sizes, and run on files."""
 
+import atexit
 import hashlib
 import os
 import shutil
@@ -7,6 +8,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -36,7 +38,7 @@ def built(simulator: str, sizes: Sizes, texts: Mapping[str, str], top: str = "be
         raise InputError(f"simulator {simulator!r}", "does not exist", fix=did_you_mean(simulator, SIMULATORS))
     given = parameters(sizes) | {name.upper(): value for name, value in more.items()}
     named = hashlib.sha256(repr((simulator, given, top, sorted(texts.items()))).encode()).hexdigest()[:16]
-    found = cache_folder() / f"rtl-{named}-{_BINARY[simulator]}"
+    found = kept(f"rtl-{named}-{_BINARY[simulator]}")
     if not found.exists():
         with tempfile.TemporaryDirectory(dir=found.parent) as folder:
             for name, text in texts.items():
@@ -46,11 +48,23 @@ def built(simulator: str, sizes: Sizes, texts: Mapping[str, str], top: str = "be
     return found
 
 
-def cache_folder() -> Path:
-    """Return the folder in which what was built is kept."""
-    folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "locsnn"
-    folder.mkdir(parents=True, exist_ok=True)
-    return folder
+def kept(name: str) -> Path:
+    """Return where what was built is kept: in the user's cache, else in a folder that goes with this process."""
+    folder = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")) / "locsnn"
+    # Of who has no home, the "~" stays.
+    with suppress(OSError):
+        if folder.is_absolute():
+            folder.mkdir(parents=True, exist_ok=True)
+            if (folder / name).exists() or os.access(folder, os.W_OK):
+                return folder / name
+    return _passing() / name
+
+
+@cache
+def _passing() -> Path:
+    folder = tempfile.mkdtemp(prefix="locsnn-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
 
 
 def run(binary: Path, folder: Path, patience: int) -> None:

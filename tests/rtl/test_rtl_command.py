@@ -53,6 +53,24 @@ def test_what_the_logic_leaves_undefined_equals_nothing(tmp_path):
     assert found.tolist() == [[3, UNKNOWN, 0, UNKNOWN], [UNKNOWN, -1, -1, -1]]
 
 
+def test_a_simulator_is_kept_where_it_can_be(tmp_path, monkeypatch):
+    """Who has no cache folder, or none to write to, or no home at all, gets one that goes with the process."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert simulators.kept("a") == tmp_path / "locsnn/a"
+    monkeypatch.setattr("os.access", lambda *_: False)
+    passing = simulators.kept("a")
+    assert passing.parent.is_dir()
+    assert tmp_path not in passing.parents
+    (tmp_path / "locsnn/a").touch()
+    assert simulators.kept("a") == tmp_path / "locsnn/a"
+    monkeypatch.undo()
+    monkeypatch.setenv("XDG_CACHE_HOME", "/dev/null/cache")
+    assert simulators.kept("a") == passing
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    monkeypatch.setattr("os.path.expanduser", lambda path: path)
+    assert simulators.kept("a") == passing
+
+
 def test_a_missing_simulator(arguments, capsys, monkeypatch):
     monkeypatch.setenv("PATH", "")
     assert locsnn.main(arguments) == 2
