@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.backends import BENCH_KINDS, BUILD_NAMES, EMIT_KINDS, EMITTED_NAMES
-from locsnn_compile.cli.checks import check_psi, given, recording_of
 from locsnn_compile.cli.completion import answer_shell
+from locsnn_compile.cli.options import check_psi, given, recording_of
 from locsnn_compile.cli.shell import EXIT_GATE, Parser, declared, guarded, progress_bar, terminal, texts_of
 from locsnn_compile.cli.step_options import asked_reading, with_steps
 from locsnn_compile.errors import InputError, check_known

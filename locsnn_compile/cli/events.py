@@ -15,7 +15,7 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from locsnn_compile.cli.checks import recording_of
+from locsnn_compile.cli.options import recording_of
 from locsnn_compile.cli.step_options import asked_reading
 from locsnn_compile.errors import InputError
 from locsnn_compile.report.figures.flat import picked

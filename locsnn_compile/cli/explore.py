@@ -25,7 +25,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from locsnn_compile.cli.checks import given
+from locsnn_compile.cli.options import given
 from locsnn_compile.cli.shell import EXIT_GATE, EXIT_INTERRUPTED, progress_bar
 from locsnn_compile.errors import InputError, check_known
 from locsnn_compile.settings import AXES, Value, check_matters, check_values, settings

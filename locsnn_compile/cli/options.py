@@ -1,12 +1,17 @@
-"""The options of all commands, which ``options.txt`` declares as their help shows them."""
+"""The options of all commands, which ``options.txt`` declares as their help shows them, and checks that some share."""
 
 import argparse
 import math
 import re
-from collections.abc import Mapping
-from functools import cache
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+from locsnn_compile.errors import InputError
+from locsnn_compile.report.templates import sections
+
+if TYPE_CHECKING:
+    from locsnn_compile.data.recordings import Recordings
 
 
 def part(text: str) -> float:
@@ -41,15 +46,10 @@ KINDS: Mapping[str, Mapping[str, Any]] = {
 """What an option may be, as argparse is told; besides these ``default VALUE``, and ``dest NAME`` of its attribute."""
 
 
-@cache
-def _sections() -> dict[str, str]:
-    _, *found = re.split(r"^\[(.+)\]\n", Path(__file__).with_name("options.txt").read_text("utf-8"), flags=re.MULTILINE)
-    return {name: text.strip() for name, text in zip(found[::2], found[1::2], strict=True)}
-
-
 def add_options(parser: argparse.ArgumentParser, command: str, words: Mapping[str, str]) -> None:
     """Add the options of a command; ``words`` fill places in its section that name no other one."""
-    declared = _sections()[command].format_map({**_sections(), **words})
+    found = sections(__package__, "options.txt")
+    declared = found[command].format_map({**found, **words})
     for line, said in re.findall(r"^(\S.*)((?:\n    .*)+)", declared, re.MULTILINE):
         named, *kinds = line.split(", ")
         *names, last = named.split()
@@ -58,3 +58,30 @@ def add_options(parser: argparse.ArgumentParser, command: str, words: Mapping[st
             key, _, value = kind.partition(" ")
             asked |= KINDS.get(kind) or {key: value}
         parser.add_argument(*(names or [last]), help=" ".join(said.split()), **asked)
+
+
+def given(args: argparse.Namespace, options: Iterable[str]) -> dict[str, Any]:
+    """Return the values of those options, as they are typed, that were given."""
+    values = {option: getattr(args, option.strip("-").replace("-", "_")) for option in options}
+    return {option: value for option, value in values.items() if value is not None}
+
+
+def check_number(option: str, value: float | None, what: str, holds: Callable[[float], bool], fix: str) -> None:
+    """Refuse a number that is not finite, or does not hold."""
+    if value is not None and not (math.isfinite(value) and holds(value)):
+        raise InputError(option, what, measured=f"got {value:g}", fix=fix)
+
+
+def check_psi(psi: float | None) -> None:
+    """Refuse a rate below 0."""
+    check_number("--psi", psi, "it is not a valid rate", lambda x: x >= 0, "Give 0 or more, such as 10.")
+
+
+def recording_of(asked: int | None, recordings: "Recordings") -> int:
+    """Return the number of the recording that is asked for, by default the first; refuse one that is not there."""
+    number = asked or 0
+    if not 0 <= number < len(recordings):
+        measured = f"{len(recordings)} in {recordings.source}"
+        fix = f"Count from 0 to {len(recordings) - 1}."
+        raise InputError(f"--recording {number}", "there is no such recording", measured=measured, fix=fix)
+    return number

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import hw_model as hw
 from hw_model.rtl.boards import BOARDS
-from locsnn_compile.cli.checks import check_number
+from locsnn_compile.cli.options import check_number
 from locsnn_compile.errors import InputError, check_known
 
 

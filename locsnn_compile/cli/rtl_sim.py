@@ -14,7 +14,7 @@ import argparse
 import json
 
 import hw_model as hw
-from locsnn_compile.cli.checks import check_number
+from locsnn_compile.cli.options import check_number
 from locsnn_compile.cli.shell import EXIT_GATE
 from locsnn_compile.cli.step_options import read_for_program
 

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import hw_model as hw
-from locsnn_compile.cli.checks import check_number, check_psi
+from locsnn_compile.cli.options import check_number, check_psi
 from locsnn_compile.cli.shell import progress_bar
 from locsnn_compile.cli.step_options import CHUNK, chunks_for_program, read_for_program
 from locsnn_compile.errors import InputError, check_known

@@ -11,19 +11,19 @@ from typing import Any
 import yaml
 
 import hw_model as hw
+from hw_model.io.yaml_text import FAST_LOADER
 from hw_model.values import Frozen
 from locsnn_compile.backends.sanafe.rules import UNIT_SIZE
 from locsnn_compile.errors import InputError
+from locsnn_compile.report.templates import filled
 
 SYNAPSE, DENDRITE, SOMA, REPLAY, LINE = "synapse", "dendrite", "soma", "replay", "line"
 """Names of units: what a compartment has, a soma that plays spikes back, and the host's for one input line."""
 PROFILE = "sanafe"
 PRICED = ("synaptic_ops", "neuron_updates", "neuron_updates_active", "spikes", "axon_packets", "hops_x", "hops_y")
 """Counts that SANA-FE has a price for."""
-SOMA_EVENTS = {"access_neuron": "neuron_updates", "update_neuron": "neuron_updates_active", "spike_out": "spikes"}
-"""Events of a soma that SANA-FE prices, and the counts that they are."""
-HOPS = {"east": "hops_x", "west": "hops_x", "north": "hops_y", "south": "hops_y"}
-"""Ways that SANA-FE prices a hop on, and the counts that they are."""
+_EVENTS = {*PRICED, "packets_received", "free"}
+"""What the template of a tile says of an event; what is free has no price in any profile."""
 LINK_BUFFER = 16
 
 
@@ -60,66 +60,36 @@ def architecture(chip: hw.Chip, uses: Mapping[int, TileUse]) -> str:
         "latency_sync": {n: profile.barrier_ns.ns(n, chip.mesh.tiles) * 1e-9 for n in range(1, len(uses) + 1)},
     }
     tiles = []
-    for use, tiles_alike in groupby(range(columns * chip.mesh.rows), key=uses.get):
-        numbers = list(tiles_alike)
-        cores = [_core(profile, chip.mesh.cores_per_tile, use.replayed if use else 0)]
-        cores += [_host(use.lines)] if use and use.lines else []
-        hops = _costs(profile, {f"{way}_hop": count for way, count in HOPS.items()})
-        tiles.append({"name": f"tile[{numbers[0]}..{numbers[-1]}]", "attributes": hops, "core": cores})
+    for found, tiles_alike in groupby(range(columns * chip.mesh.rows), key=uses.get):
+        numbers, use = list(tiles_alike), found or TileUse(0, 0)
+        tile: Any = _priced(_tile(chip, numbers, use), profile)
+        if not use.replayed:
+            del tile["core"][0]["soma"][1]
+        if not use.lines:
+            del tile["core"][1]
+        tiles.append(tile)
     return yaml.safe_dump({"architecture": {"name": "chip", "attributes": attributes, "tile": tiles}}, sort_keys=False)
 
 
-def _core(profile: hw.Profile, alike: int, replayed: int) -> dict[str, Any]:
-    """Return cores of the chip. Dendrites add up charge and hold it until the step in which it is due."""
-    costs = _costs(profile, SOMA_EVENTS)
-    # A profile prices the energy of a packet once; all of it is put on the sender.
-    arrives = {"energy_message_in": 0.0, "latency_message_in": _seconds(profile, "packets_received")}
-    return {
-        "name": f"core[0..{alike - 1}]",
-        "attributes": _buffer("dendrite", inside=True, neurons=UNIT_SIZE),
-        "axon_in": [_unit("axon_in", arrives)],
-        "synapse": [_unit(SYNAPSE, _costs(profile, {"process_spike": "synaptic_ops"}), "current_based")],
-        "dendrite": [_unit(DENDRITE, _free("update"), "accumulator_with_delay")],
-        "soma": [
-            _unit(SOMA, costs, "leaky_integrate_fire"),
-            *([_unit(f"{REPLAY}[0..{replayed - 1}]", costs, "input")] if replayed else []),
-        ],
-        "axon_out": [_unit("axon_out", _costs(profile, {"message_out": "axon_packets"}))],
-    }
+def _tile(chip: hw.Chip, numbers: list[int], use: TileUse) -> Any:
+    places = {"first": numbers[0], "last": numbers[-1], "last_core": chip.mesh.cores_per_tile - 1}
+    places |= {"unit_size": UNIT_SIZE, "lines": use.lines, "last_line": use.lines - 1}
+    places |= {"last_replayed": use.replayed - 1}
+    text = filled(__package__, "tile.template.yaml", **{name: str(number) for name, number in places.items()})
+    return yaml.load(text, FAST_LOADER)
 
 
-def _host(lines: int) -> dict[str, Any]:
-    return {
-        "name": "host",
-        "attributes": _buffer("soma", inside=False, neurons=lines),
-        "axon_in": [_unit("axon_in", _free("message_in"))],
-        "synapse": [_unit(SYNAPSE, _free("process_spike"), "current_based")],
-        "dendrite": [_unit(DENDRITE, _free("update"), "accumulator")],
-        "soma": [_unit(f"{LINE}[0..{lines - 1}]", _free(*SOMA_EVENTS), "input")],
-        "axon_out": [_unit("axon_out", _free("message_out"))],
-    }
-
-
-def _buffer(before: str, *, inside: bool, neurons: int) -> dict[str, Any]:
-    return {"buffer_position": before, "buffer_inside_unit": inside, "max_neurons_supported": neurons}
-
-
-def _unit(name: str, costs: Mapping[str, float], model: str | None = None) -> dict[str, Any]:
-    return {"name": name, "attributes": {**({"model": model} if model else {}), **costs}}
-
-
-def _free(*events: str) -> dict[str, float]:
-    return {f"{kind}_{event}": 0.0 for event in events for kind in ("energy", "latency")}
-
-
-def _costs(profile: hw.Profile, counts: Mapping[str, str]) -> dict[str, float]:
-    """Return the energy and the latency of every event, in joules and seconds, from the counts that price it."""
+def _priced(value: Any, profile: hw.Profile) -> Any:
+    """Return a part of a tile with the energy and the latency of each event, in joules and seconds."""
+    if isinstance(value, list):
+        return [_priced(one, profile) for one in value]
+    if not isinstance(value, dict):
+        return value
     found = {}
-    for event, count in counts.items():
-        found[f"energy_{event}"] = profile.energy_pj.get(count, 0.0) * 1e-12
-        found[f"latency_{event}"] = _seconds(profile, count)
+    for name, held in value.items():
+        if isinstance(held, str) and held in _EVENTS:
+            found[f"energy_{name}"] = profile.energy_pj.get(held, 0.0) * 1e-12
+            found[f"latency_{name}"] = profile.time_ns.get(held, 0.0) * 1e-9
+        else:
+            found[name] = _priced(held, profile)
     return found
-
-
-def _seconds(profile: hw.Profile, count: str) -> float:
-    return profile.time_ns.get(count, 0.0) * 1e-9
