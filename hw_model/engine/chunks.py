@@ -1,6 +1,6 @@
 """The compiled loops over the lanes of a chunk in one step: how a compartment is updated.
 
-Registers and charges are of one type, 32 or 64 bits: :func:`hw_model.engine.layout.fast_layout` knows which one holds
+Registers and charges are of one type, 32 or 64 bits: :func:`hw_model.engine.lay_out.fast_layout` knows which one holds
 every sum. Charges are in units of 64, the least that a weight can be; ``widths`` are
 :class:`hw_model.engine.layout.Widths`.
 """

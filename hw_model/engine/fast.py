@@ -8,7 +8,8 @@ import numpy as np
 
 from hw_model.engine import tiles
 from hw_model.engine.compiled import compiled, entry, in_parts, inner
-from hw_model.engine.layout import CHARGE_WRAPS, FIELDS, LANES, FastLayout, fast_layout
+from hw_model.engine.lay_out import fast_layout
+from hw_model.engine.layout import CHARGE_WRAPS, FIELDS, LANES, FastLayout
 from hw_model.engine.trace import NOTHING, REGISTERS, SKIPPED, EventLists, PhaseInput, PhaseTrace, Register, Window
 from hw_model.program.chip_program import ChipProgram
 from hw_model.values import Int32Array, IntArray

@@ -11,16 +11,8 @@ from hw_model.description.chip import Chip
 from hw_model.errors import InputError, TargetError
 from hw_model.io.given import checked
 from hw_model.mapping.arrangement import arrange_cores
-from hw_model.mapping.graph import (
-    CompartmentGraph,
-    Compartments,
-    Input,
-    Phase,
-    Readout,
-    Synapses,
-    check_graph,
-    read_only,
-)
+from hw_model.mapping.check_graph import check_graph
+from hw_model.mapping.graph import CompartmentGraph, Compartments, Input, Phase, Readout, Synapses, read_only
 from hw_model.mapping.placement import place_cores
 from hw_model.mapping.routing import route_axons
 from hw_model.program.assemble import assemble

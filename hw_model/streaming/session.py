@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hw_model.engine.layout import fast_layout
+from hw_model.engine.lay_out import fast_layout
 from hw_model.engine.playing import Spikes, first_touch, length_of, list_events, read_streams
 from hw_model.errors import InputError
 from hw_model.io.given import checked

@@ -18,7 +18,8 @@ import numpy as np
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_BITS, SignMode, weight_grid
 from hw_model.description.chip import Chip
-from hw_model.mapping.graph import CompartmentGraph, Compartments, Input, Synapses, check_graph
+from hw_model.mapping.check_graph import check_graph
+from hw_model.mapping.graph import CompartmentGraph, Compartments, Input, Synapses
 from hw_model.values import BoolArray, IntArray
 from locsnn_compile.network.projections import ChipProjection, connections, values_of
 from locsnn_compile.network.quantized import QuantizedNetwork, QuantizedPopulation, Refractory

@@ -14,7 +14,7 @@ from peak_memory import peak_mib
 from relay_networks import LAYERS, board, check_relayed, local_graph, random_input
 
 import hw_model as hw
-from hw_model.engine.layout import fast_layout
+from hw_model.engine.lay_out import fast_layout
 from hw_model.mapping.arrangement import arrange_cores
 from hw_model.mapping.placement import place_cores
 from hw_model.mapping.routing import route_axons

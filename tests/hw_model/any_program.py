@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 import hw_model as hw
 from hw_model.arithmetic.fixed_point import SIGN_MODES, WEIGHT_BITS, weight_grid
 from hw_model.description.chip import check_chip
-from hw_model.mapping.graph import CompartmentGraph, Readout, voltage_maxima, voltage_minima
+from hw_model.mapping.check_graph import voltage_maxima, voltage_minima
+from hw_model.mapping.graph import CompartmentGraph, Readout
 from hw_model.program.builder import Node
 
 LOIHI = hw.chip("loihi-sim")

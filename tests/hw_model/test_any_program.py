@@ -16,7 +16,7 @@ from test_early_stop import futures, in_streams
 from test_session import check_every_step, largest_so_far
 
 import hw_model as hw
-from hw_model.engine import layout
+from hw_model.engine import lay_out, layout, links
 from hw_model.simulation import ENGINES
 
 # What was drawn names the whole chip.
@@ -100,10 +100,10 @@ def draw_and_check(check, strategy, examples: int, phases=tuple(Phase)) -> Count
     @given(strategy, st.sampled_from([32, 32, 12]))
     def run(drawn, bits):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(layout, "PACKED_BITS", bits)  # 12 are too few for most: their lists are wide ones
+            patch.setattr(links, "PACKED_BITS", bits)  # 12 are too few for most: their lists are wide ones
             met.update(check(drawn))
             for phase in drawn.program.phases:
-                kinds = layout.fast_layout(drawn.program, phase.name).links.kind.tolist()
+                kinds = lay_out.fast_layout(drawn.program, phase.name).links.kind.tolist()
                 met.update({"wide lists": kinds.count(layout.LIST), "packed lists": kinds.count(layout.PACKED_LIST)})
 
     run()
@@ -129,8 +129,8 @@ def without(program: hw.ChipProgram, **values: int) -> hw.ChipProgram:
 @pytest.mark.parametrize("values", [{"parent": -1}, {"bias_mantissa": 0}], ids=["joins", "biases"])
 def test_a_sum_that_the_bound_forgets_is_found(monkeypatch, values):
     """32 bits where joins, or biases, need 64: what the draws are for."""
-    bound = layout._largest_sum
-    monkeypatch.setattr(layout, "_largest_sum", lambda program, *rest: bound(without(program, **values), *rest))
+    bound = lay_out._largest_sum
+    monkeypatch.setattr(lay_out, "_largest_sum", lambda program, *rest: bound(without(program, **values), *rest))
     with pytest.raises(AssertionError):
         draw_and_check(check_program, any_program.programs(widths=False), 200, phases=(Phase.generate,))
 

@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 
 import hw_model as hw
 from hw_model.io.files import pack_arrays
-from hw_model.mapping.graph import CompartmentGraph, Input, Phase, check_graph, read_only
+from hw_model.mapping.check_graph import check_graph
+from hw_model.mapping.graph import CompartmentGraph, Input, Phase, read_only
 from hw_model.program.write import program_files
 
 

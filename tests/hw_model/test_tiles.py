@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import hw_model as hw
-from hw_model.engine.layout import _packed, fast_layout
+from hw_model.engine.lay_out import fast_layout
+from hw_model.engine.links import _packed
 from hw_model.engine.tiles import LONG
 from hw_model.simulation import ENGINES
 

@@ -1,0 +1,161 @@
+"""Lay out a phase for the fast engine: its groups in blocks, and these in bundles of chunks."""
+
+from collections.abc import Callable, Iterable
+from functools import lru_cache
+
+import numpy as np
+
+from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT
+from hw_model.engine.layout import (
+    BIAS,
+    FIELDS,
+    KEEP_U,
+    KEEP_V,
+    LANES,
+    REFRACTORY,
+    THRESHOLD,
+    USUAL_WIDTHS,
+    VMAX,
+    VMIN,
+    Chunks,
+    FastLayout,
+    Lanes,
+    Links,
+    Nodes,
+    Widths,
+)
+from hw_model.engine.links import Ends, links_of, synapses_by_ends
+from hw_model.engine.places import Cut, Numbering, cut_pieces
+from hw_model.engine.trace import due_late
+from hw_model.mapping.circles import sources_first
+from hw_model.program.chip_program import ChipProgram, Core, pieces_of
+from hw_model.values import AnyArray, BoolArray, IntArray
+
+
+@lru_cache(maxsize=8)
+def fast_layout(program: ChipProgram, phase: str) -> FastLayout:
+    """Follow every axon to its synapses and lay them out by node. Programs are hashed by identity."""
+    nodes = Numbering(program, phase)
+    cut = cut_pieces(pieces_of(program, phase), nodes)
+    synapses = synapses_by_ends(program, phase, nodes)
+    blocks = _blocks(nodes, synapses)
+    links = links_of(nodes, synapses, blocks, cut, due_late(program, phase))
+    return FastLayout(
+        inputs=nodes.inputs,
+        pieces=len(pieces_of(program, phase).group),
+        nodes=Nodes(nodes.first, nodes.size, cut.of_node),
+        chunks=_chunks(program, phase, nodes, blocks, cut, links),
+        links=links,
+        slot=cut.slot,
+    )
+
+
+def _blocks(nodes: Numbering, pairs: Iterable[Ends]) -> list[list[int]]:
+    """Return the groups' nodes block by block, sources before targets, children before parents."""
+    first = nodes.inputs
+    joined = [(child, int(parent)) for child, parent in enumerate(nodes.parent) if parent >= 0]
+    # Both ways, for what is joined is updated together.
+    edges = [(a, b) for a, b in sorted(pairs) if a >= first] + joined + [(parent, child) for child, parent in joined]
+    order = sources_first(len(nodes.names) - first, [(a - first, b - first) for a, b in edges])
+
+    def depth(node: int) -> int:
+        above = 0
+        while (node := nodes.parent[node]) >= 0:
+            above += 1
+        return above
+
+    return [sorted((first + i for i in block), key=lambda node: (-depth(node), node)) for block in order]
+
+
+def _chunks(
+    program: ChipProgram, phase: str, nodes: Numbering, blocks: list[list[int]], cut: Cut, links: Links
+) -> Chunks:
+    slot, count = cut.slot, len(cut.node)
+    limits = program.chip.registers
+    widths = Widths(1 << (limits.charge_bits - WEIGHT_SHIFT), 1 << limits.current_bits)
+    arrived, reached = np.zeros(count * LANES), np.zeros(count, dtype=np.bool_)
+    for core in program.cores_of(phase):
+        here, weights = slot[program.columns_of_core(core)], np.abs(core.effective_weights >> WEIGHT_SHIFT)
+        arrived[here] = np.bincount(core.axons.target, weights, minlength=len(here))
+        reached[here[core.axons.target] // LANES] = True
+    fits = widths == USUAL_WIDTHS and _largest_sum(program, phase, arrived) <= np.iinfo(np.int32).max
+    never = np.iinfo(np.int32 if fits else np.int64).max  # the threshold of what cannot spike
+    shape = (count, FIELDS, LANES)
+    registers: Lanes = np.zeros(shape, dtype=np.int32) if fits else np.zeros(shape, dtype=np.int64)
+    registers[:, THRESHOLD] = never
+    for field, values in _parameters(program, phase, never).items():
+        registers[slot // LANES, field, slot % LANES] = values
+    keeps = registers[:, [KEEP_U, KEEP_V, BIAS]].any(axis=(1, 2))
+    plain = ~registers[:, BIAS].any(axis=1) & (registers[:, REFRACTORY] <= 1).all(axis=1)
+    plain &= _cannot_wrap(arrived.reshape(-1, LANES), DECAY_ONE - registers[:, KEEP_U], widths)
+    # A child lies beside its parent on the same core, so both are cut into chunks at the same places.
+    joined = nodes.parent[cut.node] >= 0
+    parent = np.full(count, -1, dtype=np.int64)
+    beside = nodes.first[nodes.parent[cut.node]] + cut.first_column - nodes.first[cut.node]
+    parent[joined] = slot[beside[joined]] // LANES
+    plain[parent[joined]] = False
+    children: dict[int, list[int]] = {}
+    for chunk in np.flatnonzero(joined).tolist():
+        children.setdefault(int(parent[chunk]), []).append(chunk)
+
+    def bundle(root: int) -> list[int]:
+        found, begun = [], [root]
+        while begun:
+            found.append(begun.pop())
+            begun += children.get(found[-1], [])
+        return found[::-1]
+
+    bundles = [
+        [bundle(c) for n in block for c in range(cut.of_node[n], cut.of_node[n + 1]) if parent[c] < 0]
+        for block in blocks
+    ]
+    member = [chunk for block in bundles for each in block for chunk in each]
+    starts = np.cumsum([0, *(len(each) for block in bundles for each in block)])
+    spiking = [[n for n in block if nodes.parent[n] < 0] for block in blocks]
+    feeds_itself = [any(links.from_node[n] < links.from_node[n + 1] for n in block) for block in blocks]
+    return Chunks(
+        node=cut.node, piece=cut.piece, parent=parent, first_column=cut.first_column, width=cut.width,
+        sums=(~keeps & ~reached).astype(np.uint8), plain=plain.astype(np.uint8), registers=registers,
+        member=np.array(member, np.int64), begins=np.isin(np.arange(len(member)), starts), bundle=starts,
+        of_block=np.cumsum([0, *map(len, bundles)]), feeds_itself=np.array(feeds_itself, np.uint8),
+        spiking_node=np.array([n for block in spiking for n in block], np.int64),
+        of_node=np.cumsum([0, *map(len, spiking)]), widths=widths,
+    )  # fmt: skip
+
+
+def _cannot_wrap(arrived: AnyArray, decay_u: Lanes, widths: Widths) -> BoolArray:
+    """Tell which chunks neither q nor u can wrap in, whatever arrives of the charges ``arrived`` (chunks, LANES).
+
+    If all of a compartment's synapses, taken without their signs, bring a charge of a in every step, u stays within
+    64 a 4096 / decay_u.
+    """
+    grows_to = arrived * (DECAY_ONE << WEIGHT_SHIFT)
+    return np.asarray(((arrived < widths.half_charge) & (grows_to < decay_u * float(widths.half_current))).all(axis=1))
+
+
+def _largest_sum(program: ChipProgram, phase: str, arrived: AnyArray) -> int:
+    """Return a bound on every number that an update of this phase works with, whatever the input."""
+    registers = program.chip.registers
+    charge, current = 1 << registers.charge_bits, 1 << registers.current_bits
+    found = [int(arrived.max(initial=0)), charge + current]
+    for core in program.cores_of(phase):
+        # A child adds its v, within the core's limits, to what the parent keeps of its own and to its drive.
+        most_children = int(np.bincount(core.parent[core.parent >= 0]).max(initial=0))
+        found.append((most_children + 1) * max(-core.vmin, core.vmax) + current)
+        found.append(current + int(np.abs(core.bias).max()))
+        found.append(int(core.threshold_voltage.max()))
+    return max(found)
+
+
+def _parameters(program: ChipProgram, phase: str, never: int) -> dict[int, IntArray]:
+    """Return the parameters of every column by field; ``never`` is the threshold of what cannot spike."""
+    values: dict[int, Callable[[Core], IntArray | int]] = {
+        KEEP_U: lambda core: DECAY_ONE - core.setting("decay_u"),
+        KEEP_V: lambda core: DECAY_ONE - core.setting("decay_v"),
+        THRESHOLD: lambda core: np.where(core.setting("joined") == 0, core.threshold_voltage, never),
+        BIAS: lambda core: core.bias,
+        REFRACTORY: lambda core: core.setting("refractory"),
+        VMIN: lambda core: core.vmin,
+        VMAX: lambda core: core.vmax,
+    }
+    return {field: program.by_column(phase, value) for field, value in values.items()}

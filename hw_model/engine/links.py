@@ -1,0 +1,148 @@
+"""Lay out the synapses of a phase for the fast engine: each link as a matrix, or as lists, packed where they fit."""
+
+import numpy as np
+import numpy.typing as npt
+
+from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT
+from hw_model.engine.layout import LANES, LIST, MATRIX, PACKED_LIST, Links, aligned
+from hw_model.engine.places import Cut, Numbering
+from hw_model.program.chip_program import ChipProgram
+from hw_model.values import Int32Array, IntArray
+
+DENSE_SHARE = 0.25
+"""A link with at least this share of all pairs is a matrix: adding zeros in a row is cheaper than following a list."""
+DENSE_MOST = 1 << 27
+"""Entries of the largest matrix, 256 MiB."""
+REACH_SHARE = 0.33
+"""Where lists reach this share of the chunks in the rows that they might, all of these count as reached."""
+PACKED_BITS = 32
+"""Bits in which the slot, delay and weight of every synapse of a link have to fit, or its lists are wide ones."""
+_Synapses = tuple[Int32Array, ...]
+"""Some synapses from one node to another: number of the source there, column, weight in units of 64, and delay."""
+Ends = tuple[int, int]
+"""Nodes that synapses lead from and to."""
+
+
+def synapses_by_ends(program: ChipProgram, phase: str, nodes: Numbering) -> dict[Ends, list[_Synapses]]:
+    """Return the synapses of a phase by their ends, core by core: each is held once, in 32 bits a number."""
+    found: dict[Ends, list[_Synapses]] = {}
+    for core in program.cores_of(phase):
+        axons, columns = core.axons, program.columns_of_core(core)
+        node, source = nodes.of_source(program.senders[core.number])
+        axon = axons.axon_of_synapse
+        ends = node[axon] * len(nodes.names) + nodes.of_column(columns)[axons.target]
+        weight = core.effective_weights >> WEIGHT_SHIFT
+        for pair in np.unique(ends).tolist():
+            here = np.flatnonzero(ends == pair)
+            table = (source[axon[here]], columns[axons.target[here]], weight[here], axons.delay[here])
+            part = tuple(values.astype(np.int32) for values in table)
+            found.setdefault(divmod(pair, len(nodes.names)), []).append(part)
+    return found
+
+
+def links_of(
+    nodes: Numbering, synapses: dict[Ends, list[_Synapses]], blocks: list[list[int]], cut: Cut, by_delay: IntArray
+) -> Links:
+    """Lay out the synapses by their ends; they are taken out, so that no more than one link is there twice."""
+    slot = cut.slot
+    block_of = {node: k for k, block in enumerate(blocks) for node in block}
+    external: list[list[Ends]] = [[] for _ in blocks]
+    internal: list[list[Ends]] = [[] for _ in nodes.names]
+    for source, target in sorted(synapses):
+        inside = source >= nodes.inputs and block_of[source] == block_of[target]
+        (internal[source] if inside else external[block_of[target]]).append((source, target))
+    listed = [ends for part in (*external, *internal) for ends in part]
+    rows, matrices, packed, wide = [], [], [], []
+    starts_of_lists, reached = [], []
+    nothing = np.empty((3, 0), dtype=np.int64)
+    matrix_size = list_rows = reach_size = 0
+    sizes = {LIST: 0, PACKED_LIST: 0}
+    for node, to in listed:
+        sources, column, weights, delay = _sorted(synapses.pop((node, to)))
+        low, high = LANES * int(cut.of_node[to]), LANES * int(cut.of_node[to + 1])
+        place = slot[column] - low
+        matrix = _matrix(sources, place, weights, delay, (int(nodes.size[node]), high - low))
+        if matrix is not None:
+            rows.append((node, to, MATRIX, matrix_size, high - low, low, int(delay[0]), 0, 0, 0))
+            matrices.append(matrix.ravel())
+            matrix_size += matrix.size
+            continue
+        first = np.searchsorted(sources, np.arange(nodes.size[node] + 1))
+        words, form = _packed(place, weights, delay, (high - low - 1).bit_length())
+        kind = LIST if words is None else PACKED_LIST
+        reach, late_rows = _reach(first, (place + low) // LANES, delay), 0
+        if words is None:
+            wide.append(np.stack((place + low, weights, delay)))
+        else:
+            packed.append(words)
+            late_rows = int(delay.max() - delay.min()) + 1
+            if len(reach[1]) < REACH_SHARE * nodes.size[node] * late_rows * (high - low) // LANES:
+                late_rows = 0
+        if late_rows:
+            reach = _reach(np.zeros_like(first), nothing[0], nothing[0])
+        rows.append((node, to, kind, list_rows, late_rows, low, *form))
+        starts_of_lists.append(np.stack((first + sizes[kind], reach[0] + reach_size)))
+        reached.append(np.stack(reach[1:]))
+        sizes[kind] += len(place)
+        list_rows += len(first)
+        reach_size += len(reach[1])
+
+    list_start, reach_start = np.concatenate([nothing[:2], *starts_of_lists], axis=1)
+    reach_chunk, reach_late = np.concatenate([nothing[:2], *reached], axis=1).astype(np.int32)
+    slot_of, weight, late = np.concatenate([nothing, *wide], axis=1).astype(np.int32)
+    matrix = aligned((matrix_size,), np.int16)
+    if matrices:
+        np.concatenate(matrices, out=matrix)
+    heads = dict(zip(Links._fields, np.array(rows, dtype=np.int64).reshape(-1, 10).T.copy(), strict=False))
+    outside = sum(len(part) for part in external)
+    return Links(
+        **heads, matrix=matrix, packed=np.concatenate([nothing[0].astype(np.int32), *packed]), list_start=list_start,
+        slot=slot_of, weight=weight, late=late, reach_start=reach_start, reach_chunk=reach_chunk, reach_late=reach_late,
+        into_block=np.cumsum([0, *map(len, external)]), from_node=np.cumsum([0, *map(len, internal)]) + outside,
+        due_late=by_delay,
+    )  # fmt: skip
+
+
+def _sorted(parts: list[_Synapses]) -> tuple[IntArray, ...]:
+    """Return the columns of synapses of the same ends together, by source and then by column."""
+    together = [np.concatenate(column) for column in zip(*parts, strict=True)]
+    order = np.lexsort((together[1], together[0]))
+    return tuple(column[order].astype(np.int64) for column in together)
+
+
+def _packed(
+    slot: IntArray, weight: IntArray, delay: IntArray, slot_bits: int
+) -> tuple[Int32Array | None, tuple[int, int, int, int]]:
+    """Return synapses in a word each, None where one does not fit; and delay, slot_bits, late_bits, weight_shift."""
+    least, union = int(delay.min()), int(np.bitwise_or.reduce(weight))
+    shift = (union & -union).bit_length() - 1 if union else 0
+    late_bits = int(delay.max() - least).bit_length()
+    widest = max(int(weight.max()), -int(weight.min())) >> shift
+    if slot_bits + late_bits + widest.bit_length() + 1 > PACKED_BITS:
+        return None, (0, 0, 0, 0)
+    words = (weight >> shift) << (slot_bits + late_bits) | (delay - least) << slot_bits | slot
+    return words.astype(np.int32), (least, slot_bits, late_bits, shift)
+
+
+def _reach(list_start: IntArray, chunk: IntArray, late: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+    """List, for the synapses between two starts, each chunk and delay once; return where these begin, and both."""
+    row = np.searchsorted(list_start, np.arange(len(chunk)), side="right")
+    longest = int(late.max(initial=0)) + 1
+    chunks = int(chunk.max(initial=0)) + 1
+    once = np.unique((row * chunks + chunk) * longest + late)
+    first = np.searchsorted(once // (longest * chunks), np.arange(len(list_start)), side="right")
+    return first, once // longest % chunks, once % longest
+
+
+def _matrix(
+    source: IntArray, target: IntArray, weight: IntArray, delay: IntArray, shape: tuple[int, int]
+) -> npt.NDArray[np.int16] | None:
+    """Return synapses as a matrix (sources, slots); None where lists are better, or weights or delays forbid it."""
+    size = shape[0] * shape[1]
+    if len(delay) < DENSE_SHARE * size or size > DENSE_MOST or (delay != delay[0]).any():
+        return None
+    matrix = np.zeros(shape, dtype=np.int64)
+    np.add.at(matrix, (source, target), weight)
+    if np.abs(matrix).max() >= 1 << 15:
+        return None
+    return matrix.astype(np.int16)

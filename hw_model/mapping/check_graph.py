@@ -1,0 +1,183 @@
+"""Check a graph of compartments: every rule that its network or the chip sets, before anything is placed."""
+
+from dataclasses import fields
+
+import numpy as np
+
+from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_EXPONENTS, weight_grid
+from hw_model.description.chip import Chip
+from hw_model.errors import InputError, TargetError
+from hw_model.mapping.graph import CompartmentGraph, Compartments, Input, Phase, Synapses
+from hw_model.values import IntArray
+
+MOST_CHARGES = 1 << 27
+"""Charges that are due in later steps, of a phase: half a gigabyte, or a whole one in 64 bits."""
+
+
+def check_graph(graph: CompartmentGraph, chip: Chip) -> None:
+    """Check the whole level; the first broken rule is an ``InputError`` or, for a chip limit, a ``TargetError``."""
+    _check_names(graph)
+    for item in graph.inputs:
+        _check_visits(item, next(phase for phase in graph.phases if phase.name == item.phase))
+    for group in graph.groups:
+        _check_group(graph, group, chip)
+    for synapses in graph.synapses:
+        _check_synapses(graph, synapses, chip)
+    _check_charges(graph)
+    if graph.readout is not None:
+        sizes = {graph.group(name).size for name in graph.readout.populations}
+        if len(sizes) != 1:
+            raise InputError("readout", f"its populations differ in size: {sorted(sizes)}", fix="Make them equal.")
+
+
+def _check_charges(graph: CompartmentGraph) -> None:
+    """Every compartment of a phase keeps the charges of as many steps as the phase's longest delay."""
+    for phase in graph.phases:
+        names = {group.name: group.size for group in graph.groups if group.phase == phase.name}
+        delays = [int(part.delay.max(initial=0)) for part in graph.synapses if part.target in names]
+        kept, compartments = max(delays, default=0) + 2, sum(names.values())
+        if kept * compartments > MOST_CHARGES:
+            raise TargetError(
+                f"phase {phase.name!r}",
+                "its longest delay keeps more charges under way than are simulated",
+                measured=f"{kept} steps of {compartments} compartments against {MOST_CHARGES}",
+                fix="Shorten the delay, or relay the spike through compartments.",
+            )
+
+
+def _check_names(graph: CompartmentGraph) -> None:
+    names = [node.name for node in graph.nodes]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"{name!r}", "two inputs or groups have this name", fix="Rename one of them.")
+    phases = {phase.name for phase in graph.phases}
+    for node in graph.nodes:
+        if node.phase not in phases:
+            raise InputError(f"{node.name!r}", f"its phase {node.phase!r} does not exist", fix="Name a phase.")
+        if node.size < 1:
+            raise InputError(f"{node.name!r}", "it is empty", measured=f"size {node.size}", fix="Give it a size.")
+
+
+def _check_visits(item: Input, phase: Phase) -> None:
+    """Channels are visited within the phase, on lines that exist and are theirs alone in that step."""
+    if item.positions is None:
+        return
+    where, lines = f"input {item.name!r}", item.first_lines
+    outside = item.positions[(item.positions < 0) | (item.positions >= (phase.steps or np.inf))]
+    if len(outside):
+        measured = f"step {outside[0]} of {phase.steps}, counted from 0"
+        fix = "Give the phase more steps."
+        raise InputError(where, "a channel is visited outside its phase", measured=measured, fix=fix)
+    if lines is not None and (lines.shape != item.positions.shape or lines.min(initial=0) < 0 or item.rows < 1):
+        raise InputError(
+            where,
+            "its first lines do not fit",
+            measured=f"{len(lines)} within {lines.min(initial=0)}..{lines.max(initial=0)} against "
+            f"{item.channels} within 0..{item.size - 1}",
+            fix="Give one a channel.",
+        )
+    if item.lines_are_shared:
+        raise InputError(where, "two channels of one step share lines", fix="Give each lines of its own.")
+
+
+def _parameter_rules(chip: Chip) -> tuple[tuple[str, int, int, str], ...]:
+    """Rows: parameter, lowest, highest, way out."""
+    r = chip.registers
+    bias = 1 << r.bias_mantissa_bits
+    return (
+        ("decay_u", 0, DECAY_ONE, "Give an effective decay, what is subtracted from 4096."),
+        ("decay_v", 0, DECAY_ONE, "Give an effective decay, what is subtracted from 4096."),
+        ("threshold", 0, r.threshold_mantissa_max, "The threshold is 64 times this mantissa: scale the weights down."),
+        ("bias_mantissa", -bias, bias - 1, "Raise the bias exponent or scale the bias down."),
+        ("bias_exponent", 0, r.bias_exponent_max, "Use a smaller exponent and a larger mantissa."),
+        ("refractory", 1, r.refractory_max, "Shorten the refractory period; 1 blocks no step."),
+    )
+
+
+def _check_group(graph: CompartmentGraph, group: Compartments, chip: Chip) -> None:
+    for rule in _parameter_rules(chip):
+        _check_range(group, *rule)
+    _check_voltage_limits(group, chip)
+    if group.joined_to is None:
+        return
+    parent = next((other for other in graph.groups if other.name == group.joined_to), None)
+    if parent is None or parent.phase != group.phase or parent.size != group.size or parent is group:
+        fix = "Join to another group of the same size and phase."
+        raise InputError(f"compartments {group.name!r}", f"cannot be joined to {group.joined_to!r}", fix=fix)
+    if any(s.source == group.name for s in graph.synapses):
+        what = "joined compartments do not spike, so no synapse can start there"
+        fix = f"Connect from {group.joined_to!r}."
+        raise InputError(f"compartments {group.name!r}", what, fix=fix)
+
+
+def _check_range(group: Compartments, name: str, low: int, high: int, fix: str) -> None:
+    values: IntArray = getattr(group, name)
+    where = f"compartments {group.name!r}"
+    if values.shape != (group.size,):
+        raise InputError(where, f"{name} has shape {values.shape}, not ({group.size},)", fix="Give one a compartment.")
+    bad = np.flatnonzero((values < low) | (values > high))
+    if len(bad):
+        measured = f"{values[bad[0]]} against {low}..{high}"
+        raise TargetError(where, f"{name} of compartment {bad[0]} is out of range", measured=measured, fix=fix)
+
+
+def voltage_minima(chip: Chip) -> list[int]:
+    """Return the lower voltage limits a core can be set to: ``1 - 2^k``, and the register's own end."""
+    return [1 - (1 << k) for k in range(chip.registers.voltage_bits + 1)]
+
+
+def voltage_maxima(chip: Chip) -> list[int]:
+    """Return the upper voltage limits a core can be set to: ``2^(9 + 2k) - 1``, and the register's own end."""
+    forms = [(1 << b) - 1 for b in range(9, chip.registers.voltage_bits, 2)]
+    return [*forms, chip.registers.voltage_max]
+
+
+def _check_voltage_limits(group: Compartments, chip: Chip) -> None:
+    rules = (("vmin", voltage_minima(chip), "1 - 2^k"), ("vmax", voltage_maxima(chip), "2^(9 + 2k) - 1"))
+    for name, settings, formula in rules:
+        for value in np.unique(getattr(group, name)).tolist():
+            if value not in settings:
+                nearest = min(settings, key=lambda setting: abs(setting - value))
+                what = f"{name} {value} is not of the form {formula}"
+                fix = f"The nearest is {nearest}."
+                raise TargetError(f"compartments {group.name!r}", what, fix=fix)
+
+
+def _check_synapses(graph: CompartmentGraph, synapses: Synapses, chip: Chip) -> None:
+    where = f"synapses {synapses.source!r} -> {synapses.target!r}"
+    sizes = {node.name: node.size for node in graph.nodes}
+    targets = {group.name for group in graph.groups}
+    if synapses.source not in sizes or synapses.target not in targets:
+        raise InputError(where, "an end does not exist", fix="Add it before connecting.")
+    if graph.phase_of(synapses.source) != graph.phase_of(synapses.target):
+        raise InputError(where, "the ends are in different phases", fix="Connect within one phase.")
+    for values, size in (
+        (synapses.source_index, sizes[synapses.source]),
+        (synapses.target_index, sizes[synapses.target]),
+    ):
+        if len(values) and (values.min() < 0 or values.max() >= size):
+            raise InputError(where, "an index is outside its group", fix="Correct the indices.")
+    lengths = {len(getattr(synapses, f.name)) for f in fields(synapses) if f.type == IntArray}
+    if len(lengths) != 1:
+        raise InputError(where, "the synapse arrays differ in length", fix="Give one row a synapse.")
+    grid = weight_grid(synapses.weight_bits, synapses.sign_mode)
+    if synapses.weight_bits not in chip.registers.weight_bits:
+        measured = f"{chip.name} has weight_bits_max {chip.registers.weight_bits_max}"
+        fix = "Use narrower weights."
+        raise TargetError(where, f"weights of {synapses.weight_bits} bits are too wide", measured=measured, fix=fix)
+    bad = np.flatnonzero(grid.off_grid(synapses.mantissa))
+    if len(bad):
+        raise TargetError(
+            where,
+            f"weight {synapses.mantissa[bad[0]]} is not on the grid of {grid.weight_bits}-bit {grid.sign_mode} weights",
+            measured=f"multiples of {grid.step} in {grid.low}..{grid.high}; {len(bad)} of {len(synapses.mantissa)} off",
+            fix="Round the weights onto the grid first.",
+        )
+    if synapses.exponent not in WEIGHT_EXPONENTS:
+        measured = f"{synapses.exponent} against -8..7"
+        raise TargetError(where, "the weight exponent is out of range", measured=measured, fix="Rescale the weights.")
+    delays = synapses.delay[(synapses.delay < 0) | (synapses.delay > chip.registers.delay_max)]
+    if len(delays):
+        measured = f"{delays[0]} against 0..{chip.registers.delay_max} steps"
+        fix = "Relay the spike through a compartment, or shorten the delay."
+        raise TargetError(where, "a delay is out of range", measured=measured, fix=fix)
