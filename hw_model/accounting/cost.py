@@ -144,13 +144,10 @@ def step_times(program: ChipProgram, phase: str, steps: StepActivity, profile: P
     chip, cores = program.chip, program.cores_of(phase)
     routes = routes_of(program, phase)
     read_ns = steps.buffered * (chip.transpose_buffer.cycles_per_event / chip.clock_ghz)
+    per_count = {name: cost for name, cost in profile.time_ns.items() if name not in ("hops_x", "hops_y")}
     return StepTimes(
         routes=routes,
-        work_ns={
-            name: steps.count(name).astype(np.float64) * cost
-            for name, cost in profile.time_ns.items()
-            if name not in ("hops_x", "hops_y")
-        },
+        work_ns={name: steps.count(name).astype(np.float64) * cost for name, cost in per_count.items()},
         buffer_ns=np.repeat(read_ns[..., None], len(cores), axis=-1),
         mesh_ns=_mesh_ns(routes, steps.packets, profile),
         used=steps.packets > 0,

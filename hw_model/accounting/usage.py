@@ -95,11 +95,8 @@ def _usage(steps: StepActivity, times: cost.StepTimes, path: cost.CriticalPath) 
 
 
 def _one(path: cost.CriticalPath, recording: int) -> cost.CriticalPath:
-    return cost.CriticalPath(
-        path.last[recording],
-        path.sender[recording],
-        {part: ns[recording] for part, ns in path.parts_ns.items()},
-    )
+    parts_ns = {part: ns[recording] for part, ns in path.parts_ns.items()}
+    return cost.CriticalPath(path.last[recording], path.sender[recording], parts_ns)
 
 
 def _paths_ns(path: cost.CriticalPath) -> dict[tuple[int, int], float]:

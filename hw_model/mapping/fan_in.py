@@ -7,6 +7,7 @@ they end on. A dense list has no index: it ends where its targets do not simply 
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -40,13 +41,8 @@ class SynapseFormat(Frozen, order=True):
 
     def widened(self, other: "SynapseFormat") -> "SynapseFormat":
         """Return the narrowest format that holds the synapses of both."""
-        return SynapseFormat(
-            max(self.weight_bits, other.weight_bits),
-            self.sign_mode,
-            self.exponent,
-            max(self.delay_bits, other.delay_bits),
-            max(self.index_bits, other.index_bits),
-        )
+        fields = ("weight_bits", "delay_bits", "index_bits")
+        return replace(self, **{name: max(getattr(self, name), getattr(other, name)) for name in fields})
 
 
 class FanIn(Frozen, eq=False):
@@ -95,22 +91,12 @@ def fan_in(graph: CompartmentGraph, chip: Chip) -> tuple[FanIn, ...]:
     formats than a core holds, some come to share one, see :func:`share_formats`.
     """
     first = first_source(graph)
-    narrowest = [_format(synapses, graph.group(synapses.target).size, chip) for synapses in graph.synapses]
-    together = [graph.joins(synapses.target)[-1] for synapses in graph.synapses]
-    counts: dict[str, Counter[SynapseFormat]] = {root: Counter() for root in together}
-    for root, form, synapses in zip(together, narrowest, graph.synapses, strict=True):
+    rows = [(graph.joins(s.target)[-1], _format(s, graph.group(s.target).size, chip), s) for s in graph.synapses]
+    counts: dict[str, Counter[SynapseFormat]] = {root: Counter() for root, *_ in rows}
+    for root, form, synapses in rows:
         counts[root][form] += len(synapses.mantissa)
     stored = {root: share_formats(count, chip.limits.synapse_formats_per_core) for root, count in counts.items()}
-    return tuple(
-        _fan_in(
-            f"{number} {synapses.source} -> {synapses.target}",
-            synapses,
-            stored[root][form],
-            first[synapses.source],
-            graph,
-        )
-        for number, (root, form, synapses) in enumerate(zip(together, narrowest, graph.synapses, strict=True))
-    )
+    return tuple(_fan_in(i, s, stored[root][form], first[s.source], graph) for i, (root, form, s) in enumerate(rows))
 
 
 def share_formats(synapses: Mapping[SynapseFormat, int], limit: int) -> dict[SynapseFormat, SynapseFormat]:
@@ -139,7 +125,8 @@ def _bits_added(pair: tuple[SynapseFormat, SynapseFormat], held: Mapping[Synapse
     return sum(held[form] * (wide - form.bits_per_synapse) for form in pair)
 
 
-def _fan_in(name: str, synapses: Synapses, form: SynapseFormat, first: int, graph: CompartmentGraph) -> FanIn:
+def _fan_in(number: int, synapses: Synapses, form: SynapseFormat, first: int, graph: CompartmentGraph) -> FanIn:
+    name = f"{number} {synapses.source} -> {synapses.target}"
     order = np.argsort(synapses.target_index, kind="stable")
     each = np.bincount(synapses.target_index, minlength=graph.group(synapses.target).size)
     source, mantissa, delay = synapses.source_index[order] + first, synapses.mantissa[order], synapses.delay[order]

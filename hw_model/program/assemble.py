@@ -15,24 +15,15 @@ from hw_model.mapping.placement import Slice
 from hw_model.mapping.routing import RoutedCore, RoutedGraph
 from hw_model.program.check import check_program
 from hw_model.program.chip_program import ChipProgram, CompartmentProfile, Core
-from hw_model.values import IntArray
+from hw_model.values import IntArray, picked
 
 
 def assemble(routed: RoutedGraph) -> ChipProgram:
     """Collect profiles and compartment tables of every core, in core order."""
     graph = routed.placed.graph
     cores = tuple(_core(core, graph) for core in routed.cores)
-    program = ChipProgram(
-        name=graph.name,
-        chip=routed.placed.chip,
-        phases=graph.phases,
-        inputs=graph.inputs,
-        input_routes=routed.input_routes,
-        cores=cores,
-        readout=graph.readout,
-        synapses_pruned=graph.synapses_pruned,
-        provenance=graph.provenance,
-    )
+    kept = picked(graph, "name", "phases", "inputs", "readout", "synapses_pruned", "provenance")
+    program = ChipProgram(**kept, chip=routed.placed.chip, input_routes=routed.input_routes, cores=cores)
     check_program(program)
     return program
 
@@ -47,10 +38,7 @@ def _core(routed: RoutedCore, graph: CompartmentGraph) -> Core:
     profiles, profile = np.unique(np.stack([column(name) for name in PROFILE]), axis=1, return_inverse=True)
     thresholds, threshold = np.unique(column("threshold"), return_inverse=True)
     return Core(
-        number=routed.number,
-        slot=routed.slot,
-        phase=routed.phase,
-        slices=routed.slices,
+        **picked(routed, "number", "slot", "phase", "slices", "axons"),
         profiles=tuple(CompartmentProfile(*map(int, row)) for row in profiles.T),
         thresholds=tuple(map(int, thresholds)),
         vmin=int(groups[0].vmin[routed.slices[0].start]),
@@ -60,7 +48,6 @@ def _core(routed: RoutedCore, graph: CompartmentGraph) -> Core:
         bias_mantissa=column("bias_mantissa"),
         bias_exponent=column("bias_exponent"),
         parent=_parents(routed.slices, groups),
-        axons=routed.axons,
     )
 
 

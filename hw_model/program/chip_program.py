@@ -173,12 +173,8 @@ class ChipProgram(Shown):
     @cached_property
     def spiking(self) -> frozenset[str]:
         """Names of the groups that can spike."""
-        return frozenset(
-            piece.group
-            for core in self.cores
-            for piece in core.slices
-            if not core.profiles[core.profile[piece.offset]].joined
-        )
+        pieces = ((core.profiles[core.profile[piece.offset]], piece) for core in self.cores for piece in core.slices)
+        return frozenset(piece.group for profile, piece in pieces if not profile.joined)
 
     @cached_property
     def joined_to(self) -> dict[str, str]:

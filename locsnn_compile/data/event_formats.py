@@ -171,18 +171,9 @@ def parse_tact(data: bytes, where: str, startend: bytes | None, startend_where: 
     start, span_seconds = float(seconds.min()), None
     if startend is not None:
         start, span_seconds = _stretch(startend, startend_where)
-    return EventStream(
-        times=seconds,
-        x=channels // 2,
-        y=np.zeros_like(channels),
-        polarity=channels % 2,
-        ticks_per_second=1,
-        start=start,
-        span_seconds=span_seconds,
-        step_seconds=SLIP_STEP_SECONDS if span_seconds == SLIP_SECONDS else STEP_SECONDS,
-        channels=CHANNELS,
-        polarities=2,
-    )
+    places = channels // 2, np.zeros_like(channels), channels % 2
+    width = SLIP_STEP_SECONDS if span_seconds == SLIP_SECONDS else STEP_SECONDS
+    return EventStream(seconds, *places, 1, start, span_seconds, CHANNELS, polarities=2, step_seconds=width)
 
 
 def tact_text(spikes: ByteArray, step_seconds: float) -> bytes:

@@ -31,16 +31,8 @@ def _add_windows(parts: Parts, checkpoint: Checkpoint) -> None:
     phase = "" if branch == "location" else branch
     layout, windows = description.input, description.windows
     lines = layout.channels * layout.steps
-    view = InputView(
-        "touch_windows" if phase else VIEW_NAMES["location"],
-        "location",
-        lines,
-        description.walk,
-        together=layout.channels,
-        silence=LAYERS,
-        own_phase=phase,
-        align_events=description.align_events,
-    )
+    name, start = "touch_windows" if phase else VIEW_NAMES["location"], description.align_events
+    view = InputView(name, "location", lines, description.walk, layout.channels, LAYERS, phase, start)
     synapses = windows.synapses(layout.steps, layout.channels)
     levels = np.tile(np.array(windows.levels, dtype=np.float64), synapses.shape[0] // len(windows.levels))
     first, *outputs = description.populations(branch)

@@ -129,15 +129,9 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
     if (description.structure.neurons == "srm") != srm:
         raise file_fault(where, f"version {version} does not hold such networks")
     chip = parse_chip_entry(where, values["chip"], description.weight_shapes) if version == CHIP_VERSION else None
-    training = _training(where, values["training"])
-    return Checkpoint(
-        description=description,
-        weights=_weights(where, values["weights"], description, chip),
-        recordings=_recordings(where, values["recordings"], description, source, _origin(training)),
-        training=training,
-        sha256=sha256,
-        chip=chip,
-    )
+    weights, training = _weights(where, values["weights"], description, chip), _training(where, values["training"])
+    recordings = _recordings(where, values["recordings"], description, source, _origin(training))
+    return Checkpoint(description, weights, recordings, training, sha256, chip)
 
 
 def _seen(values: object) -> str:

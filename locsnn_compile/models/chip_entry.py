@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_BITS, WEIGHT_EXPONENTS, WeightGrid, weight_grid
-from hw_model.values import AnyArray, Frozen
+from hw_model.values import AnyArray, Frozen, picked
 from locsnn_compile.models.plain_checks import file_fault, is_whole
 from locsnn_compile.network.quantized import ChipCuba, ChipNeuron, ChipSrm, Refractory
 from locsnn_compile.settings import TRAINABLE
@@ -82,17 +82,11 @@ _OWN_MOST = {"dendrite": 1, "delay-line": 512, "reset": 0}
 
 def chip_entry(chip: ChipNumbers) -> dict[str, Any]:
     """Return the entry of a network's numbers."""
-    formats = ("exponent", "weight_bits", "scale", "unit")
     populations = {
-        name: _own_entry(part.neuron) | {key: getattr(part, key) for key in formats}
+        name: _own_entry(part.neuron) | picked(part, "exponent", "weight_bits", "scale", "unit")
         for name, part in chip.populations.items()
     }
-    return {
-        "target": chip.target,
-        "strategy": chip.strategy,
-        "registers": asdict(chip.registers),
-        "populations": populations,
-    }
+    return picked(chip, "target", "strategy") | {"registers": asdict(chip.registers), "populations": populations}
 
 
 def _own_entry(neuron: ChipNeuron) -> dict[str, Any]:

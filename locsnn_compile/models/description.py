@@ -6,7 +6,7 @@ Nothing here imports torch, so that the compiler can read descriptions without i
 import math
 from collections.abc import Mapping
 
-from hw_model.values import AnyArray, Frozen, IntArray
+from hw_model.values import AnyArray, Frozen, IntArray, picked
 from locsnn_compile.baselines.ann_shapes import ann_shapes
 from locsnn_compile.data.recordings import MAX_STEPS, clean_class_names
 from locsnn_compile.data.sensor import SensorLayout, frame_size
@@ -280,13 +280,8 @@ class NetworkDescription(Frozen):
         Of a graph convolution (features, (hops + 1) * inputs a node). Of an artificial network parameter name -> shape.
         """
         if not self.structure.spiking:
-            return ann_shapes(
-                self.architecture,
-                sensor=self.input.sensor,
-                steps=self.input.steps,
-                classes=self.classes,
-                hidden=self.hidden,
-            )
+            sizes = picked(self.input, "sensor", "steps") | picked(self, "classes", "hidden")
+            return ann_shapes(self.architecture, **sizes)
         shapes: dict[str, tuple[int, ...]] = {}
         for branch in self.branches:
             if branch == self.structure.window_branch:

@@ -99,14 +99,8 @@ class _SpikeOfSpikes(torch.autograd.Function):
         batch, steps, size = gradient.shape
         by_weight = np.zeros(tuple(weight.shape), gradient.dtype)
         found = np.empty((batch * steps if ctx.needs_input_grad[0] else 1, size), gradient.dtype)
-        scan_active_back(
-            gradient,
-            ctx.u,
-            _constants(gradient.dtype, ctx.neuron.keep, ctx.neuron.threshold, ctx.neuron.window, 0),
-            *ctx.active,
-            by_weight,
-            found,
-        )
+        constants = _constants(gradient.dtype, ctx.neuron.keep, ctx.neuron.threshold, ctx.neuron.window, 0)
+        scan_active_back(gradient, ctx.u, constants, *ctx.active, by_weight, found)
         by_x = None
         if ctx.needs_input_grad[0]:
             # Into memory of numpy, which asks for large pages: torch takes half as long as the product to get its own.

@@ -165,12 +165,8 @@ class Network(Shown):
         """One for each step axis and way to play the recording along it, those over time first."""
         axis_of = {population.phase: population.axis for population in self.populations}
         starts = {view.phase: view.align_events for view in self.views}
-        return tuple(
-            Phase(name, axis, self.steps_of(name), starts.get(name))
-            for axis in AXES
-            for name, its in axis_of.items()
-            if its == axis
-        )
+        rows = sorted(axis_of.items(), key=lambda row: AXES.index(row[1]))
+        return tuple(Phase(name, axis, self.steps_of(name), starts.get(name)) for name, axis in rows)
 
     @property
     def expected(self) -> Expected:

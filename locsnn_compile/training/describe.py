@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import hw_model as hw
+from hw_model.values import picked
 from locsnn_compile.data.recordings import MAX_STEPS, Recordings
 from locsnn_compile.data.sensor import POLARITIES, TAXELS, SensorLayout, asked_layout, neutouch
 from locsnn_compile.data.taxels import location_order, order_text, taxel_graph
@@ -44,14 +45,9 @@ def describe(recordings: Recordings, config: TrainingConfig, classes: int, name:
     order, taxels = location_order(order_text(config.order), sensor) if located else (None, None)
     return NetworkDescription(
         architecture=config.model,
-        input=InputLayout(
-            sensor=sensor,
-            steps=steps,
-            step_seconds=recordings.step_seconds or config.step_seconds,
-            event_threshold=recordings.threshold,
-        ),
+        input=InputLayout(sensor, steps, recordings.step_seconds or config.step_seconds, recordings.threshold),
         classes=classes,
-        hidden=config.hidden,
+        **picked(config, "hidden", "align_events"),
         neuron=neuron,
         location_neuron=location_neuron if located and location_neuron != neuron else None,
         location_order=order,
@@ -61,7 +57,6 @@ def describe(recordings: Recordings, config: TrainingConfig, classes: int, name:
         delays=_whole_numbers("delays", config.delays, "0 20 40 60"),
         location_delays=_whole_numbers("location_delays", config.location_delays, "0 20 40 60"),
         class_names=recordings.class_names,
-        align_events=config.align_events,
         window=_windows(config) if structure.window_branch and structure.neurons != "windows" else None,
     )
 

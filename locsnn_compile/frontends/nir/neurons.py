@@ -30,7 +30,7 @@ from typing import Literal
 
 import numpy as np
 
-from hw_model.values import FloatArray, Frozen
+from hw_model.values import FloatArray, Frozen, picked
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.nir.flat import READOUTS, FlatGraph
 from locsnn_compile.frontends.nir.graph import NirNode
@@ -96,14 +96,8 @@ def neurons_of(
     _check_threshold(limit, zero, "v_leak, where it starts" if soft else "the reset", where)
     bias, nothing = stepping.decay_v * (leak - zero), np.zeros(size)
     if not soft:
-        made = Cuba.of(
-            size,
-            decay_u=stepping.decay_u,
-            decay_v=stepping.decay_v,
-            threshold=limit - zero,
-            bias=bias,
-            refractory=2 if reset == "late-zero" else 1,
-        )
+        blocked, decays = 2 if reset == "late-zero" else 1, picked(stepping, "decay_u", "decay_v")
+        made = Cuba.of(size, **decays, threshold=limit - zero, bias=bias, refractory=blocked)
         return Stated(made, scaled, nothing, np.where(leak < limit, leak - zero, 0.0))
     drop = (limit - floor) * (1.0 if reset == "late-subtract" else 1 - stepping.decay_v)
     if (stepping.decay_u == 1).all():

@@ -67,11 +67,8 @@ class Signal(Frozen, eq=False):
         for term in self.terms:
             delays = by_source.setdefault(term.source, {})
             delays[term.delay] = delays[term.delay] + term.weights if term.delay in delays else term.weights
-        return tuple(
-            Projection(source, target, weights, delay)
-            for source, delays in by_source.items()
-            for weights, delay in _joined(delays)
-        )
+        rows = ((source, *joined) for source, delays in by_source.items() for joined in _joined(delays))
+        return tuple(Projection(source, target, weights, delay) for source, weights, delay in rows)
 
 
 def _joined(delays: Mapping[int, Any]) -> list[tuple[Matrix, int | IntArray]]:

@@ -15,7 +15,7 @@ from hw_model.description.chip import Chip
 from hw_model.values import FloatArray, IntArray
 from locsnn_compile.network.neurons import Cuba, SoftCuba
 from locsnn_compile.network.projections import Projection, row_sums
-from locsnn_compile.network.quantized import ChipCuba, ChipSrm, Refractory
+from locsnn_compile.network.quantized import ChipCuba, ChipSrm, Refractory, integers
 from locsnn_compile.passes.kernels import keeps, rounded_decays
 from locsnn_compile.passes.rounding.task import Scaled, Task, checked_scale, exponent_holding, largest_charge, own_grid
 
@@ -46,16 +46,7 @@ def quantize_cuba(neuron: Cuba, task: Task) -> Scaled:
     cap = int(min(bias_max / strongest / 64 - 1, mantissa_max)) if strongest else mantissa_max
     exponent, threshold = checked_scale(task, heaviest, cap, over, bounded=bounded)
     scale = (64 * threshold + over) / neuron.threshold
-    bias_mantissa, bias_exponent = _bias(bias * scale, chip)
-    made = ChipCuba.of(
-        size,
-        decay_u=decay_u,
-        decay_v=decay_v,
-        threshold=threshold,
-        bias_mantissa=bias_mantissa,
-        bias_exponent=bias_exponent,
-        refractory=neuron.refractory,
-    )
+    made = ChipCuba(decay_u, decay_v, integers(threshold, size), *_bias(bias * scale, chip), neuron.refractory)
     return Scaled(made, scale, gain, exponent)
 
 
