@@ -49,21 +49,17 @@ class _Reader(Frozen):
 
     def build(self, cls: type[T], value: object, key: str, **given: object) -> T:
         hints = get_type_hints(cls)
-        wanted = [item for item in fields(cls) if item.name not in given]  # type: ignore[arg-type]
-        mapping = self.mapping(value, key)
+        wanted = {item.name: item for item in fields(cls) if item.name not in given}  # type: ignore[arg-type]
+        mapping, read = self.mapping(value, key), dict[str, object]()
         for name in mapping:
-            if name not in {item.name for item in wanted}:
-                raise self.error(key, f"unknown key {name!r}", did_you_mean(name, (item.name for item in wanted)))
-        for item in wanted:
-            if item.name not in mapping and not _optional(item):
-                raise self.error(key, f"the key {item.name!r} is missing", "Add it.")
-        read = {
-            item.name: self.value(hints[item.name], mapping[item.name], item.name)
-            for item in wanted
-            if item.name in mapping
-        }
-        for item in wanted:
-            self.within(item, read.get(item.name))
+            if name not in wanted:
+                raise self.error(key, f"unknown key {name!r}", did_you_mean(name, wanted))
+        for name, item in wanted.items():
+            if name in mapping:
+                read[name] = self.value(hints[name], mapping[name], name)
+                self.within(item, read[name])
+            elif item.default is MISSING and item.default_factory is MISSING:
+                raise self.error(key, f"the key {name!r} is missing", "Add it.")
         made = cls(**given, **read)
         if isinstance(made, Profile):
             self.check_profile(made)
@@ -78,7 +74,9 @@ class _Reader(Frozen):
         if hint == Range:
             return self.range(value, key)
         if hint == tuple[NotIncluded, ...]:
-            return tuple(self.left_out(item, key) for item in self.list(value, key))
+            if not isinstance(value, list):
+                raise self.error(key, "not a list", "List texts.")
+            return tuple(self.left_out(item, key) for item in value)
         kind, parts = get_origin(hint), get_args(hint)
         if kind is Mapping:
             return self.values(parts[1], self.mapping(value, key), key)
@@ -106,11 +104,6 @@ class _Reader(Frozen):
     def mapping(self, value: object, key: str) -> dict[str, object]:
         if not isinstance(value, dict) or not all(isinstance(name, str) for name in value):
             raise self.error(key, "not a mapping of names", "Compare it with a chip that ships.")
-        return value
-
-    def list(self, value: object, key: str) -> list[object]:
-        if not isinstance(value, list):
-            raise self.error(key, "not a list", "List texts.")
         return value
 
     def number(self, value: object, key: str, *, whole: bool) -> int | float:
@@ -162,7 +155,3 @@ class _Reader(Frozen):
 
     def error(self, key: str, what: str, fix: str, measured: str = "") -> InputError:
         return InputError(f"{self.where}: {key}", what, measured=measured, fix=fix)
-
-
-def _optional(item: Field[Any]) -> bool:
-    return item.default is not MISSING or item.default_factory is not MISSING

@@ -5,6 +5,7 @@ Of strangers' archives, zipfile builds an object for every entry that a director
 
 import io
 import os
+import stat
 import struct
 import zipfile
 from collections.abc import Iterable, Mapping
@@ -13,10 +14,13 @@ from typing import IO
 
 import numpy as np
 
-from hw_model.errors import InputError
+from hw_model.errors import InputError, check_most
 from hw_model.io.given import check_path
 from hw_model.io.partial import locked, partial_path, remove, remove_leftovers, sync
 from hw_model.values import AnyArray
+
+MAX_FILE_BYTES = 1_000_000_000
+"""Largest file that is read."""
 
 
 def replace_file(path: Path, content: bytes, where: str) -> None:
@@ -39,6 +43,19 @@ def replace_file(path: Path, content: bytes, where: str) -> None:
         raise InputError(where, "it cannot be written", measured=error.strerror or "", fix=fix) from None
     finally:
         remove(partial)
+
+
+def read_bytes(path: Path, where: str, most: int = MAX_FILE_BYTES, fix: str = "Give a smaller file.") -> bytes:
+    """Return the bytes of a file; ``InputError`` where it is missing, unreadable, a folder or too large."""
+    try:
+        found = path.stat()
+        if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):
+            # A pipe may never come to an end.
+            raise InputError(where, "it is not a plain file", fix="Write it to a file first.")
+        check_most(found.st_size, most, where, "it is too large", unit="bytes", fix=fix)
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(where, "it cannot be read", measured=error.strerror or "", fix="Check the path.") from None
 
 
 def check_file(path: Path, where: str) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 import yaml
 
 from hw_model.errors import InputError
-from hw_model.io.given import size_of
+from hw_model.io.files import read_bytes
 
 MAX_DEPTH = 50
 MAX_NODES = 100_000
@@ -76,12 +76,7 @@ def _check_events(text: str | bytes, where: str, most_nodes: int) -> None:
 
 def read_mapping(path: Path, where: str, fix: str) -> dict[Any, Any]:
     """Return the mapping that a YAML file holds; ``InputError`` for any other file, with ``fix`` for one too large."""
-    try:
-        if size_of(path) > MAX_BYTES:
-            raise InputError(where, "it is too large for a configuration", fix=fix)
-        values = load_yaml(path.read_bytes(), where)
-    except OSError as error:
-        raise InputError(where, "it cannot be read", measured=error.strerror or "", fix="Check the path.") from None
+    values = load_yaml(read_bytes(path, where, MAX_BYTES, fix), where)
     if not isinstance(values, dict):
         raise InputError(where, "it holds no mapping", measured=type(values).__name__, fix=WAY_ON)
     return values

@@ -17,7 +17,7 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from hw_model.io.files import check_directory, read_entry
+from hw_model.io.files import check_directory, read_bytes, read_entry
 from hw_model.values import ByteArray, Frozen
 from locsnn_compile.data.aedat4 import parse_aedat4
 from locsnn_compile.data.arrays import label_in_name, load_npy
@@ -31,7 +31,6 @@ from locsnn_compile.data.event_formats import (
 )
 from locsnn_compile.data.event_stream import MAX_EVENTS, Binning, EventStream, bin_streams
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Binned, Recordings, clean_spikes
-from locsnn_compile.data.torch_file import read_bytes
 from locsnn_compile.errors import InputError, check_most, did_you_mean
 
 #: The folder of ``.startend`` files next to that of recordings, as VT_SNN has it.

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hw_model.io.files import open_archive, read_entry
+from hw_model.io.files import open_archive, read_bytes, read_entry
 from hw_model.values import AnyArray
 from locsnn_compile.data.axes import Order, parse_axes, to_step_major
 from locsnn_compile.data.event_formats import MAX_PLACE, parse_structured
@@ -17,7 +17,7 @@ from locsnn_compile.data.event_stream import MICROSECONDS, Binning, EventStream,
 from locsnn_compile.data.hdf5.read import Group, open_hdf5
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Recordings, same
 from locsnn_compile.data.tensors import Tensor
-from locsnn_compile.data.torch_file import load_plain, read_bytes
+from locsnn_compile.data.torch_file import load_plain
 from locsnn_compile.errors import InputError
 
 _LABEL = re.compile(r"_label_(\d{1,6})(?=\.|_|$)")

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from hw_model.io.files import read_bytes
 from hw_model.io.given import checked
 from hw_model.values import Frozen, IntArray
 from locsnn_compile.data.archives import EVENT_SUFFIXES, PARTS, archive_parts, read_archive
@@ -22,7 +23,6 @@ from locsnn_compile.data.axes import check_axes, is_one, parse_axes
 from locsnn_compile.data.event_stream import Binning
 from locsnn_compile.data.recordings import MAX_ELEMENTS, OPEN, Expected, Recordings
 from locsnn_compile.data.sensor import SensorLayout
-from locsnn_compile.data.torch_file import read_bytes
 from locsnn_compile.errors import InputError, check_known, check_range
 
 PREPROCESSED = "tact.pt"

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.distance import cdist
 
+from hw_model.io.files import read_bytes
 from hw_model.values import FloatArray, IntArray, sealed
 from locsnn_compile.data.sensor import LOCATION_ORDERS, MANUAL_EDGES, SensorLayout
-from locsnn_compile.data.torch_file import read_bytes
 from locsnn_compile.errors import InputError, check_known, did_you_mean
 
 _WHERE = "location order"

@@ -6,34 +6,16 @@ storages, each after its number of values.
 """
 
 import io
-import stat
 import struct
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, Literal
 
 from hw_model.io.files import open_archive, read_entry
 from locsnn_compile.data.plain_pickle import Budget, RefusedError, read_pickle
 from locsnn_compile.data.tensors import Storage, Tensor, named, rebuilt, width_of
-from locsnn_compile.errors import InputError, check_most
+from locsnn_compile.errors import InputError
 
-#: Largest file accepted, in bytes, packed and unpacked.
-MAX_FILE_BYTES = 1_000_000_000
 _ARCHIVE, _MAGIC, _PROTOCOL = b"PK\x03\x04", b"\x8a\nl\xfc\x9cF\xf9 j\xa8P\x19.", 1001
-
-
-def read_bytes(path: Path, where: str) -> bytes:
-    """Return the bytes of a file; ``InputError`` where it is missing, unreadable, a folder or too large."""
-    try:
-        found = path.stat()
-        if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):
-            # A pipe may never come to an end.
-            raise InputError(where, "it is not a plain file", fix="Write it to a file first.")
-        fix = "Give a smaller file."
-        check_most(found.st_size, MAX_FILE_BYTES, where, "it is too large", unit="bytes", fix=fix)
-        return path.read_bytes()
-    except OSError as error:
-        raise InputError(where, "it cannot be read", measured=error.strerror or "", fix="Check the path.") from None
 
 
 def load_plain(data: bytes, where: str, *, fix: str) -> object:

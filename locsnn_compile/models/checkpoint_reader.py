@@ -12,11 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from hw_model.io.files import read_bytes
 from hw_model.values import AnyArray
 from locsnn_compile.data.recordings import Origin, Recordings
 from locsnn_compile.data.sensor import POLARITIES, TAXELS, SensorLayout, neutouch, parse_layout
 from locsnn_compile.data.tensors import Tensor
-from locsnn_compile.data.torch_file import load_plain, read_bytes
+from locsnn_compile.data.torch_file import load_plain
 from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.models.checkpoint import (
     CHIP_VERSION,

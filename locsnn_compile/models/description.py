@@ -280,8 +280,8 @@ class NetworkDescription(Frozen):
         Of a graph convolution (features, (hops + 1) * inputs a node). Of an artificial network parameter name -> shape.
         """
         if not self.structure.spiking:
-            sizes = picked(self.input, "sensor", "steps") | picked(self, "classes", "hidden")
-            return ann_shapes(self.architecture, **sizes)
+            said = picked(self.input, "sensor", "steps") | picked(self, "classes", "hidden")
+            return ann_shapes(self.architecture, **said)
         shapes: dict[str, tuple[int, ...]] = {}
         for branch in self.branches:
             if branch == self.structure.window_branch:

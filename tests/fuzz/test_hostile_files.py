@@ -277,7 +277,7 @@ PIPES = [
     ("events", "a.npy", lambda path: read_recordings(path), "file 'a.npy': it is not a plain file. Write it to a file first."),
     ("a model", "a.nir", lambda path: lc.load(path), "model 'a.nir': it is not a plain file. Write it to a file first."),
     ("a chip", "a.yaml", lambda path: hw.chip(path), "a.yaml: the chip file cannot be read: it is not a plain file. Give the path of a chip YAML file."),
-    ("a configuration", "a.yaml", lambda path: read_training_config(path), "config 'a.yaml': it cannot be read (it is not a plain file). Check the path."),
+    ("a configuration", "a.yaml", lambda path: read_training_config(path), "config 'a.yaml': it is not a plain file. Write it to a file first."),
     ("a report", "report.json", lambda path: read_report(path.parent), "build 'NAME': report.json cannot be read: it is not a plain file. Give a folder that locsnn-compile wrote."),
     ("a program", "program.yaml", lambda path: hw.load_program(path.parent), "program.yaml: it is not a plain file. Give the folder that the compiler wrote."),
 ]  # fmt: skip

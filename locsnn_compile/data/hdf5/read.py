@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
+from hw_model.io.files import read_bytes
 from hw_model.values import AnyArray, FloatArray
-from locsnn_compile.data.torch_file import read_bytes
 from locsnn_compile.errors import InputError, LocsnnError, check_most
 
 MAX_BYTES = 500_000_000

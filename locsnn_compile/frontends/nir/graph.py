@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hw_model.io.yaml_text import read_mapping
 from hw_model.values import AnyArray, FloatArray, Frozen
 from locsnn_compile.data.hdf5.read import Group, open_hdf5
 from locsnn_compile.errors import InputError, check_known
@@ -22,27 +23,8 @@ MAX_DEPTH = 16
 Array = AnyArray
 Edge = tuple[str, str]
 
-PARAMETERS: Mapping[str, tuple[str, ...]] = {
-    "Input": ("shape",),
-    "Output": ("shape",),
-    "Linear": ("weight",),
-    "Affine": ("weight", "bias"),
-    "Scale": ("scale",),
-    "Threshold": ("threshold",),
-    "Delay": ("delay",),
-    "Flatten": ("start_dim", "end_dim", "input_type"),
-    "Conv1d": ("weight", "stride", "padding", "dilation", "groups", "bias", "input_shape"),
-    "Conv2d": ("weight", "stride", "padding", "dilation", "groups", "bias", "input_shape"),
-    "SumPool2d": ("kernel_size", "stride", "padding"),
-    "AvgPool2d": ("kernel_size", "stride", "padding"),
-    "I": ("r",),
-    "IF": ("r", "v_threshold", "v_reset"),
-    "LI": ("tau", "r", "v_leak"),
-    "LIF": ("tau", "r", "v_leak", "v_threshold", "v_reset"),
-    "CubaLI": ("tau_syn", "tau_mem", "r", "v_leak", "w_in"),
-    "CubaLIF": ("tau_syn", "tau_mem", "r", "v_leak", "v_threshold", "v_reset", "w_in"),
-}
-"""The primitives and what each holds."""
+PARAMETERS = read_mapping(Path(__file__).with_name("primitives.yaml"), "primitives.yaml", "")
+"""The primitives and what each holds, in the order in which it is read."""
 OPTIONAL = ("input_type", "input_shape", "v_reset", "w_in")
 """What may be missing: files of older versions lack ``v_reset``, which is then 0, and ``w_in``, which is then 1."""
 

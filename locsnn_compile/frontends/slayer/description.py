@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from hw_model.io.files import read_bytes
 from hw_model.io.yaml_text import load_yaml
 from hw_model.mapping.graph import Axis
 from hw_model.values import FloatArray, Frozen
-from locsnn_compile.data.torch_file import read_bytes
-from locsnn_compile.errors import InputError, check_most, check_same, did_you_mean
+from locsnn_compile.errors import InputError, check_same, did_you_mean
 from locsnn_compile.frontends.linear_maps import Shape, Window, convolution, pooling
 from locsnn_compile.network.neurons import SrmAlpha, alpha_taps
 from locsnn_compile.network.projections import Matrix
@@ -87,10 +87,8 @@ def axis_of(name: str) -> Axis:
 def read_config(path: Path) -> SlayerConfig:
     """Read a description; ``InputError`` for what is none."""
     where = f"config {path.name!r}"
-    data = read_bytes(path, where)
-    check_most(len(data), MAX_CONFIG_BYTES, where, "it is too large", unit="bytes", fix="Give the YAML alone.")
     fix = "Give slayerPytorch's network description."
-    values = load_yaml(data, where, "it is not YAML", fix)
+    values = load_yaml(read_bytes(path, where, MAX_CONFIG_BYTES, "Give the YAML alone."), where, "it is not YAML", fix)
     if not isinstance(values, dict):
         raise InputError(where, "it is not a description", fix=fix)
     return parse_config(values, where)
