@@ -1,7 +1,7 @@
 """``--emit graphml`` and ``--emit dot``: the placed program as a graph, for graph tools and for Graphviz."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from xml.etree import ElementTree
 
 import numpy as np
@@ -10,6 +10,7 @@ import hw_model as hw
 from hw_model.io.xml_text import xml_file, xml_text
 from hw_model.program.chip_program import Core
 from hw_model.values import Frozen
+from locsnn_compile.report.pieces import Pieces
 
 Values = Mapping[str, str | int | bool]
 Edge = tuple[str, str, Values]
@@ -114,47 +115,26 @@ def graphml_file(program: hw.ChipProgram) -> dict[str, bytes]:
 def dot_file(program: hw.ChipProgram) -> dict[str, bytes]:
     """Return the file by name: a box for each core, joined compartments dashed."""
     graph = placed_graph(program)
-    return {DOT_FILE: ("\n".join(_dot_lines(graph)) + "\n").encode()}
+    inputs = [{"id": name, **item} for name, item in graph.nodes.items() if item["kind"] == "input"]
+    cores = []
+    for core in program.cores:
+        slices = [
+            {"id": name, **item, "last": int(item["stop"]) - 1, "style": "" if item["spiking"] else ", style=rounded"}
+            for name, item in graph.nodes.items()
+            if item.get("core") == core.number
+        ]
+        tile = program.chip.tile_of(core.slot)
+        cores.append({"number": core.number, "phase": core.phase, "slot": core.slot, "tile": tile, "slices": slices})
+    edges = [{"source": source, "target": target, **values} for source, target, values in graph.edges]
+    synapses, joins = ([edge for edge in edges if edge["kind"] == kind] for kind in ("synapses", "joined"))
+    given = {"name": program.name, "inputs": inputs, "cores": cores, "synapses": synapses, "joins": joins}
+    return {DOT_FILE: Pieces(__package__, DOT_FILE, _escaped).piece("graph", given).encode()}
 
 
 def _data(element: ElementTree.Element, domain: str, values: Values) -> None:
     for name, value in values.items():
         text = str(value).lower() if isinstance(value, bool) else str(value)
         ElementTree.SubElement(element, "data", key=f"{domain}_{name}").text = xml_text(text)
-
-
-def _dot_lines(graph: ProgramGraph) -> Iterator[str]:
-    program, nodes = graph.program, graph.nodes.items()
-    yield f"digraph {_quoted(program.name)} {{"
-    yield "  rankdir=LR;"
-    yield "  node [shape=box];"
-    for name, item in nodes:
-        if item["kind"] == "input":
-            label = _label((str(item["name"]), f"{item['size']} lines, phase {item['phase']}"))
-            yield f"  {name} [label={label}, shape=cds];"
-    for core in program.cores:
-        x, y = program.chip.tile_of(core.slot)
-        yield f"  subgraph cluster_core{core.number} {{"
-        heading = (f"core {core.number}, phase {core.phase}", f"slot {core.slot}, tile {x},{y}")
-        yield f"    label={_label(heading)};"
-        for name, item in nodes:
-            if item.get("core") == core.number:
-                label = _label((str(item["name"]), f"{item['start']} to {int(item['stop']) - 1}"))
-                yield f"    {name} [label={label}{'' if item['spiking'] else ', style=rounded'}];"
-        yield "  }"
-    for source, target, values in graph.edges:
-        joined = values["kind"] == "joined"
-        style = "style=dashed" if joined else f"label={_quoted(str(values['synapses']) + ' synapses')}"
-        yield f"  {source} -> {target} [{style}];"
-    yield "}"
-
-
-def _label(lines: Iterable[str]) -> str:
-    return '"' + "\\n".join(_escaped(line) for line in lines) + '"'
-
-
-def _quoted(text: str) -> str:
-    return f'"{_escaped(text)}"'
 
 
 def _escaped(text: str) -> str:

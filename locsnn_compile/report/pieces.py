@@ -1,4 +1,4 @@
-"""Forms of the report as pieces of markup, in files next to the renderers."""
+"""Texts of many parts as pieces of markup, in files next to the code that fills them."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any
