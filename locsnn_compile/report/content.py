@@ -208,6 +208,12 @@ def verdict(name: str, status: Status, answer: str, facts: Facts, /, **given: An
     return Verdict(status=status, answer=answer, facts=facts.facts, **said)
 
 
+def notice(name: str, /, **given: Any) -> Notice:
+    """Return a notice in the words of ``words.yaml``, their places filled."""
+    said = texts("notices", name)
+    return Notice(said["title"], fill(said["text"], given))
+
+
 def table(
     name: str,
     rows: Mapping[str, Any] | Iterable[Mapping[str, Any]],

@@ -1,6 +1,6 @@
 """What the report says: its words for the document's keys, its titles and longer sentences, all of ``words.yaml``."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import yaml
@@ -93,5 +93,6 @@ def core_words(row: Mapping[str, Any]) -> str:
 
 
 _SHOWN = (any_value, count, energy, memory, percent, plural, points, ratio, seconds, share, short, time, words)
-fill = Filler({shown.__name__: shown for shown in _SHOWN}).fill
+SHOWN: Mapping[str, Callable[..., str]] = {shown.__name__: shown for shown in _SHOWN}
+fill = Filler(SHOWN).fill
 """Fills the places of a text; a format is the name of a function that shows numbers, or a usual one."""

@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 import locsnn_compile
-from locsnn_compile.report.content import Block, Fact, Facts, Table, facts, table
+from locsnn_compile.report.content import Block, Fact, Facts, Table, facts, notice, table
 from locsnn_compile.report.pieces import Pieces
 from locsnn_compile.report.templates import sections
 from locsnn_compile.report.words import OPERATIONS, STAGES, fill, section_words, sentence, words
@@ -20,7 +20,11 @@ TEXTS = yaml.safe_load((REPORT / "words.yaml").read_text("utf-8"))
 def test_nothing_is_left_over():
     rooms = (REPORT, REPORT.parent / "cli")
     code = "\n".join(path.read_text("utf-8") for room in rooms for path in room.rglob("*.py"))
-    names = [name for kind in ("sections", "sentences", "verdicts", "facts", "tables") for name in TEXTS[kind]]
+    names = [
+        name
+        for kind in ("sections", "sentences", "verdicts", "facts", "tables", "notices", "figures")
+        for name in TEXTS[kind]
+    ]
     assert [name for name in names if f'"{name}"' not in code and f"'{name}'" not in code] == []
 
 
@@ -30,7 +34,8 @@ def test_stages_are_those_of_the_compiler():
 
 def test_places_are_filled():
     assert section_words("resources", target="tiny-sim") == ("Resources", "How much of tiny-sim the program uses.")
-    assert sentence("wraps", times="2 times").startswith("A register overflowed 2 times and its value wrapped")
+    assert notice("wraps", times="2 times").text.startswith("A register overflowed 2 times and its value wrapped")
+    assert sentence("polarity", rising=0.25, falling=0.75) == "25.0 % rising, 75.0 % falling"
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,6 @@
 """Two builds side by side, as content without form: three questions, key figures, and all that changed."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
@@ -18,12 +18,14 @@ from locsnn_compile.report.content import (
     Table,
     Verdict,
     facts,
+    notice,
     section,
+    table,
     verdict,
 )
 from locsnn_compile.report.figures.flat import Figures, flatten
-from locsnn_compile.report.format import NONE, agreed, any_value, count, energy, plural, points, share, shortened, time
-from locsnn_compile.report.words import words
+from locsnn_compile.report.format import NONE, agreed, any_value, count, plural, points, share, shortened
+from locsnn_compile.report.words import SHOWN, texts, words
 
 MAX_ROWS = 150
 """Changed figures of a section that the page has; --json has all."""
@@ -62,23 +64,16 @@ class Build(Frozen):
         return value if isinstance(value, str) else NONE
 
 
-_OPERATIONS = (
-    ("synaptic operations", "operations.per_sample.synaptic_ops", count),
-    ("neuron updates", "operations.per_sample.neuron_updates", count),
-)
-_SIZES = (("compartments", "resources.compartments", count), ("synapses", "resources.synapses", count))
-_COSTS = (("latency", "latency.per_sample_ns", time), *_OPERATIONS)
-_ROOM = (*_SIZES, ("synapse bits", "resources.synapse_bits", count))
 KeyFigure = tuple[str, str, Callable[[float], str]]
-_KEY_FIGURES: tuple[KeyFigure, ...] = (
-    ("dynamic energy per recording", "energy.per_sample_pj", energy),
-    ("time per recording", "latency.per_sample_ns", time),
-    *_OPERATIONS,
-    ("spikes on the chip", "operations.per_sample.spikes", count),
-    ("spikes on one side only", "match.spike_mismatches", count),
-    *_SIZES,
-)
-"""Figures of the report: their name, their key there and how they are written."""
+"""A figure of the report: its name, its key there and how it is written."""
+
+
+def _named(group: str) -> tuple[KeyFigure, ...]:
+    """Return a group of figures of ``words.yaml``."""
+    return tuple((name, key, SHOWN[shown]) for name, (key, shown) in texts("figures", group).items())
+
+
+_KEY_FIGURES = _named("all")
 _LARGEST = 1e200
 """Numbers of a report are smaller; shares of these can be taken."""
 Change = tuple[Any, Any]
@@ -166,18 +161,18 @@ def _costs(before: Build, after: Build) -> Verdict:
     answer = "Not comparable" if not comparable else "The same" if a == b else "Less" if b < a else "More"
     by = percent(a, b)
     answer += f", {by}" if by and comparable and a != b else ""
-    its = _changed(before, after, _COSTS)
+    its = _changed(before, after, "costs")
     return verdict("costs compared", status, answer, its, now=shown(b), before=shown(a), what=what, profile=profile)
 
 
 def _fits(before: Build, after: Build) -> Verdict:
     a, b = (build.number("resources.cores") for build in (before, after))
     answer = "The same" if a == b else "Less" if b < a else "More"
-    return verdict("room compared", "yes" if b <= a else "no", answer, _changed(before, after, _ROOM), now=b, before=a)
+    return verdict("room compared", "yes" if b <= a else "no", answer, _changed(before, after, "room"), now=b, before=a)
 
 
-def _changed(before: Build, after: Build, figures: Sequence[KeyFigure]) -> Facts:
-    return Facts(tuple(Fact(label, _both(before, after, key, shown)) for label, key, shown in figures))
+def _changed(before: Build, after: Build, group: str) -> Facts:
+    return Facts(tuple(Fact(label, _both(before, after, key, shown)) for label, key, shown in _named(group)))
 
 
 def _notices(before: Build, after: Build) -> tuple[Notice, ...]:
@@ -189,22 +184,21 @@ def _notices(before: Build, after: Build) -> tuple[Notice, ...]:
     ]
     found = []
     if len(models) > 1:
-        found.append(Notice("The models differ.", "What changed may come from the model, not from the compiler."))
+        found.append(notice("models differ"))
     if len(set(recordings)) > 1:
-        text = f"{' and '.join(recordings)}: figures per recording cannot be compared."
-        found.append(Notice("They were checked on different recordings.", text))
+        found.append(notice("recordings differ", both=" and ".join(recordings)))
     if len(profiles) > 1:
-        found.append(Notice("Their energy profiles differ.", "Their energies and times cannot be compared."))
+        found.append(notice("profiles differ"))
     return tuple(found)
 
 
 def _key_figures(before: Build, after: Build) -> Section:
-    table = Table(
+    its = Table(
         "Before, a full bar, and after, a hatched one",
         ("figure", "", "before", "", "after", "change"),
         tuple(_row(name, before.number(key), after.number(key), shown) for name, key, shown in _key(before, after)),
     )
-    return section("key-figures", table, before=before.name, after=after.name)
+    return section("key-figures", its, before=before.name, after=after.name)
 
 
 def _row(name: str, a: float, b: float, shown: Callable[[float], str]) -> tuple[str | Bar, ...]:
@@ -222,15 +216,12 @@ def _all(changed: dict[str, Change]) -> list[Section]:
     sections = []
     for i, (part, rows) in enumerate(by_part.items()):
         cut = f", the first {MAX_ROWS}; --json has all" if len(rows) > MAX_ROWS else ""
-        table = Table(
-            f"{_short(words(part))}: {plural(len(rows), 'figure')} changed{cut}",
-            ("figure", "before", "after", "change"),
-            tuple(
-                (_short(name), _short(any_value(a)), _short(any_value(b)), percent(a, b) or NONE)
-                for name, (a, b) in rows[:MAX_ROWS]
-            ),
+        shown = (
+            {"name": _short(name), "a": _short(any_value(a)), "b": _short(any_value(b)), "by": percent(a, b) or NONE}
+            for name, (a, b) in rows[:MAX_ROWS]
         )
-        sections.append(Section(f"part-{i}", _short(words(part)).capitalize(), "", (table,)))
+        changes = table("figures changed", shown, part=_short(words(part)), many=len(rows), cut=cut)
+        sections.append(Section(f"part-{i}", _short(words(part)).capitalize(), "", (changes,)))
     return sections
 
 

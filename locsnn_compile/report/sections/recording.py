@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from hw_model.values import ByteArray
-from locsnn_compile.report.content import Curve, Document, Plot, Raster, Section, Strokes, Table, section
+from locsnn_compile.report.content import Curve, Document, Plot, Raster, Section, Strokes, Table, section, table
 from locsnn_compile.report.format import NONE, count, plural, told_apart
 from locsnn_compile.report.pictures.ticks import step_ticks, value_axis
 from locsnn_compile.report.words import words
@@ -91,14 +91,13 @@ def _axes(item: SpikeRows, excerpt: Excerpt) -> tuple[int, int, str, tuple[tuple
 
 
 def _spike_table(excerpt: Excerpt, side: str) -> Table:
-    rows = []
+    rows = {}
     for item in excerpt.populations:
-        equal, reference, chip = _sides(item)
-        differs = np.flatnonzero((reference | chip).any(axis=1))
-        first = count(int(differs[0]) + excerpt.steps[item.phase].start) if len(differs) else NONE
-        rows.append((item.name, *(count(int(found.sum())) for found in (equal, reference, chip)), first))
-    columns = ("population", "on both sides", f"only {side}", "only chip", "first difference at step")
-    return Table(f"Spikes drawn, recording {excerpt.recording}", columns, tuple(rows))
+        equal, reference, chip = (int(found.sum()) for found in _sides(item))
+        differs = np.flatnonzero((item.reference ^ item.chip).any(axis=1))
+        first = int(differs[0]) + excerpt.steps[item.phase].start if len(differs) else None
+        rows[item.name] = {"equal": equal, "reference": reference, "chip": chip, "first": first}
+    return table("spikes drawn", rows, side=side, recording=excerpt.recording)
 
 
 def _sides(item: SpikeRows) -> tuple[ByteArray, ByteArray, ByteArray]:
@@ -174,9 +173,6 @@ def _around(shown: NeuronPotential, side: str, at: int | None) -> Table:
     rows = []
     for n, i in enumerate(kept):
         fired = [name for name, at_step in ((side, shown.reference_spikes), ("chip", shown.chip_spikes)) if at_step[i]]
-        rows.append((str(shown.first_step + i), texts[3 * n], texts[3 * n + 1], " and ".join(fired) or NONE))
-    return Table(
-        f"{shown.population}, neuron {shown.neuron}, threshold {shown.threshold:.6g}",
-        ("step", f"{side} potential", "chip potential", "spike of"),
-        tuple(rows),
-    )
+        both = {"step": shown.first_step + i, "reference": texts[3 * n], "chip": texts[3 * n + 1]}
+        rows.append(both | {"fired": " and ".join(fired) or NONE})
+    return table("potentials", rows, side=side, **vars(shown))

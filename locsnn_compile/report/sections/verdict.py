@@ -1,6 +1,6 @@
 """The three questions that a report answers first, and what has to be known before its figures are believed."""
 
-from locsnn_compile.report.content import Document, Fact, Facts, Notice, Status, Verdict, facts, verdict
+from locsnn_compile.report.content import Document, Fact, Facts, Notice, Status, Verdict, facts, notice, verdict
 from locsnn_compile.report.format import NONE, SILENT, count, energy, known, plural, points, ratio, share, time
 from locsnn_compile.report.words import limit_words, listed, sentence, stage_words, words
 
@@ -102,14 +102,12 @@ def notices(document: Document) -> tuple[Notice, ...]:
     found = []
     match, dropped = document["match"], document["skipped"]["events_dropped"]
     if match["wraps"]:
-        text = sentence("wraps", times=plural(match["wraps"], "time"))
-        found.append(Notice("Registers wrapped.", text))
+        found.append(notice("wraps", times=plural(match["wraps"], "time")))
     if dropped:
-        text = f"{plural(dropped, 'event')} lay {outside(document)} and never reached the chip."
-        found.append(Notice("Events were dropped.", text))
+        found.append(notice("dropped", events=dropped, outside=outside(document)))
     binning = document["skipped"].get("binning")
     if binning and binning["dropped"]:
-        found.append(Notice("Binning left events out.", f"{binning['words']}."))
+        found.append(notice("binning", **binning))
     return tuple(found)
 
 
