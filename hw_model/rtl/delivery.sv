@@ -87,13 +87,16 @@ module delivery #(
     logic [SLOT_BITS-1:0] base1, base2;
     logic [WORD-1:0]      word1, word2;
 
+    // Large memories of small devices have one port: it is written between recordings, and read while they run.
+    wire [SYNAPSE_BITS-1:0] word_at = load_synapse ? load_address[SYNAPSE_BITS-1:0] : at;
+
     memory #(.WIDTH(WORD), .DEPTH(SYNAPSES / 2)) synapses (
         .clk,
         .write        (load_synapse),
-        .write_address(load_address[SYNAPSE_BITS-1:0]),
+        .write_address(word_at),
         .write_data   (load_data[WORD-1:0]),
-        .read         (walking && left != 0),
-        .read_address (at),
+        .read         (walking && left != 0 && !load_synapse),
+        .read_address (word_at),
         .read_data    (word1)
     );
 

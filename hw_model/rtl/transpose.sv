@@ -100,9 +100,9 @@ module transpose #(
 
     memory #(.WIDTH(32), .DEPTH(BITMAP)) bitmap (
         .clk,
-        .write        (mark2 || sweep),
-        .write_address(sweep ? sweep_address : mark_place2),
-        .write_data   (sweep ? 32'b0 : bits),
+        .write        (mark2),
+        .write_address(mark_place2),
+        .write_data   (bits),
         .read         (marking || (go && (state == PRIME || next_word || next_channel))),
         .read_address (state == IDLE ? mark_place : place),
         .read_data    (word)
@@ -124,8 +124,10 @@ module transpose #(
     wire [ROW-1:0] event_row = word_row + ROW'(found_bit);
 
     always_ff @(posedge clk) begin
-        {mark1, mark2} <= clear ? 2'b0 : {marking, mark1};
-        {mark_place1, mark_place2} <= {mark_place, mark_place1};
+        // Between recordings every word is written with no bit.
+        {mark1, mark2} <= clear ? {1'b0, sweep} : {marking, mark1};
+        mark_place1 <= mark_place;
+        mark_place2 <= sweep ? sweep_address : mark_place1;
         mark_bit1 <= marking ? 32'b1 << mark_step[4:0] : 32'b0;
         over <= step == steps[STEP-1:0] || (by_rows && aligned && row == rows[ROW-1:0]);
         fetched <= go && (state == FETCH || state == PRIME);
@@ -163,7 +165,7 @@ module transpose #(
                     state <= CHANNEL;
                 end else if (due) begin
                     {place, source} <= {visit_place, visit_source};
-                    word_row <= -origin - ROW'(32);
+                    word_row <= ~origin - ROW'(31);  // 32 rows before -origin
                     words_left <= row_words[PLACE:0];
                     index <= index + 1;
                     bits <= 0;
@@ -205,7 +207,7 @@ module transpose #(
         if (clear) begin
             state <= IDLE;
             {out_valid, found} <= 0;
-            index <= 0;
+            {index, bits} <= 0;
         end
     end
 

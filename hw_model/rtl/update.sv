@@ -166,8 +166,10 @@ module update #(
     );
     always_ff @(posedge ticking) begin
         {fire6, fire7, fire8} <= {fire5, fire6, fire7};
-        vmin7 <= 24'd1 - (24'd1 << vmin_log6);
-        vmax7 <= (24'd1 << vmax_log6) - 24'd1;
+        for (integer i = 0; i < 24; i = i + 1) begin
+            vmin7[i] <= vmin_log6 != 0 && (i == 0 || vmin_log6 <= 5'(i));
+            vmax7[i] <= vmax_log6 > 5'(i);
+        end
     end
     assign early_entry = fire6[FIRE-1:FIRE-ENTRY];
     assign early_read = valid6 && fire6[FIRE-ENTRY-2];

