@@ -23,7 +23,8 @@ from locsnn_compile.errors import InputError
 from locsnn_compile.explore.point import Figures, ModelFile, Point, Study
 from locsnn_compile.explore.sweep import Progress, Store, sweep
 from locsnn_compile.network.network import Network
-from locsnn_compile.report.format import agreed, energy, plural, share, time
+from locsnn_compile.report.format import energy
+from locsnn_compile.report.words import sentence
 from locsnn_compile.settings import Setting, has_srm_neurons
 from locsnn_compile.verification.error_bounds import ErrorBudget
 
@@ -137,28 +138,21 @@ def recommend(points: Sequence[Point], budget: ErrorBudget, *, by_default: bool 
     marks = on_front([point.figures for point in points])
     front = [(point, point.figures) for point, mark in zip(points, marks, strict=True) if mark and point.figures]
     if not budget.given:
-        return Recommendation(
-            None, "nothing was compared: no neuron spikes on these recordings, and all class scores tie"
-        )
+        return Recommendation(None, sentence("nothing compared"))
     kept = [pair for pair in front if pair[1].keeps(budget)]
     bounds = f"{'what auto keeps by default, ' if by_default else ''}{budget.words()}"
     if not kept:
         return Recommendation(None, f"no setting keeps {bounds}; {_nearest(front)}")
     taken, figures = min(kept, key=lambda pair: (pair[1].cost, pair[1].chip_time_ns, pair[1].spike_error or 0.0))
-    least = f"energy, {energy(figures.energy_pj)} and" if figures.energy_pj is not None else "time,"
-    of = f"{time(figures.chip_time_ns)} per recording, of {plural(len(kept), 'setting')} on the front"
-    return Recommendation(taken, f"the least {least} {of} within {bounds}")
+    least = "time," if figures.energy_pj is None else f"energy, {energy(figures.energy_pj)} and"
+    return Recommendation(taken, sentence("least", least=least, figures=figures, settings=len(kept), bounds=bounds))
 
 
 def _nearest(front: Sequence[tuple[Point, Figures]]) -> str:
     point, figures = min(front, key=lambda pair: (pair[1].spike_error or 0.0, pair[1].prediction_error or 0.0))
     if figures.spike_error is None:
         return "no neuron spikes on these recordings"
-    changed = agreed(figures.prediction_error, "none")
-    return (
-        f"the least spike error is {share(figures.spike_error)}, with {changed} of the predictions changed, by "
-        f"{point.setting}"
-    )
+    return sentence("nearest setting", setting=point.setting, figures=figures)
 
 
 class Exploration(Frozen, eq=False):

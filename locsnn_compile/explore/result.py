@@ -13,19 +13,13 @@ from locsnn_compile.cluster.spread import code_version
 from locsnn_compile.explore.exploration import FRONT_RULE, OBJECTIVES, Chosen, Exploration
 from locsnn_compile.explore.point import Figures, Point
 from locsnn_compile.report.figures.flat import csv_bytes
-from locsnn_compile.report.format import NONE, agreed, count, energy, known, plain, share, time
+from locsnn_compile.report.format import NONE, energy, plain, time
 from locsnn_compile.report.pictures.scatter import Mark, Panel, draw
+from locsnn_compile.report.words import fill, sentence, texts
 from locsnn_compile.settings import AXES, Setting, Value
 
 SCHEMA = "locsnn-explore/1"
-COLUMNS: dict[str, Callable[[Figures], str]] = {
-    "spike error": lambda figures: agreed(figures.spike_error),
-    "class error": lambda figures: agreed(figures.prediction_error, "all tie"),
-    "accuracy": lambda figures: known(figures.accuracy, share),
-    "energy": lambda figures: known(figures.energy_pj, energy),
-    "chip time": lambda figures: time(figures.chip_time_ns),
-    "synapses": lambda figures: count(figures.synapses),
-}
+COLUMNS: dict[str, str] = texts("tables", "explored")["columns"]
 """What the terminal shows of a point."""
 X_LABEL = "spikes that differ from the float network's"
 Document = dict[str, Any]
@@ -181,11 +175,7 @@ def _label(found: Exploration, setting: Setting) -> str:
 
 
 def _words(setting: Setting, figures: Figures) -> str:
-    changed = agreed(figures.prediction_error, "none")
-    return (
-        f"{setting}: {agreed(figures.spike_error)} of spikes differ, {changed} of predictions, "
-        f"{known(figures.energy_pj, energy, 'energy not known')}, {time(figures.chip_time_ns)}"
-    )
+    return sentence("marked setting", setting=setting, figures=figures)
 
 
 def _percent(value: float) -> str:
@@ -232,7 +222,7 @@ def _reported(found: Exploration) -> list[str]:
 
 
 def _cells(point: Point) -> list[str]:
-    return [shown(point.figures) if point.figures else NONE for shown in COLUMNS.values()]
+    return [fill(text, {"figures": point.figures}) if point.figures else NONE for text in COLUMNS.values()]
 
 
 def _aligned(rows: Sequence[Sequence[str]], names: int) -> list[str]:
