@@ -83,8 +83,10 @@ def synapses(pieces: Sequence[Piece], chip: Chip) -> tuple[IntArray, int]:
             lists.setdefault((p.lists, p.format.bits_per_synapse), []).append(rows)
     lengths = {key: np.bincount(np.concatenate(parts)) for key, parts in lists.items()}
     words = sum(int(chip.synapse_memory.words(length, bits).sum()) for (_, bits), length in lengths.items())
-    reached = np.concatenate([np.empty(0, dtype=np.int64), *(np.flatnonzero(length) for length in lengths.values())])
-    return np.unique(reached), words
+    reached = np.zeros(max(map(len, lengths.values()), default=0), dtype=np.bool_)
+    for length in lengths.values():
+        reached[: len(length)] |= length > 0
+    return np.flatnonzero(reached), words
 
 
 def _limits(pieces: Sequence[Piece], chip: Chip) -> Iterator[Limit]:

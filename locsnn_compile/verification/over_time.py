@@ -26,6 +26,8 @@ SAMPLE = 64
 """Recordings that a report follows at the most."""
 WORK = 1 << 31
 """Neuron updates that a report may take if every step ran the location branch again: a few seconds."""
+QUICK, AT_LEAST = 1 << 28, 16
+"""Of recordings that take more together, at least so many are followed, and no more than take so much."""
 TOGETHER = "together"
 TIME_WEIGHTED = "time_weighted"
 
@@ -59,14 +61,15 @@ def over_time(levels: Levels, recordings: ByteArray, labels: IntArray | None, ps
     """
     program = levels.program
     check_psi(psi)
-    many = WORK // _work(levels.network)
-    if many == 0:
+    work = _work(levels.network)
+    if work > WORK:
         return "the network is too large to be followed step by step within seconds"
     try:
         hw.Session(program)
     except InputError as error:
         return f"{error.where} {error.what}"
-    chosen = spread_sample(levels.network, len(recordings), min(SAMPLE, many))
+    many = min(SAMPLE, WORK // work, max(AT_LEAST, QUICK // work))
+    chosen = spread_sample(levels.network, len(recordings), many)
     played = recordings[list(chosen)]
     scores = _scores(program, played, psi)
     wanted = decided(scores[TOGETHER][:, -1]) if labels is None else labels[list(chosen)]

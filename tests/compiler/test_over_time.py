@@ -89,6 +89,15 @@ def test_a_network_too_large_is_left_out(levels, played, monkeypatch):
     assert over_time(levels, played, None) == ("the network is too large to be followed step by step within seconds")
 
 
+def test_fewer_recordings_of_a_large_network_are_followed(levels, monkeypatch):
+    """As many as are quick, but no fewer than say something."""
+    many, work = recordings(levels.network, samples=60), 20 * (8 + 3) + 20 * 6 * (8 + 3)
+    monkeypatch.setattr(module, "QUICK", 40 * work)
+    assert len(over_time(levels, many, None).recordings) == 40
+    monkeypatch.setattr(module, "QUICK", 3 * work)
+    assert len(over_time(levels, many, None).recordings) == module.AT_LEAST
+
+
 def test_recordings_that_nothing_is_predicted_of_are_left_out(levels, played):
     silent = np.zeros_like(played)
     assert over_time(levels, silent, None) == "all class scores tie after the last step of every recording"
