@@ -1,26 +1,31 @@
 """What stress came to, between marks on a page that people wrote; all rows are a CSV file next to it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from string import Formatter
+from typing import Any
+
+import yaml
 
 import hw_model as hw
 from hw_model.io.files import replace_file
+from hw_model.io.yaml_text import FAST_LOADER
 from locsnn_compile.errors import InputError
 from locsnn_compile.report.content import Curve
 from locsnn_compile.report.figures.flat import csv_bytes, flatten
 from locsnn_compile.report.format import count, plural
 from locsnn_compile.report.pictures.chart import Panel, draw
 from locsnn_compile.report.renderers.markdown import line, text
-from locsnn_compile.settings import NATIVE
-from locsnn_compile.stress.bounds import SOURCES, Source
+from locsnn_compile.report.templates import filled
 from locsnn_compile.stress.cases import LEADS
-from locsnn_compile.stress.row import VERDICTS, Drift, Measured, Row, by_verdict, stress_document
+from locsnn_compile.stress.row import VERDICTS, Drift, Row, by_verdict, stress_document
 
 BEGIN, END = "<!-- stress: begin -->", "<!-- stress: end -->"
 PICTURES = "images"
 """Folder of the pictures, next to the page."""
 TABLE = ".csv"
 """Ending of the table of all rows, which has the page's name."""
+_BY_CASE: Mapping[str, Any] = yaml.load(filled(__package__, "pictures.yaml"), FAST_LOADER)
 _NEW = f"# Numerical stress\n\n{BEGIN}\n{END}\n"
 
 
@@ -84,49 +89,19 @@ def _summary(rows: Sequence[Row], chip: hw.Chip) -> str:
 
 def _pictures(rows: Sequence[Row]) -> dict[str, bytes]:
     """Return the pictures by the end of their names; one that has nothing to show is left out."""
-    made = {
-        "time-constants.svg": _time_constants(rows),
-        "weights.svg": _weights(rows),
-        "long-runs.svg": _long_runs(rows),
-    }
+    made = {name: _by_case(rows, **asked) for name, asked in _BY_CASE.items()}
+    made["long-runs.svg"] = _long_runs(rows)
     return {name: picture for name, picture in made.items() if picture is not None}
 
 
-def _time_constants(rows: Sequence[Row]) -> bytes | None:
-    figures: dict[str, Callable[[Measured], float]] = {
-        "error found": lambda m: m.error_thresholds,
-        "bound": lambda m: m.bound_thresholds,
+def _by_case(
+    rows: Sequence[Row], *, title: str, group: str, x_label: str, y_log: bool, panels: Mapping[str, Any]
+) -> bytes | None:
+    its = [row for row in rows if row.case.group == group]
+    curves = {
+        name: tuple(_curve(label, its, *asked) for label, asked in drawn.items()) for name, drawn in panels.items()
     }
-    figures |= {f"of it {source}": _bound_by(source) for source in SOURCES}
-    panels = [
-        Panel(
-            f"{strategy}: error in thresholds",
-            "time constant, steps",
-            tuple(_curve(name, rows, "time constants", strategy, figure) for name, figure in figures.items()),
-        )
-        for strategy in ("dendrite", NATIVE)
-    ]
-    return _drawn("Error of potentials by time constant, same spikes on both sides", panels)
-
-
-def _bound_by(source: Source) -> Callable[[Measured], float]:
-    return lambda m: m.bound_parts_thresholds[source]
-
-
-def _weights(rows: Sequence[Row]) -> bytes | None:
-    group = "weights against the threshold"
-
-    def curves(of: Callable[[Measured], float]) -> tuple[Curve, ...]:
-        return tuple(_curve(strategy, rows, group, strategy, of) for strategy in ("dendrite", NATIVE))
-
-    x_label = "weights, times those the threshold is made for"
-    panels = [
-        Panel(
-            "share of weights that round to 0", x_label, curves(lambda m: m.weights.lost / m.weights.of), y_log=False
-        ),
-        Panel("wraps and clips", x_label, curves(lambda m: m.wraps + m.clips), y_log=False),
-    ]
-    return _drawn("Weights over twelve orders of magnitude, one threshold", panels)
+    return _drawn(title, [Panel(name, x_label, drawn, y_log=y_log) for name, drawn in curves.items()])
 
 
 def _long_runs(rows: Sequence[Row]) -> bytes | None:
@@ -151,16 +126,14 @@ def _by_tenth(name: str, drift: Drift, unit: float) -> Curve:
     return Curve(name, tuple(((i + 1) * tenth, error / unit) for i, error in enumerate(drift.error)))
 
 
-def _curve(label: str, rows: Sequence[Row], group: str, strategy: str, figure: Callable[[Measured], float]) -> Curve:
-    points = tuple(
-        (row.case.x, figure(row.measured))
+def _curve(label: str, rows: Sequence[Row], strategy: str, figure: str) -> Curve:
+    """Return a curve of a figure, by its name within what was measured."""
+    found = (
+        (row.case.x, float(Formatter().get_field(f"m.{figure}", (), {"m": row.measured})[0]))
         for row in rows
-        if row.case.group == group
-        and row.case.strategy == strategy
-        and row.case.x is not None
-        and row.measured is not None
+        if row.case.strategy == strategy and row.case.x is not None and row.measured is not None
     )
-    return Curve(label, points)
+    return Curve(label, tuple(found))
 
 
 def _drawn(title: str, panels: Sequence[Panel]) -> bytes | None:

@@ -38,6 +38,11 @@ class Lost(Frozen):
     lost: int
     of: int
 
+    @property
+    def share(self) -> float:
+        """What part of them."""
+        return self.lost / self.of
+
 
 class Measured(Frozen):
     """How the chip compares with float64; potentials in thresholds, all samples, steps and neurons.
@@ -67,6 +72,11 @@ class Measured(Frozen):
     outside: int
     coarse_decays: tuple[str, ...]
     odd_engine: str | None
+
+    @property
+    def overflows(self) -> int:
+        """Wraps and clips."""
+        return self.wraps + self.clips
 
 
 _FOR_THE_JUDGE = ("spikes", "overflowed", "outside", "coarse_decays", "odd_engine")
