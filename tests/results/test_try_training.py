@@ -150,6 +150,27 @@ def test_a_student_of_teachers_alone_follows_them(compare: Any, tmp_path: Path) 
     assert (found[1.0] == wrong[rows]).mean() > 0.9
 
 
+def test_a_learning_curve_measures_on_the_fold_that_is_held_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import learning_curve
+    from ways import Setting
+
+    made, known = synthetic_touches(48, steps=24, classes=3, seed=1), {"a": Setting("one", {"epochs": 2})}
+    monkeypatch.setattr(learning_curve, "read_recordings", lambda path, *, split: made)
+    monkeypatch.setattr(learning_curve, "settings_of", lambda path: known)
+    monkeypatch.setattr(learning_curve, "RECIPES", {"containers": ("a", 1)})
+    learning_curve.main(["--datasets", "containers", "--work", str(tmp_path), "--table", str(tmp_path / "t.csv")])
+    rows = [line.split(",") for line in (tmp_path / "t.csv").read_text().splitlines()]
+    assert [row[:4] for row in rows[1:]] == [
+        ["Containers", "0.25", "9", "4"],
+        ["Containers", "0.5", "18", "4"],
+        ["Containers", "0.75", "27", "4"],
+        ["Containers", "1", "36", "4"],
+    ]
+    assert all(float(row[5]) <= float(row[4]) <= float(row[6]) for row in rows[1:])
+
+
 def test_prototypes_of_classes_that_lie_apart() -> None:
     from nearest import metric, prototypes
 
