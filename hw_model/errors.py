@@ -7,7 +7,7 @@
 Nothing else is raised on purpose; any other exception is a defect of this project.
 """
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from difflib import get_close_matches
 from functools import partial
 from typing import Any
@@ -71,6 +71,11 @@ def check_known(where: str, what: str, given: object, known: Collection[str], mo
     """Refuse a name that is none of those known; None is none. ``more``: a way out beside them."""
     if given is not None and given not in known:
         raise InputError(where, what, fix=did_you_mean(given, known) + more)
+
+
+def listed(items: Sequence[str], word: str = "and") -> str:
+    """Return ``a, b and c``, or with another word."""
+    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} {word} {items[-1]}"
 
 
 def did_you_mean(given: object, known: Iterable[str]) -> str:

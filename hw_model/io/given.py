@@ -10,7 +10,7 @@ from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, get_args, get_origin, get_type_hints
 
-from hw_model.errors import InputError
+from hw_model.errors import InputError, listed
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -96,7 +96,7 @@ def _check(function: str, name: str, value: Any, kinds: tuple[Any, ...]) -> None
         names = [kind.__name__ for kind in kinds if kind is not type(None)]
         raise InputError(
             f"{function}, {name}",
-            f"it must be {_article(names[0])} {' or '.join(names)}",
+            f"it must be {_article(names[0])} {listed(names, 'or')}",
             measured=f"got {type(value).__name__} {_short(repr(value))}",
             fix=next((_WAYS_OUT[kind] for kind in names if kind in _WAYS_OUT), "Correct it."),
         )

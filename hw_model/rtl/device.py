@@ -10,7 +10,7 @@ from hw_model.accounting.cost import Latency
 from hw_model.description.chip import Chip, chip, chip_names
 from hw_model.description.counts import Counts
 from hw_model.engine.playing import Spikes, read_streams
-from hw_model.errors import TargetError
+from hw_model.errors import TargetError, listed
 from hw_model.program.chip_program import ChipProgram
 from hw_model.rtl.cycles import predicted_cycles
 from hw_model.rtl.images import CoreProgram, Sizes
@@ -83,4 +83,4 @@ def _way_out(needs: Sizes) -> str:
         name: its and all(need <= limit for need, limit in uses(needs, its).values()) for name, its in sizes.items()
     }
     held = [name for name in sizes if fits[name]]
-    return f"Use the device {' or '.join(held)}." if held else "Use another strategy, or a smaller network."
+    return f"Use the device {listed(held, 'or')}." if held else "Use another strategy, or a smaller network."

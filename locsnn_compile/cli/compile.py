@@ -22,7 +22,7 @@ from locsnn_compile.cli.completion import answer_shell
 from locsnn_compile.cli.options import check_psi, given, recording_of
 from locsnn_compile.cli.shell import EXIT_GATE, Parser, declared, guarded, progress_bar, terminal, texts_of
 from locsnn_compile.cli.step_options import asked_reading, with_steps
-from locsnn_compile.errors import InputError, check_known
+from locsnn_compile.errors import InputError, check_known, listed
 from locsnn_compile.report.figures.flat import picked
 from locsnn_compile.settings import STRATEGIES
 from locsnn_compile.verification.gates import GATES, Gate, check_gates, gates_entry, junit_file
@@ -127,7 +127,7 @@ def _check_options(args: Namespace) -> None:
         check_known(f"--emit {kind}", "there is no such kind", kind, EMIT_KINDS)
     if args.recording is not None and not set(args.emit) & set(OF_RECORDING):
         raise InputError(
-            "--recording", "nothing emitted is of a single recording", fix=f"Add --emit {' or '.join(OF_RECORDING)}."
+            "--recording", "nothing emitted is of a single recording", fix=f"Add --emit {listed(OF_RECORDING, 'or')}."
         )
     if args.weights and len(args.model) < 2:
         raise InputError("--weights", "there is one model, with nothing to weigh it against", fix="Leave it out.")

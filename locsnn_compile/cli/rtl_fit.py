@@ -17,7 +17,7 @@ from pathlib import Path
 import hw_model as hw
 from hw_model.rtl.boards import BOARDS
 from locsnn_compile.cli.options import check_number
-from locsnn_compile.errors import InputError, check_known
+from locsnn_compile.errors import InputError, check_known, listed
 
 
 def words() -> dict[str, str]:
@@ -53,7 +53,7 @@ def _board(args: argparse.Namespace, target: str) -> str:
     device = args.device or BOARDS.get(args.board, target)
     boards = [board for board, its in BOARDS.items() if its == device]
     if not boards:
-        fix = f"Choose --device {' or '.join(sorted(BOARDS.values()))}."
+        fix = f"Choose --device {listed(sorted(BOARDS.values()), 'or')}."
         raise InputError(f"--device {device}", "it holds no open core", fix=fix)
     if args.board not in (None, *boards):
         raise InputError(f"--board {args.board}", f"it has no {device}", fix="Leave one of them out.")

@@ -1,10 +1,11 @@
 """What the report says: its words for the document's keys, its titles and longer sentences, all of ``words.yaml``."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import yaml
 
+from hw_model.errors import listed as listed
 from hw_model.io.yaml_text import FAST_LOADER
 from locsnn_compile.report.format import (
     SILENT,
@@ -80,11 +81,6 @@ def words(key: str) -> str:
 def limit_words(name: str) -> str:
     """Return a limit of the chip in words."""
     return words(name) if name == "cores" else f"{words(name)} of a core"
-
-
-def listed(items: Sequence[str]) -> str:
-    """Return ``a, b and c``."""
-    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}"
 
 
 def core_words(row: Mapping[str, Any]) -> str:

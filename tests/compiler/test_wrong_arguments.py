@@ -34,12 +34,12 @@ def network():
 WITHOUT = [
     ("a parameter that neurons have not", lambda: lc.Cuba.of(2, decay=0.1, threshold=1.0), "Cuba.of: there is no parameter 'decay'. Did you mean 'decay_v'?"),
     ("neurons without a threshold", lambda: lc.Cuba.of(2, decay_v=0.1), "Cuba.of: parameter 'threshold' is missing. Give it by its name."),
-    ("a path for a network", lambda: lc.compile("model.pt"), f"compile, network: it must be a Network or Checkpoint or Sequence (got str 'model.pt'). {NETWORK}"),
-    ("a Path for a network", lambda: lc.compile(Path("model.pt")), f"compile, network: it must be a Network or Checkpoint or Sequence (got PosixPath PosixPath('model.pt')). {NETWORK}"),
-    ("nothing for a network", lambda: lc.compile(None), f"compile, network: it must be a Network or Checkpoint or Sequence (got NoneType None). {NETWORK}"),
+    ("a path for a network", lambda: lc.compile("model.pt"), f"compile, network: it must be a Network, Checkpoint or Sequence (got str 'model.pt'). {NETWORK}"),
+    ("a Path for a network", lambda: lc.compile(Path("model.pt")), f"compile, network: it must be a Network, Checkpoint or Sequence (got PosixPath PosixPath('model.pt')). {NETWORK}"),
+    ("nothing for a network", lambda: lc.compile(None), f"compile, network: it must be a Network, Checkpoint or Sequence (got NoneType None). {NETWORK}"),
     ("a path for a build", lambda: lc.verify("build", "d.npz"), "verify, compiled: it must be a CompiledModel (got str 'build'). Make one with lc.compile(network)."),
     ("a diagnosis of a path", lambda: lc.diagnose("build", "d.npz"), "diagnose, compiled: it must be a CompiledModel (got str 'build'). Make one with lc.compile(network)."),
-    ("a number for a model", lambda: lc.load(3), "load, model: it must be a str or Path or Checkpoint (got int 3). Correct it."),
+    ("a number for a model", lambda: lc.load(3), "load, model: it must be a str, Path or Checkpoint (got int 3). Correct it."),
     ("a step of text", lambda: lc.load("m.nir", dt="1e-3"), "load, dt: it must be a float (got str '1e-3'). Correct it."),
     ("a model of a long name", lambda: lc.load(f"{LONG}.pt"), f"model '{LONG[:60]}...': the name is too long (303 bytes). Shorten it."),
     ("a model of a NUL", lambda: lc.load("a\0.pt"), r"model 'a\x00.pt': it holds a NUL character. Give the path of a file."),
@@ -59,7 +59,7 @@ WITHOUT = [
     ("energy by a name", lambda: hw.energy_pj(hw.Counts(), "sanafe"), "energy_pj, profile: it must be a Profile (got str 'sanafe'). Take chip.profile(name)."),
 ]  # fmt: skip
 OF_A_NETWORK = [
-    ("target", 3, "compile, target: it must be a str or Path or Chip (got int 3). Take hw.chip('loihi-sim'), or hw.chip(path) of a chip file."),
+    ("target", 3, "compile, target: it must be a str, Path or Chip (got int 3). Take hw.chip('loihi-sim'), or hw.chip(path) of a chip file."),
     ("strategy", 5, "compile, strategy: it must be a str (got int 5). Correct it."),
     ("weight_bits", "8", "compile, weight_bits: it must be an int (got str '8'). Correct it."),
     ("weight_bits", True, "compile, weight_bits: it must be an int (got bool True). Correct it."),

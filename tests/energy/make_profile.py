@@ -117,10 +117,10 @@ open_core:                     # parameters of locsnn_core.sv
 mesh:
   columns: 1
   rows: 1
-  cores_per_tile: 16
+  cores_per_tile: 1024
 
 limits:
-  cores_per_chip: 16
+  cores_per_chip: 1024
   compartments_per_core: 512
   input_axons_per_core: 1024
   output_axons_per_core: 8192

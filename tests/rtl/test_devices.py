@@ -13,6 +13,7 @@ import pytest
 
 import hw_model as hw
 from hw_model.description.chip import Sizes
+from hw_model.errors import listed
 from hw_model.rtl import simulators
 from hw_model.rtl.cosimulation import play_on_core
 from hw_model.rtl.device import activity, latencies, on_core
@@ -49,7 +50,7 @@ def test_what_does_not_fit_is_refused_by_name(small, name):
     with pytest.raises(hw.TargetError) as caught:
         on_core(program, rows, device(replace(needs, **{name: need - 1})))
     held = [one for one in DEVICES if all(n <= getattr(hw.chip(one).open_core, k) for k, n in asdict(needs).items())]
-    fix = f"Use the device {' or '.join(held)}." if held else "Use another strategy, or a smaller network."
+    fix = f"Use the device {listed(held, 'or')}." if held else "Use another strategy, or a smaller network."
     wanted = f"the open core of ecp5-25f is too small in {name!r} ({need} against {need - 1}). {fix}"
     assert str(caught.value) == f"program {program.name!r}: {wanted}"
 
@@ -80,6 +81,16 @@ def test_a_network_that_does_not_fit_is_told_what_holds_it():
     assert str(caught.value) == (
         "program 'objects-hybrid': the open core of ecp5-25f is too small in 'synapses' (25610 against 16384). "
         "Use the device ecp5-85f."
+    )
+
+
+@pytest.mark.parametrize("name", ["ecp5-25f", "locsnn-130nm"])
+def test_a_network_of_many_cores_is_too_large_for_the_one_that_hosts_them(name):
+    with pytest.raises(hw.TargetError) as caught:
+        lower(load(MODELS / "containers-best.pt"), hw.chip(name), 8, "dendrite")
+    assert str(caught.value) == (
+        f"program 'containers-best': the open core of {name} is too small in 'axons' (33974 against 1024). "
+        "Use another strategy, or a smaller network."
     )
 
 

@@ -164,8 +164,8 @@ def test_a_tool_that_fails_is_one_line(saved, tools, tmp_path, capsys):
 
 
 REFUSED = [
-    ([], "--device loihi-sim: it holds no open core. Choose --device ecp5-25f or ecp5-85f or ice40up5k."),
-    (["--device", "virtex"], "--device virtex: it holds no open core. Choose --device ecp5-25f or ecp5-85f or ice40up5k."),
+    ([], "--device loihi-sim: it holds no open core. Choose --device ecp5-25f, ecp5-85f or ice40up5k."),
+    (["--device", "virtex"], "--device virtex: it holds no open core. Choose --device ecp5-25f, ecp5-85f or ice40up5k."),
     (["--board", "arty"], "--board arty: it is not known. Choose one of: icebreaker, ulx3s-25f, ulx3s-85f."),
     (["--board", "icebreaker", "--device", "ecp5-25f"], "--board icebreaker: it has no ecp5-25f. Leave one of them out."),
     (["--device", "ecp5-25f", "--seeds", "0"], "--seeds: nothing to place (got 0). Give 1 or more."),
