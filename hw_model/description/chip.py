@@ -209,9 +209,8 @@ def parse_chip(text: str, where: str) -> Chip:
 def check_chip(chip: Chip, where: str) -> None:
     """Refuse a description that contradicts itself, or of a board that no simulation here could follow."""
     if chip.clock_ghz == 0:
-        raise InputError(
-            f"{where}: clock_ghz", "a clock that stands has no cycles", fix="Give more than 0, such as 1.0."
-        )
+        fix = "Give more than 0, such as 1.0."
+        raise InputError(f"{where}: clock_ghz", "a clock that stands has no cycles", fix=fix)
     check_most(chip.cores, MAX_CORES, f"{where}: chips", "the board is too large", unit="cores", fix="Correct it.")
     core, slots = chip.open_core, chip.registers.slots
     if core is None and not chip.profiles:
@@ -246,7 +245,6 @@ def priced_by(chip: Chip, name_or_path: str | Path) -> Chip:
     path = Path(text)
     read = parse(Profile, read_description(path, "profile", "those in a chip file"), path.name, "profile")
     if path.stem in chip.profiles:
-        raise InputError(
-            path.name, f"{chip.name} has a profile {path.stem!r} of its own", fix="Give the file another name."
-        )
+        fix = "Give the file another name."
+        raise InputError(path.name, f"{chip.name} has a profile {path.stem!r} of its own", fix=fix)
     return replace(chip, profiles={path.stem: read, **chip.profiles})

@@ -60,8 +60,5 @@ def write_build(folder: Path, files: Mapping[str, bytes]) -> None:
 
 
 def _unwritable(folder: Path, reason: str) -> InputError:
-    return InputError(
-        f"output {folder.name or str(folder)!r}",
-        f"cannot be written: {reason[:1].lower()}{reason[1:]}",
-        fix="Choose a folder you may write to with -o.",
-    )
+    what = f"cannot be written: {reason[:1].lower()}{reason[1:]}"
+    return InputError(f"output {folder.name or str(folder)!r}", what, fix="Choose a folder you may write to with -o.")

@@ -94,12 +94,10 @@ def _kinds(hint: Any) -> tuple[Any, ...]:
 def _check(function: str, name: str, value: Any, kinds: tuple[Any, ...]) -> None:
     if not any(_is_a(value, kind) for kind in kinds):
         names = [kind.__name__ for kind in kinds if kind is not type(None)]
-        raise InputError(
-            f"{function}, {name}",
-            f"it must be {_article(names[0])} {listed(names, 'or')}",
-            measured=f"got {type(value).__name__} {_short(repr(value))}",
-            fix=next((_WAYS_OUT[kind] for kind in names if kind in _WAYS_OUT), "Correct it."),
-        )
+        what = f"it must be {_article(names[0])} {listed(names, 'or')}"
+        measured = f"got {type(value).__name__} {_short(repr(value))}"
+        fix = next((_WAYS_OUT[kind] for kind in names if kind in _WAYS_OUT), "Correct it.")
+        raise InputError(f"{function}, {name}", what, measured=measured, fix=fix)
     if object in kinds and isinstance(value, list | tuple):
         _check_rows(f"{function}, {name}", value)
     if Path in kinds and isinstance(value, str | Path):

@@ -65,13 +65,11 @@ def _check_events(text: str | bytes, where: str, most_nodes: int) -> None:
         elif isinstance(event, yaml.CollectionEndEvent):
             open_.pop()
         if len(open_) > MAX_DEPTH:
-            raise InputError(
-                where, "it is nested too deeply", measured=f"more than {MAX_DEPTH} levels", fix="Correct its brackets."
-            )
+            fix = "Correct its brackets."
+            raise InputError(where, "it is nested too deeply", measured=f"more than {MAX_DEPTH} levels", fix=fix)
         if nodes > most_nodes:
-            raise InputError(
-                where, "it holds too much", measured=f"more than {most_nodes} values", fix="Give a smaller file."
-            )
+            fix = "Give a smaller file."
+            raise InputError(where, "it holds too much", measured=f"more than {most_nodes} values", fix=fix)
 
 
 def read_mapping(path: Path, where: str, fix: str) -> dict[Any, Any]:
@@ -97,9 +95,8 @@ def _count_in(container: _Container, event: Any, where: str) -> None:
     if not container.is_mapping or container.nodes % 2 == 0 or not isinstance(event, yaml.ScalarEvent):
         return
     if event.value in container.keys:
-        raise InputError(
-            where, f"the key {event.value!r} is given twice, again at line {_line(event)}", fix="Keep one."
-        )
+        fix = "Keep one."
+        raise InputError(where, f"the key {event.value!r} is given twice, again at line {_line(event)}", fix=fix)
     container.keys.add(event.value)
 
 

@@ -37,12 +37,10 @@ def _check_charges(graph: CompartmentGraph) -> None:
         delays = [int(part.delay.max(initial=0)) for part in graph.synapses if part.target in names]
         kept, compartments = max(delays, default=0) + 2, sum(names.values())
         if kept * compartments > MOST_CHARGES:
-            raise TargetError(
-                f"phase {phase.name!r}",
-                "its longest delay keeps more charges under way than are simulated",
-                measured=f"{kept} steps of {compartments} compartments against {MOST_CHARGES}",
-                fix="Shorten the delay, or relay the spike through compartments.",
-            )
+            what = "its longest delay keeps more charges under way than are simulated"
+            measured = f"{kept} steps of {compartments} compartments against {MOST_CHARGES}"
+            fix = "Shorten the delay, or relay the spike through compartments."
+            raise TargetError(f"phase {phase.name!r}", what, measured=measured, fix=fix)
 
 
 def _check_names(graph: CompartmentGraph) -> None:

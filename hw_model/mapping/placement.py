@@ -176,12 +176,8 @@ def _crowded_by_output(placed: PlacedGraph) -> dict[str, int]:
 def _too_large(neuron: Piece, chip: Chip) -> TargetError:
     broken = first_broken([neuron], chip)
     assert broken is not None
-    return TargetError(
-        f"population {neuron.root!r}",
-        f"{broken.use} {broken.what} of neuron {neuron.start} do not fit one core",
-        measured=f"{chip.name} holds {broken.limit}",
-        fix=broken.fix,
-    )
+    what, fix = f"{broken.use} {broken.what} of neuron {neuron.start} do not fit one core", broken.fix
+    return TargetError(f"population {neuron.root!r}", what, measured=f"{chip.name} holds {broken.limit}", fix=fix)
 
 
 def _too_many_cores(placed: PlacedGraph, incoming: tuple[FanIn, ...], most_neurons: Mapping[str, int]) -> TargetError:
@@ -195,19 +191,12 @@ def _too_many_cores(placed: PlacedGraph, incoming: tuple[FanIn, ...], most_neuro
         if _fill(graph, chip, narrow, most_neurons).cores <= chip.cores:
             fix += f", or use {bits} weight bits"
             break
-    return TargetError(
-        f"network {graph.name!r}",
-        f"{placed.cores} cores are needed",
-        measured=f"{chip.name} has {chip.cores} on {chip.chips} chip{'s' * (chip.chips > 1)}",
-        fix=f"{fix}.",
-    )
+    measured = f"{chip.name} has {chip.cores} on {chip.chips} chip{'s' * (chip.chips > 1)}"
+    return TargetError(f"network {graph.name!r}", f"{placed.cores} cores are needed", measured=measured, fix=f"{fix}.")
 
 
 def _too_many_targets(placed: PlacedGraph, name: str) -> TargetError:
     limit = placed.chip.limits.output_axons_per_core
-    return TargetError(
-        f"population {name!r}",
-        f"a neuron reaches more cores than a core has output axons ({placed.cores} cores in all)",
-        measured=f"{placed.chip.name} holds {limit} output axons",
-        fix="Connect it to fewer populations, or relay its spikes through compartments.",
-    )
+    what = f"a neuron reaches more cores than a core has output axons ({placed.cores} cores in all)"
+    fix = "Connect it to fewer populations, or relay its spikes through compartments."
+    return TargetError(f"population {name!r}", what, measured=f"{placed.chip.name} holds {limit} output axons", fix=fix)

@@ -196,10 +196,7 @@ def _bias(name: str, values: IntArray, chip: Chip) -> tuple[IntArray, IntArray]:
     nearest = mantissa << exponent
     bad = np.flatnonzero(nearest != values)
     if len(bad):
-        raise TargetError(
-            f"compartments {name!r}",
-            f"bias {values[bad[0]]} of compartment {bad[0]} is not a mantissa times a power of two",
-            measured=f"mantissa {-span}..{span - 1}, exponent 0..{most}",
-            fix=f"The nearest is {nearest[bad[0]]}.",
-        )
+        what = f"bias {values[bad[0]]} of compartment {bad[0]} is not a mantissa times a power of two"
+        measured = f"mantissa {-span}..{span - 1}, exponent 0..{most}"
+        raise TargetError(f"compartments {name!r}", what, measured=measured, fix=f"The nearest is {nearest[bad[0]]}.")
     return mantissa, exponent

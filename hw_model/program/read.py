@@ -49,9 +49,8 @@ def load_program(folder: str | Path) -> ChipProgram:
         fix = "Compile it again, or use the release that wrote it."
         raise InputError("program.yaml", "the program has another format version", measured=measured, fix=fix)
     if hashlib.sha256(npz_bytes).hexdigest() != document.get("arrays_sha256"):
-        raise InputError(
-            "program.npz", "the checksum differs: it is damaged, or of another program", fix="Compile again."
-        )
+        what = "the checksum differs: it is damaged, or of another program"
+        raise InputError("program.npz", what, fix="Compile again.")
     try:
         program = _program(document, _unpack(npz_bytes))
         check_program(program)

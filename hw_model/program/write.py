@@ -47,9 +47,8 @@ def save_program(program: ChipProgram, folder: str | Path) -> None:
     try:
         replace_entries(target, program_files(program))
     except OSError as error:
-        raise InputError(
-            f"folder {target.name!r}", f"cannot be written: {error.strerror}", fix="Choose a folder you may write to."
-        ) from error
+        fix = "Choose a folder you may write to."
+        raise InputError(f"folder {target.name!r}", f"cannot be written: {error.strerror}", fix=fix) from error
 
 
 class _Dumper(yaml.SafeDumper):

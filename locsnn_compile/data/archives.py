@@ -104,9 +104,8 @@ def open_members(path: Path) -> Iterator[Members]:
             raise InputError(where, f"it holds {twice[0][:80]!r} twice", fix=fix)
         links = [member.filename for member in files_inside if stat.S_ISLNK(member.external_attr >> 16)]
         if links:
-            raise InputError(
-                where, f"{links[0][:80]!r} is a link, and links are not followed", fix="Store the file itself."
-            )
+            what = f"{links[0][:80]!r} is a link, and links are not followed"
+            raise InputError(where, what, fix="Store the file itself.")
         yield Members(where, {member.filename: member.file_size for member in files_inside}, read, f"{where}, ")
 
 
@@ -178,9 +177,8 @@ def _chosen(members: Members, split: str | None) -> list[str]:
         split = "test" if "test" in parts else parts[0]
     if split is not None and split not in parts:
         has = f"it has {' and '.join(parts)}" if parts else "it is not divided"
-        raise InputError(
-            members.where, f"there is no part {split!r}", measured=has, fix=did_you_mean(split, parts or PARTS)
-        )
+        fix = did_you_mean(split, parts or PARTS)
+        raise InputError(members.where, f"there is no part {split!r}", measured=has, fix=fix)
     chosen = [name for name in names if split is None or _part(name) == split]
     kinds = sorted({PurePosixPath(name).suffix for name in chosen})
     if not chosen:
@@ -214,9 +212,8 @@ def _read(members: Members, names: list[str], binning: Binning) -> tuple[ByteArr
         else:
             array = to_step_major(array, place, binning.channels, binning.axes)
             if len(array) != 1:
-                raise InputError(
-                    place, "it is not one recording", measured=f"{len(array)} inside", fix="Give one a file."
-                )
+                fix = "Give one a file."
+                raise InputError(place, "it is not one recording", measured=f"{len(array)} inside", fix=fix)
             arrays.append(clean_spikes(place, array)[0])
             _check_fits(arrays, len(names), members.where, place)
     if not arrays:

@@ -159,9 +159,8 @@ def _torch_entries(data: bytes, where: str) -> dict[str, AnyArray]:
     value = load_plain(data, where, fix="Write it again with torch.save.")
     found = value if isinstance(value, dict) else {"spikes": value}
     if "format" in found and "weights" in found:
-        raise InputError(
-            where, "it is a trained network, not recordings", fix="Give it as the model, and recordings as events."
-        )
+        fix = "Give it as the model, and recordings as events."
+        raise InputError(where, "it is a trained network, not recordings", fix=fix)
     entries: dict[str, AnyArray] = {}
     for name, entry in found.items():
         if name in _BESIDE and isinstance(entry, int | float | list | str):

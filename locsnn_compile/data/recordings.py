@@ -91,9 +91,8 @@ class Recordings(Shown):
             object.__setattr__(self, "class_names", clean_class_names(where, self.class_names, least))
         seconds = self.step_seconds
         if seconds is not None and not (np.isfinite(seconds) and seconds > 0):
-            raise InputError(
-                where, "step_seconds must be above 0", measured=f"got {seconds!r}", fix="Give the width of a bin."
-            )
+            fix = "Give the width of a bin."
+            raise InputError(where, "step_seconds must be above 0", measured=f"got {seconds!r}", fix=fix)
 
     def __len__(self) -> int:
         return len(self.spikes)
@@ -161,9 +160,8 @@ def clean_class_names(where: str, names: Sequence[object], least: int) -> tuple[
 def _clean_labels(where: str, labels: NDArray[np.generic], samples: int) -> IntArray:
     fix = "Give one class number from 0 on per recording."
     if labels.shape != (samples,):
-        raise InputError(
-            where, "labels and recordings differ in number", measured=f"{labels.shape} against ({samples},)", fix=fix
-        )
+        what = "labels and recordings differ in number"
+        raise InputError(where, what, measured=f"{labels.shape} against ({samples},)", fix=fix)
     values = labels.astype(np.float64) if labels.dtype.kind in "iuf" else np.full(samples, np.nan)
     # Written so that NaN is refused too.
     if not ((values == np.floor(values)) & (values >= 0) & (values <= MAX_LABEL)).all():
@@ -193,9 +191,8 @@ class Expected(Frozen):
         for name, value in asked.items():
             own = getattr(self, name)
             if value is not None and own is not None and not same(value, own):
-                raise InputError(
-                    name, f"{self.whose} has another", measured=f"got {value:g} against {own:g}", fix="Leave it out."
-                )
+                fix = "Leave it out."
+                raise InputError(name, f"{self.whose} has another", measured=f"got {value:g} against {own:g}", fix=fix)
         return {name: getattr(self, name) if value is None else value for name, value in asked.items()}
 
     def check(self, recordings: Recordings) -> None:

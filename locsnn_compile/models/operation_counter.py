@@ -60,11 +60,9 @@ def _counter(name: str, module: nn.Module) -> Counter:
 
 
 def _unknown(name: str, module: nn.Module) -> InputError:
-    return InputError(
-        f"module {name or type(module).__name__!r}",
-        f"operations of a {type(module).__name__} are not known",
-        fix=f"Use modules of these kinds: {', '.join(kind.__name__ for kind in _COUNTERS)}.",
-    )
+    what = f"operations of a {type(module).__name__} are not known"
+    fix = f"Use modules of these kinds: {', '.join(kind.__name__ for kind in _COUNTERS)}."
+    return InputError(f"module {name or type(module).__name__!r}", what, fix=fix)
 
 
 def _add(found: list[AnnCounts], counter: Counter, module: nn.Module, inputs: tuple[Tensor, ...], output: Any) -> None:

@@ -224,7 +224,6 @@ def spread(value: ArrayLike, size: int, dtype: type[Number]) -> npt.NDArray[Numb
     given = whole_numbers(value) if issubclass(dtype, np.integer) else np.asarray(value, dtype=dtype)
     if given.shape not in ((), (1,), (size,)):
         measured = f"{given.shape} against ({size},)"
-        raise InputError(
-            "neurons", "a parameter has the wrong shape", measured=measured, fix="Give one number a neuron."
-        )
+        fix = "Give one number a neuron."
+        raise InputError("neurons", "a parameter has the wrong shape", measured=measured, fix=fix)
     return sealed(np.broadcast_to(given, (size,)).astype(dtype))

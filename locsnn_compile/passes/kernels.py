@@ -133,12 +133,8 @@ def _energy(r: float) -> float:
 
 
 def _never_fades(where: str, measured: str) -> TargetError:
-    return TargetError(
-        where,
-        "the decay rounds to nothing, so the potential would never fade",
-        measured=measured,
-        fix="Use a shorter time constant or a longer step.",
-    )
+    what = "the decay rounds to nothing, so the potential would never fade"
+    return TargetError(where, what, measured=measured, fix="Use a shorter time constant or a longer step.")
 
 
 LENGTHS = 12

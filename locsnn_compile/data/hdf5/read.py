@@ -100,9 +100,8 @@ class Group:
         if values.dtype.kind == "f":
             values = values.astype(np.float64)
             if np.isnan(values).any() or (not infinite and np.isinf(values).any()):
-                raise InputError(
-                    self.where, f"{name!r} holds a number that is not finite", fix="Train or export again."
-                )
+                fix = "Train or export again."
+                raise InputError(self.where, f"{name!r} holds a number that is not finite", fix=fix)
         else:
             if values.dtype.kind == "u" and values.size and int(values.max()) > 2**62:
                 raise InputError(self.where, f"{name!r} is too large", measured=f"{values.max()}", fix=_WHOLE)
@@ -165,9 +164,8 @@ class Group:
         if link is None:
             raise InputError(self.where, f"{name!r} is missing", fix=_WHOLE)
         if not isinstance(link, h5py.HardLink):
-            raise InputError(
-                self.where, f"{name!r} is a link, and links are not followed", fix="Store the data itself."
-            )
+            fix = "Store the data itself."
+            raise InputError(self.where, f"{name!r} is a link, and links are not followed", fix=fix)
         return self._group[name]
 
     def _dataset(self, name: str) -> Any:

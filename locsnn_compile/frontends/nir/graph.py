@@ -103,9 +103,8 @@ def _metadata(group: Group) -> dict[str, Array | str]:
 
 def _read_node(group: Group, where: str, depth: int, seen: list[int]) -> NirNode | NirGraph:
     if "type" not in group:
-        raise InputError(
-            where, "it has no type; HDF5 makes groups of a name with a slash", fix="Rename nodes without slashes."
-        )
+        fix = "Rename nodes without slashes."
+        raise InputError(where, "it has no type; HDF5 makes groups of a name with a slash", fix=fix)
     kind = group.text("type")
     if kind == "NIRGraph":
         return _read_graph(group, where, depth + 1, seen)

@@ -140,9 +140,8 @@ def _entry(entry: Mapping[Any, Any], where: str, *, first: bool) -> LayerEntry:
         numbers = (*numbers, 1)
     known = first == (kind == "input") and len(numbers) == _NUMBERS.get(kind) and "neuron" not in entry
     if not known or min(numbers) < 1:
-        raise InputError(
-            where, f"dim {dim!r} is not read there", fix="Give the input first, as 34x34x2, then 16c5z, 2a or 10."
-        )
+        fix = "Give the input first, as 34x34x2, then 16c5z, 2a or 10."
+        raise InputError(where, f"dim {dim!r} is not read there", fix=fix)
     if kind == "pool":
         return LayerEntry(kind, numbers, stride=numbers[0])
     if kind != "conv":
@@ -174,9 +173,8 @@ def _section(values: Mapping[Any, Any], name: str, where: str) -> Mapping[Any, A
 def _number(section: Mapping[Any, Any], key: str, where: str, *, least: float) -> float:
     value = section.get(key)
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value) or value < least:
-        raise InputError(
-            where, f"{key} must be a number from {least:g} on", measured=f"{value!r}"[:40], fix="Correct it."
-        )
+        fix = "Correct it."
+        raise InputError(where, f"{key} must be a number from {least:g} on", measured=f"{value!r}"[:40], fix=fix)
     return float(value)
 
 

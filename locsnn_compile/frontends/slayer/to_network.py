@@ -152,9 +152,8 @@ def _walk(order: str, channels: int | None, where: str) -> tuple[Any, int]:
     fingertips = touch_fingertips(count)
     if fingertips is None:
         if order != "loop":
-            raise InputError(
-                where, f"order {order[:40]!r} is one of fingertips", measured=f"{count} channels", fix="Take loop."
-            )
+            fix = "Take loop."
+            raise InputError(where, f"order {order[:40]!r} is one of fingertips", measured=f"{count} channels", fix=fix)
         return np.arange(count), count
     return channel_walk(location_order(order, neutouch())[1], neutouch(fingertips)), count
 
