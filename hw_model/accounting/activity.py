@@ -139,14 +139,9 @@ def counted(kept: Mapping[str, IntArray], name: str) -> IntArray:
 def stacked(items: Sequence[StepActivity]) -> StepActivity:
     """Return recordings of one phase and of equal length as one, (recordings, steps, ...)."""
     first = items[0]
-    return StepActivity(
-        first.pieces,
-        first.routes,
-        {name: np.stack([item.by_piece[name] for item in items]) for name in first.by_piece},
-        np.stack([item.packets for item in items]),
-        np.stack([item.input_packets for item in items]),
-        np.stack([item.buffered for item in items]),
-    )
+    by_piece = {name: np.stack([item.by_piece[name] for item in items]) for name in first.by_piece}
+    rest = (np.stack(arrays) for arrays in zip(*((i.packets, i.input_packets, i.buffered) for i in items), strict=True))
+    return StepActivity(first.pieces, first.routes, by_piece, *rest)
 
 
 PER_SPIKE = ("synaptic_ops", "spikes", *PER_PACKET, "input_packets")

@@ -15,9 +15,8 @@ from locsnn_compile.errors import InputError, check_most
 Order = tuple[str, ...]
 AXES = ("samples", "steps", "channels", "rows", "columns", "taxels", "polarities")
 """What an axis may count; a channel is counted whole, or by taxels or rows and columns, with or without polarities."""
-_CHANNELS: tuple[Order, ...] = tuple(
-    (*places, *rest) for places in (("taxels",), ("rows", "columns")) for rest in ((), ("polarities",))
-)
+_PLACES = (("taxels",), ("rows", "columns"))
+_CHANNELS: tuple[Order, ...] = (*_PLACES, *((*places, "polarities") for places in _PLACES))
 _READ: dict[int, tuple[Order, ...]] = {
     2: (("channels", "steps"),),
     3: (("samples", "channels", "steps"), ("taxels", "polarities", "steps")),

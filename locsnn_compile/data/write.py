@@ -107,13 +107,9 @@ def _entries(recordings: Recordings, kind: str, where: str) -> dict[str, AnyArra
         entries["events"], seconds = structured_events(*_timed(recordings, 0, where)), _width(recordings)
     else:
         entries["spikes"] = _channel_major(recordings.spikes)
-    if recordings.labels is not None:
-        entries["labels"] = recordings.labels
-    if seconds is not None:
-        entries["step_seconds"] = np.array(seconds, dtype=np.float64)
-    if recordings.class_names is not None:
-        entries["class_names"] = np.array(recordings.class_names)
-    return entries
+    width = None if seconds is None else float(seconds)
+    more = {"labels": recordings.labels, "step_seconds": width, "class_names": recordings.class_names}
+    return entries | {name: np.array(value) for name, value in more.items() if value is not None}
 
 
 def _channel_major(spikes: ByteArray) -> ByteArray:

@@ -150,14 +150,10 @@ class Pack(Shown):
     def save(self, path: Path | str) -> None:
         """Write it to a file, whole or not at all."""
         carrying = next((member for member in self.members if member.recordings is not None), None)
-        members = {
-            str(number): {
-                "sha256": member.sha256,
-                "weight": float(weight),
-                "checkpoint": checkpoint_values(member if member is carrying else replace(member, recordings=None)),
-            }
-            for number, (member, weight) in enumerate(zip(self.members, self.weights, strict=True), start=1)
-        }
+        members = {}
+        for number, (member, weight) in enumerate(zip(self.members, self.weights, strict=True), start=1):
+            values = checkpoint_values(member if member is carrying else replace(member, recordings=None))
+            members[str(number)] = {"sha256": member.sha256, "weight": float(weight), "checkpoint": values}
         where = f"committee {Path(path).name!r}"
         content = torch_bytes({"format": self.FORMAT, "version": self.VERSION, "members": members}, where)
         replace_file(Path(path), content, where)

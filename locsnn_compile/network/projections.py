@@ -184,9 +184,8 @@ def row_sums(m: Matrix) -> FloatArray:
     """Return what every target's positive weights, or its negative ones, add up to at most, (n_target,), no sign."""
     target, _, index = connections(m)
     weights = values_of(m).ravel()[index].astype(np.float64)
-    positive, negative = (
-        np.bincount(target, weights=np.maximum(side, 0.0), minlength=m.shape[0]) for side in (weights, -weights)
-    )
+    sides = np.maximum(weights, 0.0), np.maximum(-weights, 0.0)
+    positive, negative = (np.bincount(target, weights=side, minlength=m.shape[0]) for side in sides)
     return np.maximum(positive, negative)
 
 

@@ -63,10 +63,8 @@ def fitted_decays(tau: float, where: str) -> tuple[int, int, float, float]:
         return nearest, nearest, gain, error
     a, c = alpha_recursion(tau)
     exact = DECAY_ONE * (1.0 - a)
-    apart, total = (
-        grid.ravel()
-        for grid in np.meshgrid(np.arange(2 * SPREAD + 1), math.floor(2 * exact) + np.arange(-4, 6), indexing="ij")
-    )
+    grid = np.meshgrid(np.arange(2 * SPREAD + 1), math.floor(2 * exact) + np.arange(-4, 6), indexing="ij")
+    apart, total = (axis.ravel() for axis in grid)
     here = (apart + total) % 2 == 0
     u, v = (total[here] - apart[here]) // 2, (total[here] + apart[here]) // 2
     held = (u >= 1) & (v <= DECAY_ONE)

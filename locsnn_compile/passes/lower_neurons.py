@@ -10,7 +10,6 @@ After:  a CompartmentGraph, its phases those of the network. A population's spik
     reset        one compartment, with the chip's own reset; so is every leaky integrate-and-fire neuron (``native``)
 """
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -63,28 +62,19 @@ def dendrite_name(population: str, kind: str, number: int) -> str:
 
 def _compartments(q: QuantizedPopulation, chip: Chip) -> list[Compartments]:
     """A soma beside dendrites keeps nothing (decays 4096), so that the chip's reset changes nothing either."""
-    name, neuron, all_lost = q.population.name, q.neuron, np.full(q.population.size, DECAY_ONE)
+    population, neuron, last = q.population, q.neuron, chip.registers.voltage_max
+    usual: dict[str, Any] = {"bias_mantissa": 0, "bias_exponent": 0, "refractory": 1, "vmin": -last, "vmax": last}
+
+    def group(name: str, decays: tuple[IntArray, IntArray], **own: Any) -> Compartments:
+        return Compartments(name, population.phase, population.size, *decays, neuron.threshold, **usual | own)
+
+    all_lost = np.full(population.size, DECAY_ONE)
     soma = (all_lost, all_lost) if neuron.parts else (neuron.decay_u, neuron.decay_v)
-    dendrites = [
-        _group(dendrite_name(name, kind, number), q, chip, decays, {}, joined_to=name)
-        for number in range(neuron.dendrites)
-        for kind, decays in neuron.parts.items()
-    ]
-    return [_group(name, q, chip, soma, neuron.registers), *dendrites]
-
-
-def _group(
-    name: str,
-    q: QuantizedPopulation,
-    chip: Chip,
-    decays: tuple[IntArray, IntArray],
-    own: Mapping[str, IntArray],
-    joined_to: str | None = None,
-) -> Compartments:
-    last = chip.registers.voltage_max
-    settings: dict[str, Any] = {"bias_mantissa": 0, "bias_exponent": 0, "refractory": 1, **own}
-    settings |= {"vmin": -last, "vmax": last, "joined_to": joined_to}
-    return Compartments(name, q.population.phase, q.population.size, *decays, q.neuron.threshold, **settings)
+    found = [group(population.name, soma, **neuron.registers)]
+    for number in range(neuron.dendrites):
+        for kind, decays in neuron.parts.items():
+            found.append(group(dendrite_name(population.name, kind, number), decays, joined_to=population.name))
+    return found
 
 
 def _self_synapses(q: QuantizedPopulation, chip: Chip) -> list[Synapses]:

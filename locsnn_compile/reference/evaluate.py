@@ -134,13 +134,8 @@ def calibrate(network: Network, recordings: Recordings, registers: Registers) ->
     count = len(recordings.spikes)
     chosen = np.unique(np.linspace(0, count - 1, min(count, SAMPLES)).astype(np.int64))
     played = network.fit(recordings.spikes[chosen], recordings.source)
-    chunks = [
-        evaluate(network, played[start : start + CHUNK], potentials=True, registers=registers)
-        for start in range(0, len(played), CHUNK)
-    ]
-    return Calibration(
-        len(played),
-        recordings.source,
-        {name: np.concatenate([chunk.spikes[name] for chunk in chunks]) for name in chunks[0].spikes},
-        {name: np.concatenate([chunk.potential[name] for chunk in chunks]) for name in chunks[0].potential},
-    )
+    parts = (played[start : start + CHUNK] for start in range(0, len(played), CHUNK))
+    chunks = [evaluate(network, part, potentials=True, registers=registers) for part in parts]
+    spikes = {name: np.concatenate([chunk.spikes[name] for chunk in chunks]) for name in chunks[0].spikes}
+    potential = {name: np.concatenate([chunk.potential[name] for chunk in chunks]) for name in chunks[0].potential}
+    return Calibration(len(played), recordings.source, spikes, potential)

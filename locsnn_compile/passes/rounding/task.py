@@ -59,10 +59,8 @@ class Task(Frozen, eq=False):
     @property
     def largest(self) -> FloatArray:
         """The largest weight onto each neuron, (n,)."""
-        found: FloatArray = np.max(
-            [np.zeros(self.population.size), *(row_maxima(p.weights) for p in self.incoming)], axis=0
-        )
-        return found
+        maxima = [np.zeros(self.population.size), *(row_maxima(p.weights) for p in self.incoming)]
+        return np.asarray(np.max(maxima, axis=0))
 
 
 HEADROOM = 16

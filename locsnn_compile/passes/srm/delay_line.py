@@ -66,9 +66,8 @@ def lay_out(neuron: SrmAlpha, decay: int, thresholds: Iterable[int], task: Task)
     error = float(found.error[last, chosen])
     if error > ERROR_MAX:
         what = f"no {_taps(chip)} delayed synapses hold the refractory kernel of tau_ref {neuron.tau_ref:g}"
-        measured = (
-            f"an error of {error:.2g} against {ERROR_MAX:g}; {chip.name} has delay_max {chip.registers.delay_max}"
-        )
+        measured = f"an error of {error:.2g} against {ERROR_MAX:g}"
+        measured += f"; {chip.name} has delay_max {chip.registers.delay_max}"
         raise TargetError(task.where, what, measured=measured, fix="Use strategy dendrite.")
     mantissa, exponent = found.mantissa[: last + 1, :, chosen], found.exponent[: last + 1, :, chosen]
     delay, part = np.nonzero(mantissa)
