@@ -5,7 +5,7 @@ import functools
 import inspect
 import os
 import stat
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, get_args, get_origin, get_type_hints
@@ -39,7 +39,7 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
 
     @functools.wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> T:
-        for name, value in _bound(signature, args, kwargs):
+        for name, value in _bound(signature, args, kwargs).items():
             _check(called, name, value, kinds().get(name, (object,)))
         return function(*args, **kwargs)
 
@@ -66,18 +66,12 @@ def size_of(path: Path) -> int:
     return found.st_size
 
 
-def _bound(signature: inspect.Signature, args: Any, kwargs: Any) -> Iterator[tuple[str, Any]]:
-    """Yield arguments by name; calls that Python itself refuses, with its own error."""
-    # A signature takes longer to bind than all checks do, and most calls are plain.
-    names, plain = signature.parameters, dict(zip(signature.parameters, args, strict=False)) | kwargs
-    whole = len(plain) == len(args) + len(kwargs) and plain.keys() <= names.keys()
-    if whole and all(name in plain or names[name].default is not inspect.Parameter.empty for name in names):
-        yield from plain.items()
-        return
+def _bound(signature: inspect.Signature, args: Any, kwargs: Any) -> Mapping[str, Any]:
+    """Return arguments by name; none of a call that Python itself refuses, with its own error."""
     try:
-        yield from signature.bind(*args, **kwargs).arguments.items()
+        return signature.bind(*args, **kwargs).arguments
     except TypeError:
-        return
+        return {}
 
 
 def _kinds(hint: Any) -> tuple[Any, ...]:

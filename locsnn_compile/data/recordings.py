@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw_model.values import ByteArray, Frozen, IntArray, Shown, sealed
-from locsnn_compile.errors import InputError, check_most
+from locsnn_compile.errors import InputError, check_most, check_same
 
 #: Largest set of recordings accepted, in array elements: four times the largest published tactile set.
 MAX_ELEMENTS = 200_000_000
@@ -159,9 +159,7 @@ def clean_class_names(where: str, names: Sequence[object], least: int) -> tuple[
 
 def _clean_labels(where: str, labels: NDArray[np.generic], samples: int) -> IntArray:
     fix = "Give one class number from 0 on per recording."
-    if labels.shape != (samples,):
-        what = "labels and recordings differ in number"
-        raise InputError(where, what, measured=f"{labels.shape} against ({samples},)", fix=fix)
+    check_same(labels.shape, (samples,), where, "labels and recordings differ in number", fix=fix)
     values = labels.astype(np.float64) if labels.dtype.kind in "iuf" else np.full(samples, np.nan)
     # Written so that NaN is refused too.
     if not ((values == np.floor(values)) & (values >= 0) & (values <= MAX_LABEL)).all():

@@ -15,7 +15,7 @@ import numpy as np
 
 from hw_model.io.yaml_text import read_mapping
 from hw_model.values import FloatArray, Frozen, IntArray
-from locsnn_compile.errors import InputError, check_known
+from locsnn_compile.errors import InputError, check_known, check_same
 
 #: Most channels of a sensor: a few times what any published tactile sensor has.
 MAX_CHANNELS = 4_096
@@ -104,10 +104,9 @@ class SensorLayout(Frozen):
 
     def check_channels(self, found: int, where: str) -> None:
         """Refuse recordings whose channels are not those of the sensor."""
-        if found != self.channels:
-            what = f"their channels are not those of sensor {self.name!r}"
-            fix = "Say which sensor it was: --grid WxH, with --polarities 1 or 2, --channels N, or --layout FILE."
-            raise InputError(where, what, measured=f"{found} against {self.channels}", fix=fix)
+        what = f"their channels are not those of sensor {self.name!r}"
+        fix = "Say which sensor it was: --grid WxH, with --polarities 1 or 2, --channels N, or --layout FILE."
+        check_same(found, self.channels, where, what, fix=fix)
 
     def document(self) -> dict[str, Any]:
         """Return the layout as plain values, without what it does not say."""
