@@ -25,11 +25,11 @@ from locsnn_compile.cli.step_options import asked_reading, with_steps
 from locsnn_compile.errors import InputError, check_known, listed
 from locsnn_compile.report.figures.flat import picked
 from locsnn_compile.settings import STRATEGIES
-from locsnn_compile.verification.gates import GATES, Gate, check_gates, gates_entry, junit_file
 
 if TYPE_CHECKING:
     from locsnn_compile.api import CompiledModel
     from locsnn_compile.data.recordings import Recordings
+    from locsnn_compile.report.gates import Gate
 
 READ = ("--options", "--config", "--events", "--calibration", "--target", "--profile")
 OF_RECORDING = ("vectors", "rtl", "vcd", "trace", "sanafe")
@@ -65,6 +65,7 @@ def run(args: Namespace) -> int:
     from locsnn_compile.api import compile, join, recordings_for
     from locsnn_compile.data.read import read_recordings
     from locsnn_compile.frontends import load
+    from locsnn_compile.report.gates import GATES, check_gates, gates_entry, junit_file
     from locsnn_compile.report.sections.build import unmet_budget
     from locsnn_compile.settings import check_matters
     from locsnn_compile.verification.error_bounds import ErrorBudget
@@ -122,6 +123,8 @@ def _print_summary(report: dict[str, Any], folder: Path, files: dict[str, bytes]
 
 def _check_options(args: Namespace) -> None:
     """Refuse options that could only fail after the work is done."""
+    from locsnn_compile.report.gates import GATES
+
     check_psi(args.psi)
     for kind in args.emit:
         check_known(f"--emit {kind}", "there is no such kind", kind, EMIT_KINDS)
@@ -173,7 +176,7 @@ def _emitted(args: Namespace, compiled: "CompiledModel", recordings: "Recordings
     return found
 
 
-def _say_gates(gates: Sequence[Gate]) -> int:
+def _say_gates(gates: "Sequence[Gate]") -> int:
     """Say each gate that failed in a line; return 3 where one did."""
     failed = [gate for gate in gates if not gate.holds]
     for gate in failed:

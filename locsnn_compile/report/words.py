@@ -35,9 +35,9 @@ OPERATIONS: dict[str, str] = _TEXTS["operations"]
 """Operations that a profile may give a time, as a timeline calls them."""
 
 
-def texts(kind: str, name: str) -> Any:
-    """Return what ``words.yaml`` has of a kind under a name."""
-    return _TEXTS[kind][name]
+def texts(kind: str, name: str | None = None) -> Any:
+    """Return what ``words.yaml`` has of a kind under a name, or all of that kind."""
+    return _TEXTS[kind] if name is None else _TEXTS[kind][name]
 
 
 def section_words(name: str, /, **given: Any) -> tuple[str, str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from locsnn_compile.verification.gates import GATES, check_gates
+from locsnn_compile.report.gates import GATES, check_gates
 
 REPORT = {
     "match": {"prediction_agreement": 0.75, "spike_agreement": 0.875, "samples": 4},

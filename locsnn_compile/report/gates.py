@@ -1,10 +1,13 @@
 """Gates: bounds that a build must keep, checked against its report, and written for a CI server as JUnit XML."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import reduce
+from operator import getitem
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 from hw_model.io.xml_text import xml_file, xml_text
+from locsnn_compile.report.words import fill, texts
 
 Report = Mapping[str, Any]
 
@@ -19,53 +22,24 @@ class Gate(NamedTuple):
     found: str
 
 
-class _Rule(NamedTuple):
-    option: str
-    measure: Callable[[Report], float | None]
-    text: str
-    """What was measured; ``{}`` is the value."""
-    at_least: bool = False
-    unknown: str = "it was not measured"
-    """Why there is no value."""
-
-
-_RULES = (
-    _Rule(
-        "--min-agreement",
-        lambda r: r["match"]["prediction_agreement"],
-        "prediction agreement is {:.4f}",
-        at_least=True,
-        unknown="no prediction was compared, as all class scores tie in every recording",
-    ),
-    _Rule(
-        "--max-spike-error",
-        lambda r: None if (equal := r["match"]["spike_agreement"]) is None else 1 - equal,
-        "{:.4f} of the spikes differ",
-        unknown="no spike was compared, as no neuron spiked",
-    ),
-    _Rule(
-        "--max-energy-nj",
-        lambda r: None if (pj := r["energy"]["per_sample_pj"]) is None else pj / 1000,
-        "a recording takes {:.1f} nJ",
-        unknown="the energy of this target is not known",
-    ),
-    _Rule("--max-latency-us", lambda r: r["latency"]["per_sample_ns"] / 1000, "a recording takes {:.1f} µs"),
-    _Rule("--max-cores", lambda r: r["resources"]["cores"], "{} cores are used"),
-)
-GATES = tuple(rule.option for rule in _RULES)
+GATES: tuple[str, ...] = tuple(texts("gates"))
 
 
 def check_gates(report: Report, bounds: Mapping[str, float]) -> tuple[Gate, ...]:
     """Return a gate for each bound by option, in the order of :data:`GATES`; one on what was not measured fails."""
-    return tuple(_gate(rule, rule.measure(report), bounds[rule.option]) for rule in _RULES if rule.option in bounds)
+    return tuple(_gate(option, report, bounds[option]) for option in GATES if option in bounds)
 
 
-def _gate(rule: _Rule, value: float | None, bound: float) -> Gate:
+def _gate(option: str, report: Report, bound: float) -> Gate:
+    rule = texts("gates", option)
+    value: Any = reduce(getitem, rule["figure"].split("."), report)
     if value is None:
-        return Gate(rule.option, bound, None, False, rule.unknown)
-    holds = value >= bound if rule.at_least else value <= bound
-    side = ("not below" if holds else "below") if rule.at_least else ("not above" if holds else "above")
-    return Gate(rule.option, bound, value, holds, f"{rule.text.format(value)}, {side} {bound:g}")
+        return Gate(option, bound, None, False, rule["unknown"])
+    value = rule["whole"] - value if "whole" in rule else value / rule["per"] if "per" in rule else value
+    at_least = "at_least" in rule
+    holds = value >= bound if at_least else value <= bound
+    side = ("not below" if holds else "below") if at_least else ("not above" if holds else "above")
+    return Gate(option, bound, value, holds, f"{fill(rule['said'], {'value': value})}, {side} {bound:g}")
 
 
 def gates_entry(gates: Sequence[Gate]) -> list[dict[str, Any]]:
