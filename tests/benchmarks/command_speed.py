@@ -100,7 +100,9 @@ def measure(trees: Sequence[Path], folder: Path, turns: int, cold: int, only: st
 def run(tree: Path, words: Sequence[str], environment: Mapping[str, str]) -> Took:
     """Run Python with the packages of a tree."""
     begin = time.perf_counter()
-    given = os.environ | {"PYTHONPATH": str(tree)} | dict(environment)
+    # Bytecode is kept, as an installation keeps it.
+    kept = {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": environment["NUMBA_CACHE_DIR"] + "-bytecode"}
+    given = os.environ | {"PYTHONPATH": str(tree)} | kept | dict(environment)
     process = subprocess.Popen([sys.executable, *words], env=given, cwd=tree, stdout=subprocess.DEVNULL)
     _, status, used = os.wait4(process.pid, 0)
     if status:

@@ -7,6 +7,7 @@ differs.
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import field, replace
+from functools import lru_cache
 from operator import methodcaller
 from typing import Literal, get_args
 
@@ -47,6 +48,7 @@ class Phase(Frozen, eq=False):
     program_neurons: Numbers
 
 
+@lru_cache(maxsize=1)
 def phases_of(levels: Levels) -> tuple[Phase, ...]:
     """Return every phase of a lowered network."""
     registers, populations = levels.program.chip.registers, levels.quantized.populations
