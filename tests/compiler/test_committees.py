@@ -24,6 +24,7 @@ from locsnn_compile.network.committee import committee
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.report.renderers.markdown import render_markdown
+from locsnn_compile.report.words import sentence
 from locsnn_compile.verification.matching import compare
 
 CHIP = hw.chip("loihi-sim")
@@ -125,6 +126,17 @@ def test_members_cost_what_they_cost_alone():
     assert "a: " in page
     assert "2 cores, class scores times 3" in page
     assert both.report["resources"]["cores"] == 4
+
+
+def test_on_an_open_core_no_member_has_a_time_of_its_own():
+    """One core hosts them all, one after the other; 0 pJ and the time of a barrier stood there."""
+    networks = [replace(hybrid(seed, scale=20.0, channels=4), name=name) for seed, name in enumerate("ab")]
+    played = recordings(networks[0], samples=2)
+    both = lc.compile(networks, "ecp5-25f", "dendrite", weights=(1, 3), events=played, diagnosis=False)
+    rows = both.report["model"]["members"]
+    assert [(row["per_sample_pj"], row["per_sample_ns"]) for row in rows] == [(None, None)] * 2
+    assert both.report["latency"]["per_sample_ns"] > 0
+    assert sentence("member", **rows[1]) == "energy not known, time not known, 2 cores, class scores times 3"
 
 
 def test_without_weights_scores_vary_alike():

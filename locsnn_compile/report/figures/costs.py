@@ -259,7 +259,7 @@ def _real_time(match: Match, steps: int, step_ns: float, mean_ns: float, most_ns
         "step_ns": step_ns,
         "factor": steps * step_ns / mean_ns if mean_ns else None,
         "slowest_factor": steps * step_ns / most_ns if most_ns else None,
-        "slowest_step_ns": slowest,
+        "slowest_step_ns": slowest or None,
         "slowest_step_factor": step_ns / slowest if slowest else None,
     }
 

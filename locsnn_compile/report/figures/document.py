@@ -86,13 +86,18 @@ def report_document(
 
 
 def _members(levels: Levels, match: Match, energy: Document) -> Document:
-    """Of each network of a committee: cores of its own, the energy of its compartments, its time by itself."""
+    """Of each network of a committee: cores of its own, the energy of its compartments, its time by itself.
+
+    Both are None where they are not known: an open core hosts all members, one after the other.
+    """
     rows = []
     for member in levels.network.members:
         cores = [c for c in levels.program.cores if c.slices[0].group.startswith(f"{member.name}/")]
-        by_population = energy["by_population_pj"] or {}
-        its = [found["pj"] for name, found in by_population.items() if name.startswith(f"{member.name}/")]
-        costs = {"per_sample_pj": sum(its), "per_sample_ns": match.member_ns[member.name] / match.samples}
+        by_population = energy["by_population_pj"]
+        its = [found["pj"] for name, found in (by_population or {}).items() if name.startswith(f"{member.name}/")]
+        per_sample_pj = None if by_population is None else sum(its)
+        per_sample_ns = None if levels.program.chip.open_core else match.member_ns[member.name] / match.samples
+        costs = {"per_sample_pj": per_sample_pj, "per_sample_ns": per_sample_ns}
         rows.append({**asdict(member), "cores": len(cores), **costs})
     return {"members": rows} if rows else {}
 
