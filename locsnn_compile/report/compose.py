@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 from locsnn_compile.report.content import Document, Report
 from locsnn_compile.report.format import plural, shortened
 from locsnn_compile.report.sections import accuracy, behaviour, build, cost
-from locsnn_compile.report.sections.core_cost import activity_section, cycles, cycles_section
 from locsnn_compile.report.sections.cores import cores
 from locsnn_compile.report.sections.over_time import over_time
 from locsnn_compile.report.sections.recording import potential, spikes
@@ -25,7 +24,7 @@ def compose(document: Document, excerpt: "Excerpt | None" = None) -> Report:
     sections = (
         cost.energy_section(document) if priced else None,
         *((cost.latency_section(document), cores(document)) if on_mesh else ()),
-        *(() if on_mesh else (activity_section(document), cycles_section(document))),
+        *(() if on_mesh else (cost.activity_section(document), cost.cycles_section(document))),
         behaviour.agreement(document),
         spikes(document, excerpt),
         potential(document, excerpt),
@@ -45,7 +44,7 @@ def compose(document: Document, excerpt: "Excerpt | None" = None) -> Report:
     return Report(
         title=f"{shortened(document['model']['name'], LONGEST_NAME)} on {document['target']}",
         subtitle=f"{options}, {plural(match['samples'], 'recording')} of {match['events_source']}",
-        verdicts=(matches(document), costs(document) if priced else cycles(document), fits(document)),
+        verdicts=(matches(document), costs(document) if priced else cost.cycles(document), fits(document)),
         notices=notices(document),
         sections=tuple(section for section in sections if section),
         assumptions=tuple(document["assumptions"]),
