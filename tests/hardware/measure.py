@@ -16,6 +16,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from shipped import STRATEGIES
 
 import hw_model as hw
 from hw_model.errors import LocsnnError
@@ -38,7 +39,6 @@ ROWS = {
     "icebreaker": ("objects-hybrid", "reset"),
 }
 """By board: a network that ships, and the strategy with which it is placed."""
-STRATEGIES = ("dendrite", "delay-line", "reset")
 HEAD = """\
 | board | program | LUTs | flip-flops | block RAMs | multipliers | slowest clock |
 | --- | --- | ---: | ---: | ---: | ---: | ---: |"""

@@ -1,4 +1,6 @@
-"""Play every shipped model, in every strategy, on the open core's SystemVerilog, and compare it with the simulator.
+"""Play every shipped model, in every strategy, and the networks of ``make peers``, on the open core's SystemVerilog.
+
+Everything is compared with the simulator.
 
     python tests/hardware/play_all.py [--data FOLDER] [--programs FOLDER]
 
@@ -11,9 +13,12 @@ from __future__ import annotations
 
 import argparse
 import csv
+import sys
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
+from shipped import MODELS, example_files, model_file
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -21,32 +26,19 @@ from hw_model.rtl.comparison import compare
 from hw_model.rtl.simulators import sources
 from locsnn_compile.api import recordings_for
 
-ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(Path(__file__).parents[1] / "peers"))
+from peer_runs import networks_of
+from quirks import PEERS
+
 FOUND = Path(__file__).parent / "played.csv"
 COLUMNS = ("model", "strategy", "file", "recordings", "values", "different", "cycles different", "mean cycles")
-MODELS = [
-    (model, strategy)
-    for model in ("objects-hybrid", "containers-hybrid")
-    for strategy in ("dendrite", "delay-line", "reset")
-] + [
-    (model, "auto")
-    for model in (
-        "objects-hybrid-loihi",
-        "containers-hybrid-loihi",
-        "two-fingertips",
-        "containers-best",
-        "objects-best",
-    )
-]
-EXAMPLES = {"objects": ["touches"], "containers": ["motions"], "two": ["two-fingertips"]}
 SETS = {"objects": "Ev-Objects.zip", "containers": "Ev-Containers.zip"}
 MOST = 20
 
 
 def files_of(model: str, data: Path | None) -> list[Path]:
     kind = model.split("-")[0]
-    examples = [ROOT / f"examples/recordings/{name}.npz" for name in EXAMPLES[kind]]
-    return examples + ([data / SETS[kind]] if data and kind in SETS else [])
+    return example_files(model) + ([data / SETS[kind]] if data and kind in SETS else [])
 
 
 def program_of(model: str, strategy: str, network: lc.Network, kept: Path | None) -> hw.ChipProgram:
@@ -61,7 +53,7 @@ def program_of(model: str, strategy: str, network: lc.Network, kept: Path | None
 
 def rows(data: Path | None, kept: Path | None, known: set[tuple[str, ...]]):
     for model, strategy in MODELS:
-        network = lc.load(ROOT / f"examples/models/{model}.pt")
+        network = lc.load(model_file(model))
         for path in files_of(model, data):
             if (model, strategy, path.name) in known:
                 continue
@@ -71,6 +63,17 @@ def rows(data: Path | None, kept: Path | None, known: set[tuple[str, ...]]):
             found = compare(program, played, sources())
             compared = (found["compared_values"], found["mismatches"], found["cycle_mismatches"])
             yield (model, strategy, path.name, len(played), *compared, round(np.mean(found["cycles"])))
+
+
+def peer_rows(known: set[tuple[str, ...]]):
+    """Yield a row per public simulator: the random networks that ``make peers`` gives it, one recording of each."""
+    for peer in PEERS:
+        name = f"random networks of {peer.name}"
+        if (name, "", "") in known:
+            continue
+        found = [compare(network.program(), network.spikes[None], sources()) for network in networks_of(peer)]
+        compared = [sum(one[key] for one in found) for key in ("compared_values", "mismatches", "cycle_mismatches")]
+        yield (name, "", "", len(found), *compared, round(np.mean([one["cycles"] for one in found])))
 
 
 def main() -> None:
@@ -83,7 +86,8 @@ def main() -> None:
         table = csv.writer(file, lineterminator="\n")
         if not before:
             table.writerow(COLUMNS)
-        for row in rows(given.data, given.programs, {tuple(row[:3]) for row in before}):
+        known = {tuple(row[:3]) for row in before}
+        for row in chain(peer_rows(known), rows(given.data, given.programs, known)):
             table.writerow(row)
             file.flush()
             print(*row, flush=True)

@@ -55,8 +55,8 @@ class Network:
         """Return what a driver reads, in types that JSON has but for the arrays."""
         return asdict(self)
 
-    def simulate(self) -> hw.SimulationResult:
-        """Run our engine over it."""
+    def program(self) -> hw.ChipProgram:
+        """Return it as our engine plays it."""
         builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
         nodes = {"x": builder.add_input("x", self.spikes.shape[1])}
         for population in self.populations:
@@ -64,7 +64,11 @@ class Network:
         for projection in self.projections:
             given = dict(vars(projection))
             builder.connect(nodes[given.pop("source")], nodes[given.pop("target")], **given)
-        return hw.simulate(builder.build(), self.spikes, probe=PROBES)
+        return builder.build()
+
+    def simulate(self) -> hw.SimulationResult:
+        """Run our engine over it."""
+        return hw.simulate(self.program(), self.spikes, probe=PROBES)
 
 
 def arrays_by_key(network: Network, result: hw.SimulationResult) -> Mapping[str, NDArray[np.int64]]:

@@ -1,6 +1,6 @@
-"""Programs out of the tests of the chip model are played here, too."""
+"""Programs out of the tests of the chip model, and networks that ship, are played here, too."""
 
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "hw_model"))
+sys.path[:0] = [str(Path(__file__).parents[1] / name) for name in ("hw_model", "hardware")]

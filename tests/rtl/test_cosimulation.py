@@ -5,7 +5,6 @@ from __future__ import annotations
 import shutil
 from collections import Counter
 from dataclasses import replace
-from pathlib import Path
 
 import any_program
 import benches
@@ -14,13 +13,13 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
+from shipped import MODELS, example_files, model_file
 
 import hw_model as hw
 import locsnn_compile as lc
 from hw_model.rtl.comparison import compare
 from hw_model.rtl.simulators import sources
 
-ROOT = Path(__file__).parents[2]
 NO_VERILATOR = pytest.mark.skipif(shutil.which("verilator") is None, reason="Verilator is not installed")
 icarus = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
 SETTINGS = settings(
@@ -48,29 +47,12 @@ def check(program: hw.ChipProgram, spikes: np.ndarray, simulator: str = "verilat
     return found
 
 
-MODELS = [
-    (model, strategy)
-    for model in ("objects-hybrid", "containers-hybrid")
-    for strategy in ("dendrite", "delay-line", "reset")
-] + [
-    (model, "auto")
-    for model in (
-        "objects-hybrid-loihi",
-        "containers-hybrid-loihi",
-        "containers-best",
-        "objects-best",
-        "two-fingertips",
-    )
-]
-
-
 def shipped(model: str, strategy: str) -> hw.ChipProgram:
-    return lc.compile(lc.load(ROOT / f"examples/models/{model}.pt"), target="loihi-sim", strategy=strategy).program
+    return lc.compile(lc.load(model_file(model)), target="loihi-sim", strategy=strategy).program
 
 
 def recordings(model: str, count: int | None) -> np.ndarray:
-    name = {"objects": "touches", "containers": "motions"}.get(model.split("-")[0], model)
-    return np.load(ROOT / f"examples/recordings/{name}.npz")["spikes"][:count].transpose(0, 2, 1)
+    return np.load(example_files(model)[0])["spikes"][:count].transpose(0, 2, 1)
 
 
 @verilator
