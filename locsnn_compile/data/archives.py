@@ -22,15 +22,10 @@ from hw_model.values import ByteArray, Frozen
 from locsnn_compile.data.aedat4 import parse_aedat4
 from locsnn_compile.data.arrays import label_in_name, load_npy
 from locsnn_compile.data.axes import to_step_major
-from locsnn_compile.data.event_formats import (
-    EVENT_BYTES,
-    SLIP_CLASSES,
-    parse_slayer_events,
-    parse_structured,
-    parse_tact,
-)
+from locsnn_compile.data.event_formats import EVENT_BYTES, parse_slayer_events, parse_structured
 from locsnn_compile.data.event_stream import MAX_EVENTS, Binning, EventStream, bin_streams
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Binned, Recordings, clean_spikes
+from locsnn_compile.data.tact import SLIP_CLASSES, parse_tact
 from locsnn_compile.errors import InputError, check_most, did_you_mean
 
 #: The folder of ``.startend`` files next to that of recordings, as VT_SNN has it.

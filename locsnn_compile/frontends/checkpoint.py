@@ -108,16 +108,14 @@ def _layer(
     size = weights.shape[0]
     delays = description.delays_onto(target)
     parts = [weights] if delays == (0,) else np.split(np.asarray(weights), len(delays), axis=1)
+    rows = list(zip(delays, parts, strict=True))
     if chip is None:
-        return Population(target, axis, size, _neuron(checkpoint, axis, size)), [
-            Projection(source, target, matrix(part, np.float64), delay=delay)
-            for delay, part in zip(delays, parts, strict=True)
-        ]
+        onto = [Projection(source, target, matrix(part, np.float64), delay=delay) for delay, part in rows]
+        return Population(target, axis, size, _neuron(checkpoint, axis, size)), onto
     numbers = chip.populations[target]
-    return Population(target, axis, size, numbers.neuron), [
-        ChipProjection(source, target, matrix(part, np.int64), numbers.exponent, numbers.weight_bits, delay=delay)
-        for delay, part in zip(delays, parts, strict=True)
-    ]
+    form = numbers.exponent, numbers.weight_bits
+    held = [ChipProjection(source, target, matrix(part, np.int64), *form, delay=delay) for delay, part in rows]
+    return Population(target, axis, size, numbers.neuron), held
 
 
 def _weights(checkpoint: Checkpoint, axis: Axis, target: str) -> AnyArray | sparse.csr_array:

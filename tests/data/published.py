@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from locsnn_compile.data.event_formats import SLIP_CLASSES, tact_text
 from locsnn_compile.data.synthetic import synthetic_touches
+from locsnn_compile.data.tact import SLIP_CLASSES, tact_text
 
 START = 1_584_000_000
 """Seconds of a clock when the robot began to move; it reached out 2.25 s later."""

@@ -127,10 +127,8 @@ def load_slayer(path: Path, config: Path, kernels: str | None = None) -> Network
     sizes = [p.size for p in parts.populations if p.name in parts.outputs]
     if len(set(sizes)) > 1:
         raise InputError(where, "its branches differ in classes", measured=f"{sizes}", fix="Train them together.")
-    said = {
-        "any_length": "location" not in chains,
-        "assumptions": (*tails, *_assumed(layers, chains, description, channels)),
-    }
+    said: dict[str, Any] = {"any_length": "location" not in chains}
+    said |= {"assumptions": (*tails, *_assumed(layers, chains, description, channels))}
     return parts.network_of_file(path, data, channels, steps, description.ts / 1000, **said)
 
 
