@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
 
 def statistics_lines(found: Mapping[str, Any], binning: str | None) -> list[str]:
     """Return the figures as lines; ``binning`` says what reading left out."""
-    from locsnn_compile.report.content import facts
+    from locsnn_compile.report.told import facts
     from locsnn_compile.report.words import sentence
 
     width, steps, polarity, rate = (found[key] for key in ("step_seconds", "steps", "polarity", "rate_hz_per_channel"))

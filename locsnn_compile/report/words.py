@@ -7,19 +7,8 @@ import yaml
 
 from hw_model.errors import listed as listed
 from hw_model.io.yaml_text import FAST_LOADER
-from locsnn_compile.report.format import (
-    SILENT,
-    any_value,
-    count,
-    energy,
-    memory,
-    plural,
-    points,
-    ratio,
-    share,
-    short,
-    time,
-)
+from locsnn_compile.report import format as numbers
+from locsnn_compile.report.format import SILENT, time
 from locsnn_compile.report.templates import Filler, filled
 
 ASSUMED = "What was assumed:"
@@ -88,7 +77,11 @@ def core_words(row: Mapping[str, Any]) -> str:
     return f"core {row['core']}, {words(row['phase'])}"
 
 
-_SHOWN = (any_value, count, energy, memory, percent, plural, points, ratio, seconds, share, short, time, words)
-SHOWN: Mapping[str, Callable[..., str]] = {shown.__name__: shown for shown in _SHOWN}
+_OF_NUMBERS = ("any_value", "count", "energy", "memory", "plural", "points", "ratio", "share", "short", "time")
+SHOWN: Mapping[str, Callable[..., str]] = {name: getattr(numbers, name) for name in _OF_NUMBERS} | {
+    "percent": percent,
+    "seconds": seconds,
+    "words": words,
+}
 fill = Filler(SHOWN).fill
 """Fills the places of a text; a format is the name of a function that shows numbers, or a usual one."""

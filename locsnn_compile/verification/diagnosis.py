@@ -19,17 +19,8 @@ from hw_model.values import AnyArray, BoolArray, ByteArray, FloatArray, Frozen, 
 from locsnn_compile.network.network import Network, Population
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import evaluate
-from locsnn_compile.verification.error_budget.budget import (
-    STAGES,
-    Cause,
-    StageErrors,
-    error_budget,
-    find_cause,
-    lines_of,
-    neuron_steps,
-    phases_of,
-    twin_with,
-)
+from locsnn_compile.verification.error_budget import budget as stages
+from locsnn_compile.verification.error_budget.budget import Cause, StageErrors, error_budget, find_cause
 from locsnn_compile.verification.error_budget.twin import run_twin
 from locsnn_compile.verification.matching import CHUNK, Divergence, Progress
 
@@ -117,10 +108,10 @@ def margins(levels: Levels, recordings: ByteArray) -> Margins:
     for start in range(0, len(recordings), CHUNK):
         chunk = recordings[start : start + CHUNK]
         wanted = evaluate(network, chunk, potentials=True, registers=registers)
-        for phase in phases_of(levels):
+        for phase in stages.phases_of(levels):
             names = tuple(p.name for p in network.populations if p.phase == phase.name)
-            lines = lines_of(network, phase, chunk)
-            chip = run_twin(twin_with(phase, STAGES), lines, forced=wanted.spikes, potentials=names)
+            lines = stages.lines_of(network, phase, chunk)
+            chip = run_twin(stages.twin_with(phase, stages.STAGES), lines, forced=wanted.spikes, potentials=names)
             for name in names:
                 potential = chip.potential[name] / levels.quantized.population(name).scale
                 otherwise = wanted.spikes[name] != chip.spikes[name]
@@ -217,5 +208,5 @@ def spread_sample(network: Network, available: int, samples: int | None) -> tupl
     """Return the numbers of the recordings to take, first and last among them where there are two."""
     if samples is None:
         return tuple(range(available))
-    many = max(1, min(available, samples, NEURON_STEPS // neuron_steps(network)))
+    many = max(1, min(available, samples, NEURON_STEPS // stages.neuron_steps(network)))
     return tuple(int(i) for i in np.linspace(0, available - 1, many).round())

@@ -7,9 +7,10 @@ import pytest
 import yaml
 
 import locsnn_compile
-from locsnn_compile.report.content import Block, Fact, Facts, Table, facts, notice, table
+from locsnn_compile.report.content import Block, Fact, Facts, Table
 from locsnn_compile.report.pieces import Pieces
 from locsnn_compile.report.templates import sections
+from locsnn_compile.report.told import facts, notice, table
 from locsnn_compile.report.words import OPERATIONS, STAGES, fill, section_words, sentence, words
 from locsnn_compile.verification.error_budget.budget import STAGES as COMPILED
 

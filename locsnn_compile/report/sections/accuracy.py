@@ -4,8 +4,9 @@ import math
 from collections.abc import Sequence
 from itertools import accumulate
 
-from locsnn_compile.report.content import Bar, Curve, Document, Plot, Section, Table, facts, section, table
+from locsnn_compile.report.content import Bar, Curve, Document, Plot, Section, Table
 from locsnn_compile.report.format import NONE, SILENT, agreed, any_value, count, plural, share
+from locsnn_compile.report.told import facts, section, table
 from locsnn_compile.report.words import STAGES, listed, sentence, stage_words
 
 _DRAWN = 8

@@ -2,9 +2,10 @@
 
 import math
 
-from locsnn_compile.report.content import Bar, Block, Document, Section, Table, section, share_of, table
+from locsnn_compile.report.content import Bar, Block, Document, Section, Table
 from locsnn_compile.report.format import NONE, any_value, count, energy, known, plural, ratio, share, told_apart
 from locsnn_compile.report.sections.accuracy import cause, equal_spikes
+from locsnn_compile.report.told import section, share_of, table
 from locsnn_compile.report.words import listed, no_spikes, sentence, words
 
 _SCORE = 1.959964

@@ -3,9 +3,10 @@
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from locsnn_compile.report.content import Bar, Bullets, Document, Section, Table, facts, section, table
+from locsnn_compile.report.content import Bar, Bullets, Document, Section, Table
 from locsnn_compile.report.format import NONE, any_value, count, plural, share
 from locsnn_compile.report.sections.verdict import fullness, outside
+from locsnn_compile.report.told import facts, section, table
 from locsnn_compile.report.words import limit_words, listed, sentence, words
 from locsnn_compile.settings import LAYOUTS
 

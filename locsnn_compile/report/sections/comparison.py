@@ -6,25 +6,10 @@ from typing import Any
 
 from hw_model.values import Frozen
 from locsnn_compile.errors import InputError
-from locsnn_compile.report.content import (
-    Bar,
-    Document,
-    Fact,
-    Facts,
-    Notice,
-    Report,
-    Section,
-    Status,
-    Table,
-    Verdict,
-    facts,
-    notice,
-    section,
-    table,
-    verdict,
-)
+from locsnn_compile.report.content import Bar, Document, Fact, Facts, Notice, Report, Section, Status, Table, Verdict
 from locsnn_compile.report.figures.flat import Figures, flatten
 from locsnn_compile.report.format import NONE, agreed, any_value, count, plural, points, share, shortened
+from locsnn_compile.report.told import facts, notice, section, table, verdict
 from locsnn_compile.report.words import SHOWN, texts, words
 
 MAX_ROWS = 150

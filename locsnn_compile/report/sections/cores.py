@@ -3,9 +3,10 @@
 import math
 from typing import NamedTuple
 
-from locsnn_compile.report.content import Document, Mesh, MeshCore, Section, section
+from locsnn_compile.report.content import Document, Mesh, MeshCore, Section
 from locsnn_compile.report.format import count, energy, plural, share
 from locsnn_compile.report.sections.verdict import fullness
+from locsnn_compile.report.told import section
 from locsnn_compile.report.words import core_words, words
 
 _CHIPS = 4

@@ -5,21 +5,11 @@ Of the open core cycles are exact, and activity stands for energy that is not kn
 
 from typing import Any
 
-from locsnn_compile.report.content import (
-    Bar,
-    Document,
-    Section,
-    Table,
-    Verdict,
-    facts,
-    section,
-    share_of,
-    table,
-    verdict,
-)
+from locsnn_compile.report.content import Bar, Document, Section, Table, Verdict
 from locsnn_compile.report.format import count, energy, time
 from locsnn_compile.report.sections.cost_tables import ENERGY, TIME, by_branch, constants, shares, stack
 from locsnn_compile.report.sections.verdict import pace
+from locsnn_compile.report.told import facts, section, share_of, table, verdict
 from locsnn_compile.report.words import core_words, sentence, words
 
 

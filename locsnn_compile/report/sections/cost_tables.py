@@ -4,9 +4,10 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from hw_model.values import Frozen
-from locsnn_compile.report.content import Bar, Curve, Document, Fact, Plot, Span, Stack, Table, share_of, table
+from locsnn_compile.report.content import Bar, Curve, Document, Fact, Plot, Span, Stack, Table
 from locsnn_compile.report.format import NONE, count, energy, share, time
 from locsnn_compile.report.pictures.ticks import round_numbers
+from locsnn_compile.report.told import share_of, table
 from locsnn_compile.report.words import words
 
 Shown = Callable[[float], str]

@@ -1,9 +1,10 @@
 """The section that shows predictions while a recording plays, and where it could stop."""
 
-from locsnn_compile.report.content import Bar, Curve, Document, Plot, Section, Table, facts, section
+from locsnn_compile.report.content import Bar, Curve, Document, Plot, Section, Table
 from locsnn_compile.report.format import count, energy, share, short, time
 from locsnn_compile.report.sections.accuracy import sample
 from locsnn_compile.report.sections.cost_tables import ENERGY, PARTS, TIME
+from locsnn_compile.report.told import facts, section
 from locsnn_compile.report.words import sentence, words
 
 

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from hw_model.values import ByteArray
-from locsnn_compile.report.content import Curve, Document, Plot, Raster, Section, Strokes, Table, section, table
+from locsnn_compile.report.content import Curve, Document, Plot, Raster, Section, Strokes, Table
 from locsnn_compile.report.format import NONE, count, plural, told_apart
 from locsnn_compile.report.pictures.ticks import step_ticks, value_axis
+from locsnn_compile.report.told import section, table
 from locsnn_compile.report.words import words
 
 if TYPE_CHECKING:

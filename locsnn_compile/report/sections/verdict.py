@@ -1,7 +1,8 @@
 """The three questions that a report answers first, and what has to be known before its figures are believed."""
 
-from locsnn_compile.report.content import Document, Fact, Facts, Notice, Status, Verdict, facts, notice, verdict
+from locsnn_compile.report.content import Document, Fact, Facts, Notice, Status, Verdict
 from locsnn_compile.report.format import NONE, SILENT, count, energy, known, plural, points, ratio, share, time
+from locsnn_compile.report.told import facts, notice, verdict
 from locsnn_compile.report.words import limit_words, listed, sentence, stage_words, words
 
 _SIDES = {

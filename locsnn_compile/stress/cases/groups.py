@@ -21,18 +21,7 @@ from locsnn_compile.passes.rounding.task import FINE, NEAREST, Rounding
 from locsnn_compile.report.templates import filled
 from locsnn_compile.settings import NATIVE, USUAL
 from locsnn_compile.stress.cases import case as usual
-from locsnn_compile.stress.cases.case import (
-    CHANNELS,
-    NEURONS,
-    THETA,
-    Case,
-    case_of,
-    lif,
-    lif_case,
-    srm,
-    srm_cases,
-    weights,
-)
+from locsnn_compile.stress.cases.case import Case, case_of, lif, lif_case, srm, srm_cases, weights
 
 STEPS_OF_TAU = (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 8000, 10_000)
 SHORT, LONG, FROM = 200, 2000, 200
@@ -87,13 +76,13 @@ def refractory_time_constants() -> Iterator[Case]:
 
 def decays() -> Iterator[Case]:
     """Networks that are integers already: all of the error is truncation. A decay of 0 or 4096 cuts nothing."""
-    mantissa = np.random.default_rng(usual.SEED).integers(-90, 120, (NEURONS, CHANNELS))
+    mantissa = np.random.default_rng(usual.SEED).integers(-90, 120, (usual.NEURONS, usual.CHANNELS))
     for decay_u, decay_v in product(ENDS, ENDS):
-        neuron = ChipCuba.of(NEURONS, decay_u=decay_u, decay_v=decay_v, threshold=THRESHOLD)
+        neuron = ChipCuba.of(usual.NEURONS, decay_u=decay_u, decay_v=decay_v, threshold=THRESHOLD)
         yield case_of(f"decay_u {decay_u}, decay_v {decay_v}", NATIVE, neuron, mantissa)
     for decay, own in ((0, 4096), (1, 4095), (4095, 1), (4096, 0)):
         dendrite = ChipSrm.with_taps(
-            NEURONS,
+            usual.NEURONS,
             decay=decay,
             threshold=THRESHOLD,
             refractory_decay=own,
@@ -102,7 +91,12 @@ def decays() -> Iterator[Case]:
         )
         yield case_of(f"decays {decay}, refractory {own}", "dendrite", dendrite, mantissa)
         taps = ChipSrm.with_taps(
-            NEURONS, decay=decay, threshold=THRESHOLD, delay=[0, 1, 62], mantissa=[-200, 100, -50], exponent=[1, 1, 0]
+            usual.NEURONS,
+            decay=decay,
+            threshold=THRESHOLD,
+            delay=[0, 1, 62],
+            mantissa=[-200, 100, -50],
+            exponent=[1, 1, 0],
         )
         yield case_of(f"decays {decay}", "delay-line", taps, mantissa)
 
@@ -115,14 +109,14 @@ def exact_thresholds() -> Iterator[Case]:
     for rule in RULES:
         for parts in PARTS:
             name, neuron = "one spike" if parts == 1 else f"{parts} spikes", lif(size=1, decay_v=0.0, rule=rule)
-            yield lif_case(f"integrator, {name}, rule {rule}", neuron, [[THETA / parts]], one)
+            yield lif_case(f"integrator, {name}, rule {rule}", neuron, [[usual.THETA / parts]], one)
         neuron = lif(size=1, decay_v=1.0, rule=rule)
-        yield lif_case(f"memoryless, 1/4 and 3/4, rule {rule}", neuron, [[0.25 * THETA, 0.75 * THETA]], two)
+        yield lif_case(f"memoryless, 1/4 and 3/4, rule {rule}", neuron, [[0.25 * usual.THETA, 0.75 * usual.THETA]], two)
     # Single spikes so far apart that the kernel of one is over before the next.
     apart = np.zeros_like(one)
     apart[:, 0 : usual.STEPS : usual.STEPS // 2] = 1
     for strategy, tau in product(USUAL, (1.0, 10.0)):
-        yield case_of(f"peak of a kernel of {tau:g}", strategy, srm(tau_sr=tau), [[THETA]], apart)
+        yield case_of(f"peak of a kernel of {tau:g}", strategy, srm(tau_sr=tau), [[usual.THETA]], apart)
     for over, word in ((0, "at"), (1, "a unit above")):
         memoryless = ChipCuba.of(1, decay_u=4096, decay_v=4096, threshold=100, bias_mantissa=over)
         yield case_of(f"integers, {word} it", NATIVE, memoryless, [[100]], one)
@@ -142,14 +136,14 @@ def biases() -> Iterator[Case]:
     """A bias of less than half a unit of the register is lost, and one of more than 4,095 thresholds is refused."""
     one = usual.random_input(channels=1)
     for bias in (1e-9, 1e-6, 1e-3, 0.05, 1.0, 100.0, LIMIT, LIMIT + 10, -0.05, -100.0, -LIMIT):
-        yield lif_case(f"{bias:g} thresholds", lif(bias=bias * THETA))
-    alone = lif(bias=0.2 * THETA, decay_v=0.0)
-    yield lif_case("bias alone, nothing fades", alone, np.zeros((NEURONS, 1)), one)
+        yield lif_case(f"{bias:g} thresholds", lif(bias=bias * usual.THETA))
+    alone = lif(bias=0.2 * usual.THETA, decay_v=0.0)
+    yield lif_case("bias alone, nothing fades", alone, np.zeros((usual.NEURONS, 1)), one)
     for mantissa, exponent in ((-4096, 7), (4095, 7), (4095, 0), (4096, 0), (-4097, 0), (1, 8)):
         neuron = ChipCuba.of(
-            NEURONS, decay_u=4096, decay_v=410, threshold=8000, bias_mantissa=mantissa, bias_exponent=exponent
+            usual.NEURONS, decay_u=4096, decay_v=410, threshold=8000, bias_mantissa=mantissa, bias_exponent=exponent
         )
-        name, given = f"mantissa {mantissa}, exponent {exponent}", np.full((NEURONS, 1), 255)
+        name, given = f"mantissa {mantissa}, exponent {exponent}", np.full((usual.NEURONS, 1), 255)
         yield case_of(name, NATIVE, neuron, given, one)
 
 
@@ -157,7 +151,7 @@ def float_extremes() -> Iterator[Case]:
     """Denormal, infinite, not a number: refused, or counted as lost; nothing turns into nan."""
     for name, change in EXTREMES["srm"].items():
         neuron = replace(srm(), **change)
-        scaled = weights() * (neuron.theta / THETA if 1e-200 < neuron.theta < 1e200 else 1.0)
+        scaled = weights() * (neuron.theta / usual.THETA if 1e-200 < neuron.theta < 1e200 else 1.0)
         yield from srm_cases(name, neuron, scaled)
     for name, change in EXTREMES["lif"].items():
         given = weights(response="leak") * change.get("weights times", 1.0)
@@ -172,8 +166,8 @@ def one_scale_for_all() -> Iterator[Case]:
     """Twelve orders of magnitude, and equal integers: only ratios reach the chip."""
     for decade in DECADES[::3]:
         by, name = 10.0**decade, f"both times 1e{decade:+d}"
-        yield from srm_cases(name, srm(theta=THETA * by), weights() * by)
-        yield lif_case(name, lif(threshold=THETA * by), weights(response="leak") * by)
+        yield from srm_cases(name, srm(theta=usual.THETA * by), weights() * by)
+        yield lif_case(name, lif(threshold=usual.THETA * by), weights(response="leak") * by)
 
 
 def weights_against_thresholds() -> Iterator[Case]:
@@ -188,12 +182,12 @@ def weights_against_thresholds() -> Iterator[Case]:
 
 def weight_shapes() -> Iterator[Case]:
     """One exponent serves a population, so one huge weight takes the bits of all others."""
-    shape, drawn = (NEURONS, CHANNELS), weights()
+    shape, drawn = (usual.NEURONS, usual.CHANNELS), weights()
     lonely, uneven = np.zeros(shape), drawn.copy()
-    lonely[0, 0] = THETA
-    uneven[0, 0] = 1000 * THETA
+    lonely[0, 0] = usual.THETA
+    uneven[0, 0] = 1000 * usual.THETA
     for name, given in (
-        ("all equal", np.full(shape, 0.1 * THETA)),
+        ("all equal", np.full(shape, 0.1 * usual.THETA)),
         ("all zero", np.zeros(shape)),
         ("one, of all", lonely),
         ("one huge among small ones", uneven),
@@ -229,9 +223,9 @@ def weight_exponents() -> Iterator[Case]:
     """
     ends: dict[Signs, tuple[int, ...]] = {"apart": (-255, -1, 1, 255), "mixed": (-256, -2, 2, 254)}
     for signs, mantissas in ends.items():
-        mantissa = np.random.default_rng(usual.SEED).choice(mantissas, (NEURONS, CHANNELS))
+        mantissa = np.random.default_rng(usual.SEED).choice(mantissas, (usual.NEURONS, usual.CHANNELS))
         for exponent in WEIGHT_EXPONENTS[:: 1 if signs == "mixed" else 5]:
-            neuron = ChipCuba.of(NEURONS, decay_u=4096, decay_v=410, threshold=max(1, int(255 * 2.0**exponent)))
+            neuron = ChipCuba.of(usual.NEURONS, decay_u=4096, decay_v=410, threshold=max(1, int(255 * 2.0**exponent)))
             name = f"exponent {exponent}, signs {signs}"
             yield case_of(name, NATIVE, neuron, mantissa, exponent=exponent, signs=signs)
 
@@ -241,13 +235,13 @@ def delays() -> Iterator[Case]:
     for delay in DELAYS:
         yield case_of(f"delay {delay}", "dendrite", srm(), weights(), delay=delay)
         yield lif_case(f"delay {delay}", delay=delay)
-    many = np.random.default_rng(usual.SEED).integers(0, 63, (NEURONS, CHANNELS))
+    many = np.random.default_rng(usual.SEED).integers(0, 63, (usual.NEURONS, usual.CHANNELS))
     yield lif_case("delays 0 to 62, each its own", delay=many)
 
 
 def input_patterns() -> Iterator[Case]:
     """Silence, single spikes, alternating, bursts and every line in every step, onto the published neuron."""
-    none = np.zeros((1, usual.STEPS, CHANNELS), dtype=np.uint8)
+    none = np.zeros((1, usual.STEPS, usual.CHANNELS), dtype=np.uint8)
     once, alternating, bursts = none.copy(), none.copy(), none.copy()
     once[0, 0, 0] = 1
     alternating[0, ::2] = 1
@@ -255,7 +249,10 @@ def input_patterns() -> Iterator[Case]:
     for name, played in (
         ("none", none),
         ("one spike", once),
-        ("one a channel, in turn", np.eye(CHANNELS, dtype=np.uint8)[np.arange(usual.STEPS) % CHANNELS][None]),
+        (
+            "one a channel, in turn",
+            np.eye(usual.CHANNELS, dtype=np.uint8)[np.arange(usual.STEPS) % usual.CHANNELS][None],
+        ),
         ("alternating", alternating),
         ("bursts", bursts),
         ("every step", np.ones_like(none)),
