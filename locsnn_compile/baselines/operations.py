@@ -78,5 +78,5 @@ def additions_of_recordings(network: Network, spikes: Mapping[str, ByteArray]) -
     phase_of = {population.name: population.phase for population in network.populations}
     for projection in network.projections:
         sent = spikes[projection.source].sum(axis=1, dtype=np.int64)
-        additions[phase_of[projection.target]] += sent @ projection.fan_out()
+        additions[phase_of[projection.target]] += sent @ projection.fan_out
     return additions

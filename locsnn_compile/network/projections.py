@@ -4,6 +4,7 @@ The *values* of a matrix are its array where it is dense, and the stored entries
 sparse. What is not stored is no connection.
 """
 
+from functools import cached_property
 from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
@@ -39,8 +40,9 @@ class Connection(Frozen, eq=False):
         """How errors name it."""
         return f"projection {self.source!r} -> {self.target!r}"
 
+    @cached_property
     def fan_out(self) -> IntArray:
-        """Return the values other than 0 that each source has, (n_source,)."""
+        """The values other than 0 that each source has, (n_source,)."""
         return fan_out(self.held)
 
 
