@@ -3,21 +3,8 @@
 import sys
 from collections.abc import Sequence
 
-from locsnn_compile.cli import (
-    compile,
-    completion,
-    diff,
-    events,
-    explore,
-    pack,
-    rtl_fit,
-    rtl_sim,
-    rtl_stream,
-    run,
-    stress,
-    targets,
-    train,
-)
+from locsnn_compile.cli import compile, completion, diff, events, explore, pack, run, stress, targets, train
+from locsnn_compile.cli.rtl import fit, sim, stream
 from locsnn_compile.cli.shell import Parser, add_command, add_common, guarded
 
 COMMANDS = (compile, train, pack, run, events, explore, diff, stress, targets, completion)
@@ -32,7 +19,7 @@ def parser() -> Parser:
         add_command(commands, command)
     core = commands.add_parser("rtl", help="run programs on the open core, simulated or on a board")
     kinds = core.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in (rtl_sim, rtl_fit, rtl_stream):
+    for command in (sim, fit, stream):
         add_command(kinds, command)
     return made
 

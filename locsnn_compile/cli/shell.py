@@ -147,14 +147,13 @@ def texts_of(command: ModuleType) -> dict[str, Any]:
 def add_command(commands: "argparse._SubParsersAction[Any]", command: ModuleType) -> None:
     """Add a command below ``locsnn``: a module with ``run``, whose docstring is its help.
 
-    The module names its section of ``options.txt``, whose places ``words()`` of the module fill. Its name is the same,
-    from an underscore on.
+    Its name is that of the module and of its section of ``options.txt``, whose places ``words()`` of the module fill.
     """
-    section = command.__name__.rpartition(".")[2]
+    name = command.__name__.rpartition(".")[2]
     line, _, _ = (command.__doc__ or "").partition("\n")
     help_ = line.partition(": ")[2].rstrip(".")
-    parser = commands.add_parser(section.rpartition("_")[2], help=help_, **texts_of(command))
-    declared(parser, section, getattr(command, "words", dict)()).set_defaults(run=command.run)
+    parser = commands.add_parser(name, help=help_, **texts_of(command))
+    declared(parser, name, getattr(command, "words", dict)()).set_defaults(run=command.run)
 
 
 AnyParser = TypeVar("AnyParser", bound=argparse.ArgumentParser)

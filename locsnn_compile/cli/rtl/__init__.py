@@ -1,0 +1,1 @@
+"""``locsnn rtl``: the commands around the open core."""
