@@ -122,7 +122,10 @@ def test_the_report_says_how_late_recordings_start():
         "steps before the touch: 0.0 (time branch) and 11.0 (location branch) per recording, which starts after" in page
     )
     assert "0 over all recordings, before the start or after the last step" in page
-    assert "input" not in lc.compile(hybrid(2), events=recordings(hybrid(2)), diagnosis=False).report
+    plain = lc.compile(hybrid(2), events=recordings(hybrid(2)), diagnosis=False)
+    assert plain.report["input"] == {"aligned_steps": 0.0, "aligned_steps_by_branch": {}}
+    assert plain.report["model"]["members"] == []
+    assert "first touch" not in plain.files()["report.md"].decode()
 
 
 def test_steps_before_the_touch_cost_nothing():

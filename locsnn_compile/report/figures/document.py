@@ -44,7 +44,7 @@ def report_document(
     core = on_core(program, network.steps, program.chip) if program.chip.open_core else None
     return {
         "schema": SCHEMA,
-        "model": {"name": network.name, "sha256": network.sha256, **_members(levels, match, energy)},
+        "model": {"name": network.name, "sha256": network.sha256, "members": _members(levels, match, energy)},
         "target": program.chip.name,
         "strategy": program.provenance["strategy"],
         "weight_bits": levels.quantized.projections[0].weight_bits,
@@ -66,7 +66,7 @@ def report_document(
         "latency": latency_entry(program, match, network.steps, grounds.step_seconds),
         "resources": _resources(program, core),
         "ann_comparison": _ann_comparison(network, match, energy["per_sample_pj"], counts["synaptic_ops"] / samples),
-        **({"input": _input(match)} if any(view.align_events for view in network.views) else {}),
+        "input": _input(network, match),
         "skipped": {
             "steps": counts.skipped_steps,
             "events_dropped": counts.events_dropped,
@@ -85,7 +85,7 @@ def report_document(
     }
 
 
-def _members(levels: Levels, match: Match, energy: Document) -> Document:
+def _members(levels: Levels, match: Match, energy: Document) -> list[Document]:
     """Of each network of a committee: cores of its own, the energy of its compartments, its time by itself.
 
     Both are None where they are not known: an open core hosts all members, one after the other.
@@ -99,13 +99,14 @@ def _members(levels: Levels, match: Match, energy: Document) -> Document:
         per_sample_ns = None if levels.program.chip.open_core else match.member_ns[member.name] / match.samples
         costs = {"per_sample_pj": per_sample_pj, "per_sample_ns": per_sample_ns}
         rows.append({**asdict(member), "cores": len(cores), **costs})
-    return {"members": rows} if rows else {}
+    return rows
 
 
-def _input(match: Match) -> Document:
-    """Steps of a recording before its start, the mean: in the phase that starts last, and phase by phase."""
-    steps = {phase: counts.aligned_steps / match.samples for phase, counts in match.counts_by_phase.items()}
-    return {"aligned_steps": max(steps.values()), "aligned_steps_by_branch": steps}
+def _input(network: Network, match: Match) -> Document:
+    """Mean steps of a recording before its start: in the phase that starts last, and phase by phase where any does."""
+    aligned = any(view.align_events for view in network.views)
+    steps = {name: counts.aligned_steps / match.samples for name, counts in match.counts_by_phase.items() if aligned}
+    return {"aligned_steps": max(steps.values(), default=0.0), "aligned_steps_by_branch": steps}
 
 
 def _arithmetic(network: Network) -> str:

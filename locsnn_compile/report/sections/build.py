@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.report.content import Bar, Bullets, Document, Section, Table
 from locsnn_compile.report.format import NONE, any_value, count, plural, share
-from locsnn_compile.report.sections.verdict import fullness, outside
+from locsnn_compile.report.sections.verdict import fullness, outside, starts
 from locsnn_compile.report.told import facts, section, table
 from locsnn_compile.report.words import limit_words, listed, sentence, words
 from locsnn_compile.settings import LAYOUTS
@@ -35,10 +35,10 @@ def _fill(full: float) -> Document:
 
 def left_out(document: Document) -> Section:
     """Steps skipped, events dropped, synapses and compartments pruned."""
-    found, late = document["skipped"], document.get("input")
+    found, late = document["skipped"], starts(document)
     before, lost = None, found.get("biases_lost")
     if late:
-        branches = [f"{steps:.1f} ({words(name)})" for name, steps in late["aligned_steps_by_branch"].items()]
+        branches = [f"{steps:.1f} ({words(name)})" for name, steps in late.items()]
         before = f"{listed(branches)} per recording, which starts after them"
     given = {
         "before": before,

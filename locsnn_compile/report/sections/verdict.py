@@ -76,7 +76,7 @@ def costs(document: Document) -> Verdict:
         Fact("latency", f"{time(latency)}{real} (profile {document['latency']['profile']})"),
         *(Fact(member["name"], sentence("member", **member)) for member in document["model"].get("members", ())),
     ]
-    if "input" in document:
+    if starts(document):
         its.append(Fact("start", sentence("start", **document["input"])))
     if document["ann_comparison"]:
         its += [Fact(label, _against_anns(document, *side)) for label, side in _SIDES.items()]
@@ -114,7 +114,13 @@ def notices(document: Document) -> tuple[Notice, ...]:
 
 def outside(document: Document) -> str:
     """Return where events lie that are not played."""
-    return "before the start or after the last step" if "input" in document else "after the last step"
+    return "before the start or after the last step" if starts(document) else "after the last step"
+
+
+def starts(document: Document) -> dict[str, float]:
+    """Return the steps before the start of each branch; nothing where all begin with the recording."""
+    found: dict[str, float] = document.get("input", {}).get("aligned_steps_by_branch", {})
+    return found
 
 
 def pace(latency_ns: float, recording_ns: float) -> str:
