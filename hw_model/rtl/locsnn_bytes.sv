@@ -35,6 +35,14 @@ module locsnn_bytes #(
         .frame_valid, .frame_ready, .frame_data, .frame_last, .error_valid, .error, .expected
     );
 
+    // The receiver's memory answers late in a cycle, and what commands make of a byte is long.
+    wire         heard_valid, heard_ready, heard_last;
+    wire [7:0]   heard_data;
+    one_word #(.WIDTH(9)) heard (
+        .clk, .reset, .in_valid(frame_valid), .in_ready(frame_ready), .in_data({frame_last, frame_data}),
+        .out_valid(heard_valid), .out_ready(heard_ready), .out_data({heard_last, heard_data})
+    );
+
     wire         load_valid, word_valid, word_ready;
     wire [2:0]   load_memory;
     wire [23:0]  load_address;
@@ -44,7 +52,7 @@ module locsnn_bytes #(
     wire         reply_valid, reply_ready, reply_hello, report;
     wire [7:0]   reply_error, reply_number;
     commands #(.AXONS(AXONS), .SYNAPSES(SYNAPSES), .COMPARTMENTS(COMPARTMENTS), .VISITS(VISITS)) carry_out (
-        .clk, .reset, .frame_valid, .frame_ready, .frame_data, .frame_last,
+        .clk, .reset, .frame_valid(heard_valid), .frame_ready(heard_ready), .frame_data(heard_data), .frame_last(heard_last),
         .load_valid, .load_memory, .load_address, .load_data, .word_valid, .word_ready, .word_kind, .word_channel,
         .answered, .reply_valid, .reply_ready, .reply_hello, .reply_error, .reply_number, .report, .loaded, .running
     );
