@@ -170,6 +170,10 @@ def compile(
         settled = split_weights is not None
         levels, choice = _lower(network, chip, asked, calibrated, budget or ErrorBudget(), spread, settled=settled)
         match = _compare(levels, recordings, progress, spread)
+    usual, measure = next(iter(STRATEGIES)), choice.candidates[0].strategy if choice else None
+    if choice and strategy == AUTO and measure != usual and not (budget and budget.given):
+        said = f"{chip.name} cannot hold strategy {usual}, which sets the bounds of auto. Here {measure} sets them."
+        network = replace(network, assumptions=(*network.assumptions, said))
     found, followed, excerpt = None, None, None
     if diagnosis:
         played = network.fit(recordings.spikes, recordings.source)

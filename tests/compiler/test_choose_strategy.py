@@ -34,6 +34,16 @@ def choose(network):
     return lambda budget, chip=CHIP: choose_strategy(network, chip, Setting("auto", 8), played(network), budget)
 
 
+@pytest.mark.parametrize(("compartments", "first"), [(1024, None), (2, "delay-line"), (1, "reset")])
+def test_the_report_says_which_strategy_sets_the_bounds_where_it_is_not_the_usual_one(network, compartments, first):
+    """A network that only ``reset`` could hold was measured against itself, and kept the bounds without a word."""
+    limits = replace(CHIP.limits, compartments_per_core=compartments)
+    chip = replace(CHIP, limits=limits, chips=8)
+    assumed = lc.compile(network, chip, events=played(network), diagnosis=False).report["assumptions"]
+    said = "loihi-sim cannot hold strategy dendrite, which sets the bounds of auto. Here {} sets them."
+    assert [line for line in assumed if "bounds of auto" in line] == ([said.format(first)] if first else [])
+
+
 def test_candidates_are_measured_on_the_calibration_recordings(network, choose):
     choice = choose(ErrorBudget())
     assert [candidate.strategy for candidate in choice.candidates] == ["dendrite", "delay-line", "reset"]
