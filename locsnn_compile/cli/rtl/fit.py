@@ -29,7 +29,8 @@ def run(args: argparse.Namespace) -> int:
     """Make the bitstream; print what it takes in a few lines, or as JSON."""
     from hw_model.io.files import replace_file
     from hw_model.rtl.folder import fit
-    from locsnn_compile.report.format import plain, plural
+    from locsnn_compile.report.format import plain
+    from locsnn_compile.report.words import sentence
 
     check_number("--seeds", args.seeds, "nothing to place", lambda x: x > 0, "Give 1 or more.")
     program = hw.load_program(args.program)
@@ -40,10 +41,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print(json.dumps(found, indent=2))
         return 0
-    many = plural(args.seeds, "placement")
-    print(f"{plain(program.name)} fits the open core of {found['device']}, which takes {found['luts']} LUTs, ", end="")
-    print(f"{found['flip_flops']} flip-flops, {found['block_rams']} block RAMs and {found['multipliers']} multipliers")
-    print(f"clock: {found['fmax_mhz']:.1f} MHz, the slowest of {many}\nwrote {path}")
+    print(sentence("fit", program=plain(program.name), placements=args.seeds, **found))
     return 0
 
 

@@ -19,15 +19,8 @@ from locsnn_compile.network.quantized import QuantizedPopulation
 from locsnn_compile.passes.kernels import kernel, own_charges
 from locsnn_compile.passes.lower_neurons import dendrite_name
 from locsnn_compile.pipeline import Levels
-from locsnn_compile.verification.error_budget.numbers import (
-    GroupNumbers,
-    Numbers,
-    SynapseNumbers,
-    beside_chip,
-    chip_group,
-    chip_weights,
-    exact_synapses,
-)
+from locsnn_compile.verification.error_budget import numbers
+from locsnn_compile.verification.error_budget.numbers import GroupNumbers, Numbers, SynapseNumbers
 from locsnn_compile.verification.error_budget.twin import TwinGroup, TwinSynapses
 
 SLACK = 1e-14
@@ -47,13 +40,13 @@ def forms_of(neuron: Neuron, levels: Levels, q: QuantizedPopulation) -> tuple[Nu
     parts = [g for g in graph.groups if g.joined_to == name] + [graph.group(name)]
     groups, synapses = [], []
     for part in parts:
-        same = chip_group(part)
-        groups.append(GroupNumbers(same, same))
-        for (source, delay), held in chip_weights(graph, part.name).items():
+        held_by_chip = numbers.chip_group(part)
+        groups.append(GroupNumbers(held_by_chip, held_by_chip))
+        for (source, delay), held in numbers.chip_weights(graph, part.name).items():
             weights = _plain(held)
             synapses.append(SynapseNumbers(TwinSynapses(source, part.name, weights, delay), weights, weights, weights))
-    numbers = Numbers(tuple(groups), tuple(synapses))
-    return numbers, numbers
+    same = Numbers(tuple(groups), tuple(synapses))
+    return same, same
 
 
 @forms_of.register
@@ -69,11 +62,11 @@ def _(neuron: SrmAlpha, levels: Levels, q: QuantizedPopulation) -> tuple[Numbers
 def _dendrite(levels: Levels, q: QuantizedPopulation, neuron: SrmAlpha) -> Numbers:
     """As many pairs of dendrites as the chip has; of the float weights each has an equal share."""
     graph, name, count = levels.compartments, q.population.name, q.neuron.dendrites
-    soma = chip_group(graph.group(name))
+    soma = numbers.chip_group(graph.group(name))
     pairs = []
     for number in range(count):
         dendrite, own = (
-            chip_group(graph.group(dendrite_name(name, kind, number))) for kind in ("dendrite", "refractory")
+            numbers.chip_group(graph.group(dendrite_name(name, kind, number))) for kind in ("dendrite", "refractory")
         )
         pairs.append(_srm(levels, q, neuron, dendrite, own, soma, share=1 / count))
     groups = [group for pair in pairs for group in pair.groups[:-1]]
@@ -83,7 +76,7 @@ def _dendrite(levels: Levels, q: QuantizedPopulation, neuron: SrmAlpha) -> Numbe
 def _delay_line(levels: Levels, q: QuantizedPopulation, neuron: SrmAlpha) -> tuple[Numbers, Numbers]:
     """Taps onto the alpha dendrite; what the float neuron has of them is the error of their rounding."""
     graph, name = levels.compartments, q.population.name
-    dendrite, soma = chip_group(graph.group(f"{name}/dendrite")), chip_group(graph.group(name))
+    dendrite, soma = numbers.chip_group(graph.group(f"{name}/dendrite")), numbers.chip_group(graph.group(name))
     whole = _srm(levels, q, neuron, dendrite, None, soma)
     alpha, _, top = whole.groups
     taps = _taps(graph, q, neuron, alpha)
@@ -106,7 +99,9 @@ def _taps(
     """Return the self-synapses whose answer is the refractory kernel, as far as the chip's taps go."""
     name, n = q.population.name, q.population.size
     held = {
-        delay: m.diagonal() for (source, delay), m in chip_weights(graph, alpha.chip.name).items() if source == name
+        delay: m.diagonal()
+        for (source, delay), m in numbers.chip_weights(graph, alpha.chip.name).items()
+        if source == name
     }
     k = np.arange(1, max(held, default=-1) + 2, dtype=np.float64)[:, None]
     response = -neuron.scale_ref * neuron.theta * kernel(neuron.tau_ref, k) * q.scale
@@ -122,7 +117,7 @@ def _taps(
 def _reset(levels: Levels, q: QuantizedPopulation, neuron: SrmAlpha) -> tuple[Numbers, Numbers]:
     """One compartment with the chip's reset in place of the refractory kernel."""
     name, graph = q.population.name, levels.compartments
-    chip = chip_group(graph.group(name))
+    chip = numbers.chip_group(graph.group(name))
     nothing, once = np.zeros(q.population.size), np.ones(q.population.size, dtype=np.int64)
     dendrite = replace(chip, name=f"{name}/dendrite", joined_to=name)
     soma = replace(chip, keep_u=nothing, keep_v=nothing, refractory=once)
@@ -165,11 +160,11 @@ def _srm(
         pulls: tuple[SynapseNumbers, ...] = (SynapseNumbers(pull, pull.weights, pull.weights, pull.weights),)
     else:
         own = GroupNumbers(exactly(refractory, refractory_a), refractory)
-        pulls = beside_chip(graph, [pull], own, refractory.name)
-    inputs = exact_synapses(levels.network, name, dendrite.name, gain * share * q.scale)
+        pulls = numbers.beside_chip(graph, [pull], own, refractory.name)
+    inputs = numbers.exact_synapses(levels.network, name, dendrite.name, gain * share * q.scale)
     onto = dendrite.name if any(g.name == dendrite.name for g in graph.groups) else name
     return Numbers(
-        (alpha, own, GroupNumbers(exactly(soma, 0.0), soma)), (*beside_chip(graph, inputs, alpha, onto), *pulls)
+        (alpha, own, GroupNumbers(exactly(soma, 0.0), soma)), (*numbers.beside_chip(graph, inputs, alpha, onto), *pulls)
     )
 
 
@@ -177,12 +172,12 @@ def _srm(
 def _(neuron: Cuba, levels: Levels, q: QuantizedPopulation) -> tuple[Numbers, Numbers]:
     """A leaky integrate-and-fire neuron in one compartment."""
     name = q.population.name
-    chip = chip_group(levels.compartments.group(name))
+    chip = numbers.chip_group(levels.compartments.group(name))
     threshold = neuron.threshold * q.scale * (1 + (SLACK if neuron.rule == ">" else -SLACK))
     keeps = 1.0 - neuron.decay_u, 1.0 - neuron.decay_v
     group = GroupNumbers(replace(_exactly(chip, *keeps, threshold), bias=neuron.bias * q.scale), chip)
-    synapses = exact_synapses(levels.network, name, name, q.scale)
-    same = Numbers((group,), beside_chip(levels.compartments, synapses, group, name))
+    synapses = numbers.exact_synapses(levels.network, name, name, q.scale)
+    same = Numbers((group,), numbers.beside_chip(levels.compartments, synapses, group, name))
     return same, same
 
 
@@ -190,19 +185,19 @@ def _(neuron: Cuba, levels: Levels, q: QuantizedPopulation) -> tuple[Numbers, Nu
 def _(neuron: SoftCuba, levels: Levels, q: QuantizedPopulation) -> tuple[Numbers, Numbers]:
     """A dendrite that is never reset, from which own spikes take the drop, and a soma without memory."""
     graph, name = levels.compartments, q.population.name
-    dendrite, soma = (chip_group(graph.group(part)) for part in (f"{name}/dendrite", name))
+    dendrite, soma = (numbers.chip_group(graph.group(part)) for part in (f"{name}/dendrite", name))
     threshold = neuron.threshold * q.scale * (1 + SLACK)
     keep_u, keep_v = 1.0 - neuron.decay_u, 1.0 - neuron.decay_v
     membrane = GroupNumbers(_exactly(dendrite, keep_u, keep_v, threshold), dendrite)
     top = GroupNumbers(_exactly(soma, soma.keep_u, soma.keep_v, threshold), soma)
     drop = neuron.drop * q.scale
-    synapses = exact_synapses(levels.network, name, dendrite.name, q.scale)
+    synapses = numbers.exact_synapses(levels.network, name, dendrite.name, q.scale)
     for delay, taken in ((0, -drop), (1, drop * keep_u)):
         # Recurrent weights of that delay are one synapse with it.
         beside = next((s for s in synapses if (s.source, s.delay) == (name, delay)), None)
         weights = taken if beside is None else beside.weights + np.diag(taken)
         synapses = [s for s in synapses if s is not beside] + [TwinSynapses(name, dendrite.name, weights, delay)]
-    same = Numbers((membrane, top), beside_chip(graph, synapses, membrane, dendrite.name))
+    same = Numbers((membrane, top), numbers.beside_chip(graph, synapses, membrane, dendrite.name))
     return same, same
 
 
