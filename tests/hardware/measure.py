@@ -2,8 +2,8 @@
 
 A board is the core and its serial line; the core is placed by itself as well, out of context: without pins, and without
 what a board's paths to it take.
-Five placements per device take minutes each; what is placed is kept in ~/.cache/locsnn. ``--only BOARD`` places one board and
-leaves the rows of the others as they are.
+Five placements per device take minutes each; boards that were placed are kept in ~/.cache/locsnn. ``--only BOARD`` places one
+board, ``--only core`` the core by itself; the other rows stay as they are.
 """
 
 from __future__ import annotations
@@ -96,12 +96,12 @@ def played(strategy: str, recordings: np.ndarray) -> str:
 def main() -> None:
     """Measure, and write the sections."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", choices=BOARDS)
+    parser.add_argument("--only", choices=("core", *BOARDS))
     parser.add_argument("--seeds", type=int, default=5)
     args = parser.parse_args()
     before = (section_of(PAGE.read_text("utf-8"), "placed") or "").splitlines()
     rows = [line for line in before if "the core without a board" in line]
-    if args.only in (None, "ulx3s-25f"):
+    if args.only in (None, "core"):
         rows = [placed_core(BOARDS["ulx3s-25f"], args.seeds)]
     for board in BOARDS:
         kept = [line for line in before if line.startswith(f"| `{board}` |")]
