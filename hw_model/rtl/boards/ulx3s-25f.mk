@@ -1,4 +1,5 @@
 # ULX3S with an LFE5U-25F, speed grade 6.
 DEVICE := ecp5-25f
 PART := --25k
+DEFINES := -DCLOCK_MHZ=80 -DPLL_INPUT=5 -DPLL_FEEDBACK=16 -DPLL_OUTPUT=7
 include ulx3s.mk

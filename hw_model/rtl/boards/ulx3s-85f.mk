@@ -1,4 +1,5 @@
 # ULX3S with an LFE5U-85F, speed grade 6.
 DEVICE := ecp5-85f
 PART := --85k
+DEFINES := -DCLOCK_MHZ=50 -DPLL_INPUT=1 -DPLL_FEEDBACK=2 -DPLL_OUTPUT=12
 include ulx3s.mk
