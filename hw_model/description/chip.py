@@ -127,11 +127,22 @@ class Sizes(Frozen):
     entries: int = within(2, 1 << 20)
 
 
+class MemoryWords(Frozen):
+    """Words of memories of the open core that may hold fewer than its parameters say.
+
+    ``sums``: compartments from the first parent of a phase to its last. ``weights``: groups that are read out.
+    """
+
+    sums: int = within(1, 1 << 20)
+    weights: int = within(1, 64)
+    phases: int = within(8, 512)
+
+
 class Chip(Shown, eq=True):
     """A chip and its board, as `hw_model/chips/*.yaml` describes it.
 
-    ``open_core``: it is this project's core, in these sizes. Cycles of its clock are exact; a device
-    has no energy profile, a core in the cells of a process may have one.
+    ``open_core``: it is this project's core, in these sizes; ``memory_words``: what it has fewer of. Cycles of its
+    clock are exact; a device has no energy profile, a core in the cells of a process may have one.
     """
 
     name: str
@@ -147,6 +158,7 @@ class Chip(Shown, eq=True):
     profiles: Mapping[str, Profile] = field(default_factory=dict)
     transpose_buffer: TransposeBuffer = TransposeBuffer(1.0)
     open_core: Sizes | None = None
+    memory_words: MemoryWords | None = None
 
     @property
     def cores(self) -> int:

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from hw_model.accounting.cost import Latency
-from hw_model.description.chip import Chip, chip, chip_names
+from hw_model.description.chip import Chip, MemoryWords, chip, chip_names
 from hw_model.description.counts import Counts
 from hw_model.engine.playing import Spikes, read_streams
 from hw_model.errors import TargetError, listed
@@ -25,19 +25,25 @@ def on_core(program: ChipProgram, rows: int, device: Chip) -> CoreProgram:
     What the core does not have, or has too few of, is a ``TargetError``.
     """
     core = _as_core(program, rows)
-    assert device.open_core is not None
-    for name, (need, limit) in uses(core.needs, device.open_core).items():
-        if need > limit:
-            raise TargetError(
-                f"program {program.name!r}",
-                f"the open core of {device.name} is too small in {name!r}",
-                measured=f"{need} against {limit}",
-                fix=_way_out(core.needs),
-            )
+    for name, (need, limit) in _short_of(core, device).items():
+        raise TargetError(
+            f"program {program.name!r}",
+            f"the open core of {device.name} is too small in {name!r}",
+            measured=f"{need} against {limit}",
+            fix=_way_out(core),
+        )
     return core
 
 
-def uses(needs: Sizes, sizes: Sizes) -> dict[str, tuple[int, int]]:
+def _short_of(core: CoreProgram, device: Chip) -> dict[str, tuple[int, int]]:
+    """Return what is needed and what there is where the core of a device has too few."""
+    assert device.open_core is not None
+    words = uses(core.words, device.memory_words) if device.memory_words else {}
+    every = uses(core.needs, device.open_core) | words
+    return {name: (need, limit) for name, (need, limit) in every.items() if need > limit}
+
+
+def uses(needs: Sizes | MemoryWords, sizes: Sizes | MemoryWords) -> dict[str, tuple[int, int]]:
     """Return what is needed and what there is of each parameter of the core."""
     return {name: (need, getattr(sizes, name)) for name, need in asdict(needs).items()}
 
@@ -76,11 +82,8 @@ def activity(core: CoreProgram, counts: Counts, recordings: int) -> dict[str, di
     return {key: {name: number / recordings for name, number in row.items()} for key, row in found.items()}
 
 
-def _way_out(needs: Sizes) -> str:
+def _way_out(core: CoreProgram) -> str:
     """Name the devices that hold what is needed."""
-    sizes = {name: chip(name).open_core for name in chip_names()}
-    fits = {
-        name: its and all(need <= limit for need, limit in uses(needs, its).values()) for name, its in sizes.items()
-    }
-    held = [name for name in sizes if fits[name]]
+    devices = [device for device in map(chip, chip_names()) if device.open_core]
+    held = [device.name for device in devices if not _short_of(core, device)]
     return f"Use the device {listed(held, 'or')}." if held else "Use another strategy, or a smaller network."

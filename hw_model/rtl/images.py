@@ -12,6 +12,7 @@ from dataclasses import asdict
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT
+from hw_model.description.chip import MemoryWords
 from hw_model.description.chip import Sizes as Sizes
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.rtl.memory_words import BitArray, Layout
@@ -117,6 +118,15 @@ class CoreProgram:
             place = {"address": np.arange(len(data)), "memory": np.full(len(data), MEMORIES.index(name))}
             rows.append(np.hstack((np.pad(data, ((0, 0), (0, LOAD_BITS - layout.width))), PLACE.pack(place))))
         return np.concatenate(rows)
+
+    @property
+    def words(self) -> MemoryWords:
+        """Words of memories that a chip may have fewer of than its sizes say."""
+        parents = self.number[np.unique(self.parent[self.parent >= 0])]
+        phase = np.searchsorted(self.ends, parents, side="right")
+        spans = [np.ptp(parents[phase == index]) + 1 for index in np.unique(phase)]
+        weights = max(1, len(self.tables["weights"]["magnitude"]))
+        return MemoryWords(max([1, *map(int, spans)]), weights, len(self.tables["phases"]["value"]))
 
     def _number(self) -> None:
         """Number the compartments of all cores: by phase, deepest children first, siblings together."""

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 from liberty import Cell, Macro
+from memories import SWEPT
 from netlist import Instance, Netlist
 
 LANES = 64
@@ -61,7 +62,7 @@ def circuit(netlist: Netlist, cells: Mapping[str, Cell], macros: Mapping[str, Ma
                 if bit not in net:
                     net[bit] = count
                     count += 1
-    logic = [i for i in netlist.instances if i.type in cells and cells[i.type].kind == "logic"]
+    logic = [i for i in netlist.instances if i.type in cells and cells[i.type].kind in ("logic", "latch")]
     flops = [i for i in netlist.instances if i.type in cells and cells[i.type].kind == "ff"]
     gates = [i for i in netlist.instances if i.type in cells and cells[i.type].kind == "gate"]
     memories = [i for i in netlist.instances if i.type in macros]
@@ -78,7 +79,7 @@ def circuit(netlist: Netlist, cells: Mapping[str, Cell], macros: Mapping[str, Ma
     users: dict[int, list[Instance]] = {}
     made_by = {n: i for n, (i, _) in driver.items() if id(i) in waiting}
     for instance in logic:
-        for pin in cells[instance.type].inputs:
+        for pin in followed(cells[instance.type]):
             at = net[instance.pins[pin][0]]
             if at in made_by:
                 waiting[id(instance)] += 1
@@ -101,6 +102,11 @@ def circuit(netlist: Netlist, cells: Mapping[str, Cell], macros: Mapping[str, Ma
     return Circuit(netlist, net, order, flops, memories, by_output, driver)
 
 
+def followed(cell: Cell) -> list[str]:
+    """Return the pins whose value an output has within a cycle: of a latch, its data."""
+    return ["D"] if cell.kind == "latch" else cell.inputs
+
+
 def enable(found: Circuit, clock: int) -> list[int]:
     """Return the nets that must be 1 for a clock to tick; none: always."""
     gate = found.gates.get(clock)
@@ -120,9 +126,16 @@ def states_of(core: str) -> dict[str, int]:
 
 def source(found: Circuit, cells: Mapping[str, Cell], macros: Mapping[str, Macro], states: Mapping[str, int]) -> str:
     """Return the simulator in C++; ``states``: those of the sequencer."""
+    before, after = (Path(__file__).parent / "gates.cpp").read_text().split("// The circuit: ports, nets and logic.\n")
     statements = []
+    number_of = {clock: k for k, clock in enumerate(found.gates)}
     for instance in found.order:
         cell = cells[instance.type]
+        if cell.kind == "latch":
+            # It follows its data where its gate opened at the last edge.
+            q, d, open_ = found.at(instance, "Q"), found.at(instance, "D"), number_of[found.at(instance, "GATE")]
+            statements.append(f"v[{q}]=(v[{d}]&t[{open_}])|(v[{q}]&~t[{open_}]);")
+            continue
         names = {pin: f"v[{found.at(instance, pin)}]" for pin in cell.inputs}
         for pin in cell.outputs:
             if instance.pins.get(pin):
@@ -132,9 +145,9 @@ def source(found: Circuit, cells: Mapping[str, Cell], macros: Mapping[str, Macro
     logic = _function("logic", statements)
     # The net of a gated clock changes whenever it ticks.
     ticking = []
-    for clock in found.gates:
+    for clock, k in number_of.items():
         on = "&".join(f"v[{n}]" for n in enable(found, clock))
-        ticking.append(f"v[{clock}]=p[{clock}]^({on});")
+        ticking.append(f"t[{k}]={on};v[{clock}]=p[{clock}]^t[{k}];")
     logic += _function("ticking", ticking)
     following, commit = [], []
     for k, flop in enumerate(found.flops):
@@ -153,8 +166,11 @@ def source(found: Circuit, cells: Mapping[str, Cell], macros: Mapping[str, Macro
     table = []
     for number, instance in enumerate(found.memories):
         macro = macros[instance.type]
+        # What is only loaded is the same for all recordings.
+        shared = macro.ports == 1 and instance.name.replace("\\", "").split(".")[-2] not in SWEPT
         for port in "AB"[: macro.ports]:
             depth = (macro.words - 1).bit_length()
+            clock = number_of.get(found.at(instance, f"{port}_CLK"), -1)
             nets = [found.at(instance, f"{port}_{pin}") for pin in ("MEN", "WEN", "REN")]
             nets += [found.at(instance, f"{port}_ADDR", b) for b in range(depth)]
             data = [found.at(instance, f"{port}_DIN", b) for b in range(macro.bits)]
@@ -165,17 +181,17 @@ def source(found: Circuit, cells: Mapping[str, Cell], macros: Mapping[str, Macro
             ]
             masks = masks or [1] * macro.bits
             ports.append(
-                f"{{{number},{macro.words},{macro.bits},{depth},{int(macro.ports == 1)},"
+                f"{{{number},{macro.words},{macro.bits},{depth},{int(shared)},{clock},"
                 f"{{{','.join(map(str, nets[:3]))}}},{{{','.join(map(str, nets[3:]))}}},"
                 f"{{{','.join(map(str, data))}}},{{{','.join(map(str, masks))}}},{{{','.join(map(str, outs))}}}}}"
             )
-        table.append(macro.words * (1 if macro.ports == 1 else LANES))
+        table.append(macro.words * (1 if shared else LANES))
     constants = {
         "NETS": found.nets, "FLOPS": len(found.flops), "PORTS": len(ports), "MEMORIES": len(found.memories),
-        "LANES": LANES, **states,
+        "GATES": len(found.gates), "LANES": LANES, **states,
     }  # fmt: skip
     head = "".join(f"#define {name} {value}\n" for name, value in constants.items())
-    head += _HEAD
+    head += before
     arrays = "static const Port ports[PORTS]={" + ",\n".join(ports) + "};\n"
     arrays += f"static const int sizes[MEMORIES]={{{','.join(map(str, table))}}};\n"
     names = ("clk", "reset", "load_valid", "load_memory", "load_address", "load_data", "in_valid", "in_ready", "in_kind",
@@ -188,7 +204,7 @@ def source(found: Circuit, cells: Mapping[str, Cell], macros: Mapping[str, Macro
         )
     state = [found.net[bit] for bit in found.netlist.named["state"]]
     arrays += f"static const int n_state[]={{{','.join(map(str, state))}}};\n"
-    return head + arrays + logic + _BODY
+    return head + arrays + logic + after
 
 
 def _function(name: str, statements: Sequence[str]) -> str:
@@ -199,228 +215,6 @@ def _function(name: str, statements: Sequence[str]) -> str:
         for k, chunk in enumerate(chunks)
     )
     return pieces + f"static void {name}(){{" + "".join(f"{name}{k}();" for k in range(len(chunks))) + "}\n"
-
-
-_HEAD = r"""
-#include <cstdint>
-#include <cstdio>
-#include <cstdlib>
-#include <cstring>
-#include <vector>
-typedef uint64_t word;
-alignas(64) static word v[NETS+8], p[NETS+8];
-static word f[FLOPS];
-struct Port { int memory, words, bits, depth, shared; int control[3]; int address[13]; int data[64]; int mask[64]; int out[64]; };
-"""
-
-_BODY = r"""
-static word* store[MEMORIES];
-static uint32_t accesses[PORTS][2][3][LANES];
-enum { LOW = 6, HIGH = 21 };
-alignas(64) static word low[LOW][NETS+8];
-static word high[HIGH][NETS+8];
-alignas(64) static uint64_t sums[3][NETS+8];
-static int pending = 0;
-static void flush() {
-    for (int n = 0; n < NETS; n++) {
-        word carry = 0;
-        for (int k = 0; k < LOW; k++) {
-            word a = high[k][n], b = low[k][n];
-            high[k][n] = a ^ b ^ carry; carry = (a & b) | (carry & (a ^ b)); low[k][n] = 0;
-        }
-        for (int k = LOW; k < HIGH && carry; k++) { word t = high[k][n] & carry; high[k][n] ^= carry; carry = t; }
-    }
-    pending = 0;
-}
-__attribute__((optimize("O3"))) static void count_lanes(word live) {
-    word *a = low[0], *b = low[1], *d = low[2], *e = low[3], *g = low[4], *h = low[5];
-    for (int n = 0; n < NETS; n++) {
-        word x = (v[n] ^ p[n]) & live, t;
-        t = a[n] & x; a[n] ^= x; x = t;
-        t = b[n] & x; b[n] ^= x; x = t;
-        t = d[n] & x; d[n] ^= x; x = t;
-        t = e[n] & x; e[n] ^= x; x = t;
-        t = g[n] & x; g[n] ^= x; x = t;
-        h[n] ^= x;
-    }
-    if (++pending == 63) flush();
-}
-static void count_classes(const word* cls) {
-    for (int n = 0; n < NETS; n++) {
-        const word x = v[n] ^ p[n];
-        if (!x) continue;
-        for (int c = 0; c < 3; c++) sums[c][n] += __builtin_popcountll(x & cls[c]);
-    }
-}
-static void transpose(word* a) {
-    word m = 0x00000000FFFFFFFFull;
-    for (int j = 32; j; j >>= 1, m ^= m << j)
-        for (int k = 0; k < 64; k = (k + j + 1) & ~j) { word t = ((a[k] >> j) ^ a[k + j]) & m; a[k] ^= t << j; a[k + j] ^= t; }
-}
-static void gather(const int* nets, int n, word* lanes) {
-    for (int b = 0; b < 64; b++) lanes[b] = b < n ? v[nets[b]] : 0;
-    transpose(lanes);
-}
-struct Shown { int port; word lanes, value[64]; };
-static std::vector<Shown> shown;
-static void access(const word* cls) {
-    static word address[64], data[64], mask[64];
-    shown.clear();
-    for (int k = 0; k < PORTS; k++) {
-        const Port& q = ports[k];
-        const word on = v[q.control[0]], writes = on & v[q.control[1]], reads = on & v[q.control[2]] & ~writes;
-        if (!on) continue;
-        gather(q.address, q.depth, address);
-        word* at = store[q.memory];
-        if (reads) {
-            Shown s; s.port = k; s.lanes = reads;
-            memset(s.value, 0, sizeof s.value);
-            for (word left = reads; left; left &= left - 1) {
-                int l = __builtin_ctzll(left);
-                s.value[l] = q.shared ? at[address[l]] : at[address[l] * LANES + l];
-            }
-            transpose(s.value);
-            shown.push_back(s);
-        }
-        for (int c = 0; c < 3; c++) {
-            for (word left = reads & cls[c]; left; left &= left - 1) accesses[k][0][c][__builtin_ctzll(left)]++;
-            for (word left = writes & cls[c]; left; left &= left - 1) accesses[k][1][c][__builtin_ctzll(left)]++;
-        }
-    }
-    for (int k = 0; k < PORTS; k++) {
-        const Port& q = ports[k];
-        const word writes = v[q.control[0]] & v[q.control[1]];
-        if (!writes) continue;
-        gather(q.address, q.depth, address);
-        gather(q.data, q.bits, data);
-        gather(q.mask, q.bits, mask);
-        word* at = store[q.memory];
-        for (word left = writes; left; left &= left - 1) {
-            int l = __builtin_ctzll(left);
-            word* place = q.shared ? at + address[l] : at + address[l] * LANES + l;
-            *place = (*place & ~mask[l]) | (data[l] & mask[l]);
-        }
-    }
-}
-static void show() {
-    for (auto& s : shown) for (int b = 0; b < ports[s.port].bits; b++) {
-        int n = ports[s.port].out[b];
-        if (n >= 0) v[n] = (v[n] & ~s.lanes) | (s.value[b] & s.lanes);
-    }
-}
-static void put(const int* nets, int n, word value) { for (int b = 0; b < n; b++) v[nets[b]] = (value >> b & 1) ? ~0ull : 0; }
-int main(int argc, char** argv) {
-    const long most = argc > 1 ? atol(argv[1]) : 1000000;
-    const int dump = argc > 2 ? atoi(argv[2]) : 0, by_class = argc > 3 ? atoi(argv[3]) : 0;
-    for (int m = 0; m < MEMORIES; m++) store[m] = (word*)calloc(sizes[m], sizeof(word));
-    std::vector<std::vector<uint32_t>> words(LANES);
-    FILE* g = fopen("words.bin", "rb");
-    uint32_t pair[2];
-    while (fread(pair, 4, 2, g) == 2) words[pair[0]].push_back(pair[1]);
-    fclose(g);
-    word used = 0;
-    for (int l = 0; l < LANES; l++) if (words[l].size()) used |= 1ull << l;
-    v[1] = ~0ull;
-    std::vector<word> load;  // three words a row: data low, data high, address and memory
-    g = fopen("load.bin", "rb");
-    word row[3];
-    while (fread(row, 8, 3, g) == 3) load.insert(load.end(), row, row + 3);
-    fclose(g);
-    FILE* probes = dump ? fopen("probes.bin", "wb") : 0;
-    const word none[3] = {0, 0, 0};
-    v[n_answer_ready[0]] = ~0ull;
-    size_t at_load = 0;
-    std::vector<size_t> at(LANES, 0);
-    word finished = ~used, begun = 0;
-    uint32_t cycles[LANES][3] = {}, first[LANES] = {}, answered[LANES] = {}, winner[LANES] = {}, synapses[LANES] = {}, spikes[LANES] = {};
-    for (long cycle = 0; cycle < most && ~finished; cycle++) {
-        v[n_reset[0]] = cycle < 4 ? ~0ull : 0;
-        bool loading = cycle >= 4 && at_load < load.size();
-        v[n_load_valid[0]] = loading ? ~0ull : 0;
-        if (loading) {
-            for (int b = 0; b < w_load_data; b++) v[n_load_data[b]] = (load[at_load + b / 64] >> (b % 64) & 1) ? ~0ull : 0;
-            put(n_load_address, w_load_address, load[at_load + 2]);
-            put(n_load_memory, w_load_memory, load[at_load + 2] >> 24);
-            at_load += 3;
-        }
-        bool playing = cycle >= 4 && !loading;
-        if (playing) {
-            word valid = 0, kind[2] = {0, 0}, channel[64] = {};
-            for (int l = 0; l < LANES; l++) if (at[l] < words[l].size()) {
-                uint32_t w = words[l][at[l]];
-                valid |= 1ull << l; kind[0] |= (word)(w >> 16 & 1) << l; kind[1] |= (word)(w >> 17 & 1) << l; channel[l] = w & 0xffff;
-            }
-            transpose(channel);
-            // A host that has nothing to say leaves its lines as they are.
-            v[n_in_valid[0]] = valid;
-            for (int b = 0; b < 2; b++) v[n_in_kind[b]] = (v[n_in_kind[b]] & ~valid) | (kind[b] & valid);
-            for (int b = 0; b < 16; b++) v[n_in_channel[b]] = (v[n_in_channel[b]] & ~valid) | (channel[b] & valid);
-        }
-        logic();
-        word s0 = v[n_state[0]], s1 = v[n_state[1]], s2 = v[n_state[2]];
-#define IS(k) (((k) & 1 ? s0 : ~s0) & ((k) & 2 ? s1 : ~s1) & ((k) & 4 ? s2 : ~s2))
-        word update = IS(UPDATE), deliver = IS(ROW) | IS(SPIKES);
-        word live = playing ? ~finished : 0;
-        word cls[3] = {deliver & live, update & live, ~deliver & ~update & live};
-        ticking();
-        if (playing && by_class) count_classes(cls);
-        if (playing && !by_class) count_lanes(live);
-        memcpy(p, v, sizeof v);
-        for (int c = 0; c < 3; c++) for (word left = cls[c]; left; left &= left - 1) cycles[__builtin_ctzll(left)][c]++;
-        if (playing) {
-            word taken = v[n_in_valid[0]] & v[n_in_ready[0]];
-            for (word left = taken; left; left &= left - 1) {
-                int l = __builtin_ctzll(left);
-                if (!(begun >> l & 1)) first[l] = cycle;
-                at[l]++;
-            }
-            begun |= taken;
-            if (probes && (v[n_probe_valid[0]] & live)) {
-                static word u[64], w[64], number[64];
-                gather(n_probe_u, 24, u); gather(n_probe_v, 24, w); gather(n_probe_compartment, w_probe_compartment, number);
-                for (word left = v[n_probe_valid[0]] & live; left; left &= left - 1) {
-                    int l = __builtin_ctzll(left);
-                    uint32_t one[5] = {(uint32_t)l, (uint32_t)number[l], (uint32_t)u[l], (uint32_t)w[l], (uint32_t)(v[n_probe_fired[0]] >> l & 1)};
-                    fwrite(one, 4, 5, probes);
-                }
-            }
-            word over = v[n_answer_valid[0]] & ~finished;
-            if (over) {
-                static word a[64], b[64], c[64];
-                gather(n_answer_class, 16, a); gather(n_answer_synapses, 32, b); gather(n_answer_spikes, 32, c);
-                for (word left = over; left; left &= left - 1) {
-                    int l = __builtin_ctzll(left);
-                    answered[l] = cycle - first[l]; winner[l] = a[l]; synapses[l] = b[l]; spikes[l] = c[l];
-                }
-                finished |= over;
-            }
-        }
-        access(cls);
-        follow();
-        show();
-        commit();
-    }
-    flush();
-    if (probes) fclose(probes);
-    g = fopen("answers.txt", "w");
-    for (int l = 0; l < LANES; l++) if (used >> l & 1)
-        fprintf(g, "%d %u %u %u %u %u %u %u\n", l, winner[l], answered[l], synapses[l], spikes[l], cycles[l][0], cycles[l][1], cycles[l][2]);
-    fclose(g);
-    g = fopen("accesses.bin", "wb"); fwrite(accesses, sizeof accesses, 1, g); fclose(g);
-    g = fopen("toggles.bin", "wb");
-    std::vector<uint32_t> out(LANES);
-    if (by_class) for (int c = 0; c < 3; c++) fwrite(sums[c], 8, NETS, g);
-    else for (int n = 0; n < NETS; n++) {
-        word plane[64] = {};
-        for (int k = 0; k < HIGH; k++) plane[k] = high[k][n];
-        transpose(plane);
-        for (int l = 0; l < LANES; l++) out[l] = plane[l];
-        fwrite(out.data(), 4, LANES, g);
-    }
-    fclose(g);
-    return (~finished) ? 3 : 0;
-}
-"""
 
 
 @dataclass

@@ -84,6 +84,6 @@ def measure(files: runs.Library) -> dict[str, float]:
             f"{name} clock": float(spent.of("clock")[0]) / cycles,
         }
         result |= {f"{name} ns": times.worst}
-    macro = next(m for m in files.macros.values() if (m.words, m.bits, m.ports) == (1024, 64, 1))
+    macro = next(m for m in files.macros.values() if (m.words, m.bits, m.ports) == (256, 64, 1))
     result["weights"] = result["activations"] = macro.read_pj / 8
     return result

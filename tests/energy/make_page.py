@@ -4,7 +4,9 @@ make energy           # after `make profile`, whose simulations it uses
 """
 
 import csv
+from dataclasses import asdict, dataclass, replace
 
+import gates
 import mac
 import make_profile
 import memories
@@ -12,14 +14,21 @@ import numpy as np
 import picojoules
 import pricing
 import runs
+from latches import Latches
 
 import hw_model as hw
+from hw_model.rtl.images import CoreProgram, Sizes, sizes_for
 from locsnn_compile.frontends import load
 from locsnn_compile.pipeline import lower
+from locsnn_compile.report.pictures.chart import Curve, Panel, draw
 
 PAGE = runs.ROOT / "docs/energy-130nm.md"
+FRONT = runs.ROOT / "docs/images/energy-130nm-memories.svg"
 SEARCH = runs.ROOT / "docs/energy-130nm-memories.csv"
 PRICES = (0.0, 1.0, 2.0, 4.0, 6.0, 8.0, 12.0, 20.0, 50.0)
+ENDS = ("none", "modelled", "flat")
+"""No wires, those of modules that are placed as blocks, and those of a flat layout."""
+BEST = {"containers-best": "Containers", "objects-best": "Objects"}
 MACS = {"CNN-3D": 1_568_520, "GRU-MLP": 2_641_152}
 """Multiply-accumulates per recording of Objects, as `ann_comparison` of a report gives them."""
 
@@ -31,65 +40,126 @@ def main() -> None:
     for name, model in make_profile.SETS.items():
         program = runs.compiled(model)
         recordings = runs.real(name, "test", make_profile.CHECKED_ON)
-        played = built.play(program, runs.stacked(program, recordings))
-        of_sets[name] = (model, played, {wires: built.energy(played, wires) for wires in ("none", "modelled")})
+        played = built.play(program, runs.stacked(program, recordings), probes=True)
+        of_sets[name] = (model, played, {wires: built.energy(played, wires) for wires in ENDS})
     rows = search(built.files)
     with SEARCH.open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(
-            (
-                "price of area, pJ per µm2",
-                "area of macros, mm2",
-                "accesses, µJ per recording",
-                *(c.shape.name for c in rows[0][3]),
-            )
+        names = [c.shape.name for c in rows[0].chosen]
+        writer.writerow(("price of area, pJ per µm2", "area of memories, mm2", "accesses, µJ per recording", *names))
+        writer.writerows(
+            (row.price, f"{row.area:.3f}", f"{row.energy:.2f}", *(c.text for c in row.chosen)) for row in rows
         )
-        writer.writerows((p, f"{a:.3f}", f"{e:.2f}", *(c.text for c in chosen)) for p, a, e, chosen in rows)
-    PAGE.write_text(page(built, of_sets, rows, mac.measure(built.files)))
+    FRONT.write_bytes(picture(rows))
+    priced = pricing.price(make_profile.made(built), "modelled")
+    PAGE.write_text(page(built, of_sets, rows, mac.measure(built.files), larger(built.files, priced)))
 
 
-def search(files: runs.Library) -> list[tuple[float, float, float, list[memories.Choice]]]:
-    """Return for prices of area: area (mm2), energy of accesses (µJ per recording) and the macros."""
-    found = []
+@dataclass(frozen=True)
+class Plan:
+    """What the search finds at a price of area: square millimetres, and microjoules per recording for accesses."""
+
+    price: float
+    area: float
+    energy: float
+    chosen: list[memories.Choice | Latches]
+
+
+def search(files: runs.Library) -> list[Plan]:
+    """Return a plan for every price of area, each once."""
+    traffic, found = runs.traffic_of(), {}
     for price in PRICES:
         chosen = runs.plan(files, price)
-        found.append((price, sum(c.area for c in chosen) / 1e6, sum(map(runs.cost, chosen)) / 1e6, chosen))
-    return found
+        area = sum(runs.area(files, c) for c in chosen) / 1e6
+        energy = sum(runs.cost(files, c, traffic[c.shape.name]) for c in chosen) / 1e6
+        found.setdefault((area, energy), Plan(price, area, energy, chosen))
+    return list(found.values())
 
 
-def savings(built: runs.Built, played: object, spent: picojoules.Energy) -> list[tuple[str, float]]:
+def picture(rows: list[Plan]) -> bytes:
+    """Return the front as a file."""
+    taken = next(row for row in rows if row.price == runs.PRICE)
+    curves = (
+        Curve("plans of the search", tuple((row.area, row.energy) for row in sorted(rows, key=lambda row: row.area))),
+        Curve("the one that is measured", ((taken.area, taken.energy),)),
+    )
+    panel = Panel("accesses, µJ per recording", "area of memories, mm2", curves, x_log=False, y_log=False)
+    return draw("Memories of the core", [panel])
+
+
+def savings(built: runs.Built, played: gates.Activity, spent: picojoules.Energy) -> list[tuple[str, float]]:
     """Return what each measure saves, in microjoules per recording, against the core without it."""
-    chosen = {choice.shape.name: choice for choice in built.chosen}
+    traffic, files = runs.traffic_of(), built.files
+    scale = played.answers[:, 2].mean() / (traffic["charges"].reads - traffic["states"].reads)
     cycles = played.answers[:, 4:7].sum(axis=1).mean()
-    rows = pricing.accesses(pricing.Made(built, [played], []))
-    recordings = len(played.answers)
-    always = sum(chosen[n].read_pj * (cycles - rows[n][0] / recordings) for n in ("fires", "sums", "tallies", "places"))
     clocked = float(spent.of("clock").mean())
-    a_flop = _pj_of_a_tick(built)
-    stopped = a_flop * len(built.circuit.flops) * cycles - clocked
-    plain = [
-        min((c for c in runs.options(built.files, s.shape) if c.pack == 1), key=lambda c: c.area) for s in built.chosen
-    ]
-    flat = sum(map(runs.cost, plain)) - sum(map(runs.cost, built.chosen))
+    bits = len([i for i in built.circuit.order if files.cells[i.type].kind == "latch"])
+    stopped = _pj_of_a_tick(built) * len(built.circuit.flops) * cycles - clocked
+    in_macros = latched = flat = 0.0
+    for one in built.chosen:
+        memory = traffic[one.shape.name]
+        macros = [c for c in runs.options(files, memory) if isinstance(c, memories.Choice)]
+        if isinstance(one, Latches):
+            best = min(macros, key=lambda c: runs.cost(files, c, memory) + runs.PRICE * c.area)
+            in_macros, latched = in_macros + runs.cost(files, best, memory), latched + runs.cost(files, one, memory)
+        else:
+            least = min((c for c in macros if c.pack == 1), key=lambda c: c.area)
+            flat += runs.cost(files, least, memory) - runs.cost(files, one, memory)
     return [
-        ("clocks that stop (`sg13g2_lgcp_1`) in place of clocks that always tick", stopped / 1e6),
         (
-            "memories that are read only where somebody uses the word, in place of every cycle (four of them)",
-            always / 1e6,
+            "clocks that stop: of modules, of registers with an enable, and of eight bits of which none changes",
+            stopped / 1e6,
         ),
-        ("banks and words packed into rows, in place of the least area", flat / 1e6),
+        (f"latches in place of macros for the smallest memories ({bits:,} bits)", (in_macros - latched) * scale / 1e6),
+        ("shallow banks and words packed into rows, in place of the least area", flat * scale / 1e6),
     ]
 
 
 def _pj_of_a_tick(built: runs.Built) -> float:
     """Return picojoules that a cycle costs in the clock pin of a flip-flop, with its share of the modelled tree."""
-    toggles = np.zeros((built.circuit.nets, 1))
-    ungated = np.ones(1)
-    toggles[list(built.circuit.gates)] = 1
-    accesses = np.zeros((100 * len(built.circuit.memories), 2, 1))
-    cells, macros = built.files.cells, built.files.macros
-    spent = picojoules.measure(built.circuit, cells, macros, built.times["modelled"], toggles, ungated, accesses, True)
-    return float(spent.of("clock")[0]) / len(built.circuit.flops)
+    found = built.circuit
+    toggles, ungated = np.zeros((found.nets, 1)), np.ones(1)
+    toggles[[found.at(flop, "CLK") for flop in found.flops]] = 1
+    only = replace(found, order=[], gates={net: gate for net, gate in found.gates.items()}, memories=[])
+    spent = picojoules.measure(
+        only,
+        built.files.cells,
+        built.files.macros,
+        built.times["modelled"],
+        toggles,
+        ungated,
+        np.zeros((0, 2, 1)),
+        True,
+    )
+    return float(spent.of("clock")[0]) / len(found.flops)
+
+
+def larger(files: runs.Library, priced: pricing.Priced) -> list[tuple[str, ...]]:
+    """Return rows on the best networks, each on a core that holds it.
+
+    Memories are those of the search for a recording of the network; logic and clocks are the profile's.
+    """
+    rows = []
+    for model, dataset in BEST.items():
+        program, recordings = runs.compiled(model), runs.real(dataset, "test", 1)
+        core = CoreProgram(program, recordings.shape[1])
+        needs, sizes = core.needs, sizes_for(core.needs, Sizes(**runs.SIZES))
+        held = {"axons": needs.axons, "synapses": needs.synapses // 2, "bitmap": needs.bitmap, "visit_list": needs.visits,
+                "tallies": needs.entries, **asdict(core.words)}  # fmt: skip
+        area = spent = 0.0
+        for memory in runs.counted_for(program, recordings, sizes).values():
+            of_compartments = memory.words == sizes.compartments
+            words = needs.compartments if of_compartments else memory.words
+            options = runs.options(files, memory, {memory.name: words} | held, {})
+            best = min(options, key=lambda c: runs.cost(files, c, memory) + runs.PRICE * runs.area(files, c))
+            area, spent = area + runs.area(files, best), spent + runs.cost(files, best, memory)
+        counts = hw.simulate(program, recordings, probe=()).per_recording[0]
+        logic = sum((priced.pj[name] - priced.memory[name]) * counts[name] for name in priced.pj)
+        rows.append((
+            f"`{model}`", f"{needs.synapses:,}", f"{needs.compartments:,}", f"{area / 1e6:.1f}", f"{spent / 1e6:.1f}",
+            f"{logic / 1e6:.1f}", f"{(spent + logic) / counts.synaptic_ops:.0f}",
+        ))  # fmt: skip
+    return rows
 
 
 def ranking() -> str:
@@ -97,17 +167,29 @@ def ranking() -> str:
     ours, theirs = hw.chip("locsnn-130nm").profile("ihp-sg13g2"), hw.chip("loihi-sim").profile("davies2018")
     network = load(runs.ROOT / "examples/models/objects-hybrid.pt")
     recordings = np.load(runs.ROOT / "examples/recordings/touches.npz")["spikes"].transpose(0, 2, 1)
-    rows = []
+    rows, by_profile = [], []
     for bits in (4, 8):
         for strategy in ("reset", "delay-line", "dendrite", "paired-dendrite"):
             program = lower(network, hw.chip("loihi-sim"), bits, strategy).program
             counts = hw.simulate(program, recordings, probe=()).counts
             uj = [sum(hw.energy_pj(counts, one).values()) / len(recordings) / 1e6 for one in (theirs, ours)]
+            by_profile.append(uj)
             many = (counts.synaptic_ops, counts.neuron_updates)
             rows.append(
                 (f"{strategy}, {bits}-bit", *(f"{x:.1f}" for x in uj), *(f"{n / len(recordings):,.0f}" for n in many))
             )
-    return table(("setting", "µJ, davies2018", "µJ, ihp-sg13g2", "synaptic operations", "updates"), rows)
+    same = (np.argsort([a for a, _ in by_profile]) == np.argsort([b for _, b in by_profile])).all()
+    costs = []
+    for one in (ours, theirs):
+        pj = one.energy_pj
+        rest, active = (
+            pj.get("neuron_updates", 0.0) + pj.get(f"neuron_updates_{name}", 0.0) for name in ("inactive", "active")
+        )
+        op = pj["synaptic_ops"]
+        costs.append(f"{active / op:.1f} synaptic operations where it is active and {rest / op:.1f} at rest")
+    found = table(("setting", "µJ, davies2018", "µJ, ihp-sg13g2", "synaptic operations", "updates"), rows)
+    order = "is the same" if same else "is another"
+    return f"{found}\nThe order {order}. Here an update costs {costs[0]}, by `davies2018` {costs[1]}.\n"
 
 
 def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
@@ -116,39 +198,38 @@ def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
     return "\n".join(("| " + " | ".join(head) + " |", line, *("| " + " | ".join(row) + " |" for row in rows))) + "\n"
 
 
-def page(built: runs.Built, of_sets: dict, rows: list, unit: dict[str, float]) -> str:
+def verdict(value: float, goal: float, at_least: bool = False) -> str:
+    """Return whether a goal is reached."""
+    return "reached" if (value >= goal if at_least else value <= goal) else "missed"
+
+
+def page(
+    built: runs.Built, of_sets: dict, rows: list[Plan], unit: dict[str, float], more: list[tuple[str, ...]]
+) -> str:
     """Return the page."""
     _, played, ends = of_sets["Objects"]
-    low, high = ends["none"], ends["modelled"]
+    low, high, flat = (ends[wires] for wires in ENDS)
     ops = played.answers[:, 2].mean()
     totals = []
     for name, (model_name, its, energies) in of_sets.items():
-        a, b = (energies[w].total.mean() for w in ("none", "modelled"))
+        a, b, c = (energies[wires].total.mean() for wires in ENDS)
         per = its.answers[:, 2].mean()
-        totals.append(
-            (
-                f"`{model_name}`, {name}",
-                f"{a / 1e6:.1f} to {b / 1e6:.1f}",
-                f"{a / per:.0f} to {b / per:.0f}",
-                f"{per:,.0f}",
-                f"{its.answers[:, 1].mean():,.0f}",
-            )
-        )
-    kinds = [
-        ("memories: " + n, x.mean(), x.mean())
-        for n, x in sorted(high.memory.items(), key=lambda p: -p[1].mean())
-        if x.mean() > 1e5
-    ]
-    kinds += [
-        ("logic: " + n, low.logic[n].mean(), x.mean())
-        for n, x in sorted(high.logic.items(), key=lambda p: -p[1].mean())
-        if x.mean() > 1e5
-    ]
-    kinds += [
-        ("clock: " + n, low.clock[n].mean(), x.mean())
-        for n, x in sorted(high.clock.items(), key=lambda p: -p[1].mean())
-        if x.mean() > 1e5
-    ]
+        totals.append((
+            f"`{model_name}`, {name}", f"{a / 1e6:.1f}", f"**{b / 1e6:.1f}**", f"{c / 1e6:.1f}",
+            f"{a / per:.0f} to **{b / per:.0f}**", f"{per:,.0f}", f"{its.answers[:, 1].mean():,.0f}",
+        ))  # fmt: skip
+    kinds = []
+    for kind, text in (("memory", "macros"), ("logic", "logic"), ("clock", "clock")):
+        most = getattr(high, kind)
+        for part, pj in sorted(most.items(), key=lambda p: -p[1].mean()):
+            if pj.mean() > 1e5:
+                kinds.append(
+                    (
+                        f"{text}: {part.replace('_same', ' (shared)').replace('_own', ' (own)')}",
+                        getattr(low, kind)[part].mean(),
+                        pj.mean(),
+                    )
+                )
     parts = table(
         ("part", "µJ, least", "µJ, most", "pJ per synaptic operation, most"),
         [(n, f"{a / 1e6:.2f}", f"{b / 1e6:.2f}", f"{b / ops:.1f}") for n, a, b in kinds],
@@ -162,26 +243,39 @@ def page(built: runs.Built, of_sets: dict, rows: list, unit: dict[str, float]) -
     cells, macros = built.leakage_nw
     with make_profile.CHECK.open() as file:
         off = [abs(float(row["difference"])) for row in csv.DictReader(file)]
-    saved = table(
-        ("measure", "µJ per recording"),
-        [(what, f"{uj:.1f}") for what, uj in sorted(savings(built, played, high), key=lambda p: -p[1])],
-    )
+    saved = sorted(savings(built, played, high), key=lambda p: -p[1])[:3]
+    ours = next(row for row in rows if row.price == runs.PRICE)
     front = table(
-        ("area of macros, mm2", "accesses, µJ per recording"), [(f"{a:.2f}", f"{e:.1f}") for _, a, e, _ in rows]
+        ("area of memories, mm2", "accesses, µJ per recording"),
+        [(f"{row.area:.2f}", f"{row.energy:.1f}" + (" (this one)" if row is ours else "")) for row in rows],
     )
     gated = len([1 for f in built.circuit.flops if built.circuit.at(f, "CLK") in built.circuit.gates])
     area = (built.cell_area + built.macro_area) / 1e6
     most_uj, per_op = high.total.mean() / 1e6, high.total.mean() / ops
-    fast, slow = built.times["none"].worst, built.times["modelled"].worst
+    mhz = {wires: 1000 / built.times[wires].worst for wires in ENDS}
+    latches = [i for i in built.circuit.order if built.files.cells[i.type].kind == "latch"]
+    arrays = sum(runs.area(built.files, one) for one in built.chosen if isinstance(one, Latches)) / 1e6
+    spiking, cnn, gru = most_uj, MACS["CNN-3D"] * most / 1e6, MACS["GRU-MLP"] * most / 1e6
+    sides = [
+        f"{n} takes {'less' if uj < spiking else 'more'} than the spiking network"
+        for n, uj in (("CNN-3D", cnn), ("GRU-MLP", gru))
+    ]
     return TEXT.format(
-        totals=table(("network, 20 test recordings", "µJ per recording", "pJ per synaptic operation", "synaptic operations", "cycles"), totals),
-        parts=parts, macs=macs, saved=saved, front=front, area=area, macro_area=built.macro_area / 1e6, cell_area=built.cell_area / 1e6,
+        totals=table(("network, 20 test recordings", "µJ per recording, no wires", "blocks", "flat", "pJ per synaptic operation", "synaptic operations", "cycles"), totals),
+        parts=parts, macs=macs, saved=table(("measure", "µJ per recording"), [(what, f"{uj:.1f}") for what, uj in saved]), front=front,
+        area=area, macro_area=built.macro_area / 1e6, cell_area=built.cell_area / 1e6, arrays=arrays, latches=len(latches),
         flops=len(built.circuit.flops), gated=gated, gates=len(built.circuit.gates), cells=len(built.netlist.instances) - len(built.circuit.memories),
-        macros=len(built.circuit.memories), fast=fast, slow=slow, mhz=1000 / fast, slow_mhz=1000 / slow, wires=built.wires.name,
-        line=built.wires.line, leak_cells=cells / 1e3, leak_macros=macros / 1e3, off=max(off), mean_off=sum(off) / len(off),
-        most_uj=most_uj, per_op=per_op, mac=f"{least:.0f} to {most:.0f}", mac_memory=of_mac, glitches=unit["glitches"],
-        logic=high.of("logic").mean() / 1e6, glitch_bound=high.of("logic").mean() / 1e6 * (unit["glitches"] - 1),
-        ranking=ranking(), charges=high.memory["charges"].mean() / ops, mac_area=unit["area"],
+        macros=len(built.circuit.memories), mhz=mhz, wires=built.wires.name, leak_cells=cells / 1e3, leak_macros=macros / 1e3,
+        line=built.wires.line, off=max(off), mean_off=sum(off) / len(off), most_uj=most_uj, per_op=per_op,
+        uj_flat=flat.total.mean() / 1e6, op_flat=flat.total.mean() / ops, mac=f"{least:.0f} to {most:.0f}", mac_memory=of_mac,
+        glitches=unit["glitches"], glitch_bound=high.of("logic").mean() / 1e6 * (unit["glitches"] - 1), ranking=ranking(),
+        mac_area=unit["area"], sides=", ".join(sides), larger=table(
+            ("network", "synapses", "compartments", "memories, mm2", "accesses, µJ", "logic and clocks, µJ", "pJ per synaptic operation"), more),
+        verdicts={"op": verdict(per_op, 60), "uj": verdict(most_uj, 16), "area": verdict(area, 3), "mhz": verdict(mhz["modelled"], 100, True),
+                  "off": verdict(max(off), 0.05)},
+        synapses=high.memory["synapses"].mean() / ops, states=high.memory["states"].mean() / ops,
+        charges=(high.logic["accumulator"].mean() + high.clock["accumulator"].mean()) / ops,
+        clocks=high.of("clock").mean() / ops, least_area=min(row.area for row in rows),
     )  # fmt: skip
 
 
@@ -197,70 +291,84 @@ the liberty files, which are not part of this project.
 
 ## What a recording costs
 
-All dynamic energy, from cleaning the memories to the class, with a host that is always ready. The lower end has no wires; the
-upper end has the wire load that the library selects for this area of cells (`{wires}`, line {line} of its file) and a clock tree
-with a buffer for every sixteen pins.
+All dynamic energy, from cleaning the memories to the class, with a host that is always ready. The lower end has no wires. The
+upper end ("blocks") has a clock tree with a buffer for every sixteen pins, and wires as for a core whose modules are placed as
+blocks: a net has the wire load that the library selects for the area of the module that it lies in, or for all logic where it
+connects modules. "Flat" gives every net of the logic the load for all of it (`{wires}`, line {line} of the file), the
+library's own mode, which older figures of this page had.
 
 {totals}
-| | goal | reached |
-| --- | ---: | ---: |
-| pJ per synaptic operation, upper end | 60 | {per_op:.0f}: missed |
-| µJ per recording, upper end | 16 | {most_uj:.0f}: missed |
-| area without pads, mm2 | 3 | {area:.2f}: missed |
-| clock, MHz | 100 | {mhz:.0f} without wires; {slow_mhz:.0f} with them: missed |
-| profile against gate level, 40 recordings that it has not seen | 5 % | {off:.1%} at most, {mean_off:.1%} on average: reached |
+| | goal | blocks | flat |
+| --- | ---: | ---: | ---: |
+| pJ per synaptic operation | 60 | {per_op:.0f}: {verdicts[op]} | {op_flat:.0f} |
+| µJ per recording | 16 | {most_uj:.0f}: {verdicts[uj]} | {uj_flat:.0f} |
+| clock, MHz ({mhz[none]:.0f} without wires) | 100 | {mhz[modelled]:.0f}: {verdicts[mhz]} | {mhz[flat]:.0f} |
+| area without pads, mm2 | 3 | {area:.2f}: {verdicts[area]} | |
+| profile against gate level, 40 recordings that it has not seen | 5 % | {off:.1%} at most, {mean_off:.1%} on average: {verdicts[off]} | |
 
-{cells:,} cells take {cell_area:.2f} mm2 and {macros} macros {macro_area:.2f} mm2; {flops:,} flip-flops, {gated:,} of them behind {gates} clock gates. The clock is a
-graph-based static analysis over the liberty tables: ideal clock, worse of both edges, no false paths. Leakage is apart:
-{leak_cells:.1f} µW of cells and {leak_macros:.1f} µW of macros, by `cell_leakage_power` of the files.
+{cells:,} cells take {cell_area:.2f} mm2, {arrays:.2f} of it arrays of {latches:,} latches, and {macros} macros {macro_area:.2f} mm2; {flops:,} flip-flops,
+{gated:,} of them behind some of {gates:,} clock gates, of which most open a row of latches. The clock is a graph-based static analysis over the
+liberty tables: ideal clock, worse of both edges, no false paths. Leakage is apart: {leak_cells:.1f} µW of cells and {leak_macros:.1f} µW of
+macros, by `cell_leakage_power` of the files. In the gate-level simulation every class, count, current, voltage and spike of the
+40 recordings equals the simulator's.
 
 ## Where it goes
 
-Objects, parts above 0.1 µJ:
+Objects, parts above 0.1 µJ. Latches are logic and clocks of their part: those of charges are the accumulator's.
 
 {parts}
-**What limits it.** Charges under way cost {charges:.0f} pJ per synaptic operation, for a read and a write of a 16-bit macro: no macro
-that the process offers makes the two cheaper than 32 pJ. An update reads 100 bits of constants, which many compartments share,
-and reads and writes 54 bits of state. Less takes another architecture: charges in latches, constants by profile, several
-synapses per cycle from one row.
+**What limits it.** Synapses cost {synapses:.0f} pJ per operation, 40 bits for two of them: the process has no macro that reads a bit for
+less than 0.6 pJ. Adding to a charge costs {charges:.0f} pJ, in latches. Each of 54 bits of state is read and written in every step,
+{states:.0f} pJ per operation. Clocks take {clocks:.0f} pJ. The memories with the least area would take {least_area:.2f} mm2: 3 mm2 are out of reach
+with the synapses of these networks, 14,274 of 20 bits.
 
 ## Three savings
 
 Against the same core without the measure, computed from counted cycles and accesses:
 
 {saved}
-The choice of macros is a search over macros, banks and words per row for the accesses of a recording of Objects, at a price of
-area ([all plans](energy-130nm-memories.csv)):
+Memories are chosen by a search over macros, banks, words per row and arrays of latches, for the accesses of training recordings
+of Objects at a price of area ([all plans](energy-130nm-memories.csv)). Cycles are the same for all plans. Besides, even and odd compartments lie in banks of one
+port, so that one is read while another is written; constants that compartments share are not read again; and bits that are 0 in
+every program that fits are not made.
 
 {front}
+![Accesses against area](images/energy-130nm-memories.svg)
+
 ## The profile
 
 Profile `ihp-sg13g2` of `hw_model/chips/locsnn-130nm.yaml` prices counts of the simulator, so that any program that fits is
-reported on without the library. Accesses are priced by the macros' files; logic and clocks by gate-level activity of eight
+reported on without the library. Accesses are priced by the macros' files; logic, latches and clocks by gate-level activity of eight
 training recordings of each set, in cycles of delivery per synaptic operation and in cycles of updates per update. On 20 test
 recordings of each set it is {off:.1%} off at most ([all](energy-130nm-check.csv)). A script that knows neither RTL nor library
-(`tests/energy/sums.py`) adds up the same accesses from the simulator's spikes and currents, and is within 2 %.
+(`tests/energy/sums.py`) adds up the accesses of macros from the simulator's spikes and currents, and is within 2 %.
 
 ## The ranking of settings
 
 `objects-hybrid` on `touches.npz`, the same counts by both profiles; what has delays, or charges of more than 16 bits, needs a
 larger core than this one.
 
-{ranking}
-The order is the same. Here an update costs four synaptic operations when it is active and more than three at rest, where
-`davies2018` has 3.4 and 2.2, so that helper compartments cost more: `reset` gains on `dendrite`. Narrower weights save
-nothing in a word of fixed width, only where weights become 0 and are pruned.
+{ranking}Narrower weights save nothing in a word of fixed width, only where weights become 0 and are pruned.
+
+## Larger networks
+
+The best networks do not fit this core. On one that holds them, with memories of the same search and logic by the profile, per
+recording:
+
+{larger}
+This is an estimate: nothing of that size was mapped, charges lie in macros there and still have the latches of this core in the
+price of logic, and the dense charges of `objects-best`, 16 slots for each compartment, take most of the area.
 
 ## Conventional networks in the same cells
 
 A multiply-accumulate unit of 8 bits (`tests/energy/mac.sv`, {mac_area:,.0f} µm2) takes {mac} pJ for each product, {mac_memory:.0f} pJ of it for
-weights and activations from 64-bit rows of 1,024-word macros, eight to a row. Weights are normal and half of the activations
+weights and activations from 64-bit rows of 256-word macros, eight to a row. Weights are normal and half of the activations
 are 0.
 
 {macs}
-CNN-3D takes less than the spiking network, GRU-MLP more, though the spiking network has a sixth and a tenth of their operations: a
-synaptic operation adds to one of many charges in memory, and a product to a sum in a register. Not comparable: the unit has no control, no schedule and no memory for what it computes; reuse of a row
-would lower its energy, moving of partial results would raise it.
+{sides}, though the spiking network has a sixth and a tenth of their operations: a synaptic operation adds to one of many
+charges in memory, and a product to a sum in a register. Not comparable: the unit has no control, no schedule and no memory for
+what it computes; reuse of a row would lower its energy, moving of partial results would raise it.
 
 SYNtzulA (2025), in the same process, publishes 36.5 pJ per synaptic operation at 125 MHz and 6.8 mm2 with pads. Its figure is of
 other networks, with another neuron, and is not broken down like this; this core takes {per_op:.0f}.

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pricing
 import runs
+from memories import Choice
 
 CHIP = runs.ROOT / "hw_model/chips/locsnn-130nm.yaml"
 CHECK = runs.ROOT / "docs/energy-130nm-check.csv"
@@ -39,8 +40,7 @@ def main() -> None:
     """Write the chip file and the check."""
     built = build(given_library(__doc__))
     programs = {name: runs.compiled(model) for name, model in SETS.items()}
-    made = pricing.make(built, {n: (p, runs.real(n, "train", MADE_FROM)) for n, p in programs.items()})
-    ends = {wires: pricing.price(made, wires) for wires in ("none", "modelled")}
+    ends = {wires: pricing.price(made(built), wires) for wires in ("none", "modelled")}
     CHIP.write_text(chip_file(built, ends["none"], ends["modelled"]))
     rows = []
     for name, program in programs.items():
@@ -55,11 +55,16 @@ def main() -> None:
         writer.writerows(rows)
 
 
+def made(built: runs.Built) -> pricing.Made:
+    """Return what the profile is made of: training recordings of both sets."""
+    return pricing.make(built, {n: (runs.compiled(m), runs.real(n, "train", MADE_FROM)) for n, m in SETS.items()})
+
+
 def chip_file(built: runs.Built, least: pricing.Priced, most: pricing.Priced) -> str:
     """Return the chip file, with the profile in it."""
     cells, macros = built.leakage_nw
-    plan = "".join(f"#   {c.shape.name:<11}{c.text}\n" for c in built.chosen)
-    used = sorted({m for c in built.chosen for m in c.macros}, key=lambda m: m.name)
+    plan = "".join(f"#   {c.shape.name:<12}{c.text}\n" for c in built.chosen)
+    used = sorted({m for c in built.chosen if isinstance(c, Choice) for m in c.macros}, key=lambda m: m.name)
     lines = "".join(
         f"#   {m.file}: read {m.read_pj} (line {m.lines['read']}), write {m.write_pj} (line {m.lines['write']})\n"
         for m in used
@@ -67,21 +72,21 @@ def chip_file(built: runs.Built, least: pricing.Priced, most: pricing.Priced) ->
     constants = "".join(f"      {name}: {pj:.2f}\n" for name, pj in most.pj.items())
     ranges = "".join(f"      {name}: [{least.pj[name]:.2f}, {pj:.2f}]\n" for name, pj in most.pj.items())
     sources = "".join(f"      {name}: {text}\n" for name, text in SOURCES.items())
-    held = {c.shape.name: c.banks * c.rows * c.pack for c in built.chosen}
-    core = "".join(f"  {name}: {min(value, held.get(name, value))}\n" for name, value in runs.SIZES.items())
-    wires = built.wires
+    core = "".join(f"  {name}: {value}\n" for name, value in runs.capacity(built.chosen).items())
+    words = "".join(f"  {name}: {many}\n" for name, many in runs.memory_words(built.chosen).items())
     return TEXT.format(
-        plan=plan, macros=lines, core=core, constants=constants, ranges=ranges, sources=sources,
+        words=words, plan=plan, macros=lines, core=core, constants=constants, ranges=ranges, sources=sources,
         area=(built.cell_area + built.macro_area) / 1e6, cell_area=built.cell_area / 1e6,
-        leakage=(cells + macros) / 1e6, wires=f"{wires.name} ({runs.CELLS}, line {wires.line})",
+        leakage=(cells + macros) / 1e6,
         period=built.times["none"].worst, slow=built.times["modelled"].worst, fixed=most.fixed,
+        half=next(c.shape.bits for c in built.chosen if c.shape.name == "synapses") // 2,
     )  # fmt: skip
 
 
 SOURCES = {
-    "synaptic_ops": "macros synapses (a row in four words) and charges (read, write); gates and clocks in cycles of delivery",
-    "neuron_updates": "macros states, leaks, fires, charges, sums (reads); gates and clocks in cycles of updates",
-    "neuron_updates_active": "macros states and charges (writes)",
+    "synaptic_ops": "macros synapses (two in a word); gates, latches and clocks in cycles of delivery",
+    "neuron_updates": "macros states (reads) and constants; gates, latches and clocks in cycles of updates",
+    "neuron_updates_active": "macros states (writes)",
     "spikes": "macros axons, synapses (the rest of a row) and places",
     "input_events": "macros axons, synapses (the rest of a row) and bitmap",
     "transpose_events": "macros axons and synapses (the rest of a row)",
@@ -92,7 +97,7 @@ TEXT = """\
 # this file from the liberty files of the process, revision 5cccb16 of 2026-03-11, which are not part of this project.
 #
 # {area:.2f} mm2 of cells ({cell_area:.2f}) and macros, without wires, pads and gaps. The longest path takes {period:.1f} ns without wires,
-# {slow:.1f} ns with the wire load model {wires}. Memories:
+# {slow:.1f} ns with wires of modules that are placed as blocks. Memories:
 {plan}#
 # Picojoules of an access on the clock pin, by file of sram/ and line of its `internal_power`:
 {macros}name: locsnn-130nm
@@ -112,6 +117,8 @@ registers:                     # those of loihi-sim, except for the delays
 
 open_core:                     # parameters of locsnn_core.sv
 {core}
+memory_words:                  # of memories that are smaller than the parameters say
+{words}
 # One core hosts all cores of a program, phase after phase. The program as a whole has to fit the open core, so none of
 # these limits is the first to be met.
 mesh:
@@ -129,8 +136,8 @@ limits:
   compartment_profiles_per_core: 512
   threshold_profiles_per_core: 512
 
-synapse_memory:                # a synapse is a word
-  word_bits: 22
+synapse_memory:                # a synapse is half a word
+  word_bits: {half}
   run_length: 1
   run_header_bits: 0
 

@@ -1,21 +1,63 @@
 """Memories of the core as macros: what each may be made of, what that costs, and its SystemVerilog."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from liberty import Macro
 
-DEEPEST, WIDEST = 64, 4
+DEEPEST, WIDEST = 512, 4
+SWEPT = ("states",)
+"""Memories that are swept in order, read and some cycles later written: while an even word is read an odd one is written."""
 
 
 @dataclass(frozen=True)
 class Shape:
-    """A memory as the core sees it. ``ports``: 1 where it is written only between recordings."""
+    """A memory as the core sees it. ``ports``: 1 where it is written only between recordings; ``copies``: how often it is there.
+
+    ``used``: of every ``period`` words the first so many hold something; the others are not made.
+    ``fold``: words whose addresses differ by it are never in use together, and are one. ``zero``: bits that are 0 in every program that fits.
+    ``single``: it has one address, to read or to write.
+    """
 
     name: str
     words: int
     bits: int
     ports: int
+    copies: int = 1
+    used: int = 0
+    period: int = 0
+    fold: int = 0
+    zero: tuple[int, ...] = ()
+    single: bool = False
+
+    @property
+    def stored(self) -> list[int]:
+        """Bits of a word that are kept."""
+        return [bit for bit in range(self.bits) if bit not in self.zero]
+
+    @property
+    def address(self) -> int:
+        """Bits of an address that tell words apart."""
+        return max(((self.fold or self.words) - 1).bit_length(), 1)
+
+    @property
+    def ports_text(self) -> str:
+        """Return the head of its module in SystemVerilog."""
+        last = max((self.words - 1).bit_length(), 1) - 1
+        names = "address" if self.single else "write_address, read_address"
+        both = f"\n    wire [{last}:0] write_address = address, read_address = address;" if self.single else ""
+        return (
+            f"module memory_{self.name} (input logic clk, write, read,\n"
+            f"    input logic [{last}:0] {names}, input logic [{self.bits - 1}:0] write_data,\n"
+            f"    output logic [{self.bits - 1}:0] read_data);{both}"
+        )
+
+    @property
+    def held(self) -> list[int]:
+        """Addresses of the words that are made."""
+        words = self.fold or self.words
+        period = self.period or words
+        return [word for word in range(words) if word % period < (self.used or period)]
 
 
 @dataclass(frozen=True)
@@ -28,6 +70,11 @@ class Choice:
     pack: int
 
     @property
+    def alternates(self) -> bool:
+        """Whether macros of one port do for reads and writes, since even and odd words lie in different banks."""
+        return self.shape.ports == 2 and self.macros[0].ports == 1
+
+    @property
     def rows(self) -> int:
         """Rows of a bank."""
         return self.macros[0].words
@@ -35,12 +82,12 @@ class Choice:
     @property
     def area(self) -> float:
         """Square micrometres."""
-        return self.banks * sum(m.area for m in self.macros)
+        return self.shape.copies * self.banks * sum(m.area for m in self.macros)
 
     @property
     def leakage_nw(self) -> float:
         """Nanowatts, as the files give them."""
-        return self.banks * sum(m.leakage_nw for m in self.macros)
+        return self.shape.copies * self.banks * sum(m.leakage_nw for m in self.macros)
 
     @property
     def read_pj(self) -> float:
@@ -56,43 +103,22 @@ class Choice:
     def text(self) -> str:
         """Say what it is."""
         row = " + ".join(f"{m.ports}P {m.words}x{m.bits}" for m in self.macros)
-        return f"{self.banks} x ({row})" + (f", {self.pack} words a row" if self.pack > 1 else "")
+        return f"{self.shape.copies * self.banks} x ({row})" + (f", {self.pack} words a row" if self.pack > 1 else "")
 
 
-def shapes(sizes: Mapping[str, int], names: Collection[str]) -> list[Shape]:
-    """Return the memories of ``locsnn_core`` for its parameters, those that have ``names``."""
-    log = {name: (value - 1).bit_length() for name, value in sizes.items()}
-    number, entry = log["compartments"], log["entries"]
-    known = [
-        Shape("axons", sizes["axons"], 2 * log["synapses"], 1),
-        Shape("synapses", sizes["synapses"], number + log["slots"] + 12, 1),
-        Shape("charges", sizes["slots"] * sizes["compartments"], sizes["charge"], 2),
-        Shape("states", sizes["compartments"], 54, 2),
-        Shape("leaks", sizes["compartments"], 48, 1),
-        Shape("fires", sizes["compartments"], 38 + number + entry, 1),
-        Shape("sums", sizes["compartments"], sizes["join"], 2),
-        Shape("places", sizes["compartments"], number, 2),
-        Shape("tallies", sizes["entries"], 24, 2),
-        Shape("bitmap", sizes["bitmap"], 32, 2),
-        Shape("visit_list", sizes["visits"], 24 + log["bitmap"] + log["axons"], 1),
-        Shape("phases", 512, 24, 1),
-        Shape("weights", 64, 33, 1),
-    ]
-    missing = set(names) - {shape.name for shape in known}
-    assert not missing, f"memories of no known shape: {missing}"
-    return [shape for shape in known if shape.name in names]
-
-
-def choices(shape: Shape, macros: Sequence[Macro], used: int | None = None) -> Iterator[Choice]:
-    """Yield what a memory may be made of; ``used``: the words that programs need, all by default."""
-    fitting = [m for m in macros if m.ports == shape.ports]
-    for depth in sorted({m.words for m in fitting}):
-        here = sorted((m for m in fitting if m.words == depth), key=lambda m: -m.bits)
-        for pack in (1, 2, 4) if shape.ports == 1 else (1,):
-            for row in _rows(here, pack * shape.bits):
-                banks = -(-(used or shape.words) // (pack * depth))
-                if banks <= DEEPEST:
-                    yield Choice(shape, row, banks, pack)
+def choices(shape: Shape, macros: Sequence[Macro]) -> Iterator[Choice]:
+    """Yield what a memory may be made of."""
+    words = max(shape.held) + 1
+    for ports in {shape.ports, 1} if shape.name in SWEPT else {shape.ports}:
+        fitting = [m for m in macros if m.ports == ports]
+        for depth in sorted({m.words for m in fitting}):
+            here = sorted((m for m in fitting if m.words == depth), key=lambda m: -m.bits)
+            for pack in (1, 2, 4) if shape.ports == 1 else (1,):
+                for row in _rows(here, pack * len(shape.stored)):
+                    parts = 1 if ports == shape.ports else 2
+                    banks = parts * -(-words // (parts * pack * depth))
+                    if banks <= DEEPEST:
+                        yield Choice(shape, row, banks, pack)
 
 
 def _rows(macros: Sequence[Macro], bits: int, most: int = WIDEST) -> Iterator[tuple[Macro, ...]]:
@@ -110,23 +136,25 @@ def verilog(choice: Choice) -> str:
 
     With several words a row, the row that was read last is not read again: the macros still show it.
     """
+    if choice.alternates:
+        return _alternating(choice)
     shape, pack = choice.shape, choice.pack
-    address = max((shape.words - 1).bit_length(), 1)
+    stored = shape.stored
+    bits = len(stored)
+    address = shape.address
     packed, low = (pack - 1).bit_length(), (choice.rows - 1).bit_length()
     low = min(low, address - packed)
     bank_bits = address - packed - low
     row_bits = sum(m.bits for m in choice.macros)
-    lines = [
-        f"module memory_{shape.name} (input logic clk, write, read,",
-        f"    input logic [{address - 1}:0] write_address, read_address, input logic [{shape.bits - 1}:0] write_data,",
-        f"    output logic [{shape.bits - 1}:0] read_data);",
-    ]
+    lines = [shape.ports_text]
     row = address - packed
     if shape.ports == 1:
-        lines += [f"    wire [{address - 1}:0] address = write ? write_address : read_address;"]
+        lines += [
+            f"    wire [{address - 1}:0] at = write ? write_address[{address - 1}:0] : read_address[{address - 1}:0];"
+        ]
     else:
-        lines += [f"    wire [{address - 1}:0] address = read_address;"]
-    lines += [f"    wire [{row - 1}:0] line = address[{address - 1}:{packed}];"]
+        lines += [f"    wire [{address - 1}:0] at = read_address[{address - 1}:0];"]
+    lines += [f"    wire [{row - 1}:0] line = at[{address - 1}:{packed}];"]
     last = f"    logic [{row - 1}:0] last;"
     if pack > 1:
         lines += [
@@ -137,7 +165,7 @@ def verilog(choice: Choice) -> str:
             "    always_ff @(posedge clk) begin",
             "        if (write) kept <= 0; else if (access) kept <= 1;",
             "        if (access) last <= line;",
-            f"        if (read) place <= address[{packed - 1}:0];",
+            f"        if (read) place <= at[{packed - 1}:0];",
             "    end",
         ]
     elif bank_bits:
@@ -145,7 +173,7 @@ def verilog(choice: Choice) -> str:
     else:
         lines += ["    wire access = read;"]
     lines += [f"    wire [{row_bits - 1}:0] shown[0:{choice.banks - 1}];"]
-    mask = "" if pack == 1 else f"address[{packed - 1}:0]"
+    mask = "" if pack == 1 else f"at[{packed - 1}:0]"
     for bank in range(choice.banks):
         hit = f"line[{row - 1}:{low}] == {bank_bits}'d{bank}" if bank_bits else "1'b1"
         written = f"write_address[{address - 1}:{low}] == {bank_bits}'d{bank}" if bank_bits and pack == 1 else hit
@@ -156,8 +184,8 @@ def verilog(choice: Choice) -> str:
             pad = f"{{{{{depth - need}{{1'b0}}}}, " if depth > need else "{"
             data, bm = [], []
             for bit in range(at, at + macro.bits):
-                word, inside = divmod(bit, shape.bits)
-                data.append(f"write_data[{inside}]" if word < pack else "1'b0")
+                word, inside = divmod(bit, bits)
+                data.append(f"write_data[{stored[inside]}]" if word < pack else "1'b0")
                 bm.append("1'b0" if word >= pack else f"{mask} == {packed}'d{word}" if pack > 1 else "1'b1")
             din, bms = ", ".join(reversed(data)), ", ".join(reversed(bm))
             shown = f"shown[{bank}][{at + macro.bits - 1}:{at}]"
@@ -186,13 +214,72 @@ def verilog(choice: Choice) -> str:
         for b in range(choice.banks)
     ]
     lines += [f"    wire [{row_bits - 1}:0] found = " + "\n        | ".join(terms) + ";"]
-    words = [f"found[{(w + 1) * shape.bits - 1}:{w * shape.bits}]" for w in range(pack)]
+    words = [f"found[{(w + 1) * bits - 1}:{w * bits}]" for w in range(pack)]
+    lines += [f"    wire [{bits - 1}:0] picked;"]
     if pack == 1:
-        lines += [f"    assign read_data = {words[0]};"]
+        lines += [f"    assign picked = {words[0]};"]
     else:
-        picked = " | ".join(f"({{{shape.bits}{{place == {packed}'d{w}}}}} & {word})" for w, word in enumerate(words))
-        lines += [f"    assign read_data = {picked};"]
+        picked = " | ".join(f"({{{bits}{{place == {packed}'d{w}}}}} & {word})" for w, word in enumerate(words))
+        lines += [f"    assign picked = {picked};"]
+    shown_bits = [f"picked[{stored.index(bit)}]" if bit in stored else "1'b0" for bit in reversed(range(shape.bits))]
+    lines += [f"    assign read_data = {{{', '.join(shown_bits)}}};"]
     return "\n".join([*lines, "endmodule\n"])
+
+
+def _alternating(choice: Choice) -> str:
+    """Return a memory of two ports for words that are read and written in order: even banks and odd ones, of one port.
+
+    What is written waits while its half is read, which is a cycle at most.
+    """
+    shape, half = choice.shape, choice.banks // 2
+    bits, address = shape.bits, shape.address
+    row_bits, depth = sum(m.bits for m in choice.macros), (choice.rows - 1).bit_length()
+    low = min(depth, address - 1)
+    high, top = address - 1 - low, address - 1
+    lines = [
+        shape.ports_text,
+        f"    wire [{top}:0] from = read_address[{top}:0], to = write_address[{top}:0];",
+        "    logic waiting;",
+        f"    logic [{top}:0] waiting_address, last;",
+        f"    logic [{bits - 1}:0] waiting_data;",
+        f"    wire [{top}:0] target = waiting ? waiting_address : to;",
+        f"    wire [{row_bits - 1}:0] data = {{{{{row_bits - bits + 1}{{1'b0}}}}, waiting ? waiting_data : write_data}};",
+        "    wire clash = read && from[0] == target[0];",
+        "    wire put = (waiting || write) && !clash;",
+        "    wire wait_now = write && (waiting || clash);",
+        "    always_ff @(posedge clk) begin",
+        "        if (wait_now || waiting) waiting <= wait_now || clash;",
+        "        if (wait_now) {waiting_address, waiting_data} <= {to, write_data};",
+        "        if (read) last <= from;",
+        "    end",
+        f"    wire [{row_bits - 1}:0] shown[0:{choice.banks - 1}];",
+    ]
+    terms = []
+    for bank in range(choice.banks):
+        odd, number = bank % 2, bank // 2
+        here = [f"{name}[0] == 1'd{odd}" for name in ("from", "target", "last")]
+        if high:
+            here = [
+                f"{text} && {name}[{top}:{low + 1}] == {high}'d{number}"
+                for text, name in zip(here, ("from", "target", "last"), strict=True)
+            ]
+        lines += [
+            f"    wire reads{bank} = read && {here[0]}, puts{bank} = put && {here[1]};",
+            f"    wire [{low - 1}:0] row{bank} = puts{bank} ? target[{low}:1] : from[{low}:1];",
+        ]
+        terms.append(f"({{{bits}{{{here[2]}}}}} & shown[{bank}][{bits - 1}:0])")
+        at = 0
+        for index, macro in enumerate(choice.macros):
+            pad = f"{{{{{depth - low}{{1'b0}}}}, " if depth > low else "{"
+            mask = f" .A_BM({{{macro.bits}{{1'b1}}}})," if "_bm_" in macro.name else ""
+            span = f"[{at + macro.bits - 1}:{at}]"
+            lines += [
+                f"    {macro.name} bank{bank}_{index} (.A_CLK(clk), .A_MEN(reads{bank} || puts{bank}), .A_WEN(puts{bank}),",
+                f"        .A_REN(!puts{bank}), .A_ADDR({pad}row{bank}}}), .A_DIN(data{span}),{mask} .A_DOUT(shown[{bank}]{span}));",
+            ]
+            at += macro.bits
+    assert half * 2 == choice.banks
+    return "\n".join([*lines, "    assign read_data = " + "\n        | ".join(terms) + ";", "endmodule\n"])
 
 
 def stub(macro: Macro) -> str:

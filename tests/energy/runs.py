@@ -4,24 +4,29 @@ import hashlib
 import io
 import os
 import pickle
+import tempfile
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import arrays
 import gates
 import liberty
 import memories
 import netlist
 import numpy as np
 import picojoules
+import repeats
 import timing
+import traffic
+from latches import Latches
 
 import hw_model as hw
 from hw_model.engine.playing import read_streams
 from hw_model.rtl.cosimulation import words_of
-from hw_model.rtl.images import CoreProgram, Sizes
+from hw_model.rtl.images import CoreProgram, Sizes, layouts
 
 ROOT = Path(__file__).parents[2]
 LIBRARY = ROOT.parent / "shared/data/ihp-sg13g2"
@@ -33,8 +38,14 @@ SIZES = {
     "visits": 128, "entries": 128,
 }  # fmt: skip
 """The core of the chip file: it holds the hybrid of either example."""
-USED = {"synapses": 14336, "bitmap": 1280}
-"""Words that the macros hold, where the parameter of the core is a power of two above it."""
+HELD = {
+    "axons": 736, "synapses": 7168, "bitmap": 1280, "visit_list": 80, "tallies": 72, "weights": 4, "phases": 16,
+}  # fmt: skip
+"""Words that are made of memories, where parameters of the core are powers of two above them."""
+
+
+FOLDED = {"sums": 128}
+"""Compartments that differ by so many share a word: sums live within a step of a phase."""
 
 
 @dataclass(frozen=True)
@@ -63,17 +74,18 @@ class Built:
     """The core in cells and macros: netlist, times without wires and with those of the library's model."""
 
     def __init__(
-        self, files: Library, chosen: Sequence[memories.Choice], gated: bool, sources: Path = netlist.CORE
+        self, files: Library, chosen: Sequence[memories.Choice | Latches], gated: bool, sources: Path = netlist.CORE
     ) -> None:
         self.files, self.chosen, self.gated = files, chosen, gated
         texts = b"".join(p.read_bytes() for p in netlist.parts(sources))
-        names = ("netlist.py", "memories.py", "gates.py")
+        names = ("netlist.py", "memories.py", "latches.py", "repeats.py", "gates.py", "gates.cpp")
         made_by = b"".join((Path(__file__).parent / name).read_bytes() for name in names)
-        plan = repr([(c.shape, [m.name for m in c.macros], c.banks, c.pack) for c in chosen])
+        plan = repr([(c.shape, c.text) for c in chosen])
         key = hashlib.sha256(texts + made_by + repr((SIZES, plan, gated)).encode()).hexdigest()[:12]
         self.folder = KEPT / key
         if not (self.folder / "netlist.json").exists():
-            netlist.synthesise(self.folder, SIZES, chosen, files.folder / CELLS, gated, sources)
+            split = repeats.splits(counted(), Sizes(**SIZES))
+            netlist.synthesise(self.folder, SIZES, chosen, split, files.folder / CELLS, gated, sources)
         self.netlist = netlist.load(self.folder / "netlist.json")
         self.circuit = gates.circuit(self.netlist, files.cells, files.macros)
         self.binary = self.folder / "gates"
@@ -89,13 +101,13 @@ class Built:
     @cached_property
     def macro_area(self) -> float:
         """Square micrometres of macros."""
-        return sum(choice.area for choice in self.chosen)
+        return sum(one.area for one in self.chosen if isinstance(one, memories.Choice))
 
     @cached_property
     def leakage_nw(self) -> tuple[float, float]:
         """Nanowatts of cells and of macros."""
         cells = sum(self.files.cells[i.type].leakage_nw for i in self.netlist.instances if i.type in self.files.cells)
-        return cells, sum(choice.leakage_nw for choice in self.chosen)
+        return cells, sum(one.leakage_nw for one in self.chosen if isinstance(one, memories.Choice))
 
     @cached_property
     def wires(self) -> timing.Wires:
@@ -104,8 +116,11 @@ class Built:
 
     @cached_property
     def times(self) -> dict[str, timing.Timing]:
-        """Times without wires, and with the modelled ones."""
-        models = {"none": timing.Wires(), "modelled": self.wires}
+        """Times without wires, with those of modules placed as blocks, and with those of a flat layout."""
+        arrays = [one.shape.name for one in self.chosen if isinstance(one, Latches)]
+        models: dict[str, timing.Wires | timing.Blocks] = {"none": timing.Wires()}
+        for name, flat in (("modelled", False), ("flat", True)):
+            models[name] = timing.Blocks(self.files.group, self.circuit, self.files.cells, arrays, flat)
         return {k: timing.analyse(self.circuit, self.files.cells, self.files.macros, w) for k, w in models.items()}
 
     def play(
@@ -119,7 +134,8 @@ class Built:
             core = CoreProgram(program, recordings.shape[1])
             load = core.load_words(Sizes(**SIZES))
             words = [words_of(core, one) for one in recordings]
-            found = gates.play(self.folder, self.binary, load, words, self.circuit, probes, by_class)
+            with tempfile.TemporaryDirectory(dir=self.folder) as folder:
+                found = gates.play(Path(folder), self.binary, load, words, self.circuit, probes, by_class)
             kept.write_bytes(pickle.dumps(found))
         return pickle.loads(kept.read_bytes())
 
@@ -129,7 +145,7 @@ class Built:
         cycles, accesses = found.answers[:, 4:7], found.accesses
         cycles = cycles.sum(axis=0) if by_class else cycles.sum(axis=1)
         accesses = accesses.sum(axis=3) if by_class else accesses.sum(axis=2)
-        tree = wires == "modelled"
+        tree = wires != "none"
         cells, macros = self.files.cells, self.files.macros
         return picojoules.measure(self.circuit, cells, macros, self.times[wires], found.toggles, cycles, accesses, tree)
 
@@ -175,36 +191,107 @@ def compiled(model: str) -> hw.ChipProgram:
     return hw.load_program(folder)
 
 
-TRAFFIC = {
-    "synapses": (257e3, 0), "axons": (15e3, 0), "charges": (324e3, 290e3), "states": (67e3, 55e3), "leaks": (67e3, 0),
-    "fires": (67e3, 0), "sums": (23e3, 44e3), "places": (3e3, 3e3), "tallies": (18e3, 1e3), "bitmap": (5e3, 4e3),
-    "visit_list": (1e2, 0), "phases": (2e1, 0), "weights": (1e2, 0),
-}  # fmt: skip
-"""Words read and written per recording of Objects, as counted; the plan is made for them."""
-SEQUENTIAL = {"synapses": 0.94, "leaks": 0.99, "fires": 0.99}
-"""The share of reads whose word follows the one before."""
-PRICE = 6.0
-"""Picojoules per recording that a square micrometre is worth: more area saves little beyond it."""
+def traffic_of() -> dict[str, traffic.Memory]:
+    """Return the memories of the core, in parts where words repeat, and what a training recording does to them."""
+    program = compiled("objects-hybrid-loihi")
+    return repeats.parts_of(counted(), CoreProgram(program, 250), Sizes(**SIZES))
 
 
-def plan(files: Library, price: float = PRICE) -> list[memories.Choice]:
-    """Return the macros of every memory: the least picojoules per recording plus ``price`` for a square micrometre."""
+def counted() -> dict[str, traffic.Memory]:
+    """Return the memories of the core, and what a training recording of Objects does to them."""
+    program = compiled("objects-hybrid-loihi")
+    return counted_for(program, real("Objects", "train", 4), Sizes(**SIZES))
+
+
+def counted_for(program: hw.ChipProgram, recordings: np.ndarray, sizes: Sizes) -> dict[str, traffic.Memory]:
+    """Return the memories of a core of these sizes, and what a recording does to them; what was counted is kept."""
+    texts = b"".join(p.read_bytes() for p in netlist.parts(netlist.CORE))
+    made_by = (Path(__file__).parent / "traffic.py").read_bytes() + repr((program.name, sizes)).encode()
+    kept = KEPT / f"traffic-{hashlib.sha256(texts + made_by + recordings.tobytes()).hexdigest()[:12]}.pkl"
+    if not kept.exists():
+        found = traffic.count(program, stacked(program, recordings), sizes)
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        kept.write_bytes(pickle.dumps({memory.name: memory for memory in found}))
+    return pickle.loads(kept.read_bytes())
+
+
+PRICE = 4.0
+"""Picojoules per recording that a square micrometre is worth."""
+
+
+def plan(files: Library, price: float = PRICE) -> list[memories.Choice | Latches]:
+    """Return what every memory is made of: the least picojoules per recording plus ``price`` for a square micrometre."""
     return [
-        min(options(files, shape), key=lambda c: cost(c) + price * c.area)
-        for shape in memories.shapes(SIZES, netlist.memory_names(netlist.CORE))
+        min(options(files, memory), key=lambda one: cost(files, one, memory) + price * area(files, one))
+        for memory in traffic_of().values()
     ]
 
 
-def options(files: Library, shape: memories.Shape) -> list[memories.Choice]:
-    """Return what a memory may be made of."""
-    return list(memories.choices(shape, list(files.macros.values()), USED.get(shape.name)))
+def options(
+    files: Library, memory: traffic.Memory, of: Mapping[str, int] = HELD, folded: Mapping[str, int] = FOLDED
+) -> list[memories.Choice | Latches]:
+    """Return what a memory may be made of; ``of`` and ``folded`` as :data:`HELD` and :data:`FOLDED`."""
+    fold = folded.get(memory.name, 0)
+    held = of.get(memory.name, fold or memory.words)
+    shape = memories.Shape(
+        memory.name,
+        memory.words,
+        memory.bits,
+        memory.ports,
+        memory.copies,
+        held,
+        0,
+        fold,
+        zero(memory.name, memory.bits),
+        memory.single,
+    )
+    depths = {min(depth, 1 << (len(shape.held) - 1).bit_length()) for depth in (16, 32)}
+    arrays = [Latches(shape, depth) for depth in sorted(depths)] if len(shape.held) * shape.bits <= MOST_LATCHES else []
+    return [*memories.choices(shape, list(files.macros.values())), *arrays]
 
 
-def cost(choice: memories.Choice) -> float:
+def zero(name: str, bits: int) -> tuple[int, ...]:
+    """Return the bits of a memory's word that are always 0: with two slots no synapse has a delay."""
+    if name != "synapses" or bits != layouts(Sizes(**SIZES))[name].width or SIZES["slots"] > 2:
+        return ()
+    fields = layouts(Sizes(**SIZES))[name].fields
+    ends = np.cumsum([0, *(field.width for field in fields)])
+    return tuple(int(ends[k]) for k, field in enumerate(fields) if field.name.startswith("delay"))
+
+
+def capacity(chosen: Sequence[memories.Choice | Latches]) -> dict[str, int]:
+    """Return the sizes of the core that a plan holds: parameters, where memories do not hold less."""
+    words = {
+        one.shape.name: one.banks * one.rows * one.pack if isinstance(one, memories.Choice) else len(one.shape.held)
+        for one in chosen
+    }
+    words |= {"synapses": 2 * words["synapses"], "compartments": SIZES["compartments"]}
+    names = {"visits": "visit_list", "entries": "tallies"}
+    return {name: min(value, words.get(names.get(name, name), value)) for name, value in SIZES.items()}
+
+
+def memory_words(chosen: Sequence[memories.Choice | Latches]) -> dict[str, int]:
+    """Return the words of memories that a program may need more of, whatever the parameters of the core."""
+    shapes = {one.shape.name: one.shape for one in chosen}
+    return {name: len(shapes[name].held) for name in ("sums", "weights", "phases")}
+
+
+MOST_LATCHES = 12_000
+"""Bits above which macros take less energy than latches, whose wires grow with their area."""
+
+
+def area(files: Library, made: memories.Choice | Latches) -> float:
+    """Return square micrometres of all copies."""
+    return made.area if isinstance(made, memories.Choice) else made.shape.copies * arrays.measure(files, made).area
+
+
+def cost(files: Library, made: memories.Choice | Latches, memory: traffic.Memory) -> float:
     """Return picojoules per recording of a memory made like this.
 
-    With several words a row, reads of words that follow each other are mostly answered from the row read last.
+    With several words a row, reads of words that follow each other are answered from the row read last.
     """
-    reads, writes = TRAFFIC[choice.shape.name]
-    rows = reads * (1 - SEQUENTIAL.get(choice.shape.name, 0.0) * (1 - 1 / choice.pack))
-    return rows * choice.read_pj + writes * choice.write_pj
+    if isinstance(made, memories.Choice):
+        reads = memory.rows[made.pack] if made.pack > 1 else memory.reads
+        return reads * made.read_pj + memory.writes * made.write_pj
+    costs = arrays.measure(files, made)
+    return memory.reads * costs.read_pj + memory.writes * costs.write_pj

@@ -4,36 +4,41 @@ The chip file says in its comments which macros a memory is made of and what an 
 """
 
 import re
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
 import hw_model as hw
-from hw_model.rtl.images import CoreProgram
+from hw_model.rtl.images import CoreProgram, Sizes, layouts
 
 CHIP = Path(__file__).parents[2] / "hw_model/chips/locsnn-130nm.yaml"
+SHARED = {"leaks": 99, "fires": 5}
+"""Memories of constants, and how many of their first fields are not read again where they repeat."""
 _MEMORY = re.compile(r"^#   (\w+) +(\d+) x \((.+?)\)(?:, (\d) words a row)?$", re.M)
 _FIGURE = re.compile(r"_(\dP)_(\d+x\d+)_\S*: read ([\d.]+) \(line \d+\), write ([\d.]+)")
 
 
 def prices(text: str) -> dict[str, tuple[int, float, float]]:
-    """Return words in a row, picojoules of reading a row and of writing a word, of every memory of the chip file."""
+    """Return words in a row, picojoules of reading a row and of writing a word, of every memory of macros in the chip file."""
     figures = {f"{ports} {size}": (float(read), float(write)) for ports, size, read, write in _FIGURE.findall(text)}
     found = {}
     for name, _, row, pack in _MEMORY.findall(text):
+        if row.endswith("latches"):
+            continue
         each = [figures[macro] for macro in row.split(" + ")]
         found[name] = (int(pack or 1), sum(read for read, _ in each), sum(write for _, write in each))
     return found
 
 
 def memory_pj(program: hw.ChipProgram, recordings: np.ndarray) -> np.ndarray:
-    """Return picojoules in memories of every recording, (recordings,); ``recordings`` (batch, steps, channels)."""
+    """Return picojoules in macros of every recording, (recordings,); ``recordings`` (batch, steps, channels)."""
     text = CHIP.read_text("utf-8")
     of = prices(text)
-    found = hw.simulate(program, recordings, probe=("spikes", "u"))
+    found = hw.simulate(program, recordings, probe=("spikes", "u", "v"))
     core = CoreProgram(program, recordings.shape[1])
     return np.array([
-        sum(rows * of[name][1] + words * of[name][2] for name, (rows, words) in one.items())
+        sum(rows * of[name][1] + words * of[name][2] for name, (rows, words) in one.items() if name in of)
         for one in (_accesses(core, recordings[i], found, i, of) for i in range(len(recordings)))
     ])  # fmt: skip
 
@@ -59,25 +64,39 @@ def _accesses(core: CoreProgram, recording: np.ndarray, found: hw.SimulationResu
             taken += np.count_nonzero(u != left)
             if name in found.spikes:
                 sent[core.first_source + here] += found.spikes[name][i].sum(axis=0)
-    # The core that was priced has one synapse in a word, where today's has two.
-    synapses = core.tables["synapses"]["used0"] + core.tables["synapses"]["used1"]
-    lists = np.concatenate(([0], np.cumsum(synapses)))[core.lists]
-    starts, ends = lists[:-1], lists[1:]
+    starts, ends = core.lists[:-1], core.lists[1:]
     pack = of["synapses"][0]
     rows = np.where(ends > starts, (ends - 1) // pack - starts // pack + 1, 0)
     axons, updates = sent.sum(), counts.neuron_updates
     entries = int(constants["read_out"].sum())
     read_out = sum(int(constants["read_out"][core.numbers[p.name]].sum()) * p.steps for p in core.phases)
     events, visits = counts.input_events, len(core.tables["visits"]["step"])
-    return {
+    found_here = {
         "axons": (axons / of["axons"][0], 0),
         "synapses": (sent @ rows, 0),
         "charges": (counts.synaptic_ops + updates, counts.synaptic_ops + taken + sizes.slots * sizes.compartments),
         "states": (updates, counts.neuron_updates_active + len(constants["valid"])),
-        "leaks": (updates / of["leaks"][0], 0),
-        "fires": (updates / of["fires"][0], 0),
         "sums": (parents, children),
         "places": (counts.spikes, counts.spikes),
         "tallies": (read_out, entries + counts.spikes),
         "bitmap": (events + visits * (core.row_words + 1), events + sizes.bitmap),
+        "visit_list": (visits, 0),
     }
+    # Constants of compartments: the part of their own in rows of several words, the other where it does not repeat.
+    for name, many in SHARED.items():
+        layout = layouts(Sizes(**asdict(hw.chip("locsnn-130nm").open_core)))[name]
+        fields = [constants[field.name] for field in layout.fields[:many]]
+        begins = [0, *core.ends[:-1]]
+        read = sum(
+            phase.steps * np.count_nonzero(_differs(fields, begin, end))
+            for phase, begin, end in zip(core.phases, begins, core.ends, strict=True)
+        )
+        found_here |= {f"{name}_same": (read, 0), f"{name}_own": (updates / of.get(f"{name}_own", (1,))[0], 0)}
+    return found_here
+
+
+def _differs(fields: list, begin: int, end: int) -> np.ndarray:
+    """Return which compartments of a phase differ from the last but one, or are among the first of it or of sixteen."""
+    number = np.arange(begin, end)
+    first = (number < begin + 2) | (number % 16 < 2)
+    return first | np.any([field[number] != field[np.maximum(number - 2, 0)] for field in fields], axis=0)

@@ -3,8 +3,9 @@
 Graph based: the worse of both edges and of all arcs, an ideal clock, no false paths, and wires of a model or none.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from itertools import takewhile
 
 import numpy as np
 from gates import Circuit
@@ -25,7 +26,7 @@ class Wires:
     lengths: tuple[float, ...] = (0.0, 0.0)
     line: int = 0
 
-    def pf(self, fanout: int) -> float:
+    def pf(self, _net: int, fanout: int) -> float:
         """Return the capacitance of a net."""
         last = self.fanouts[-1]
         length = float(np.interp(min(fanout, last), self.fanouts, self.lengths)) + max(fanout - last, 0) * self.slope
@@ -42,6 +43,62 @@ def wires_for(library: Group, area: float) -> Wires:
     return Wires(name, group.number("capacitance"), group.number("slope"), fanouts, lengths, group.line)
 
 
+Path = tuple[str, ...]
+
+
+def block_of(name: str) -> Path:
+    """Return the modules, from the top down, that an instance of a flat netlist lies in."""
+    plain = name.replace("$flatten", "").replace("\\", "")
+    path = plain.split("$")[0].split(".")
+    return tuple(path[:-1])
+
+
+class Blocks:
+    """Wires where modules are placed as blocks: a net has the load for the area of what its pins lie in.
+
+    That is the module's own cells where no other module is on the net, and else all of the smallest module that holds
+    the pins. Macros, and ``arrays`` of latches, which are placed like them, do not count for what lies around them.
+    ``flat``: outside of arrays every net has the load for the area of all, which is the library's own mode.
+    """
+
+    def __init__(
+        self,
+        library: Group,
+        found: Circuit,
+        cells: Mapping[str, Cell],
+        arrays: Collection[str] = (),
+        flat: bool = False,
+    ) -> None:
+        self.area: dict[Path, float] = {(): 0.0}
+        pins = [(block_of(i.name), i) for i in found.netlist.instances]
+        for path, instance in pins:
+            if instance.type not in cells:
+                continue
+            least = max((k + 1 for k, name in enumerate(path) if name in arrays), default=0)
+            for depth in range(least, len(path) + 1):
+                self.area[path[:depth]] = self.area.get(path[:depth], 0.0) + cells[instance.type].area
+            own = (*path, "")
+            self.area[own] = self.area.get(own, 0.0) + cells[instance.type].area
+        self.block: dict[int, Path] = {found.net[bit]: () for _, bits in found.netlist.ports.values() for bit in bits}
+        for path, instance in pins:
+            own = (*path, "") if instance.type in cells else path[:-1]
+            if flat and not set(path) & set(arrays):
+                own = ()
+            for bits in instance.pins.values():
+                for bit in bits:
+                    known = self.block.setdefault(found.net[bit], own)
+                    same = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(known, own, strict=False)))
+                    self.block[found.net[bit]] = known[:same]
+        self.wires = {path: wires_for(library, um2) for path, um2 in self.area.items()}
+
+    def pf(self, net: int, fanout: int) -> float:
+        """Return the capacitance of a net."""
+        path = self.block.get(net, ())
+        while path not in self.wires:
+            path = path[:-1]
+        return self.wires[path].pf(net, fanout)
+
+
 @dataclass
 class Timing:
     """By net: ``load`` (pF), ``fanout``, ``slew`` and ``arrival`` (ns); ``worst``: the longest path, and where it ends."""
@@ -56,7 +113,7 @@ class Timing:
 
 
 def loads(
-    found: Circuit, cells: Mapping[str, Cell], macros: Mapping[str, Macro], wires: Wires
+    found: Circuit, cells: Mapping[str, Cell], macros: Mapping[str, Macro], wires: Wires | Blocks
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return picofarads and pins of every net."""
     load, fanout = np.zeros(found.nets), np.zeros(found.nets, dtype=int)
@@ -70,11 +127,11 @@ def loads(
             for bit in instance.pins.get(name, []):
                 load[found.net[bit]] += pf
                 fanout[found.net[bit]] += 1
-    load += [wires.pf(int(pins)) for pins in fanout]
+    load += [wires.pf(net, int(pins)) for net, pins in enumerate(fanout)]
     return load, fanout
 
 
-def analyse(found: Circuit, cells: Mapping[str, Cell], macros: Mapping[str, Macro], wires: Wires) -> Timing:
+def analyse(found: Circuit, cells: Mapping[str, Cell], macros: Mapping[str, Macro], wires: Wires | Blocks) -> Timing:
     """Return loads and times of every net."""
     load, fanout = loads(found, cells, macros, wires)
     slew, arrival = np.full(found.nets, CLOCK_NS), np.zeros(found.nets)
@@ -102,13 +159,16 @@ def analyse(found: Circuit, cells: Mapping[str, Cell], macros: Mapping[str, Macr
             slew[net] = 0.0
             for delay, transition in zip(out.delays, out.transitions, strict=True):
                 source = found.at(instance, delay.related)
-                if source < 2:
+                if source < 2 or (cell.kind == "latch" and delay.related not in ("D", "GATE")):
                     continue
                 at = arrival[source] + delay.worst(slew[source], load[net])
                 if at > arrival[net]:
                     arrival[net], before[net] = at, source
                 slew[net] = max(slew[net], transition.worst(slew[source], load[net]))
     ends = [(arrival[found.at(f, "D")] + cells[f.type].pins["D"].setup, f.name, found.at(f, "D")) for f in found.flops]
+    # Latches close in the middle of a cycle.
+    latches = [i for i in found.order if cells[i.type].kind == "latch"]
+    ends += [(2 * arrival[found.at(i, "D")], i.name, found.at(i, "D")) for i in latches]
     ends += [(arrival[found.at(g, "GATE")] + 0.1, g.name, found.at(g, "GATE")) for g in found.gates.values()]
     for memory in found.memories:
         macro = macros[memory.type]

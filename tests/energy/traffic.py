@@ -1,0 +1,95 @@
+"""The core's memories and what a recording does to them, counted in a simulation of its SystemVerilog with Verilator."""
+
+import json
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import hw_model as hw
+from hw_model.rtl.cosimulation import words_of
+from hw_model.rtl.images import CoreProgram, Sizes
+from hw_model.rtl.memory_words import hex_words
+from hw_model.rtl.simulators import built, command_of, said, sources
+
+PACKS = (2, 4, 8)
+COUNTING = """
+module single_port #(parameter integer WIDTH = 8, parameter integer DEPTH = 16) (
+    input logic clk, write, read, input logic [$clog2(DEPTH)-1:0] address,
+    input logic [WIDTH-1:0] write_data, output logic [WIDTH-1:0] read_data);
+    memory #(.WIDTH(WIDTH), .DEPTH(DEPTH), .SINGLE(1)) only (
+        .clk, .write, .read(read && !write), .write_address(address), .read_address(address), .write_data, .read_data);
+endmodule
+module memory #(parameter integer WIDTH = 8, parameter integer DEPTH = 16, parameter integer SINGLE = 0) (
+    input logic clk, write, read, input logic [$clog2(DEPTH)-1:0] write_address, read_address,
+    input logic [WIDTH-1:0] write_data, output logic [WIDTH-1:0] read_data);
+    logic [WIDTH-1:0] words[0:DEPTH-1];
+    longint reads = 0, writes = 0, loads = 0, rows2 = 0, rows4 = 0, rows8 = 0, last = -1;
+    always_ff @(posedge clk) begin
+        if (write) begin
+            words[write_address] <= write_data;
+            if (reads == 0) loads <= loads + 1; else writes <= writes + 1;
+        end
+        if (read) begin
+            read_data <= words[read_address];
+            reads <= reads + 1;
+            if (last < 0 || last / 2 != longint'(read_address) / 2) rows2 <= rows2 + 1;
+            if (last < 0 || last / 4 != longint'(read_address) / 4) rows4 <= rows4 + 1;
+            if (last < 0 || last / 8 != longint'(read_address) / 8) rows8 <= rows8 + 1;
+            last <= longint'(read_address);
+        end
+    end
+    final $display("memory {\\"name\\": \\"%m\\", \\"bits\\": %0d, \\"words\\": %0d, \\"reads\\": %0d, \\"writes\\": %0d, \\"rows2\\": %0d, \\"rows4\\": %0d, \\"rows8\\": %0d, \\"single\\": %0d}",
+                   WIDTH, DEPTH, reads, writes, rows2, rows4, rows8, SINGLE);
+endmodule
+"""
+"""``memory.sv`` that counts. What is written before the first read is loaded or cleaned, and not counted."""
+
+
+@dataclass(frozen=True)
+class Memory:
+    """A memory of the core, and what is done to it per recording, by all of its copies together.
+
+    ``rows[k]``: reads that do not follow one of the same ``k`` words. ``ports``: 1 where it is only written while loaded; ``single``: it has one address for both.
+    """
+
+    name: str
+    words: int
+    bits: int
+    copies: int
+    reads: float
+    writes: float
+    rows: dict[int, float]
+    single: bool
+
+    @property
+    def ports(self) -> int:
+        """Ports that it needs."""
+        return 2 if self.writes else 1
+
+
+def count(program: hw.ChipProgram, recordings: np.ndarray, sizes: Sizes) -> list[Memory]:
+    """Return the memories of a core of these sizes, for recordings (batch, steps, channels)."""
+    core = CoreProgram(program, recordings.shape[1])
+    binary = built("verilator", sizes, {**sources(), "single_port.sv": "", "memory.sv": COUNTING})
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "load").write_bytes(hex_words(core.load_words(sizes)))
+        (folder / "words").write_text("".join(f"{word:x}\n" for one in recordings for word in words_of(core, one)))
+        text = said(command_of(binary), folder, "the open core")
+    found: dict[str, list[dict]] = {}
+    for line in text.splitlines():
+        if line.startswith("memory "):
+            one = json.loads(line[7:])
+            name = one["name"].removesuffix(".only").split(".")[-1]
+            found.setdefault(name, []).append(one)
+    n = len(recordings)
+    return [
+        Memory(
+            name, copies[0]["words"], copies[0]["bits"], len(copies), sum(c["reads"] for c in copies) / n,
+            sum(c["writes"] for c in copies) / n, {k: sum(c[f"rows{k}"] for c in copies) / n for k in PACKS},
+            bool(copies[0]["single"]),
+        )
+        for name, copies in sorted(found.items())
+    ]  # fmt: skip
