@@ -12,7 +12,16 @@ from hw_model.mapping.graph import CompartmentGraph, Phase, Readout, read_only
 from hw_model.rtl.images import Sizes
 
 CHIP = hw.chip("loihi-sim")
+FAULT = ("update.sv", "above8 <= sum7 > $signed(", "above8 <= sum7 <= $signed(")
+"""Of a file, what to write in place of what: compartments fire below the threshold."""
 SIZES = Sizes(axons=256, synapses=4096, compartments=64, slots=64, charge=26, join=36, bitmap=64, visits=32, entries=32)
+
+
+def with_fault(texts: dict[str, str]) -> dict[str, str]:
+    """Return the SystemVerilog by file with :data:`FAULT` in it."""
+    name, old, new = FAULT
+    assert texts[name].count(old) == 1
+    return {**texts, name: texts[name].replace(old, new)}
 
 
 def ends_of_ranges() -> tuple[hw.ChipProgram, np.ndarray]:

@@ -56,10 +56,9 @@ def test_the_folder_plays_by_itself_and_tells_a_fault(emitted):
     updates = (emitted / "expected_updates").read_text().count("\n")
     answer = (emitted / "expected_answers").read_text().strip()
     assert done.stdout.splitlines()[-1] == f"equal: {updates} updates, answer and counts {answer}"
-    faulty = emitted / "update.sv"
+    faulty = emitted / benches.FAULT[0]
     right = faulty.read_text()
-    assert "clipped8 > $signed(" in right
-    faulty.write_text(right.replace("clipped8 > $signed(", "clipped8 <= $signed("))
+    faulty.write_text(benches.with_fault({faulty.name: right})[faulty.name])
     assert make(emitted, "sim", "SIMULATOR=icarus").returncode != 0
     faulty.write_text(right)
 

@@ -14,7 +14,6 @@ from hw_model.rtl.cosimulation import UNKNOWN, _numbers
 from locsnn_compile.cli import main as locsnn
 
 pytestmark = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
-FAULT = ("update.sv", "clipped8 > $signed(", "clipped8 <= $signed(")
 
 
 @pytest.fixture
@@ -40,9 +39,8 @@ def test_equal(arguments, capsys):
 
 @pytest.mark.slow
 def test_a_fault(arguments, capsys, monkeypatch):
-    name, old, new = FAULT
-    texts = simulators.sources()
-    monkeypatch.setattr(simulators, "sources", lambda: {**texts, name: texts[name].replace(old, new)})
+    texts = benches.with_fault(simulators.sources())
+    monkeypatch.setattr(simulators, "sources", lambda: texts)
     assert locsnn.main(arguments) == 3
     assert json.loads(capsys.readouterr().out)["mismatches"] > 0
 

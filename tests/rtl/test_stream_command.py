@@ -8,6 +8,7 @@ import sys
 import types
 from pathlib import Path
 
+import benches
 import numpy as np
 import pytest
 from desk import Desk
@@ -19,7 +20,6 @@ from locsnn_compile.cli.compile import main as compile_main
 
 ROOT = Path(__file__).parents[2]
 icarus = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
-FAULT = ("update.sv", "clipped8 > $signed(", "clipped8 <= $signed(")
 
 
 @pytest.fixture
@@ -78,9 +78,8 @@ def test_as_json(desk, on_desk, capsys):
 
 @icarus
 def test_a_fault(on_desk, capsys, monkeypatch):
-    name, old, new = FAULT
-    texts = ports.sources()
-    monkeypatch.setattr(ports, "sources", lambda: {**texts, name: texts[name].replace(old, new)})
+    texts = benches.with_fault(ports.sources())
+    monkeypatch.setattr(ports, "sources", lambda: texts)
     assert run("--recordings", "1", "--spikes") == 3
     first, last = capsys.readouterr().out.splitlines()
     assert first.startswith("recording 0: class ")

@@ -209,9 +209,7 @@ def test_a_weight_exponent_by_hand_is_whole():
     x, n = builder.add_input("x", 1), builder.add_compartments("n", 1, threshold=1)
     with pytest.raises(InputError) as caught:
         builder.connect(x, n, [[2]], exponent=1.5)
-    assert str(caught.value) == (
-        "synapses 'x' -> 'n': exponent has values that are not whole numbers. Quantise them first."
-    )
+    assert str(caught.value) == "ProgramBuilder.connect, exponent: it must be an int (got float 1.5). Correct it."
 
 
 def test_lost_biases_are_counted_in_the_report():

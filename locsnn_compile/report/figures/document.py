@@ -66,7 +66,6 @@ def report_document(
         "latency": latency_entry(program, match, network.steps, grounds.step_seconds),
         "resources": _resources(program, core),
         "ann_comparison": _ann_comparison(network, match, energy["per_sample_pj"], counts["synaptic_ops"] / samples),
-        "input": _input(network, match),
         "skipped": {
             "steps": counts.skipped_steps,
             "events_dropped": counts.events_dropped,
@@ -76,6 +75,7 @@ def report_document(
             "compartments_pruned": sum(g.size for g in levels.compartments.groups)
             - sum(core.compartments for core in program.cores),
         },
+        "input": _input(network, match),
         "assumptions": list(grounds.assumptions),
         "gates": [],
         "quantization": _quantization(levels),
