@@ -21,7 +21,7 @@ peers: .venv/installed-dev  ## compare the engine with public simulators, each i
 	$(BIN)/python tests/peers/make_environments.py
 	$(BIN)/pytest tests/peers -m peers
 
-bench: .venv/installed-dev  ## measure speed and memory beside public simulators; writes docs/benchmarks.md (QUICK=1: only tries it; BASE=REV: the command against an earlier commit)
+bench: .venv/installed-dev  ## measure speed and memory next to public simulators; writes docs/benchmarks.md (QUICK=1: only tries it; BASE=REV: the command against an earlier commit)
 	$(BIN)/python tests/benchmarks/run.py $(if $(QUICK),--quick) $(if $(BASE),--against $(BASE))
 
 hardware: .venv/installed-dev  ## place the open core on its boards, play recordings to it, and write the tables of docs/hardware.md (ONLY=BOARD or ONLY=core, SEEDS=N)

@@ -185,7 +185,7 @@ def advance_pair(registers, at, charge, row, slot, other_slot, widths):  # type:
     """
     zero = fit(0, registers)
     half_charge, half_current = _halves(widths, registers)
-    # First beside the registers: two places in one array at an unknown distance would keep the loop from vectors.
+    # First next to the registers: two places in one array at an unknown distance would keep the loop from vectors.
     for i in range(_LANES):
         registers[at + _JOINED + i] = charge[row, slot + i]
     for i in range(_LANES):

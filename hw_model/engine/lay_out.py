@@ -88,7 +88,7 @@ def _chunks(
     keeps = registers[:, [KEEP_U, KEEP_V, BIAS]].any(axis=(1, 2))
     plain = ~registers[:, BIAS].any(axis=1) & (registers[:, REFRACTORY] <= 1).all(axis=1)
     plain &= _cannot_wrap(arrived.reshape(-1, LANES), DECAY_ONE - registers[:, KEEP_U], widths)
-    # A child lies beside its parent on the same core, so both are cut into chunks at the same places.
+    # A child lies next to its parent on the same core, so both are cut into chunks at the same places.
     joined = nodes.parent[cut.node] >= 0
     parent = np.full(count, -1, dtype=np.int64)
     beside = nodes.first[nodes.parent[cut.node]] + cut.first_column - nodes.first[cut.node]

@@ -1,4 +1,4 @@
-"""The files of every kind that ``--emit`` takes beside the levels."""
+"""The files of every kind that ``--emit`` takes besides the levels."""
 
 from collections.abc import Callable, Sequence
 from functools import cache

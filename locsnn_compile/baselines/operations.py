@@ -44,7 +44,7 @@ def ann_counts(name: str, *, sensor: SensorLayout, steps: int, classes: int) -> 
     ``cnn-3d``: for each fingertip, or surface of another grid, Conv3d(2 -> 4, kernel 7x3x3, stride 4x1x1) and
     Conv3d(4 -> 8, kernel 5x3x3, stride 3x1x1) on steps x 9 x 7 frames, or those of the grid, then one linear layer over
     all; its biases are not counted, as in the published figures. ``gru-mlp``: GRU(channels -> 32), then one linear
-    layer at the last step. Beside its products with weights, a step of the published count has 13 operations for each
+    layer at the last step. Besides its products with weights, a step of the published count has 13 operations for each
     of the 32: nine additions in the gates (two biases each, and the sum of input and state), the product with the reset
     gate, and, for the new state, two products and their sum.
     """

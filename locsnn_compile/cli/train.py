@@ -11,7 +11,7 @@ network did in training. --from goes on from a trained network: 60 epochs at a r
 which that network may have seen whole, unless the options say otherwise.
 
 The epoch is chosen on a validation part of the train part; the test part, where the data have one, is measured
-once at the end. Beside OUT.pt a log OUT.csv and its picture OUT.svg are written, and while it runs OUT.pt.state, for
+once at the end. Next to OUT.pt a log OUT.csv and its picture OUT.svg are written, and while it runs OUT.pt.state, for
 --resume. Options without a flag here are keys of the --config file: taxel_dropout, time_shift, weight_average, ...
 """
 
@@ -104,7 +104,7 @@ def _state_path(output: Path) -> Path:
 
 
 def _check_places(args: argparse.Namespace, output: Path) -> None:
-    """Refuse outputs that are inputs, files beside the output that no run wrote, and nothing to resume."""
+    """Refuse outputs that are inputs, files next to the output that no run wrote, and nothing to resume."""
     from locsnn_compile.cli.places import check_places
 
     option = f"-o {args.output!r}"

@@ -67,7 +67,7 @@ class Members(Frozen, eq=False):
 
 @contextmanager
 def open_members(path: Path) -> Iterator[Members]:
-    """Open a folder, an archive or one file of events, as a folder of it and the ``.startend`` file beside it.
+    """Open a folder, an archive or one file of events, as a folder of it and the ``.startend`` file next to it.
 
     Raises ``InputError`` for an archive that is damaged, or holds a name twice.
     """
@@ -105,7 +105,7 @@ def open_members(path: Path) -> Iterator[Members]:
 
 
 def _plain_files(path: Path) -> Members:
-    """Return the files of a folder, or a file and the one beside it, and those of the folder of times next to it."""
+    """Return the files of a folder, or a file and the one next to it, and those of the folder of times next to it."""
     folder = path.absolute() if path.is_dir() else path.absolute().parent
     times = {f"{TIMES}/{file.name}": file for file in sorted((folder.parent / TIMES).glob("*.startend"))}
     if path.is_dir():

@@ -1,4 +1,4 @@
-"""Recordings in one file: arrays of 0 or 1 in ``.npy``, ``.npz``, ``.pt`` or HDF5, labels beside them, or events."""
+"""Recordings in one file: arrays of 0 or 1 in ``.npy``, ``.npz``, ``.pt`` or HDF5, labels next to them, or events."""
 
 import io
 import math
@@ -59,7 +59,7 @@ def read_arrays(path: Path, binning: Binning, asked_seconds: float | None) -> Re
     Shapes as in :func:`locsnn_compile.data.axes.to_step_major`, or as the entry ``axes`` or ``binning`` says. The
     recordings are the entry ``spikes``, or the only one that is none of ``labels``, ``step_seconds``, ``class_names``
     and ``axes``; a ``.pt`` may also be the array itself. In HDF5, a group ``spikes`` holds events instead: see
-    :func:`read_hdf5`. Labels of a ``.npy`` come from ``<stem>_labels.npy`` beside it,
+    :func:`read_hdf5`. Labels of a ``.npy`` come from ``<stem>_labels.npy`` next to it,
     or of one recording from ``_label_<k>`` in its name. The width of a bin is the file's, and ``binning``'s where it
     does not say it, or where it holds single events. Raises ``InputError`` for anything else, where bins are not
     ``asked_seconds`` wide, and where the file says another order of axes than ``binning``.

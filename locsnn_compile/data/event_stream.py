@@ -133,7 +133,7 @@ def _length(one: EventStream, bins: FloatArray, width_seconds: float, place: str
     if most is not None and not last < most:
         return most
     if not last < MAX_STEPS:
-        beside = "a .startend file beside it, or " if one.ticks_per_second == 1 else ""
+        beside = "a .startend file next to it, or " if one.ticks_per_second == 1 else ""
         # In bins first: absurd times overflow to infinity there already.
         span = last * width_seconds if math.isinf(last) else float(one.times.max() - one.start) / one.ticks_per_second
         measured = f"{span:g} s in bins of {width_seconds:g} s against {MAX_STEPS} bins"
@@ -144,7 +144,7 @@ def _length(one: EventStream, bins: FloatArray, width_seconds: float, place: str
 def _channels(one: EventStream, columns: int, polarities: int, place: str) -> IntArray:
     if len(one.x) and int(one.x.max()) >= columns:
         measured = f"x {int(one.x.max())} against {columns} columns"
-        raise InputError(place, "an event lies beside the grid", measured=measured, fix="Give more columns.")
+        raise InputError(place, "an event lies outside the grid", measured=measured, fix="Give more columns.")
     cells = columns * one.y + one.x
     return cells if polarities == 1 else 2 * cells + one.polarity
 

@@ -42,12 +42,12 @@ class ChipNeuron(Neuron, Frozen, eq=False):
 
     @property
     def registers(self) -> dict[str, IntArray]:
-        """What its soma has beside decays and threshold, by the names of ``Compartments``; else nothing."""
+        """What its soma has besides decays and threshold, by the names of ``Compartments``; else nothing."""
         return {}
 
     @property
     def parts(self) -> dict[str, tuple[IntArray, IntArray]]:
-        """Both decays of each kind of dendrite beside a memoryless soma, inputs onto the first; none of ``native``."""
+        """Both decays of each kind of dendrite next to a memoryless soma, inputs onto the first; none of ``native``."""
         return {}
 
     @property

@@ -61,7 +61,7 @@ def dendrite_name(population: str, kind: str, number: int) -> str:
 
 
 def _compartments(q: QuantizedPopulation, chip: Chip) -> list[Compartments]:
-    """A soma beside dendrites keeps nothing (decays 4096), so that the chip's reset changes nothing either."""
+    """A soma next to dendrites keeps nothing (decays 4096), so that the chip's reset changes nothing either."""
     population, neuron, last = q.population, q.neuron, chip.registers.voltage_max
     usual: dict[str, Any] = {"bias_mantissa": 0, "bias_exponent": 0, "refractory": 1, "vmin": -last, "vmax": last}
 

@@ -138,7 +138,7 @@ def _nearest(p: Projection, scaled: Scaled, grid: WeightGrid) -> ChipProjection:
 
 
 def check_heard(task: Task, rounded: Iterable[Iterable[ChipProjection]], steps: int) -> None:
-    """Check the weights onto a population beside what they were rounded to; ``steps`` of a recording."""
+    """Check the weights onto a population next to what they were rounded to; ``steps`` of a recording."""
     if any(values_of(p.mantissa).any() for of_one in rounded for p in of_one):
         return
     answer, fix = _answer(task.population.neuron, steps)

@@ -234,7 +234,7 @@ class TrainingConfig(Shown, eq=True):
 
 @cache
 def _said() -> dict[str, tuple[Any, ...]]:
-    """Return what the annotation of each option says beside its type."""
+    """Return what the annotation of each option says besides its type."""
     hints = get_type_hints(TrainingConfig, include_extras=True)
     return {name: getattr(hint, "__metadata__", ()) for name, hint in hints.items()}
 

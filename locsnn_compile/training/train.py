@@ -78,7 +78,7 @@ def train(
     the weights of that checkpoint, and the network is of its description, which ``config`` must fit. With
     ``state_path`` the state is written every ``save_every`` epochs and an existing one is taken up; removing it is the
     caller's. ``log_path`` gets a CSV line an epoch, and a
-    picture of them beside it, ``.svg``. Raises ``InputError`` for data without labels, or without any event.
+    picture of them next to it, ``.svg``. Raises ``InputError`` for data without labels, or without any event.
     """
     labels = recordings.labels
     if labels is None:

@@ -61,7 +61,7 @@ def tables(reports: dict[str, Report]) -> str:
         "### Static energy",
         "Of one chip, in no figure above: as long as the chip works, or as long as the sensor records.",
         static(reports),
-        "### Beside conventional networks",
+        "### Next to conventional networks",
         "Arithmetic alone, 45 nm; in brackets, how many times the network's whole energy, profile `davies2018`.",
         conventional(reports),
     ]
@@ -149,7 +149,7 @@ def conventional(reports: dict[str, Report]) -> str:
             operations = [count(found[key]) for key in ("multiplications", "additions")]
             rows.append([name, words(other), *operations, f"{ratio(found['ratio'])} times", *cells])
     arithmetics = next(iter(next(iter(reports.values()))["ann_comparison"].values()))["energy_pj"]
-    head = ["network", "beside", "multiplications", "additions", "operations", *(words(key) for key in arithmetics)]
+    head = ["network", "next to", "multiplications", "additions", "operations", *(words(key) for key in arithmetics)]
     return table(head, rows)
 
 

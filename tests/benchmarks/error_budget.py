@@ -68,7 +68,7 @@ def section(data: Path, dataset: str) -> str:
         by_strategy({strategy: diagnosis.budget for strategy, (_, _, diagnosis) in found.items()}),
         "By population, `dendrite`:",
         by_population(first.budget),
-        "Distance of potentials to the threshold beside the error of the chip's arithmetic, `dendrite`, in thresholds:",
+        "Distance of potentials to the threshold next to the error of the chip's arithmetic, `dendrite`, in thresholds:",
         by_margin(first.margins),
         *(f"- First difference of `{strategy}`: {why(*entry)}" for strategy, entry in found.items()),
     ]

@@ -72,7 +72,8 @@ def test_events_beside_the_grid_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         read_recordings(tmp_path / "a.bin", sensor=SensorLayout("16x16", 256, 2, columns=16))
     assert (
-        str(caught.value) == "file 'a.bin': an event lies beside the grid (x 33 against 16 columns). Give more columns."
+        str(caught.value)
+        == "file 'a.bin': an event lies outside the grid (x 33 against 16 columns). Give more columns."
     )
 
 

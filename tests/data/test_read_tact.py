@@ -123,13 +123,13 @@ FIX = "Write 'polarity cell_index timestamp_seconds' on it."
         pytest.param(
             "1 1 0\n1 1 1e9\n",
             "file 'a.tact': it lasts too long for its bins (1e+09 s in bins of 0.02 s against 20000 bins). "
-            "Give a .startend file beside it, or wider bins.",
+            "Give a .startend file next to it, or wider bins.",
             id="too long",
         ),
         pytest.param(
             "1 1 -1e308\n1 1 1e308\n",
             "file 'a.tact': it lasts too long for its bins (inf s in bins of 0.02 s against 20000 bins). "
-            "Give a .startend file beside it, or wider bins.",
+            "Give a .startend file next to it, or wider bins.",
             id="absurd times",
         ),
     ],

@@ -75,7 +75,7 @@ def _uses(played: Played, networks: Mapping[str, PhaseNetwork], notes: Mapping[s
 def _expected(
     played: Played, phase: str, network: PhaseNetwork, why_replayed: list[str], profile: Profile
 ) -> dict[str, object]:
-    """Return what SANA-FE has to find in a phase, and beside it our own energy where it differs."""
+    """Return what SANA-FE has to find in a phase, and next to it our own energy where it differs."""
     counts, cores = played.result.counts_by_phase[phase], played.program.cores_of(phase)
     its_updates = counts.spikes if why_replayed else sum(updates(core, played) for core in cores)
     energy = {

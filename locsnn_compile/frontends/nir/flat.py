@@ -193,7 +193,7 @@ WITH_WEIGHTS = ("Linear", "Affine", "Conv1d", "Conv2d", "SumPool2d", "AvgPool2d"
 
 
 class Layer(Frozen, eq=False):
-    """``weights`` (outputs, inputs), CSR, the ``constant`` (outputs,) beside them, and the outputs' shape."""
+    """``weights`` (outputs, inputs), CSR, the ``constant`` (outputs,) next to them, and the outputs' shape."""
 
     weights: Any
     constant: FloatArray | float

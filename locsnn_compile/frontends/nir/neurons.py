@@ -15,7 +15,7 @@ equation's own solution at every step between two spikes of the neuron, and one 
     I(t) = exp(-dt / tau_syn) * I(t - 1) + (1 - exp(-dt / tau_syn)) * w_in * x(t)         and v(t) in the same way
 
 Neurons start at rest, v_leak. With a reset to a value, potentials are counted from v_reset, so that the chip's reset to
-0 is NIR's; with a reset by subtraction from v_leak. A constant that arrives beside the spikes (a bias) is brought by a
+0 is NIR's; with a reset by subtraction from v_leak. A constant that arrives next to the spikes (a bias) is brought by a
 neuron that spikes in every step, so that it begins, as in a framework, with the first step of the input that its layer
 sees; where rest is not the reset's value, a neuron that spikes once, in the first step, brings the difference.
 
@@ -65,7 +65,7 @@ class Stepping(Frozen, eq=False):
 
 
 class Stated(Frozen, eq=False):
-    """Neurons, the signal that drives them in units of their potential, and what is beside it, all (n,).
+    """Neurons, the signal that drives them in units of their potential, and what is next to it, all (n,).
 
     ``own`` is taken from the charge of the next step by a spike; ``first`` is to be on the potential before any input.
     """

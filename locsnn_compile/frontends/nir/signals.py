@@ -25,7 +25,7 @@ class Term(Frozen, eq=False):
 
 
 class Signal(Frozen, eq=False):
-    """The terms that add up at ``n`` values, and the constant (n,) beside them."""
+    """The terms that add up at ``n`` values, and the constant (n,) next to them."""
 
     terms: tuple[Term, ...]
     constant: FloatArray

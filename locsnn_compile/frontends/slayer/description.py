@@ -1,4 +1,4 @@
-"""The YAML beside a slayerPytorch checkpoint: neuron, step, location order, and the layers that weights belong to.
+"""The YAML next to a slayerPytorch checkpoint: neuron, step, location order, and the layers that weights belong to.
 
 The layers become matrices: dense ones, or those of the YAML's list. slayerPytorch samples ``k / tau * exp(1 - k /
 tau)``, times a factor, and stops at the first step beyond tau whose value is below 0.01: of the published neuron, 77

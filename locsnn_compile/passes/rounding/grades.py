@@ -19,7 +19,7 @@ from locsnn_compile.passes.rounding.task import Scaled, Task
 MANTISSA_BITS = 8
 GRADES, GRADES_IF_SPLIT, GRADES_BESIDE_TAPS = 4, 3, 2
 """Grades of first synapses. Second ones double them at most, and signs double that: at most 12 of a core's 16 formats,
-or 8 beside the 6 of taps."""
+or 8 next to the 6 of taps."""
 
 FORMATS_OF_TAPS = 6
 """Synapse formats that the taps of neurons take at most."""

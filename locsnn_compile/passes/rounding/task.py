@@ -114,7 +114,7 @@ def exponent_and_threshold(
 ) -> tuple[int, int]:
     """Return weight exponent and largest threshold mantissa: all weight bits in use, then most of the register.
 
-    ``heaviest``: the largest weight in thresholds. ``cap``: a limit of the mantissa beside those of the registers. A
+    ``heaviest``: the largest weight in thresholds. ``cap``: a limit of the mantissa besides those of the registers. A
     threshold stands for ``64 * mantissa + over`` in the voltage register, which holds ``headroom`` of them, as the
     current register does; that of a step's charge holds :data:`CHARGE_ROOM` where the others hold :data:`HEADROOM`.
     Narrow registers hold fewer, but one.
@@ -137,7 +137,7 @@ def exponent_and_threshold(
 def checked_scale(task: Task, heaviest: float, cap: int, over: int, *, bounded: bool = False) -> tuple[int, int]:
     """Return what :func:`exponent_and_threshold` does for a task; ``bounded``: potentials stay below the threshold.
 
-    Refuses a threshold mantissa of less than 1: then a weight is heavier than the grid's largest beside it.
+    Refuses a threshold mantissa of less than 1: then a weight is heavier than the grid's largest next to it.
     """
     chip, grid, headroom = task.chip, task.grid, 1 if bounded else HEADROOM
     exponent, threshold = exponent_and_threshold(heaviest, grid, chip, cap, over, headroom)

@@ -64,7 +64,7 @@ class Numbers(Sums, eq=False):
 def beside_chip(
     graph: CompartmentGraph, exact: list[TwinSynapses], target: GroupNumbers, held_by: str
 ) -> tuple[SynapseNumbers, ...]:
-    """Set the weights that the chip has onto a group beside exact ones onto ``target``; what rounded to 0 is 0."""
+    """Set the weights that the chip has onto a group next to exact ones onto ``target``; what rounded to 0 is 0."""
     pairs, ratio = [], target.gain_ratio
     held_by_chip = chip_weights(graph, held_by)
     for s in exact:
