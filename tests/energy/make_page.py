@@ -186,10 +186,14 @@ def ranking() -> str:
             pj.get("neuron_updates", 0.0) + pj.get(f"neuron_updates_{name}", 0.0) for name in ("inactive", "active")
         )
         op = pj["synaptic_ops"]
-        costs.append(f"{active / op:.1f} synaptic operations where it is active and {rest / op:.1f} at rest")
+        costs.append((active / op, rest / op))
     found = table(("setting", "µJ, davies2018", "µJ, ihp-sg13g2", "synaptic operations", "updates"), rows)
     order = "is the same" if same else "is another"
-    return f"{found}\nThe order {order}. Here an update costs {costs[0]}, by `davies2018` {costs[1]}.\n"
+    (active, rest), (davies_active, davies_rest) = costs
+    return (
+        f"{found}\nThe order {order}. Here an active update costs as much as {active:.1f} synaptic operations, and one at rest as "
+        f"{rest:.1f};\nby `davies2018` these are {davies_active:.1f} and {davies_rest:.1f}.\n"
+    )
 
 
 def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
@@ -256,10 +260,7 @@ def page(
     latches = [i for i in built.circuit.order if built.files.cells[i.type].kind == "latch"]
     arrays = sum(runs.area(built.files, one) for one in built.chosen if isinstance(one, Latches)) / 1e6
     spiking, cnn, gru = most_uj, MACS["CNN-3D"] * most / 1e6, MACS["GRU-MLP"] * most / 1e6
-    sides = [
-        f"{n} takes {'less' if uj < spiking else 'more'} than the spiking network"
-        for n, uj in (("CNN-3D", cnn), ("GRU-MLP", gru))
-    ]
+    sides = [f"{n} takes {'less' if uj < spiking else 'more'} energy" for n, uj in (("CNN-3D", cnn), ("GRU-MLP", gru))]
     return TEXT.format(
         totals=table(("network, 20 test recordings", "µJ per recording, no wires", "blocks", "flat", "pJ per synaptic operation", "synaptic operations", "cycles"), totals),
         parts=parts, macs=macs, saved=table(("measure", "µJ per recording"), [(what, f"{uj:.1f}") for what, uj in saved]), front=front,
@@ -269,7 +270,7 @@ def page(
         line=built.wires.line, off=max(off), mean_off=sum(off) / len(off), most_uj=most_uj, per_op=per_op,
         uj_flat=flat.total.mean() / 1e6, op_flat=flat.total.mean() / ops, mac=f"{least:.0f} to {most:.0f}", mac_memory=of_mac,
         glitches=unit["glitches"], glitch_bound=high.of("logic").mean() / 1e6 * (unit["glitches"] - 1), ranking=ranking(),
-        mac_area=unit["area"], sides=", ".join(sides), larger=table(
+        mac_area=unit["area"], sides=" and ".join(sides), larger=table(
             ("network", "synapses", "compartments", "memories, mm2", "accesses, µJ", "logic and clocks, µJ", "pJ per synaptic operation"), more),
         verdicts={"op": verdict(per_op, 60), "uj": verdict(most_uj, 16), "area": verdict(area, 3), "mhz": verdict(mhz["modelled"], 100, True),
                   "off": verdict(max(off), 0.05)},
@@ -366,9 +367,9 @@ weights and activations from 64-bit rows of 256-word macros, eight to a row. Wei
 are 0.
 
 {macs}
-{sides}, though the spiking network has a sixth and a tenth of their operations: a synaptic operation adds to one of many
-charges in memory, and a product to a sum in a register. Not comparable: the unit has no control, no schedule and no memory for
-what it computes; reuse of a row would lower its energy, moving of partial results would raise it.
+{sides} than the spiking network, which has a sixth and a tenth of their operations. A synaptic operation
+adds to one of many charges in memory; a product is added to a sum in a register. Not comparable: the unit has no control, no
+schedule and no memory for what it computes. Reuse of a row would lower its energy, moving of partial results would raise it.
 
 SYNtzulA (2025), in the same process, publishes 36.5 pJ per synaptic operation at 125 MHz and 6.8 mm2 with pads. Its figure is of
 other networks, with another neuron, and is not broken down like this; this core takes {per_op:.0f}.
