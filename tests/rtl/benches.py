@@ -72,6 +72,9 @@ def blocked() -> tuple[hw.ChipProgram, np.ndarray]:
     x = b.add_input("x", 2)
     h = b.add_compartments("h", 2, decay_u=4096, decay_v=4096, threshold=1, refractory=[4, 9])
     b.connect(x, h, [[200, 0], [0, 200]])
+    # Its bias makes it fire at once, and wraps what drives it after four spikes, while it is blocked.
+    full = b.add_compartments("full", 1, decay_u=0, decay_v=4096, threshold=1, bias=4095 * 128, refractory=63)
+    b.connect(x, full, [[254, 0]], exponent=7)
     b.read_out(h)
     spikes = np.zeros((1, 30, 2), dtype=np.uint8)
     spikes[0, [0, 3, 5, 6, 12, 20, 21, 29]] = 1
