@@ -126,7 +126,13 @@ def without(program: hw.ChipProgram, **values: int) -> hw.ChipProgram:
     return replace(program, cores=tuple(cores))
 
 
-@pytest.mark.parametrize("values", [{"parent": -1}, {"bias_mantissa": 0}], ids=["joins", "biases"])
+@pytest.mark.parametrize(
+    "values",
+    [
+        pytest.param({"parent": -1}, id="joins"),
+        pytest.param({"bias_mantissa": 0}, id="biases", marks=pytest.mark.slow),
+    ],
+)
 def test_a_sum_that_the_bound_forgets_is_found(monkeypatch, values):
     """32 bits where joins, or biases, need 64: what the draws are for."""
     bound = lay_out._largest_sum

@@ -56,6 +56,7 @@ def test_the_core_passes_every_bench():
     assert not differ(sources())
 
 
+@pytest.mark.slow
 def test_clocks_that_stop_change_nothing():
     assert not differ({**sources(), "clock_gate.sv": STOPPING})
 

@@ -212,6 +212,7 @@ def test_steps_wait_for_spikes_that_wait(desk, loaded):
     assert len(answer.spikes) == plain.counts[3]
 
 
+@pytest.mark.slow
 def test_an_answer_comes_after_its_spikes(desk, loaded):
     _, plain = loaded
     answer = over_a_line(desk)

@@ -84,12 +84,12 @@ def test_a_network_that_does_not_fit_is_told_what_holds_it():
     )
 
 
-@pytest.mark.parametrize("name", ["ecp5-25f", "locsnn-130nm"])
-def test_a_network_of_many_cores_is_too_large_for_the_one_that_hosts_them(name):
+@pytest.mark.parametrize(("name", "axons"), [("ecp5-25f", 1024), ("locsnn-130nm", 768)])
+def test_a_network_of_many_cores_is_too_large_for_the_one_that_hosts_them(name, axons):
     with pytest.raises(hw.TargetError) as caught:
         lower(load(MODELS / "containers-best.pt"), hw.chip(name), 8, "dendrite")
     assert str(caught.value) == (
-        f"program 'containers-best': the open core of {name} is too small in 'axons' (33974 against 1024). "
+        f"program 'containers-best': the open core of {name} is too small in 'axons' (33974 against {axons}). "
         "Use another strategy, or a smaller network."
     )
 

@@ -48,29 +48,31 @@ ERRORS = {
 }
 
 
-@pytest.mark.parametrize("name", ERRORS)
-def test_an_error_is_answered_and_forgotten(play, name):
+@pytest.fixture(scope="module")
+def answers(play):
+    """Return the answer to the recording, then to each error and to the recording after it, all played in a row."""
     core, words, played = play
-    number, wrong = ERRORS[name]
-    before, error, after = played([*words, *wrong(core), *words])
-    assert int(error[0]) == number
+    return played([*words, *(word for _, wrong in ERRORS.values() for word in (*wrong(core), *words))])
+
+
+@pytest.mark.parametrize("name", ERRORS)
+def test_an_error_is_answered_and_forgotten(answers, name):
+    before, *rest = answers
+    at = 2 * list(ERRORS).index(name)
+    error, after = rest[at : at + 2]
+    assert int(error[0]) == ERRORS[name][0]
     assert before[0] == "0"
     assert after == before
     assert len(before) == len(ANSWER)
+    assert len(rest) == 2 * len(ERRORS)
 
 
-@pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
-def test_a_stop_is_not_answered_and_forgotten(play, share):
+def test_a_stop_is_not_answered_and_forgotten(play, answers):
+    """After no word, in the middle and near the end of a recording; recordings follow each other."""
     _, words, played = play
-    begun = words[: int(share * (len(words) - 1))]
-    (plain,) = played(words)
-    assert played([*begun, STOP, *words, *begun, STOP]) == [plain]
-
-
-def test_recordings_follow_each_other(play):
-    _, words, played = play
-    (plain,) = played(words)
-    assert played(words * 3) == [plain] * 3
+    begun = [words[: int(share * (len(words) - 1))] for share in (0.0, 0.3, 0.9)]
+    stopped = [word for part in begun for word in (*part, STOP, *words)]
+    assert played([*stopped, *words, *begun[1], STOP]) == [answers[0]] * 4
 
 
 def test_words_hold_events_ticks_and_an_end(play):
