@@ -68,7 +68,7 @@ def check_range(found: float, low: float, high: float, where: str) -> None:
 
 
 def check_known(where: str, what: str, given: object, known: Collection[str], more: str = "") -> None:
-    """Refuse a name that is none of those known; None is none. ``more``: a way out next to them."""
+    """Refuse a name that is none of those known; None is none. ``more``: a way out besides them."""
     if given is not None and given not in known:
         raise InputError(where, what, fix=did_you_mean(given, known) + more)
 

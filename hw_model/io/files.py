@@ -5,7 +5,6 @@ Of strangers' archives, zipfile builds an object for every entry that a director
 
 import io
 import os
-import stat
 import struct
 import zipfile
 from collections.abc import Iterable, Mapping
@@ -15,7 +14,7 @@ from typing import IO
 import numpy as np
 
 from hw_model.errors import InputError, check_most
-from hw_model.io.given import check_path
+from hw_model.io.given import check_path, is_plain
 from hw_model.io.partial import locked, partial_path, remove, remove_leftovers, sync
 from hw_model.values import AnyArray
 
@@ -49,8 +48,7 @@ def read_bytes(path: Path, where: str, most: int = MAX_FILE_BYTES, fix: str = "G
     """Return the bytes of a file; ``InputError`` where it is missing, unreadable, a folder or too large."""
     try:
         found = path.stat()
-        if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):
-            # A pipe may never come to an end.
+        if not is_plain(found):
             raise InputError(where, "it is not a plain file", fix="Write it to a file first.")
         check_most(found.st_size, most, where, "it is too large", unit="bytes", fix=fix)
         return path.read_bytes()

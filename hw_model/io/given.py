@@ -58,10 +58,15 @@ def check_path(path: str | Path, where: str) -> None:
             raise InputError(where, "the name is too long", measured=f"{longest} bytes", fix="Shorten it.") from None
 
 
+def is_plain(found: os.stat_result) -> bool:
+    """Tell a file or a folder from a pipe or a device, which may never come to an end."""
+    return stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)
+
+
 def size_of(path: Path) -> int:
-    """Return the bytes of a file; ``OSError`` for a pipe or a device, which may never come to an end."""
+    """Return the bytes of a file; ``OSError`` for a pipe or a device."""
     found = path.stat()
-    if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):
+    if not is_plain(found):
         raise OSError(errno.EINVAL, "it is not a plain file")
     return found.st_size
 

@@ -1,4 +1,5 @@
-// Compartments that fired in a step, in order, until their spikes are delivered. It holds one of each.
+// Compartments that fired in a step, by their numbers as sources, in order, until their spikes are delivered. It holds one of
+// each.
 //
 // The oldest waits in a register. Its successor takes its place two cycles after it was popped.
 module queue #(

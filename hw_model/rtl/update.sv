@@ -220,7 +220,6 @@ module update #(
 
     join_sums #(.WIDTH(JOIN), .COMPARTMENTS(COMPARTMENTS)) joins (
         .clk(ticking), .child(valid8 && child8), .first(first_child8), .parent(parent8), .v(clipped8),  // a child does not fire
-       
         .read(valid3 && has_children3), .read_address(number3), .joined(joined4)
     );
 

@@ -270,7 +270,8 @@ def test_the_profile_is_near_gate_level_on_recordings_that_it_has_not_seen():
     for name in make_profile.SETS:
         off = [abs(float(row["profile, pJ"]) / float(row["gate level, pJ"]) - 1) for row in rows if row["set"] == name]
         assert len(off) == 20
-        # The goal of 5 % is missed by one recording of Objects, which is at rest for most of its steps.
+        # The goal of 5 % is missed by one recording of Objects, of hardly any events: 6,243 synaptic operations, where the others
+        # have more than 110,000.
         assert sorted(off)[-2] < 0.02
         assert max(off) < 0.06
 
