@@ -12,6 +12,8 @@ from .errors import LocsnnError as LocsnnError
 from .errors import TargetError as TargetError
 from .frontends import load as load
 from .models.checkpoint import Checkpoint as Checkpoint
+from .network.chip_neurons import ChipCuba as ChipCuba
+from .network.chip_neurons import ChipSrm as ChipSrm
 from .network.network import InputView as InputView
 from .network.network import Member as Member
 from .network.network import Network as Network
@@ -22,8 +24,6 @@ from .network.neurons import SoftCuba as SoftCuba
 from .network.neurons import SrmAlpha as SrmAlpha
 from .network.projections import ChipProjection as ChipProjection
 from .network.projections import Projection as Projection
-from .network.quantized import ChipCuba as ChipCuba
-from .network.quantized import ChipSrm as ChipSrm
 from .pipeline import Levels as Levels
 from .training.config import EpochRecord as EpochRecord
 from .training.config import TrainingConfig as TrainingConfig

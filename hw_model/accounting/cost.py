@@ -13,7 +13,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hw_model.accounting.activity import Routes, StepActivity, routes_of
+from hw_model.accounting.activity import StepActivity
+from hw_model.accounting.mesh_routes import Routes, routes_of
 from hw_model.description.counts import Counts
 from hw_model.description.profile import Profile
 from hw_model.io.given import checked

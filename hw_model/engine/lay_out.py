@@ -28,7 +28,8 @@ from hw_model.engine.links import Ends, links_of, synapses_by_ends
 from hw_model.engine.places import Cut, Numbering, cut_pieces
 from hw_model.engine.trace import due_late
 from hw_model.mapping.circles import sources_first
-from hw_model.program.chip_program import ChipProgram, Core, pieces_of
+from hw_model.program.chip_program import ChipProgram, Core
+from hw_model.program.pieces import pieces_of
 from hw_model.values import AnyArray, BoolArray, IntArray
 
 

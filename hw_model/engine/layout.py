@@ -54,7 +54,7 @@ USUAL_WIDTHS = Widths(1 << (21 - WEIGHT_SHIFT), 1 << 23)
 class Chunks(NamedTuple):
     """Chunk k holds columns ``first_column[k]`` on, ``width[k]`` of them; its slots are ``LANES * k`` on.
 
-    ``node`` and ``piece`` (of :class:`hw_model.program.chip_program.Pieces`) say where it is; ``parent``: the chunk
+    ``node`` and ``piece`` (of :class:`hw_model.program.pieces.Pieces`) say where it is; ``parent``: the chunk
     that its voltages are added to, or -1; ``sums``: it keeps nothing and no synapse reaches it, so that it only adds up
     its children; ``plain``: nothing in it has a bias, is refractory, has children or can wrap. ``registers`` (chunks,
     FIELDS, LANES) are its parameters, with a state of 0, in 32 bits, or in 64 where a sum might need them. Bundle i is

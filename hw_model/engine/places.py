@@ -3,7 +3,8 @@
 import numpy as np
 
 from hw_model.engine.layout import LANES
-from hw_model.program.chip_program import ChipProgram, Pieces
+from hw_model.program.chip_program import ChipProgram
+from hw_model.program.pieces import Pieces
 from hw_model.values import Frozen, IntArray
 
 

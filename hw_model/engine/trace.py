@@ -103,7 +103,7 @@ class PhaseTrace(Frozen, eq=False):
     """What a batch did in a phase of n columns.
 
     ``spikes`` (batch, steps, n); ``sent`` (batch, lines + n): spikes of every source over all steps, input lines first;
-    ``active`` (batch, steps, pieces): compartments of each piece (:class:`hw_model.program.chip_program.Pieces`) with
+    ``active`` (batch, steps, pieces): compartments of each piece (:class:`hw_model.program.pieces.Pieces`) with
     anything to work on;
     ``events`` (batch, 3, n): how often each compartment met each of :data:`EVENTS`; ``totals`` (batch,
     :data:`TOTALS`); ``registers``: the windows asked for.

@@ -1,21 +1,16 @@
-"""The synapses of a graph ordered by target, so that the part on a core is a slice; placement and routing share it.
-
-And how an axon's synapses on a core become runs of memory words: its synapse lists. Placement, report and image count
-by them. A run is of one format. So an axon has a list for each format of its synapses on the core, whatever populations
-they end on. A dense list has no index: it ends where its targets do not simply go on, and with each population.
-"""
+"""The synapses of a graph ordered by target, so that the part on a core is a slice; placement and routing share it."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import SignMode
-from hw_model.description.chip import Chip, SynapseMemory
+from hw_model.description.chip import Chip
 from hw_model.mapping.graph import CompartmentGraph, Synapses, held
-from hw_model.values import AnyArray, BoolArray, Frozen, IntArray
+from hw_model.values import AnyArray, Frozen, IntArray
 
 
 class SynapseFormat(Frozen, order=True):
@@ -140,43 +135,3 @@ def _format(synapses: Synapses, targets: int, chip: Chip) -> SynapseFormat:
     full = len(pairs) % targets == 0 and np.array_equal(pairs, np.arange(len(pairs)))
     index_bits = 0 if full else (chip.limits.compartments_per_core - 1).bit_length()
     return SynapseFormat(synapses.weight_bits, synapses.sign_mode, synapses.exponent, synapses.delay_bits, index_bits)
-
-
-class SynapseLists(Frozen, eq=False):
-    """Rows ``order[start[i] : start[i] + length[i]]`` of a core's synapses are list i, of axon ``axon[i]``.
-
-    ``width`` of a synapse in bits, ``words`` of memory, and whether the list is ``dense``; all (lists,) but ``order``.
-    """
-
-    order: IntArray
-    start: IntArray
-    length: IntArray
-    axon: IntArray
-    width: IntArray
-    words: IntArray
-    dense: BoolArray
-
-
-def synapse_lists(
-    list_start: IntArray,
-    target: IntArray,
-    format_index: IntArray,
-    formats: "Sequence[SynapseFormat]",
-    ends: IntArray,
-    memory: "SynapseMemory",
-) -> SynapseLists:
-    """Return the lists of a core; axon j has the synapses ``list_start[j]..list_start[j + 1]``.
-
-    ``ends``: the compartment after the last of each population on the core, ascending.
-    """
-    of_axon = np.repeat(np.arange(len(list_start) - 1), np.diff(list_start))
-    order = np.lexsort((format_index, of_axon))
-    of_axon, target, form = of_axon[order], target[order], format_index[order]
-    dense = np.array([f.index_bits == 0 for f in formats], dtype=np.bool_)[form]
-    population = np.searchsorted(ends, target, side="right")
-    begins = (np.diff(of_axon) != 0) | (np.diff(form) != 0)
-    begins |= dense[1:] & ((np.diff(target) != 1) | (np.diff(population) != 0))
-    start = np.flatnonzero(np.append(True, begins)[: len(target)])
-    length = np.diff(np.append(start, len(target)))
-    width = np.array([f.bits_per_synapse for f in formats], dtype=np.int64)[form[start]]
-    return SynapseLists(order, start, length, of_axon[start], width, memory.words(length, width), dense[start])

@@ -11,9 +11,10 @@ from itertools import groupby
 import numpy as np
 
 from hw_model.description.chip import Chip
-from hw_model.mapping.fan_in import FanIn, SynapseFormat, fan_in, first_source, synapse_lists
+from hw_model.mapping.fan_in import FanIn, SynapseFormat, fan_in, first_source
 from hw_model.mapping.graph import held
 from hw_model.mapping.placement import PlacedGraph, Slice
+from hw_model.mapping.synapse_lists import synapse_lists
 from hw_model.values import Frozen, IntArray
 
 

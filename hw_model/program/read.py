@@ -15,10 +15,10 @@ import numpy as np
 
 from hw_model.description.chip import parse_chip
 from hw_model.errors import InputError, LocsnnError
-from hw_model.io.files import open_archive
 from hw_model.io.folders import finish_writing
 from hw_model.io.given import checked
 from hw_model.io.yaml_text import FAST_LOADER, load_yaml
+from hw_model.io.zip_directory import open_archive
 from hw_model.mapping.fan_in import SynapseFormat
 from hw_model.mapping.graph import Input, Phase, Readout, held
 from hw_model.mapping.placement import Slice

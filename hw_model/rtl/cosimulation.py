@@ -12,7 +12,8 @@ from hw_model.engine.playing import Player, Spikes, read_streams
 from hw_model.engine.probes import Kind, Probe
 from hw_model.engine.trace import EVENTS, PhaseInput, PhaseTrace, Register, Window, add_up
 from hw_model.io.given import checked
-from hw_model.program.chip_program import ChipProgram, pieces_of
+from hw_model.program.chip_program import ChipProgram
+from hw_model.program.pieces import pieces_of
 from hw_model.rtl.images import SIMULATED, CoreProgram, Sizes, sizes_for
 from hw_model.rtl.memory_words import hex_words
 from hw_model.rtl.simulators import Simulator, built, run, sources

@@ -17,7 +17,8 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from hw_model.io.files import check_directory, read_bytes, read_entry
+from hw_model.io.files import read_bytes
+from hw_model.io.zip_directory import check_directory, read_entry
 from hw_model.values import ByteArray, Frozen
 from locsnn_compile.data.aedat4 import parse_aedat4
 from locsnn_compile.data.arrays import label_in_name, load_npy

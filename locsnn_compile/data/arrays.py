@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hw_model.io.files import open_archive, read_bytes, read_entry
+from hw_model.io.files import read_bytes
+from hw_model.io.zip_directory import open_archive, read_entry
 from hw_model.values import AnyArray
 from locsnn_compile.data.axes import Order, parse_axes, to_step_major
 from locsnn_compile.data.event_formats import MAX_PLACE, parse_structured

@@ -1,12 +1,6 @@
-"""Read recordings of any supported format, and divide those whose folders are not called train and test.
-
-They are divided by files of rows, or by a share of every class. VT_SNN's preprocessed sets are a ``tact.pt`` of
-(samples, 78 cells, 2 polarities, steps), and next to it, for each of five rounds k, ``train_80_20_<k>.txt`` and
-``test_80_20_<k>.txt``: lines of a recording's number and its class.
-"""
+"""Read recordings of any supported format."""
 
 import math
-import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -14,109 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.io.files import read_bytes
 from hw_model.io.given import checked
-from hw_model.values import Frozen, IntArray
 from locsnn_compile.data.archives import EVENT_SUFFIXES, PARTS, archive_parts, read_archive
 from locsnn_compile.data.arrays import HDF5_SUFFIXES, labels_beside, read_arrays
 from locsnn_compile.data.axes import check_axes, is_one, parse_axes
+from locsnn_compile.data.division import PREPROCESSED, Division
 from locsnn_compile.data.event_stream import Binning
 from locsnn_compile.data.recordings import MAX_ELEMENTS, OPEN, Expected, Recordings
 from locsnn_compile.data.sensor import SensorLayout
-from locsnn_compile.errors import InputError, check_known, check_range
-
-PREPROCESSED = "tact.pt"
-_ROWS = re.compile(r"train_80_20_(\d{1,3})\.txt")
-
-
-class Division(Frozen):
-    """How recordings are divided: ``share`` of every class is to test; ``fold`` is the round, from 1 on.
-
-    Rounds take turns at what is to test: with a share of 0.2 every recording is, in one of five. Without a share, the
-    files next to the recordings divide them, if there are any.
-    """
-
-    share: float | None = None
-    fold: int | None = None
-
-    def divides(self, path: Path) -> bool:
-        """Return whether it divides the recordings at ``path``; ``InputError`` where they are divided already."""
-        name, asked = ("fold", self.fold) if self.share is None else ("split", self.share)
-        folders, rounds = path.is_dir() or path.suffix == ".zip", _rounds(path)
-        parts = archive_parts(path) if asked is not None and folders else ()
-        if parts or (rounds and self.share is not None):
-            measured = f"into {', '.join(parts)}" if parts else "into rounds"
-            raise InputError(name, f"{path.name!r} is divided already", measured=measured, fix="Leave it out.")
-        return asked is not None or bool(rounds)
-
-    def part(self, found: Recordings, path: Path, part: str) -> Recordings:
-        """Return the part train or test of the recordings at ``path``; ``InputError`` where there is none."""
-        rounds = range(1, int(1 / self.share + 1e-9) + 1) if self.share else _rounds(path)
-        fold, at = 1 if self.fold is None else self.fold, PARTS.index(part)
-        if fold not in rounds:
-            measured = f"got {fold} against {', '.join(map(str, rounds)) or 'none'}"
-            fix = "Choose one of them." if rounds else "Add --split with the share of every class that is to test."
-            raise InputError("fold", f"{path.name!r} has no such round", measured=measured, fix=fix)
-        if self.share is None:
-            rows, labels = _rows_of_files(path, fold, len(found))[at].T
-        elif found.labels is None:
-            where, what = f"recordings {found.source!r}", "they have no labels to divide them by"
-            raise InputError(where, what, fix="Give labelled recordings.")
-        else:
-            rows = stratified_split(found.labels, self.share, 0, fold)[at]
-            labels = found.labels[rows]
-        how = f"round {fold} of {len(rounds)}" if self.share is None else f"split {self.share:g}, round {fold}"
-        return replace(found.subset(rows), labels=labels, source=f"{path.name}, {part} part ({how})")
-
-    def __post_init__(self) -> None:
-        if self.share is not None:
-            check_range(self.share, 0.001, 0.9, "split")
-
-
-def stratified_split(labels: IntArray, fraction: float, seed: int, fold: int = 1) -> tuple[IntArray, IntArray]:
-    """Return (kept, held) indices, sorted; each class gives ``fraction`` of its recordings, rounded.
-
-    A class gives at least one recording where it has two or more and ``fraction`` is above 0; the next ``fold`` takes
-    the next ones. Equal numbers give equal draws, on every machine.
-    """
-    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, 0])))
-    held: list[IntArray] = [np.zeros(0, dtype=np.int64)]
-    for label in np.unique(labels):
-        members = np.flatnonzero(labels == label)
-        wanted = round(fraction * len(members))
-        if fraction > 0 and len(members) >= 2:
-            wanted = min(max(wanted, 1), len(members) - 1)
-        held.append(np.roll(rng.permutation(members), -(fold - 1) * wanted)[:wanted])
-    chosen = np.sort(np.concatenate(held))
-    return np.setdiff1d(np.arange(len(labels)), chosen), chosen
-
-
-def _rounds(path: Path) -> list[int]:
-    """Return the rounds that files next to a ``tact.pt`` have."""
-    files = path.parent.glob("train_80_20_*.txt") if path.name == PREPROCESSED else ()
-    return sorted(int(match[1]) for match in (_ROWS.fullmatch(file.name) for file in files) if match)
-
-
-def _rows_of_files(path: Path, fold: int, samples: int) -> list[IntArray]:
-    """Return (rows, 2) of both parts of a round: numbers of recordings, all different, and their classes."""
-    fix, taken, parts = "Write the number of a recording and its class on every line.", set[int](), []
-    for part in PARTS:
-        file = path.with_name(f"{part}_80_20_{fold}.txt")
-        where = f"file {file.name!r}"
-        try:
-            rows = [[int(word) for word in line.split()] for line in read_bytes(file, where).splitlines()]
-        except ValueError:
-            rows = []
-        if not rows or {len(row) for row in rows} != {2}:
-            raise InputError(where, "it does not hold two whole numbers per line", fix=fix)
-        for number, _ in rows:
-            if number in taken or not 0 <= number < samples:
-                what = "in the round twice" if number in taken else "not there"
-                raise InputError(where, f"recording {str(number)[:20]} is {what}", measured=f"of {samples}", fix=fix)
-            taken.add(number)
-        parts.append(np.array(rows))
-    return parts
-
+from locsnn_compile.errors import InputError, check_known
 
 _SUFFIXES = (".zip", ".npy", ".npz", ".pt", *HDF5_SUFFIXES, *EVENT_SUFFIXES)
 
@@ -142,7 +42,7 @@ def read_recordings(
 
     A ``.zip`` or folder of ``.npy`` or files of events, one recording each, or one file of these, or ``.npz``,
     ``.pt`` or HDF5. ``split`` is ``train`` or ``test`` of an archive or folder that is so divided (None: ``test``);
-    what has no parts is divided by ``test_share`` and ``fold``: see :class:`locsnn_compile.data.read.Division`.
+    what has no parts is divided by ``test_share`` and ``fold``: see :class:`locsnn_compile.data.division.Division`.
     Events are binned as :class:`locsnn_compile.data.event_stream.Binning` says, by the options and by what ``model``
     expects. Arrays are bins already, (samples, channels, steps) unless ``axes`` or the file names another order, such
     as ``samples,steps,channels``; ``step_seconds`` is their width where the file does not say it. ``steps`` of a

@@ -10,7 +10,7 @@ import struct
 from collections.abc import Callable
 from typing import Any, Literal
 
-from hw_model.io.files import open_archive, read_entry
+from hw_model.io.zip_directory import open_archive, read_entry
 from locsnn_compile.data.plain_pickle import Budget, RefusedError, read_pickle
 from locsnn_compile.data.tensors import Storage, Tensor, named, rebuilt, width_of
 from locsnn_compile.errors import InputError

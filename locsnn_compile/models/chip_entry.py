@@ -14,7 +14,7 @@ import numpy as np
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_BITS, WEIGHT_EXPONENTS, WeightGrid, weight_grid
 from hw_model.values import AnyArray, Frozen, picked
 from locsnn_compile.models.plain_checks import file_fault, is_whole
-from locsnn_compile.network.quantized import ChipCuba, ChipNeuron, ChipSrm, Refractory
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm, Refractory
 from locsnn_compile.settings import TRAINABLE
 
 

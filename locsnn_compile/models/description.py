@@ -8,9 +8,9 @@ from collections.abc import Mapping
 
 from hw_model.values import AnyArray, Frozen, IntArray, picked
 from locsnn_compile.baselines.ann_shapes import ann_shapes
+from locsnn_compile.data.orders import channel_walk, check_location_taxels
 from locsnn_compile.data.recordings import MAX_STEPS, clean_class_names
 from locsnn_compile.data.sensor import SensorLayout, frame_size
-from locsnn_compile.data.taxels import channel_walk, check_location_taxels
 from locsnn_compile.errors import InputError, check_known
 from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
 from locsnn_compile.models.graph_and_windows import MAX_WINDOW_NEURONS, GraphParameters, WindowParameters, output_parts

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from hw_model.values import AnyArray, ByteArray, IntArray
+from locsnn_compile.models.ann import Cnn3d, GruMlp
 from locsnn_compile.models.branch_graph import branch_graph
 from locsnn_compile.models.chip_entry import ChipNumbers
 from locsnn_compile.models.chip_layers import ChipLayer
@@ -21,7 +22,7 @@ from locsnn_compile.models.dense_layer import INITIAL_SCALE
 from locsnn_compile.models.description import LifParameters, NetworkDescription
 from locsnn_compile.models.lif import GraphLayer, LifLayer
 from locsnn_compile.models.srm import SRMLayer, transpose_recording
-from locsnn_compile.models.touch_model import Cnn3d, GruMlp, TouchModel
+from locsnn_compile.models.touch_model import TouchModel
 
 
 class WindowNetwork(TouchModel):

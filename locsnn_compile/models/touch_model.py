@@ -1,9 +1,4 @@
-"""What every network that learns from touch recordings has in common, and the artificial ones: GRU-MLP and CNN-3D.
-
-Those are of Kang et al. 2022; spiking networks are compared with them. Both take x (batch, steps, channels), floats 0
-or 1, and return class scores (batch, classes) under the name ``output``. They are trained here and counted, not
-compiled; weights start as torch starts them.
-"""
+"""What every network that learns from touch recordings has in common."""
 
 from collections.abc import Mapping, Sequence
 
@@ -13,12 +8,10 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from hw_model.values import AnyArray, ByteArray, IntArray
-from locsnn_compile.baselines.ann_shapes import CONVOLUTIONS
-from locsnn_compile.data.sensor import frame_cells, frame_size
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.chip_entry import ChipNumbers
 from locsnn_compile.models.description import NetworkDescription
-from locsnn_compile.network.network import from_first_touch
+from locsnn_compile.network.first_touch import from_first_touch
 
 
 class TouchModel(nn.Module):
@@ -102,51 +95,3 @@ class TouchModel(nn.Module):
             self.description.check_shape(name, weights, "Give the weights of a network of this description.")
             with torch.no_grad():
                 self.weight(name).copy_(torch.from_numpy(np.array(weights[name])))
-
-
-class GruMlp(TouchModel):
-    """``gru-mlp``: GRU(channels -> hidden), then one linear layer at the last step."""
-
-    def __init__(self, description: NetworkDescription) -> None:
-        super().__init__(description)
-        self.gru = nn.GRU(description.input.channels, description.hidden, batch_first=True)
-        self.readout = nn.Linear(description.hidden, description.classes)
-
-    def forward(self, x: Tensor) -> dict[str, Tensor]:
-        """Return the class scores of ``x`` (batch, steps, channels)."""
-        self.check_shape(x)
-        return {"output": self.readout(self.gru(x)[0][:, -1])}
-
-
-class Cnn3d(TouchModel):
-    """``cnn-3d``: two convolutions with ReLU over frames of each fingertip, then one linear layer over all of them.
-
-    A frame is the grid of a sensor, or the 9 x 7 cells of which :data:`locsnn_compile.data.sensor.FRAME_OF_TAXELS`
-    gives 39 to taxels; a channel of it is a polarity. All fingertips go through the same convolutions.
-    """
-
-    cells: Tensor
-
-    def __init__(self, description: NetworkDescription) -> None:
-        super().__init__(description)
-        shapes = description.weight_shapes
-        for number, (outputs, kernel, stride) in enumerate(CONVOLUTIONS, start=1):
-            inputs = shapes[f"conv_{number}.weight"][1]
-            self.add_module(f"conv_{number}", nn.Conv3d(inputs, outputs, kernel, stride))
-            self.add_module(f"relu_{number}", nn.ReLU())
-        self.readout = nn.Linear(shapes["readout.weight"][1], description.classes)
-        self.register_buffer("cells", torch.from_numpy(frame_cells(description.input.sensor).copy()), persistent=False)
-
-    def forward(self, x: Tensor) -> dict[str, Tensor]:
-        """Return the class scores of ``x`` (batch, steps, channels)."""
-        self.check_shape(x)
-        sensor, steps = self.description.input.sensor, self.description.input.steps
-        touch = x.reshape(len(x), steps, sensor.surfaces, sensor.taxels, sensor.polarities)
-        frame = frame_size(sensor)
-        frames = x.new_zeros(len(x), sensor.surfaces, sensor.polarities, steps, frame[0] * frame[1])
-        frames[..., self.cells] = touch.permute(0, 2, 4, 1, 3)
-        stream = frames.reshape(-1, sensor.polarities, steps, *frame)
-        for number in range(1, len(CONVOLUTIONS) + 1):
-            for kind in ("conv", "relu"):
-                stream = self.get_submodule(f"{kind}_{number}")(stream)
-        return {"output": self.readout(stream.reshape(len(x), -1))}

@@ -8,10 +8,11 @@ import numpy as np
 from hw_model.mapping.graph import Axis
 from hw_model.program.text import array_text
 from hw_model.values import FloatArray, IntArray
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm, Refractory
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.neurons import Cuba, Leaky, Neuron, SoftCuba, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Projection, values_of
-from locsnn_compile.network.quantized import ChipCuba, ChipNeuron, ChipSrm, KernelFit, QuantizedNetwork, Refractory
+from locsnn_compile.network.quantized import KernelFit, QuantizedNetwork
 
 
 def network_text(network: Network) -> str:

@@ -20,8 +20,9 @@ from hw_model.description.chip import Chip
 from hw_model.mapping.check_graph import check_graph
 from hw_model.mapping.graph import CompartmentGraph, Compartments, Input, Synapses
 from hw_model.values import BoolArray, IntArray
+from locsnn_compile.network.chip_neurons import Refractory
 from locsnn_compile.network.projections import ChipProjection, connections, values_of
-from locsnn_compile.network.quantized import QuantizedNetwork, QuantizedPopulation, Refractory
+from locsnn_compile.network.quantized import QuantizedNetwork, QuantizedPopulation
 
 
 def lower_neurons(quantized: QuantizedNetwork, chip: Chip) -> CompartmentGraph:

@@ -18,12 +18,14 @@ from hw_model.arithmetic.fixed_point import WeightGrid, weight_grid
 from hw_model.description.chip import Chip
 from hw_model.values import FloatArray
 from locsnn_compile.errors import InputError, TargetError
+from locsnn_compile.network.chip_neurons import ChipNeuron
 from locsnn_compile.network.network import Network, Population
 from locsnn_compile.network.neurons import Cuba, Leaky, Neuron, SoftCuba, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Projection, of_target, values_of, with_values
-from locsnn_compile.network.quantized import ChipNeuron, QuantizedNetwork, QuantizedPopulation
+from locsnn_compile.network.quantized import QuantizedNetwork, QuantizedPopulation
 from locsnn_compile.passes.cuba.quantize import quantize_cuba, quantize_soft
-from locsnn_compile.passes.kernels import kernel, kernel_fit
+from locsnn_compile.passes.kernel_fit import kernel_fit
+from locsnn_compile.passes.kernels import kernel
 from locsnn_compile.passes.rounding.grades import GRADES, round_apart
 from locsnn_compile.passes.rounding.task import NEAREST, Rounded, Rounding, Scaled, Task
 from locsnn_compile.passes.srm.fine import fine_srm

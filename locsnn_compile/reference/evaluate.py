@@ -15,7 +15,7 @@ from hw_model.values import AnyArray, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.network.network import Network, Population
 from locsnn_compile.network.projections import ChipProjection, Matrix, by_delay, charge
-from locsnn_compile.reference.neurons import effective_weights
+from locsnn_compile.reference.integer_neurons import effective_weights
 from locsnn_compile.reference.neurons import steps_of as steps_of
 
 Potentials = AnyArray

@@ -9,7 +9,7 @@ from hw_model.arithmetic.fixed_point import WEIGHT_BITS
 from hw_model.io.yaml_text import read_mapping
 from hw_model.values import Frozen, Shown
 from locsnn_compile.data.sensor import MAX_CHANNELS, SensorLayout, asked_layout
-from locsnn_compile.data.taxels import GRAPHS
+from locsnn_compile.data.taxel_graph import GRAPHS
 from locsnn_compile.errors import InputError, check_known, did_you_mean
 from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
 from locsnn_compile.models.plain_checks import KIND_WORDS, field_kinds, is_one_of, is_whole
@@ -106,7 +106,7 @@ class TrainingConfig(Shown, eq=True):
     - ``initial_scale``: weights start uniform within +-this / sqrt(inputs of their layer).
     - ``validation_fraction`` of the train part, class by class, chooses the epoch; 0 takes the last epoch.
       Accuracies are averaged over ``smoothing_epochs`` first, for a few dozen validation recordings make a single
-      epoch's figure noisy; see :func:`locsnn_compile.training.state.choose_epoch`.
+      epoch's figure noisy; see :func:`locsnn_compile.training.schedule.choose_epoch`.
     - ``refit``: once the epoch is chosen, train afresh on the whole train part for as many epochs, on a
       schedule of that length.
     - ``device``: where matrix products run; the steps of spiking layers run on the processor.
@@ -126,7 +126,7 @@ class TrainingConfig(Shown, eq=True):
       synapse of every delay from every channel. ``location_delays``: onto the location branch, in locations, likewise.
     - ``hidden``: of a hidden layer; of networks with a graph of the first one, and the second has twice as many.
       ``graph`` joins the taxels (``neighbours`` and ``nearer_mm``: see
-      :func:`locsnn_compile.data.taxels.taxel_graph`); ``hops``, ``features`` and ``step_features``: see
+      :func:`locsnn_compile.data.orders.taxel_graph`); ``hops``, ``features`` and ``step_features``: see
       :class:`locsnn_compile.models.graph_and_windows.GraphParameters`.
     - ``window_steps``, ``window_stride`` and ``window_levels`` (numbers of events, separated by spaces): see
       :class:`locsnn_compile.models.graph_and_windows.WindowParameters`.
@@ -135,7 +135,7 @@ class TrainingConfig(Shown, eq=True):
       :func:`locsnn_compile.training.prototypes.set_prototypes`.
     - ``target``: ``float``, or the chip whose integers the forward pass computes; there neurons are laid out by
       ``strategy``, weights have ``weight_bits``, and their range is ``weight_room`` times the largest weight of the
-      network that the run starts from (from scratch: :data:`locsnn_compile.training.describe.USUAL_LARGEST`).
+      network that the run starts from (from scratch: :data:`locsnn_compile.training.target.USUAL_LARGEST`).
       ``refractory`` is the chip's count, for strategy ``reset``.
     - ``pruned``: this share of each population's weights, the smallest of the start, is 0 and stays so.
     - ``spike_cost`` is added to the loss for every spike of a hidden neuron, averaged over neurons and recordings.

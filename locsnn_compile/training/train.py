@@ -19,7 +19,7 @@ from torch import Tensor
 
 from hw_model.io.files import replace_file
 from hw_model.values import Frozen, IntArray
-from locsnn_compile.data.read import stratified_split
+from locsnn_compile.data.division import stratified_split
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import Checkpoint
@@ -29,19 +29,13 @@ from locsnn_compile.models.networks import build_network
 from locsnn_compile.models.touch_model import TouchModel
 from locsnn_compile.training.batches import batches, epoch_generator
 from locsnn_compile.training.config import EpochRecord, Progress, TrainingConfig
-from locsnn_compile.training.describe import check_recordings, chip_numbers, describe
+from locsnn_compile.training.describe import check_recordings, describe
 from locsnn_compile.training.measure import Loss, check_events, class_weights, data_remarks, evaluate, result_remarks
 from locsnn_compile.training.profile import profile
 from locsnn_compile.training.prototypes import PROTOTYPES, set_prototypes
-from locsnn_compile.training.state import (
-    TrainingState,
-    WeightAverage,
-    choose_epoch,
-    learning_rate,
-    load_state,
-    run_key,
-    save_state,
-)
+from locsnn_compile.training.schedule import WeightAverage, choose_epoch, learning_rate
+from locsnn_compile.training.state import TrainingState, load_state, run_key, save_state
+from locsnn_compile.training.target import chip_numbers
 
 MOMENTUM = 0.9
 """Of the optimizer sgd."""

@@ -4,10 +4,10 @@ import numpy as np
 from scipy import sparse
 
 from hw_model.mapping.graph import Readout
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Projection, matrix, values_of
-from locsnn_compile.network.quantized import ChipCuba, ChipSrm
 
 NEURON = SrmAlpha(theta=10.0, tau_sr=10.0, tau_ref=1.0, scale_ref=2.0)
 

@@ -15,7 +15,7 @@ from locsnn_compile.network.text import network_text
 from locsnn_compile.passes.cuba.quantize import quantize_cuba
 from locsnn_compile.passes.quantize import integers_of
 from locsnn_compile.reference.evaluate import evaluate, steps_of
-from locsnn_compile.reference.neurons import CubaSteps
+from locsnn_compile.reference.float_neurons import CubaSteps
 from locsnn_compile.verification.error_budget.forms import forms_of
 
 

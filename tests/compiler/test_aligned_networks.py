@@ -16,7 +16,8 @@ from hw_model.mapping.graph import Readout
 from locsnn_compile.backends.exchange import exchange_file
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.check import check_network
-from locsnn_compile.network.network import InputView, first_touch, from_first_touch
+from locsnn_compile.network.first_touch import first_touch, from_first_touch
+from locsnn_compile.network.network import InputView
 from locsnn_compile.network.neurons import Cuba
 from locsnn_compile.pipeline import LEVEL_TEXTS, lower
 from locsnn_compile.reference.evaluate import evaluate

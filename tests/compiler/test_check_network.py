@@ -9,6 +9,7 @@ from scipy import sparse
 
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.check import check_network
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
 from locsnn_compile.network.network import InputView
 from locsnn_compile.network.neurons import Cuba
 from locsnn_compile.network.projections import (
@@ -23,7 +24,6 @@ from locsnn_compile.network.projections import (
     values_of,
     with_values,
 )
-from locsnn_compile.network.quantized import ChipCuba, ChipSrm
 
 
 def lif(**changes):

@@ -14,10 +14,10 @@ import hw_model as hw
 import locsnn_compile as lc
 from hw_model.arithmetic.fixed_point import effective_weight
 from hw_model.mapping.graph import Readout
+from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import Cuba, SrmAlpha, alpha_taps
 from locsnn_compile.network.projections import ChipProjection, Projection
-from locsnn_compile.network.quantized import ChipCuba
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.report.renderers.markdown import render_markdown

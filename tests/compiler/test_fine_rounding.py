@@ -22,7 +22,7 @@ from locsnn_compile.passes.rounding.together import Metric, round_together
 from locsnn_compile.passes.srm.fine import RIDGE, drive_of
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import SAMPLES, calibrate, evaluate
-from locsnn_compile.reference.neurons import effective
+from locsnn_compile.reference.integer_neurons import effective
 from locsnn_compile.verification.matching import compare
 
 CHIP = hw.chip("loihi-sim")

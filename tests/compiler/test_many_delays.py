@@ -8,9 +8,9 @@ from networks import NEURON, single
 
 import hw_model as hw
 from locsnn_compile.errors import TargetError
+from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.network.network import Population
 from locsnn_compile.network.projections import ChipProjection, Projection
-from locsnn_compile.network.quantized import ChipCuba
 from locsnn_compile.passes.rounding.task import Rounding
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate

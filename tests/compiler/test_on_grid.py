@@ -10,11 +10,11 @@ from networks import on_grid, recordings, single
 
 import hw_model as hw
 from locsnn_compile.errors import TargetError
+from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.network.projections import ChipProjection, matrix
-from locsnn_compile.network.quantized import ChipCuba
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
-from locsnn_compile.reference.neurons import effective, kept
+from locsnn_compile.reference.integer_neurons import effective, kept
 from locsnn_compile.verification.matching import compare
 
 CHIP = hw.chip("loihi-sim")

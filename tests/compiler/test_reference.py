@@ -10,7 +10,7 @@ from networks import hybrid, recordings
 
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.reference.evaluate import evaluate
-from locsnn_compile.reference.neurons import SrmSteps
+from locsnn_compile.reference.float_neurons import SrmSteps
 
 
 def srm_response(drive, neuron):

@@ -12,13 +12,13 @@ from networks import NEURON, hybrid, recordings, single
 import hw_model as hw
 from locsnn_compile.errors import TargetError
 from locsnn_compile.models.chip_entry import _OWN_MOST
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
 from locsnn_compile.network.neurons import SrmAlpha
-from locsnn_compile.network.quantized import ChipCuba, ChipSrm
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.passes.srm.quantize import LAYOUTS, refractory_count
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
-from locsnn_compile.reference.neurons import input_response, own_spike_response
+from locsnn_compile.reference.integer_neurons import input_response, own_spike_response
 from locsnn_compile.settings import STRATEGIES, TRAINABLE
 
 CHIP = hw.chip("loihi-sim")

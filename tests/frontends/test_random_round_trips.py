@@ -15,8 +15,8 @@ from test_round_trips import assert_equal, datasets
 import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.backends.exchange import exchange_file
+from locsnn_compile.network.chip_neurons import ChipSrm
 from locsnn_compile.network.projections import values_of
-from locsnn_compile.network.quantized import ChipSrm
 from locsnn_compile.passes.quantize import quantize
 
 CHIP = hw.chip("loihi-sim")

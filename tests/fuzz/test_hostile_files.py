@@ -18,12 +18,12 @@ import yaml
 import hw_model as hw
 import locsnn_compile as lc
 from hw_model.errors import MAX_PART, InputError
-from hw_model.io.files import MAX_DIRECTORY_BYTES, check_directory
 from hw_model.io.yaml_text import load_yaml
+from hw_model.io.zip_directory import MAX_DIRECTORY_BYTES, check_directory
 from locsnn_compile.cli.diff import read_report
 from locsnn_compile.cli.main import main
 from locsnn_compile.data import read_recordings
-from locsnn_compile.frontends.slayer.description import read_config as read_slayer_config
+from locsnn_compile.frontends.slayer.config import read_config as read_slayer_config
 from locsnn_compile.training.config import read_config as read_training_config
 
 LAUGHS = "a0: &a0 [x, x]\n" + "".join(f"a{i}: &a{i} [*a{i - 1}, *a{i - 1}]\n" for i in range(1, 60))

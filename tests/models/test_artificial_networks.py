@@ -9,9 +9,9 @@ from scipy.optimize import linear_sum_assignment
 
 from locsnn_compile.data.sensor import FRAME_OF_TAXELS, TAXEL_COORDINATES_MM, SensorLayout, frame_cells, neutouch
 from locsnn_compile.errors import InputError
+from locsnn_compile.models.ann import Cnn3d
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.networks import build_network
-from locsnn_compile.models.touch_model import Cnn3d
 
 
 def description(architecture: str, fingertips: int = 1, steps: int = 30) -> NetworkDescription:

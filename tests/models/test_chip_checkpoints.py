@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 import torch
 
+from locsnn_compile.data.orders import location_order
 from locsnn_compile.data.sensor import neutouch
-from locsnn_compile.data.taxels import location_order
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.chip_entry import ChipNumbers, ChipPopulation, chip_entry
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.networks import build_network
-from locsnn_compile.network.quantized import ChipCuba, ChipNeuron, ChipSrm
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm
 
 AGAIN = "Write it again with 'locsnn train'."
 ORDER, TAXELS = location_order("loop", neutouch())

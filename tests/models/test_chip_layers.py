@@ -15,7 +15,7 @@ from hw_model.arithmetic.fixed_point import WEIGHT_BITS, weight_grid
 from locsnn_compile.models.chip_entry import USUAL_REGISTERS, ChipPopulation, RegisterWidths
 from locsnn_compile.models.chip_layers import ChipLayer
 from locsnn_compile.models.description import NeuronParameters
-from locsnn_compile.network.quantized import ChipCuba, ChipNeuron, ChipSrm
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm
 from locsnn_compile.settings import TRAINABLE
 
 CHIP = hw.chip("loihi-sim")

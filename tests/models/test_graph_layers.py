@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from locsnn_compile.data.sensor import LOCATION_ORDERS, TAXEL_COORDINATES_MM, neutouch
-from locsnn_compile.data.taxels import GRAPHS, taxel_graph
+from locsnn_compile.data.taxel_graph import GRAPHS, taxel_graph
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.branch_graph import BranchGraph, branch_graph, hop_matrix, spread_weights, step_edges
 from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription

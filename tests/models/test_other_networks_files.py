@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from locsnn_compile.data.sensor import LOCATION_ORDERS, neutouch
-from locsnn_compile.data.taxels import taxel_graph
+from locsnn_compile.data.taxel_graph import taxel_graph
 from locsnn_compile.data.tensors import Tensor
 from locsnn_compile.data.torch_file import load_plain
 from locsnn_compile.errors import InputError

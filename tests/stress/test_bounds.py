@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hw_model as hw
-from locsnn_compile.network.quantized import ChipCuba
+from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.pipeline import lower
 from locsnn_compile.stress.bounds import SOURCES
 from locsnn_compile.stress.cases.case import lif, network_of, random_input, srm, weights

@@ -10,10 +10,10 @@ import hw_model as hw
 import locsnn_compile as lc
 from hw_model.mapping.graph import Readout
 from locsnn_compile.errors import InputError, TargetError
+from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import Cuba, SrmAlpha
 from locsnn_compile.network.projections import Projection, matrix
-from locsnn_compile.network.quantized import ChipCuba
 from locsnn_compile.passes.kernels import alpha_kernel
 from locsnn_compile.pipeline import lower
 from locsnn_compile.report.renderers.markdown import render_markdown

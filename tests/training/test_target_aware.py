@@ -23,9 +23,10 @@ from locsnn_compile.models.networks import build_network
 from locsnn_compile.pipeline import lower
 from locsnn_compile.settings import TRAINABLE
 from locsnn_compile.training.config import TrainingConfig
-from locsnn_compile.training.describe import check_fits_start, chip_numbers, fine_tuning_config
+from locsnn_compile.training.describe import check_fits_start, fine_tuning_config
 from locsnn_compile.training.export import export_checkpoint
 from locsnn_compile.training.state import EpochRecord
+from locsnn_compile.training.target import chip_numbers
 from locsnn_compile.training.train import train
 
 CHIP = hw.chip("loihi-sim")

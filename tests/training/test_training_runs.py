@@ -12,7 +12,8 @@ from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.errors import InputError
 from locsnn_compile.training.config import TrainingConfig
-from locsnn_compile.training.state import EpochRecord, choose_epoch, learning_rate
+from locsnn_compile.training.schedule import choose_epoch, learning_rate
+from locsnn_compile.training.state import EpochRecord
 from locsnn_compile.training.train import TrainingResult, train
 
 CONFIG = TrainingConfig(hidden=8, epochs=4, batch_size=4, validation_fraction=0.25, learning_rate=0.01)

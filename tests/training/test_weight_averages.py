@@ -13,7 +13,8 @@ from torch import nn
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.training.config import TrainingConfig
 from locsnn_compile.training.profile import profile
-from locsnn_compile.training.state import EpochRecord, WeightAverage
+from locsnn_compile.training.schedule import WeightAverage
+from locsnn_compile.training.state import EpochRecord
 from locsnn_compile.training.train import train
 
 CONFIG = TrainingConfig(model="tactile-snn", hidden=4, epochs=4, batch_size=4, weight_average=0.9, refit=True)

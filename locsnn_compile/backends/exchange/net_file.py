@@ -7,8 +7,9 @@ import numpy as np
 
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.lava_dl.layers import Array, NetFile, NetLayer
+from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.network.projections import ChipProjection, Matrix, values_of
-from locsnn_compile.network.quantized import ChipCuba, QuantizedNetwork, QuantizedPopulation
+from locsnn_compile.network.quantized import QuantizedNetwork, QuantizedPopulation
 
 _WHERE = "--emit net"
 _OTHER = "Emit another kind."

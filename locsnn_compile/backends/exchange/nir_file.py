@@ -21,10 +21,11 @@ from scipy import sparse
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.nir.graph import Array, Edge, NirGraph, NirNode
 from locsnn_compile.frontends.nir.neurons import DT_SECONDS
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
 from locsnn_compile.network.network import Network, Population
 from locsnn_compile.network.neurons import Cuba
 from locsnn_compile.network.projections import ChipProjection, Matrix, Projection, by_delay, connections, values_of
-from locsnn_compile.network.quantized import ChipCuba, ChipSrm, QuantizedNetwork
+from locsnn_compile.network.quantized import QuantizedNetwork
 
 _VERSION = "1.0"
 

@@ -12,7 +12,8 @@ import numpy as np
 
 from hw_model.arithmetic.fixed_point import SIGN_MODES, weight_grid
 from hw_model.description.chip import Chip
-from hw_model.mapping.fan_in import SynapseFormat, SynapseLists, synapse_lists
+from hw_model.mapping.fan_in import SynapseFormat
+from hw_model.mapping.synapse_lists import SynapseLists, synapse_lists
 from hw_model.program.chip_program import Core
 from hw_model.rtl.memory_words import BitArray, Field, Layout, bits_for, bits_of
 from hw_model.values import Frozen, IntArray

@@ -20,9 +20,9 @@ from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.lava_dl.layers import NetFile, NetLayer, export_again, read_net
 from locsnn_compile.frontends.linear_maps import Ints, Shape, Window, check_entries, check_shape, convolution, pooling
 from locsnn_compile.frontends.parts import STEPS, Parts, eight_bit_signs
+from locsnn_compile.network.chip_neurons import ChipCuba, integers
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.projections import ChipProjection, Matrix, matrix, of_source, of_target, values_of
-from locsnn_compile.network.quantized import ChipCuba, integers
 
 INPUT = "input"
 DELAY_MAX = 62

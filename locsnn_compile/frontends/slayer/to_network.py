@@ -21,24 +21,16 @@ import numpy as np
 from hw_model.io.files import read_bytes
 from hw_model.mapping.graph import Axis
 from hw_model.values import FloatArray
+from locsnn_compile.data.orders import channel_walk, location_order
 from locsnn_compile.data.sensor import neutouch
-from locsnn_compile.data.taxels import channel_walk, location_order
 from locsnn_compile.data.tensors import FLOATS, Tensor
 from locsnn_compile.data.torch_file import load_plain
 from locsnn_compile.errors import InputError, check_known, check_most, check_same
 from locsnn_compile.frontends.parts import STEPS, VIEW_NAMES, Parts, eight_bit_signs, touch_fingertips
-from locsnn_compile.frontends.slayer.description import (
-    DEFAULT_ORDER,
-    LoihiNeuron,
-    SlayerConfig,
-    axis_of,
-    check_kernels,
-    cut,
-    dense_layer,
-    listed_layers,
-    read_config,
-)
+from locsnn_compile.frontends.slayer.config import DEFAULT_ORDER, LoihiNeuron, SlayerConfig, axis_of, read_config
+from locsnn_compile.frontends.slayer.layers import check_kernels, cut, dense_layer, listed_layers
 from locsnn_compile.models.checkpoint import FORMAT
+from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.network.projections import (
@@ -50,7 +42,6 @@ from locsnn_compile.network.projections import (
     values_of,
     with_values,
 )
-from locsnn_compile.network.quantized import ChipCuba
 
 MAX_WEIGHTS = 50_000_000
 DELAY_MAX = 62

@@ -13,9 +13,9 @@ import numpy as np
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_EXPONENTS, WeightGrid
 from hw_model.description.chip import Chip
 from hw_model.values import FloatArray, IntArray
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm, Refractory, integers
 from locsnn_compile.network.neurons import Cuba, SoftCuba
 from locsnn_compile.network.projections import Projection, row_sums
-from locsnn_compile.network.quantized import ChipCuba, ChipSrm, Refractory, integers
 from locsnn_compile.passes.kernels import keeps, rounded_decays
 from locsnn_compile.passes.rounding.task import Scaled, Task, checked_scale, exponent_holding, largest_charge, own_grid
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from hw_model.arithmetic.fixed_point import WEIGHT_EXPONENTS
 from hw_model.values import BoolArray, FloatArray, Frozen, IntArray
+from locsnn_compile.network.chip_neurons import ChipNeuron
 from locsnn_compile.network.projections import ChipProjection, Projection, of_target, values_of, with_values
-from locsnn_compile.network.quantized import ChipNeuron
 from locsnn_compile.passes.rounding.task import Scaled, Task
 
 MANTISSA_BITS = 8

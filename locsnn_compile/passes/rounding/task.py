@@ -8,9 +8,9 @@ from hw_model.arithmetic.fixed_point import WEIGHT_EXPONENTS, WeightGrid, weight
 from hw_model.description.chip import Chip
 from hw_model.values import FloatArray, Frozen
 from locsnn_compile.errors import TargetError
+from locsnn_compile.network.chip_neurons import ChipNeuron
 from locsnn_compile.network.network import Population
 from locsnn_compile.network.projections import ChipProjection, Projection, row_maxima
-from locsnn_compile.network.quantized import ChipNeuron
 from locsnn_compile.reference.evaluate import Calibration
 
 

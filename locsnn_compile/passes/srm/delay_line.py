@@ -19,8 +19,8 @@ from hw_model.arithmetic.fixed_point import DECAY_ONE, WeightGrid
 from hw_model.description.chip import Chip
 from hw_model.values import FloatArray, Frozen, IntArray
 from locsnn_compile.errors import TargetError
+from locsnn_compile.network.chip_neurons import ChipSrm, Refractory
 from locsnn_compile.network.neurons import SrmAlpha
-from locsnn_compile.network.quantized import ChipSrm, Refractory
 from locsnn_compile.passes.kernels import kernel, own_charges
 from locsnn_compile.passes.rounding.task import Task, exponent_holding, own_grid
 

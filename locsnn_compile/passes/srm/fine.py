@@ -15,17 +15,17 @@ import numpy as np
 from scipy import sparse
 
 from hw_model.values import BoolArray, ByteArray, FloatArray, Frozen, IntArray
+from locsnn_compile.network.chip_neurons import ChipSrm, Refractory
 from locsnn_compile.network.neurons import SrmAlpha, alpha_recursion
 from locsnn_compile.network.projections import Projection
 from locsnn_compile.network.projections import charge as charge_of
-from locsnn_compile.network.quantized import ChipSrm, Refractory
 from locsnn_compile.passes.kernels import keeps
 from locsnn_compile.passes.rounding.grades import Grades, coarsest, grades_for, in_grades, nearest, shares
 from locsnn_compile.passes.rounding.task import Rounded, Scaled, Task, heaviest_weight, own_grid
 from locsnn_compile.passes.rounding.together import Metric, round_together
 from locsnn_compile.passes.srm.quantize import dendrite_charge, of_a_dendrite, whole_mantissas
 from locsnn_compile.reference.evaluate import CHUNK, Calibration
-from locsnn_compile.reference.neurons import ChipSrmSteps
+from locsnn_compile.reference.integer_neurons import ChipSrmSteps
 
 INPUTS_MAX = 2048
 """Inputs of a population beyond which their Gram matrix is not made."""

@@ -13,8 +13,8 @@ import numpy as np
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WeightGrid
 from hw_model.values import FloatArray, IntArray
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm, Refractory, integers
 from locsnn_compile.network.neurons import SrmAlpha
-from locsnn_compile.network.quantized import ChipCuba, ChipNeuron, ChipSrm, Refractory, integers
 from locsnn_compile.passes.kernels import alpha_kernel, fitted_decays
 from locsnn_compile.passes.rounding.task import Scaled, Task, checked_scale, exponent_holding, heaviest_weight, own_grid
 from locsnn_compile.passes.srm import delay_line

@@ -10,12 +10,14 @@ from dataclasses import asdict
 import numpy as np
 
 import hw_model as hw
-from hw_model.accounting.activity import counted, routes_of
+from hw_model.accounting.activity import counted
 from hw_model.accounting.cost import PARTS
+from hw_model.accounting.mesh_routes import routes_of
 from hw_model.accounting.usage import PhaseUsage
 from hw_model.description.counts import BY_CORE, Counts, total
 from hw_model.description.profile import UNPRICED
-from hw_model.program.chip_program import ChipProgram, Core, pieces_of
+from hw_model.program.chip_program import ChipProgram, Core
+from hw_model.program.pieces import pieces_of
 from hw_model.values import FloatArray
 from locsnn_compile.network.network import Network
 from locsnn_compile.report.content import Document

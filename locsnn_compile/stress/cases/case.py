@@ -11,10 +11,10 @@ import yaml
 from hw_model.io.yaml_text import FAST_LOADER
 from hw_model.mapping.graph import Readout
 from hw_model.values import ArrayLike, ByteArray, FloatArray, Frozen, IntArray
+from locsnn_compile.network.chip_neurons import ChipNeuron
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import Cuba, Neuron, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Projection, Signs, matrix
-from locsnn_compile.network.quantized import ChipNeuron
 from locsnn_compile.passes.rounding.task import FINE, Rounding
 from locsnn_compile.report.templates import filled
 from locsnn_compile.settings import NATIVE, USUAL

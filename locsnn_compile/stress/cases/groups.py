@@ -14,9 +14,9 @@ import yaml
 
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS, WEIGHT_EXPONENTS
 from hw_model.io.yaml_text import FAST_LOADER
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm
 from locsnn_compile.network.neurons import Rule
 from locsnn_compile.network.projections import Signs
-from locsnn_compile.network.quantized import ChipCuba, ChipNeuron, ChipSrm
 from locsnn_compile.passes.rounding.task import FINE, NEAREST, Rounding
 from locsnn_compile.report.templates import filled
 from locsnn_compile.settings import NATIVE, USUAL

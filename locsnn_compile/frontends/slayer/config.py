@@ -1,10 +1,4 @@
-"""The YAML next to a slayerPytorch checkpoint: neuron, step, location order, and the layers that weights belong to.
-
-The layers become matrices: dense ones, or those of the YAML's list. slayerPytorch samples ``k / tau * exp(1 - k /
-tau)``, times a factor, and stops at the first step beyond tau whose value is below 0.01: of the published neuron, 77
-taps of the input kernel and 11 of the refractory one remain. Recursive dendrites hold the whole tail, and a chip's
-delays (62 steps) could not cut it.
-"""
+"""The YAML next to a slayerPytorch checkpoint: neuron, step, and the location order where a network walks one."""
 
 import math
 import re
@@ -12,16 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from hw_model.io.files import read_bytes
 from hw_model.io.yaml_text import load_yaml
 from hw_model.mapping.graph import Axis
-from hw_model.values import FloatArray, Frozen
-from locsnn_compile.errors import InputError, check_same, did_you_mean
-from locsnn_compile.frontends.linear_maps import Shape, Window, convolution, pooling
-from locsnn_compile.network.neurons import SrmAlpha, alpha_taps
-from locsnn_compile.network.projections import Matrix
+from hw_model.values import Frozen
+from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.network.neurons import SrmAlpha
 
 MAX_CONFIG_BYTES = 200_000
 MAX_LAYERS = 1000
@@ -183,83 +173,3 @@ def _whole(section: Mapping[Any, Any], key: str, where: str, default: int | None
     if isinstance(value, bool) or not isinstance(value, int | float) or value != value // 1 or abs(value) > 2**31:
         raise InputError(where, f"{key} must be a whole number", measured=f"{value!r}"[:40], fix="Correct it.")
     return int(value)
-
-
-_CLOSE = 1e-3
-
-
-def dense_layer(kernel: FloatArray, where: str) -> tuple[Matrix, int]:
-    """Return the matrix (out, in) and the channels of a layer that sees its whole input.
-
-    That may be an image (channels, height, width).
-    """
-    if kernel.ndim == 2 or (kernel.ndim == 5 and kernel.shape[4] == 1):
-        if math.prod(kernel.shape):
-            return kernel.reshape(len(kernel), -1), len(kernel)
-    fix = "Use slayer.dense layers, or list all layers in the YAML, as layer: [{dim: 34x34x2}, {dim: 16c5z}, ...]."
-    raise InputError(where, "it is not a dense layer", measured=f"weight {kernel.shape}", fix=fix)
-
-
-def listed_layers(
-    kernels: Mapping[str, FloatArray], entries: tuple[LayerEntry, ...], where: str
-) -> dict[str, tuple[Matrix, int]]:
-    """Return the matrix and the channels of every kernel, which are those of the list behind its input, in order."""
-    weighted = entries[1:]
-    what, fix = "the YAML lists another number of layers", "List the input and every layer that has weights."
-    check_same(len(weighted), len(kernels), where, what, fix=fix)
-    width, height, channels = entries[0].numbers
-    shape: Shape = (channels, height, width)
-    found: dict[str, tuple[Matrix, int]] = {}
-    for (name, kernel), entry in zip(kernels.items(), weighted, strict=True):
-        matrix, shape = _listed(kernel, entry, shape, f"{where}, layer {name!r}")
-        found[name] = matrix, shape[0]
-    return found
-
-
-def _listed(kernel: FloatArray, entry: LayerEntry, given: Shape, where: str) -> tuple[Matrix, Shape]:
-    if entry.kind == "dense":
-        (size,), inputs = entry.numbers, math.prod(given)
-        return _shaped(kernel, (size, inputs), f"{size} x {inputs}", where), (size, 1, 1)
-    # Of an image of one row, convolutions have kernels of one row.
-    flat = given[1] == 1 and entry.kind == "conv"
-    side, stride, padding, dilation = entry.numbers[-1], entry.stride, entry.padding, entry.dilation
-    shape = (1 if flat else side, side)
-    row = (1, 0, 1) if flat else (stride, padding, dilation)
-    window = Window((row[0], stride), (row[1], padding), (row[2], dilation))
-    if entry.kind == "pool":
-        fill = tuple(-n % side for n in given[1:])
-        return pooling(_shaped(kernel, shape, f"{shape}", where), given, window, fill=fill, where=where)
-    whole = (entry.numbers[0], given[0] // max(entry.groups, 1), *shape)
-    return convolution(_shaped(kernel, whole, f"{whole}", where), given, window, groups=entry.groups, where=where)
-
-
-def _shaped(kernel: FloatArray, shape: Shape, wanted: str, where: str) -> FloatArray:
-    """Return weights in a shape; refuse another number of them."""
-    if kernel.size == math.prod(shape):
-        return kernel.reshape(shape)
-    what, fix = "its weights are not those that the YAML lists", "Give the YAML that this checkpoint was trained with."
-    raise InputError(where, what, measured=f"{kernel.shape} against {wanted}", fix=fix)
-
-
-def cut(neuron: SrmAlpha | LoihiNeuron) -> SrmAlpha:
-    """Return neurons whose kernels end where slayerPytorch ends them; others have none, an ``InputError``."""
-    if not isinstance(neuron, SrmAlpha):
-        raise InputError("kernels 'cut'", "LOIHI neurons have no kernels", fix="Leave the option out.")
-    return neuron.cut()
-
-
-def check_kernels(tensors: Mapping[str, Any], config: SlayerConfig, where: str) -> None:
-    """Compare the kernels that a checkpoint holds with those of the description: they must be one model's."""
-    for key, values in tensors.items():
-        module, _, name = key.rpartition(".")
-        neuron = config.neuron_of(module)
-        if name not in ("srmKernel", "refKernel") or not isinstance(neuron, SrmAlpha):
-            continue
-        constants = (neuron.tau_sr, 1.0) if name == "srmKernel" else (neuron.tau_ref, -neuron.scale_ref * neuron.theta)
-        held, made = values.reshape(-1), alpha_taps(*constants)
-        shared = min(len(held), len(made))
-        scale = max(float(np.abs(made).max(initial=0)), 1e-9)
-        apart = np.abs(held[:shared] - made[:shared]).max(initial=0.0)
-        if apart > _CLOSE * scale:
-            what, fix = "the kernel is not that of the config", "Give the YAML that this checkpoint was trained with."
-            raise InputError(f"{where}, entry {key!r}", what, measured=f"{apart:.3g} apart", fix=fix)

@@ -1,0 +1,165 @@
+"""Neurons and projections whose every number is an integer that the chip holds.
+
+They are what ``quantize`` makes of float ones, and also what a network trained on the chip's own arithmetic consists of
+from the start: those are kept as they are. Notation of the equations: ``rz(x, d)`` is what a decay d of 4096 leaves of
+x, truncated toward zero; ``q(t)`` the effective weights of all spikes that arrive at step t, wrapped to the charge's
+width; u wraps, v is clipped. A spike of step t arrives at step ``t + 1 + delay``. Every parameter of a neuron is an
+int64 array (n,).
+"""
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+
+from hw_model.values import ArrayLike, BoolArray, Frozen, IntArray, Shown
+from locsnn_compile.network.neurons import Neuron, Parameter, spread
+from locsnn_compile.network.projections import matrix
+
+
+class ChipNeuron(Neuron, Frozen, eq=False):
+    """What all neurons in the chip's integers have; see those that derive from it."""
+
+    decay_u: IntArray
+    decay_v: IntArray
+    threshold: IntArray
+
+    on_grid = True
+
+    @property
+    def spikes_at(self) -> IntArray:
+        """The register's threshold."""
+        return 64 * self.threshold
+
+    @property
+    def strategy(self) -> str:
+        """The strategy that lays this neuron out; ``native`` where it is one compartment."""
+        return "native"
+
+    @property
+    def registers(self) -> dict[str, IntArray]:
+        """What its soma has besides decays and threshold, by the names of ``Compartments``; else nothing."""
+        return {}
+
+    @property
+    def parts(self) -> dict[str, tuple[IntArray, IntArray]]:
+        """Both decays of each kind of dendrite next to a memoryless soma, inputs onto the first; none of ``native``."""
+        return {}
+
+    @property
+    def own(self) -> "dict[str, Refractory]":
+        """Self-synapses by the kind of dendrite that they reach."""
+        return {}
+
+
+class ChipCuba(Shown, ChipNeuron):
+    """One compartment a neuron, with the chip's own reset.
+
+        u(t) = rz(u(t - 1), decay_u) + q(t)
+        v(t) = rz(v(t - 1), decay_v) + u(t) + bias_mantissa * 2^bias_exponent
+
+    It spikes where ``v(t) > 64 * threshold``; then v = 0, and stays so without a spike for ``refractory - 1`` steps.
+    """
+
+    bias_mantissa: IntArray
+    bias_exponent: IntArray
+    refractory: IntArray
+
+    usual: ClassVar[Mapping[str, float]] = {"bias_mantissa": 0, "bias_exponent": 0, "refractory": 1}
+
+    @property
+    def biased(self) -> BoolArray:
+        """Which neurons have a bias."""
+        return np.asarray(self.bias_mantissa != 0)
+
+    @property
+    def registers(self) -> dict[str, IntArray]:
+        """Bias and refractory count."""
+        return {key: getattr(self, key) for key in ("bias_mantissa", "bias_exponent", "refractory")}
+
+
+class Refractory(Frozen, eq=False):
+    """Own spikes come back through self-synapses, one row a tap: to the alpha dendrite, or to one of their own.
+
+    Tap k has a ``delay[k]`` in steps and an ``exponent[k]``, both (taps,), and mantissas ``mantissa[k]``, (taps, n),
+    -255..255, below 0 where a spike inhibits. The weights of one delay add up. With a ``decay`` (n,) they drive a
+    refractory dendrite: ``s(t) = rz(s(t - 1), decay) + q_own(t)``, ``r(t) = rz(r(t - 1), decay) + s(t)``.
+    """
+
+    delay: IntArray
+    mantissa: IntArray
+    exponent: IntArray
+    decay: IntArray | None = None
+
+    @classmethod
+    def of(
+        cls,
+        size: int,
+        mantissa: ArrayLike,
+        exponent: ArrayLike,
+        delay: ArrayLike = 0,
+        refractory_decay: ArrayLike | None = None,
+    ) -> "Refractory":
+        """Make those of ``size`` neurons: taps (taps,), or one, their mantissas (taps,) or (taps, size)."""
+        delays, each = np.atleast_1d(delay), np.atleast_1d(mantissa)
+        taps = len(delays)
+        mantissas = matrix(np.broadcast_to(each[:, None] if each.ndim == 1 else each, (taps, size)), np.int64)
+        decay = None if refractory_decay is None else integers(refractory_decay, size)
+        return cls(integers(delays, taps), mantissas, integers(exponent, taps), decay)
+
+    def parameters(self, size: int) -> list[Parameter]:
+        """Return its arrays."""
+        taps = len(self.delay)
+        found = [
+            Parameter("tap exponent", self.exponent, (taps,)),
+            Parameter("tap mantissa", self.mantissa, (taps, size)),
+        ]
+        return found if self.decay is None else [Parameter("refractory decay", self.decay, (size,)), *found]
+
+
+class ChipSrm(Shown, ChipNeuron):
+    """A neuron without reset: a memoryless soma to which dendrites add their voltages.
+
+        u(t) = rz(u(t - 1), decay_u) + q(t)                  the alpha dendrite
+        v(t) = rz(v(t - 1), decay_v) + u(t)
+        potential(t) = v(t) + r(t)                           r of a refractory dendrite; without one, 0
+
+    It spikes where ``potential(t) > 64 * threshold``; nothing is reset. Without a refractory dendrite, own spikes are
+    part of ``q``. A neuron may have ``dendrites`` of both kinds, with the same decays, each with inputs of its own and
+    own spikes of the refractory weight: the potential is the sum of all, and may be as many times as large.
+    """
+
+    refractory: Refractory
+    dendrites: int = 1
+
+    @classmethod
+    def with_taps(cls, size: int, *, decay: ArrayLike, threshold: ArrayLike, **taps: Any) -> "ChipSrm":
+        """Make ``size`` neurons of one decay, with taps as :meth:`Refractory.of` makes them."""
+        return cls.of(size, decay_u=decay, decay_v=decay, threshold=threshold, refractory=Refractory.of(size, **taps))
+
+    @property
+    def strategy(self) -> str:
+        """The strategy that lays this neuron out."""
+        if self.refractory.decay is None:
+            return "delay-line"
+        return "dendrite" if self.dendrites == 1 else "paired-dendrite"
+
+    @property
+    def parts(self) -> dict[str, tuple[IntArray, IntArray]]:
+        """The alpha dendrite, and the refractory one if there is any."""
+        own, alpha = self.refractory.decay, {"dendrite": (self.decay_u, self.decay_v)}
+        return alpha if own is None else alpha | {"refractory": (own, own)}
+
+    @property
+    def own(self) -> dict[str, Refractory]:
+        """Self-synapses onto the alpha dendrite, or onto the refractory one."""
+        return {"dendrite" if self.refractory.decay is None else "refractory": self.refractory}
+
+    def parameters(self, size: int) -> list[Parameter]:
+        """Return its arrays, those of the refractory part included."""
+        return super().parameters(size) + self.refractory.parameters(size)
+
+
+def integers(value: ArrayLike, size: int) -> IntArray:
+    """Return a read-only int64 array (size,) of one integer or of as many."""
+    return spread(value, size, np.int64)
