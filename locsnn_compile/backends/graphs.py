@@ -10,7 +10,7 @@ import hw_model as hw
 from hw_model.io.xml_text import xml_file, xml_text
 from hw_model.program.chip_program import Core
 from hw_model.values import Frozen
-from locsnn_compile.report.pieces import Pieces
+from locsnn_compile.texts.pieces import Pieces
 
 Values = Mapping[str, str | int | bool]
 Edge = tuple[str, str, Values]

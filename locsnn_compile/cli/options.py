@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.errors import InputError
-from locsnn_compile.report.templates import sections
+from locsnn_compile.texts.templates import sections
 
 if TYPE_CHECKING:
     from locsnn_compile.data.recordings import Recordings

@@ -9,7 +9,7 @@ from hw_model.errors import listed as listed
 from hw_model.io.yaml_text import FAST_LOADER
 from locsnn_compile.report import format as numbers
 from locsnn_compile.report.format import SILENT, time
-from locsnn_compile.report.templates import Filler, filled
+from locsnn_compile.texts.templates import Filler, filled
 
 ASSUMED = "What was assumed:"
 """Stands above the assumptions wherever they are shown."""

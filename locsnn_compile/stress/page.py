@@ -16,9 +16,9 @@ from locsnn_compile.report.figures.flat import csv_bytes, flatten
 from locsnn_compile.report.format import count, plural
 from locsnn_compile.report.pictures.chart import Panel, draw
 from locsnn_compile.report.renderers.markdown import line, text
-from locsnn_compile.report.templates import filled
 from locsnn_compile.stress.cases import LEADS
 from locsnn_compile.stress.row import VERDICTS, Drift, Row, by_verdict, stress_document
+from locsnn_compile.texts.templates import filled
 
 BEGIN, END = "<!-- stress: begin -->", "<!-- stress: end -->"
 PICTURES = "images"

@@ -126,7 +126,7 @@ class TrainingConfig(Shown, eq=True):
       synapse of every delay from every channel. ``location_delays``: onto the location branch, in locations, likewise.
     - ``hidden``: of a hidden layer; of networks with a graph of the first one, and the second has twice as many.
       ``graph`` joins the taxels (``neighbours`` and ``nearer_mm``: see
-      :func:`locsnn_compile.data.orders.taxel_graph`); ``hops``, ``features`` and ``step_features``: see
+      :func:`locsnn_compile.data.taxel_graph.taxel_graph`); ``hops``, ``features`` and ``step_features``: see
       :class:`locsnn_compile.models.graph_and_windows.GraphParameters`.
     - ``window_steps``, ``window_stride`` and ``window_levels`` (numbers of events, separated by spaces): see
       :class:`locsnn_compile.models.graph_and_windows.WindowParameters`.

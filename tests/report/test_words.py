@@ -8,10 +8,10 @@ import yaml
 
 import locsnn_compile
 from locsnn_compile.report.content import Block, Fact, Facts, Table
-from locsnn_compile.report.pieces import Pieces
-from locsnn_compile.report.templates import sections
 from locsnn_compile.report.told import facts, notice, table
 from locsnn_compile.report.words import OPERATIONS, STAGES, fill, section_words, sentence, words
+from locsnn_compile.texts.pieces import Pieces
+from locsnn_compile.texts.templates import sections
 from locsnn_compile.verification.error_budget.budget import STAGES as COMPILED
 
 REPORT = Path(locsnn_compile.__file__).parent / "report"
@@ -64,7 +64,7 @@ def test_every_block_has_a_piece_in_every_form(file):
 
 
 def test_pieces_hold_what_is_there():
-    pieces = Pieces("locsnn_compile.report.renderers", "pieces.html", str.upper)
+    pieces = Pieces("locsnn_compile.report.renderers", "pieces.html", str.upper, given={"assumed": "assumed"})
     assert pieces.each([Fact("a", "b")], "fact") == "<div><dt>A</dt><dd>B</dd></div>"
     assert (pieces.some((), "assumed"), pieces.each(["c", Facts(())])) == (
         "",

@@ -15,7 +15,7 @@ from hw_model.io.yaml_text import FAST_LOADER
 from hw_model.values import Frozen
 from locsnn_compile.backends.sanafe.rules import UNIT_SIZE
 from locsnn_compile.errors import InputError
-from locsnn_compile.report.templates import filled
+from locsnn_compile.texts.templates import filled
 
 SYNAPSE, DENDRITE, SOMA, REPLAY, LINE = "synapse", "dendrite", "soma", "replay", "line"
 """Names of units: what a compartment has, a soma that plays spikes back, and the host's for one input line."""

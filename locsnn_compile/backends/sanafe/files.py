@@ -10,7 +10,7 @@ from locsnn_compile.backends.sanafe.architecture import PROFILE, TileUse, archit
 from locsnn_compile.backends.sanafe.network import PhaseNetwork
 from locsnn_compile.backends.sanafe.rules import UNIT_SIZE, obstacles, updates
 from locsnn_compile.errors import check_most
-from locsnn_compile.report.templates import filled
+from locsnn_compile.texts.templates import filled
 
 FOLDER = "sanafe"
 PARTS = {

@@ -17,7 +17,7 @@ from locsnn_compile.backends.played import Played, code_span
 from locsnn_compile.backends.vectors.synapse_image import synapse_image, synapse_layouts
 from locsnn_compile.errors import check_most
 from locsnn_compile.report.figures.flat import picked
-from locsnn_compile.report.templates import filled
+from locsnn_compile.texts.templates import filled
 
 FORMAT, VERSION = "locsnn-vectors", 1
 FOLDER = "vectors"

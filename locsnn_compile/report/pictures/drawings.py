@@ -13,7 +13,7 @@ from typing import Any
 
 from locsnn_compile.report.content import Bar, Mesh, Plot, Raster, Span, Stack
 from locsnn_compile.report.format import plain
-from locsnn_compile.report.pieces import Pieces
+from locsnn_compile.texts.pieces import Pieces
 
 AXIS_HEIGHT = 38
 """Pixels that the horizontal axis takes below a picture: ticks, their texts and the label."""

@@ -7,9 +7,9 @@ from locsnn_compile.report import content
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.format import plain, shortened
 from locsnn_compile.report.pictures import drawings
-from locsnn_compile.report.pieces import Pieces
-from locsnn_compile.report.templates import filled
-from locsnn_compile.report.words import SIGNS
+from locsnn_compile.report.words import ASSUMED, SIGNS
+from locsnn_compile.texts.pieces import Pieces
+from locsnn_compile.texts.templates import filled
 
 if TYPE_CHECKING:
     from locsnn_compile.verification.excerpt import Excerpt
@@ -107,4 +107,7 @@ def _breakable(name: str) -> str:
 
 _DRAWINGS = ("stack", "span", "mark", "plot", "curve_mark", "raster", "stroke_mark", "mesh")
 _SHOWN = {name: getattr(drawings, name) for name in _DRAWINGS}
-_PIECES = Pieces(__package__, "pieces.html", text, folded=True, sign=SIGNS.__getitem__, table=_table, **_SHOWN)
+_GIVEN = {"assumed": ASSUMED}
+_PIECES = Pieces(
+    __package__, "pieces.html", text, folded=True, given=_GIVEN, sign=SIGNS.__getitem__, table=_table, **_SHOWN
+)

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 from locsnn_compile.report import content
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.format import plain
-from locsnn_compile.report.pieces import Pieces
+from locsnn_compile.report.words import ASSUMED
+from locsnn_compile.texts.pieces import Pieces
 
 if TYPE_CHECKING:
     from locsnn_compile.verification.excerpt import Excerpt
@@ -45,4 +46,4 @@ def line(cells: Sequence[str]) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-_PIECES = Pieces(__package__, "pieces.md", text, table=_table)
+_PIECES = Pieces(__package__, "pieces.md", text, given={"assumed": ASSUMED}, table=_table)

@@ -16,7 +16,7 @@ from locsnn_compile.reference.evaluate import decided, evaluate
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import Document
 from locsnn_compile.report.renderers.html import text
-from locsnn_compile.report.templates import filled
+from locsnn_compile.texts.templates import filled
 from locsnn_compile.verification.matching import Divergence
 
 

@@ -16,8 +16,8 @@ from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import Cuba, Neuron, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Projection, Signs, matrix
 from locsnn_compile.passes.rounding.task import FINE, Rounding
-from locsnn_compile.report.templates import filled
 from locsnn_compile.settings import NATIVE, USUAL
+from locsnn_compile.texts.templates import filled
 
 POPULATION, TOUCH = "n", "touch"
 NEURONS, CHANNELS, STEPS, SAMPLES, RATE = 4, 6, 200, 2, 0.3

@@ -18,10 +18,10 @@ from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm
 from locsnn_compile.network.neurons import Rule
 from locsnn_compile.network.projections import Signs
 from locsnn_compile.passes.rounding.task import FINE, NEAREST, Rounding
-from locsnn_compile.report.templates import filled
 from locsnn_compile.settings import NATIVE, USUAL
 from locsnn_compile.stress.cases import case as usual
 from locsnn_compile.stress.cases.case import Case, case_of, lif, lif_case, srm, srm_cases, weights
+from locsnn_compile.texts.templates import filled
 
 STEPS_OF_TAU = (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 8000, 10_000)
 SHORT, LONG, FROM = 200, 2000, 200

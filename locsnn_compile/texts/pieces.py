@@ -3,8 +3,7 @@
 from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any
 
-from locsnn_compile.report.templates import Filler, sections
-from locsnn_compile.report.words import ASSUMED
+from locsnn_compile.texts.templates import Filler, sections
 
 
 class Pieces(Filler):
@@ -12,7 +11,7 @@ class Pieces(Filler):
 
     ``{facts:each fact}`` stands for a piece of that name for each fact, ``{blocks:each}`` for one by the type of
     each block, ``{facts:some facts}`` for one if there are any. Values with no format are escaped; ``shown`` are
-    further formats. Line breaks are left out if ``folded``.
+    further formats. Line breaks are left out if ``folded``. ``given`` fills places ``@@name@@`` of the file.
     """
 
     def __init__(
@@ -22,12 +21,13 @@ class Pieces(Filler):
         escape: Callable[[str], str],
         *,
         folded: bool = False,
+        given: Mapping[str, str] | None = None,
         **shown: Callable[..., str],
     ) -> None:
         super().__init__(
             {"": lambda value: escape(str(value)), "raw": str, "each": self.each, "some": self.some, **shown}
         )
-        found = sections(package, file, assumed=ASSUMED)
+        found = sections(package, file, **(given or {}))
         self._pieces = {name: "".join(piece.splitlines()) if folded else piece for name, piece in found.items()}
 
     def each(self, values: Iterable[Any], name: str = "") -> str:
