@@ -7,8 +7,8 @@ from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from hw_model.description.counts import BY_CORE, COUNT_NAMES
 from hw_model.description.profile import NotIncluded, Profile, Range
-from hw_model.errors import InputError, check_most, did_you_mean
-from hw_model.io.given import size_of
+from hw_model.errors import InputError, did_you_mean
+from hw_model.io.files import parsing, read_bytes
 from hw_model.io.yaml_text import load_yaml
 from hw_model.values import Frozen
 
@@ -25,23 +25,16 @@ _COUNTED = {"energy_pj": COUNT_NAMES, "bound_pj": COUNT_NAMES, "time_ns": TIMED}
 
 def read_description(path: Path, what: str, example: str) -> str:
     """Return the text of a file that describes a chip or a profile; ``example``: files that it should be like."""
-    try:
-        fix, too_large = f"Give a {what} file like {example}.", f"the file is too large for a {what} description"
-        check_most(size_of(path), MAX_FILE_BYTES, path.name, too_large, unit="bytes", fix=fix)
-        return path.read_text("utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        fix = f"Give the path of a {what} YAML file."
-        raise InputError(path.name, f"the {what} file cannot be read: {_reason(error)}", fix=fix) from error
+    missing = f"Give the path of a {what} YAML file."
+    content = read_bytes(path, path.name, MAX_FILE_BYTES, f"Give a {what} file like {example}.", missing)
+    with parsing(path.name, "it is not UTF-8 text", fix=missing):
+        return content.decode("utf-8")
 
 
 def parse(cls: type[T], text: str, where: str, key: str, **given: object) -> T:
     """Read a dataclass from YAML text; every missing, unknown or mistyped key is an ``InputError``."""
     document = load_yaml(text, where, f"the {key} file is not YAML{{line}}", "Compare it with a chip that ships.")
     return _Reader(where).build(cls, document, key, **given)
-
-
-def _reason(error: OSError | UnicodeDecodeError) -> str:
-    return "it is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else (error.strerror or "unknown")
 
 
 class _Reader(Frozen):

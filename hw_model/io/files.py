@@ -3,12 +3,13 @@
 import io
 import os
 import zipfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
-from hw_model.errors import InputError, check_most
+from hw_model.errors import InputError, LocsnnError, check_most
 from hw_model.io.given import check_path, is_plain
 from hw_model.io.partial import locked, partial_path, remove, remove_leftovers, sync
 from hw_model.values import AnyArray
@@ -39,8 +40,17 @@ def replace_file(path: Path, content: bytes, where: str) -> None:
         remove(partial)
 
 
-def read_bytes(path: Path, where: str, most: int = MAX_FILE_BYTES, fix: str = "Give a smaller file.") -> bytes:
-    """Return the bytes of a file; ``InputError`` where it is missing, unreadable, a folder or too large."""
+def read_bytes(
+    path: Path,
+    where: str,
+    most: int = MAX_FILE_BYTES,
+    fix: str = "Give a smaller file.",
+    missing: str = "Check the path.",
+) -> bytes:
+    """Return the bytes of a file; ``InputError`` where it is missing, unreadable, a folder or too large.
+
+    ``fix`` is the way out for a file that is too large, ``missing`` for one that cannot be read.
+    """
     try:
         found = path.stat()
         if not is_plain(found):
@@ -48,7 +58,21 @@ def read_bytes(path: Path, where: str, most: int = MAX_FILE_BYTES, fix: str = "G
         check_most(found.st_size, most, where, "it is too large", unit="bytes", fix=fix)
         return path.read_bytes()
     except OSError as error:
-        raise InputError(where, "it cannot be read", measured=error.strerror or "", fix="Check the path.") from None
+        raise InputError(where, "it cannot be read", measured=error.strerror or "", fix=missing) from None
+
+
+@contextmanager
+def parsing(where: str, what: str, *, fix: str) -> Iterator[None]:
+    """Turn whatever a parser raises on damaged bytes into one ``InputError``; our own errors pass.
+
+    Parsers raise many more kinds of exception than they document, and each means the same to the user.
+    """
+    try:
+        yield
+    except LocsnnError:
+        raise
+    except Exception as error:
+        raise InputError(where, what, fix=fix) from error
 
 
 def check_file(path: Path, where: str) -> None:

@@ -63,14 +63,6 @@ def is_plain(found: os.stat_result) -> bool:
     return stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)
 
 
-def size_of(path: Path) -> int:
-    """Return the bytes of a file; ``OSError`` for a pipe or a device."""
-    found = path.stat()
-    if not is_plain(found):
-        raise OSError(errno.EINVAL, "it is not a plain file")
-    return found.st_size
-
-
 def _bound(signature: inspect.Signature, args: Any, kwargs: Any) -> Mapping[str, Any]:
     """Return arguments by name; none of a call that Python itself refuses, with its own error."""
     try:

@@ -1,4 +1,7 @@
-"""Zip archives of strangers: zipfile builds an object for every entry that a directory claims, and unpacks unasked."""
+"""Untrusted zip archives.
+
+zipfile builds an object for every entry that a directory claims, and unpacks as much as the data gives.
+"""
 
 import os
 import struct
@@ -12,10 +15,29 @@ _LOCATOR, _LOCATOR_BYTES = b"PK\x06\x07", 20
 _END64, _END64_BYTES = b"PK\x06\x06", 56
 
 
-def open_archive(stream: IO[bytes]) -> zipfile.ZipFile:
-    """Return an archive to read, its directory checked; raises what zipfile and :func:`check_directory` do."""
-    check_directory(stream)
-    return zipfile.ZipFile(stream)
+class BoundedZip(zipfile.ZipFile):
+    """An archive to read whose directory was checked; raises what zipfile and :func:`check_directory` do."""
+
+    def __init__(self, stream: IO[bytes]) -> None:
+        check_directory(stream)
+        super().__init__(stream)
+
+    @property
+    def unpacked_bytes(self) -> int:
+        """What all entries claim to hold."""
+        return sum(entry.file_size for entry in self.infolist())
+
+    def content(self, name: str) -> bytes:
+        """Return the bytes of an entry, and unpack no more than it claims.
+
+        ``read()`` would unpack 2 GiB for an entry that claims one byte. Raises what zipfile raises, and ``ValueError``
+        for compression methods that it cannot stop.
+        """
+        entry = self.getinfo(name)
+        if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            raise ValueError(f"packed by method {entry.compress_type}")
+        with self.open(entry) as packed:
+            return packed.read(entry.file_size)
 
 
 def check_directory(stream: IO[bytes]) -> None:
@@ -34,14 +56,3 @@ def check_directory(stream: IO[bytes]) -> None:
         (size,) = struct.unpack_from("<Q", tail, before + 40)
     if size > MAX_DIRECTORY_BYTES:
         raise ValueError(f"a directory of {size} bytes")
-
-
-def read_entry(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> bytes:
-    """Return the bytes of an entry, and unpack no more than it claims: ``read()`` would take 2 GiB for a claimed byte.
-
-    Raises what zipfile raises, and ``ValueError`` for methods of packing that it cannot stop.
-    """
-    if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-        raise ValueError(f"packed by method {entry.compress_type}")
-    with archive.open(entry) as packed:
-        return packed.read(entry.file_size)

@@ -6,19 +6,19 @@ Nothing in either file is executed when it is read; a damaged, swapped or newer 
 import hashlib
 import io
 import math
-import stat
-import zipfile
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
 from hw_model.description.chip import parse_chip
-from hw_model.errors import InputError, LocsnnError
+from hw_model.errors import InputError
+from hw_model.io.files import parsing, read_bytes
 from hw_model.io.folders import finish_writing
 from hw_model.io.given import checked
+from hw_model.io.npy import load_npy
 from hw_model.io.yaml_text import FAST_LOADER, load_yaml
-from hw_model.io.zip_directory import open_archive
+from hw_model.io.zip_directory import BoundedZip
 from hw_model.mapping.fan_in import SynapseFormat
 from hw_model.mapping.graph import Input, Phase, Readout, held
 from hw_model.mapping.placement import Slice
@@ -26,7 +26,7 @@ from hw_model.mapping.routing import AxonTables, InputRoute
 from hw_model.program.check import OF_SYNAPSES, check_program
 from hw_model.program.chip_program import ChipProgram, CompartmentProfile, Core
 from hw_model.program.write import AXON_ARRAYS, CORE_ARRAYS, FORMAT, INPUT_ENTRIES, RECORDINGS, ROUTE_ARRAYS, VERSION
-from hw_model.values import IntArray
+from hw_model.values import IntArray, sealed
 
 MAX_FILE_BYTES = 2 << 30
 MAX_ARRAY_BYTES, MAX_PACKING = 3 << 29, 64
@@ -38,12 +38,16 @@ MAX_YAML_NODES = 2_000_000
 @checked
 def load_program(folder: str | Path) -> ChipProgram:
     """Read a program; anything missing, damaged, swapped or newer is an ``InputError``."""
-    finish_writing(Path(folder))
-    yaml_bytes, npz_bytes = (_read(Path(folder) / name) for name in ("program.yaml", "program.npz"))
+    path, fix = Path(folder), "Give the folder that the compiler wrote."
+    finish_writing(path)
+    yaml_bytes, npz_bytes = (
+        read_bytes(path / name, f"program {str(path)!r}, {name}", MAX_FILE_BYTES, "Compile again.", fix)
+        for name in ("program.yaml", "program.npz")
+    )
     asked = "program.yaml", "the file is not YAML: it is damaged", "Compile again."
     document = load_yaml(yaml_bytes, *asked, loader=FAST_LOADER, most_nodes=MAX_YAML_NODES)
     if not isinstance(document, dict) or document.get("format") != FORMAT:
-        raise InputError("program.yaml", "this is not a program", fix="Give the folder that the compiler wrote.")
+        raise InputError("program.yaml", "this is not a program", fix=fix)
     if document.get("version") != VERSION:
         measured = f"{document.get('version')!r} against {VERSION}"
         fix = "Compile it again, or use the release that wrote it."
@@ -51,54 +55,24 @@ def load_program(folder: str | Path) -> ChipProgram:
     if hashlib.sha256(npz_bytes).hexdigest() != document.get("arrays_sha256"):
         what = "the checksum differs: it is damaged, or of another program"
         raise InputError("program.npz", what, fix="Compile again.")
-    try:
+    with parsing("program.yaml", "its entries do not make a program", fix="Compile again."):
         program = _program(document, _unpack(npz_bytes))
         check_program(program)
-    except LocsnnError:
-        raise
-    # Entries of any kind in any place, and archives that zipfile and numpy were not made for.
-    except Exception as error:
-        raise InputError("program.yaml", "its entries do not make a program", fix="Compile again.") from error
-    return program
+        return program
 
 
 def _unpack(content: bytes) -> dict[str, IntArray]:
+    """Return the int64 vectors of the archive by name, read-only; any exception where there is something else."""
     arrays: dict[str, IntArray] = {}
-    with open_archive(io.BytesIO(content)) as archive:
-        if sum(entry.file_size for entry in archive.infolist()) > max(MAX_ARRAY_BYTES, MAX_PACKING * len(content)):
+    with BoundedZip(io.BytesIO(content)) as archive:
+        if archive.unpacked_bytes > max(MAX_ARRAY_BYTES, MAX_PACKING * len(content)):
             raise InputError("program.npz", "its arrays are absurdly large", fix="Compile again.")
-        for entry in archive.infolist():
-            with archive.open(entry) as member:
-                array = _vector(member, entry)
-            array.setflags(write=False)
-            arrays[entry.filename.removesuffix(".npy")] = array
+        for name in archive.namelist():
+            array = load_npy(archive.content(name), f"program.npz, {name!r}")
+            if array.dtype != np.int64 or array.ndim != 1:
+                raise ValueError(name)
+            arrays[name.removesuffix(".npy")] = sealed(array)
     return arrays
-
-
-def _vector(member: IO[bytes], entry: zipfile.ZipInfo) -> IntArray:
-    """Return an int64 vector, which numpy reads in place: its header's claims are compared with what is there first."""
-    if np.lib.format.read_magic(member) != (1, 0):
-        raise ValueError(entry.filename)
-    shape, _, dtype = np.lib.format.read_array_header_1_0(member)
-    if dtype != np.int64 or len(shape) != 1 or not 0 <= 8 * shape[0] <= entry.file_size:
-        raise ValueError(entry.filename)
-    member.seek(0)
-    array: IntArray = np.lib.format.read_array(member, allow_pickle=False)
-    return array
-
-
-def _read(path: Path) -> bytes:
-    try:
-        found = path.stat()
-        if not stat.S_ISREG(found.st_mode):
-            raise InputError(path.name, "it is not a plain file", fix="Give the folder that the compiler wrote.")
-        if found.st_size > MAX_FILE_BYTES:
-            raise InputError(path.name, "the file is absurdly large", fix="Compile again.")
-        return path.read_bytes()
-    except OSError as error:
-        what = f"{path.name} cannot be read: {error.strerror}"
-        fix = "Give the folder that the compiler wrote."
-        raise InputError(f"program {str(path.parent)!r}", what, fix=fix) from error
 
 
 def _program(document: dict[str, Any], arrays: dict[str, IntArray]) -> ChipProgram:

@@ -67,22 +67,16 @@ def _build(folder: Path) -> "Build":
 
 def read_report(folder: Path) -> dict[str, Any]:
     """Return report.json of a build; anything else is an ``InputError``."""
+    from hw_model.io.files import parsing, read_bytes
     from hw_model.io.folders import finish_writing
-    from hw_model.io.given import check_path, size_of
+    from hw_model.io.given import check_path
 
     check_path(folder, f"build {folder.name[:60]!r}")
     finish_writing(folder)
-    path = folder / "report.json"
-    where = f"build {folder.name!r}"
-    fix = "Give a folder that locsnn-compile wrote."
-    try:
-        if size_of(path) > MAX_REPORT_BYTES:
-            raise InputError(where, "its report.json is too large", fix=fix)
-        document = json.loads(path.read_bytes())
-    except OSError as error:
-        raise InputError(where, f"report.json cannot be read: {error.strerror}", fix=fix) from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(where, "report.json is damaged", fix=fix) from error
+    where, fix = f"build {folder.name!r}", "Give a folder that locsnn-compile wrote."
+    content = read_bytes(folder / "report.json", f"{where}, report.json", MAX_REPORT_BYTES, fix, fix)
+    with parsing(where, "report.json is damaged", fix=fix):
+        document = json.loads(content)
     if not isinstance(document, dict) or not str(document.get("schema", "")).startswith("locsnn-report/"):
         raise InputError(where, "report.json is not a report", fix=fix)
     return document

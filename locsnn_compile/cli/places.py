@@ -49,7 +49,7 @@ def check_places(reads: Mapping[str, str | Path | None], files: Sequence[Place],
 def _read_of(path: Path) -> Iterable[Path]:
     """Return the files that are read where a path is given: itself, or the recordings of a folder."""
     if path.is_dir():
-        from locsnn_compile.data.archives import recording_files
+        from locsnn_compile.data.member_names import recording_files
 
         return recording_files(path)
     return (path, path.with_name(f"{path.stem}_labels.npy"), path.with_suffix(".startend")) if path.name else ()

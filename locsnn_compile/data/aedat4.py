@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from locsnn_compile.data.arrays import load_npy
+from hw_model.io.npy import load_npy
 from locsnn_compile.data.event_formats import parse_structured
 from locsnn_compile.data.event_stream import MAX_EVENTS, EventStream
 from locsnn_compile.errors import InputError

@@ -1,57 +1,30 @@
 """Recordings in one file: arrays of 0 or 1 in ``.npy``, ``.npz``, ``.pt`` or HDF5, labels next to them, or events."""
 
 import io
-import math
-import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from hw_model.io.files import read_bytes
-from hw_model.io.zip_directory import open_archive, read_entry
+from hw_model.io.files import parsing, read_bytes
+from hw_model.io.npy import load_npy
+from hw_model.io.zip_directory import BoundedZip
 from hw_model.values import AnyArray
 from locsnn_compile.data.axes import Order, parse_axes, to_step_major
 from locsnn_compile.data.event_formats import MAX_PLACE, parse_structured
 from locsnn_compile.data.event_stream import MICROSECONDS, Binning, EventStream, bin_streams
 from locsnn_compile.data.hdf5.read import Group, open_hdf5
+from locsnn_compile.data.member_names import label_in_name
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Recordings, same
 from locsnn_compile.data.tensors import Tensor
 from locsnn_compile.data.torch_file import load_plain
 from locsnn_compile.errors import InputError
 
-_LABEL = re.compile(r"_label_(\d{1,6})(?=\.|_|$)")
 #: Entries of ``.npz`` and ``.pt`` files that are not the recordings.
 _BESIDE = ("labels", "step_seconds", "class_names", "axes")
 _TEXTS = _BESIDE[2:]
 HDF5_SUFFIXES = (".h5", ".hdf5")
-
-
-def load_npy(data: bytes, where: str, kinds: str = "biuf") -> AnyArray:
-    """Return the array in the bytes of a ``.npy`` file, of these kinds or structured, never unpickling anything.
-
-    The declared shape and type are checked before anything is allocated. Raises ``InputError`` for bytes that are not
-    such a file, values that are not numbers, a shape that is too large, and bytes that end before the array does.
-    """
-    fix = "Write it again with numpy.save."
-    stream = io.BytesIO(data)
-    try:
-        version = np.lib.format.read_magic(stream)
-        shape, _, dtype = getattr(np.lib.format, "read_array_header_{}_{}".format(*version))(stream)
-    # A hostile header meets numpy's parser in many ways; each means the same to the user.
-    except Exception:
-        raise InputError(where, "it is damaged or not a numpy file", fix=fix) from None
-    if dtype.kind not in kinds and (dtype.names is None or dtype.hasobject):
-        raise InputError(where, "its values are not numbers", measured=f"dtype {dtype}", fix=fix)
-    if any(size < 0 for size in shape) or math.prod(shape) * max(1, dtype.itemsize // 8) > MAX_ELEMENTS:
-        measured = f"{'x'.join(str(size) for size in shape)} against {MAX_ELEMENTS} values"
-        raise InputError(where, "its declared shape is too large", measured=measured, fix="Give fewer recordings.")
-    held, needed = len(data) - stream.tell(), math.prod(shape) * dtype.itemsize
-    if held < needed:
-        raise InputError(where, "it is truncated", measured=f"{held} of {needed} bytes", fix=fix)
-    array: AnyArray = np.load(io.BytesIO(data), allow_pickle=False)
-    return array
 
 
 def read_arrays(path: Path, binning: Binning, asked_seconds: float | None) -> Recordings:
@@ -128,32 +101,22 @@ def _number(stored: AnyArray, where: str) -> float:
     return float(stored.reshape(()))
 
 
-def label_in_name(name: str) -> int | None:
-    """Return k of ``..._label_<k>...`` in a file name, None where there is none."""
-    match = _LABEL.search(name)
-    return int(match[1]) if match else None
-
-
 def _npz_entries(data: bytes, where: str) -> dict[str, AnyArray]:
     fix = "Write it again with numpy.savez."
-    try:
-        with open_archive(io.BytesIO(data)) as archive:
-            members = archive.infolist()
-            unpacked = sum(member.file_size for member in members)
-            if unpacked > 8 * MAX_ELEMENTS or len(members) > 100:
-                measured = f"{unpacked} bytes in {len(members)} entries"
-                raise InputError(where, "it is too large", measured=measured, fix="Give fewer recordings.")
-            names = [member.filename.removesuffix(".npy") for member in members]
-            kinds = dict.fromkeys(_TEXTS, "US")
-            return {
-                name: load_npy(read_entry(archive, member), f"{where}, {member.filename!r}", kinds.get(name, "biuf"))
-                for name, member in zip(names, members, strict=True)
-            }
-    except InputError:
-        raise
-    # zipfile raises more kinds on hostile bytes than it documents.
-    except Exception:
-        raise InputError(where, "it is damaged, truncated or not a .npz file", fix=fix) from None
+    with (
+        parsing(where, "it is damaged, truncated or not a .npz file", fix=fix),
+        BoundedZip(io.BytesIO(data)) as archive,
+    ):
+        files, unpacked = archive.namelist(), archive.unpacked_bytes
+        if unpacked > 8 * MAX_ELEMENTS or len(files) > 100:
+            measured = f"{unpacked} bytes in {len(files)} entries"
+            raise InputError(where, "it is too large", measured=measured, fix="Give fewer recordings.")
+        names = {file: file.removesuffix(".npy") for file in files}
+        kinds = dict.fromkeys(_TEXTS, "US")
+        return {
+            name: load_npy(archive.content(file), f"{where}, {file!r}", kinds.get(name, "biuf"))
+            for file, name in names.items()
+        }
 
 
 def _torch_entries(data: bytes, where: str) -> dict[str, AnyArray]:

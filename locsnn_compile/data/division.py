@@ -12,7 +12,8 @@ import numpy as np
 
 from hw_model.io.files import read_bytes
 from hw_model.values import Frozen, IntArray
-from locsnn_compile.data.archives import PARTS, archive_parts
+from locsnn_compile.data.archives import archive_parts
+from locsnn_compile.data.member_names import PARTS
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError, check_range
 

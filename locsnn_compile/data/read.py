@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from hw_model.io.given import checked
-from locsnn_compile.data.archives import EVENT_SUFFIXES, PARTS, archive_parts, read_archive
+from locsnn_compile.data.archives import archive_parts, read_archive
 from locsnn_compile.data.arrays import HDF5_SUFFIXES, labels_beside, read_arrays
 from locsnn_compile.data.axes import check_axes, is_one, parse_axes
 from locsnn_compile.data.division import PREPROCESSED, Division
 from locsnn_compile.data.event_stream import Binning
+from locsnn_compile.data.member_names import EVENT_SUFFIXES, PARTS
 from locsnn_compile.data.recordings import MAX_ELEMENTS, OPEN, Expected, Recordings
 from locsnn_compile.data.sensor import SensorLayout
 from locsnn_compile.errors import InputError, check_known

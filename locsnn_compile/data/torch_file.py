@@ -10,7 +10,8 @@ import struct
 from collections.abc import Callable
 from typing import Any, Literal
 
-from hw_model.io.zip_directory import open_archive, read_entry
+from hw_model.io.files import parsing
+from hw_model.io.zip_directory import BoundedZip
 from locsnn_compile.data.plain_pickle import Budget, RefusedError, read_pickle
 from locsnn_compile.data.tensors import Storage, Tensor, named, rebuilt, width_of
 from locsnn_compile.errors import InputError
@@ -27,21 +28,17 @@ def load_plain(data: bytes, where: str, *, fix: str) -> object:
     file.
     """
     budget = Budget(where)
-    try:
-        if data.startswith(_ARCHIVE):
-            return _from_archive(data, where, fix, budget)
-        if data[257:262] == b"ustar":
-            what = "it is a tar archive, as torch wrote them before 0.1.10"
-            raise InputError(where, what, fix="Load it with an old torch, and save it again.")
-        return _from_stream(data, budget)
-    except InputError:
-        raise
-    except RefusedError as error:
-        what = "it holds objects that would run code when read, so it was not read"
-        raise InputError(where, what, measured=str(error), fix="Save tensors and plain values only.") from None
-    # Damaged bytes are met with many kinds of exception; each means the same to the user.
-    except Exception:
-        raise InputError(where, "it is damaged, truncated or not a torch file", fix=fix) from None
+    with parsing(where, "it is damaged, truncated or not a torch file", fix=fix):
+        try:
+            if data.startswith(_ARCHIVE):
+                return _from_archive(data, where, fix, budget)
+            if data[257:262] == b"ustar":
+                what = "it is a tar archive, as torch wrote them before 0.1.10"
+                raise InputError(where, what, fix="Load it with an old torch, and save it again.")
+            return _from_stream(data, budget)
+        except RefusedError as error:
+            what = "it holds objects that would run code when read, so it was not read"
+            raise InputError(where, what, measured=str(error), fix="Save tensors and plain values only.") from None
 
 
 def _storage(given: Any, held: dict[str, Storage], found: Callable[[str, int, int], Storage]) -> Tensor:
@@ -60,21 +57,20 @@ def _storage(given: Any, held: dict[str, Storage], found: Callable[[str, int, in
 
 
 def _from_archive(data: bytes, where: str, fix: str, budget: Budget) -> object:
-    archive = open_archive(io.BytesIO(data))
-    entries = {entry.filename: entry for entry in archive.infolist()}
-    unpacked = sum(entry.file_size for entry in entries.values())
-    # Torch stores its entries unpacked; a file that unpacks to far more than it holds is none of torch's.
-    if unpacked > 2 * len(data):
-        measured = f"{unpacked} bytes from {len(data)}"
+    archive = BoundedZip(io.BytesIO(data))
+    names = archive.namelist()
+    # Torch stores its entries without compression, so its files unpack to about their own size.
+    if archive.unpacked_bytes > 2 * len(data):
+        measured = f"{archive.unpacked_bytes} bytes from {len(data)}"
         raise InputError(where, "it unpacks to far more than its size", measured=measured, fix=fix)
-    inside = archive.infolist()[0].filename.split("/")[0]
-    if f"{inside}/constants.pkl" in entries:
+    inside = names[0].split("/")[0]
+    if f"{inside}/constants.pkl" in names:
         raise InputError(where, "it is a TorchScript archive", fix="Save the state_dict() with torch.save.")
 
     def read(name: str) -> bytes:
-        return read_entry(archive, entries[f"{inside}/{name}"])
+        return archive.content(f"{inside}/{name}")
 
-    order: Literal["<", ">"] = ">" if f"{inside}/byteorder" in entries and read("byteorder") == b"big" else "<"
+    order: Literal["<", ">"] = ">" if f"{inside}/byteorder" in names and read("byteorder") == b"big" else "<"
 
     def found(key: str, count: int, width: int) -> Storage:
         content = read(f"data/{key}")

@@ -7,9 +7,9 @@ import numpy as np
 from hw_model.io.build_folder import check_folder, write_build
 from hw_model.io.files import npy_bytes, pack_arrays, pack_files, replace_file
 from hw_model.values import AnyArray, BoolArray, ByteArray, Frozen, IntArray
-from locsnn_compile.data.arrays import label_in_name
 from locsnn_compile.data.event_formats import COLUMNS, pack_slayer_events, structured_events
 from locsnn_compile.data.event_stream import STEP_SECONDS, recording_events
+from locsnn_compile.data.member_names import label_in_name
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import POLARITIES, TAXELS
 from locsnn_compile.data.tact import CHANNELS, GRASP_SECONDS, tact_text

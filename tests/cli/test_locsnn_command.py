@@ -49,8 +49,8 @@ def test_run_prints_a_line_a_recording(build, capsys):
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        (["run", "gone", "--events", "few.npy"], "program 'gone': program.yaml cannot be read: No such file or directory. Give the folder that the compiler wrote."),
-        (["diff", "gone", "gone"], "build 'gone': report.json cannot be read: No such file or directory. Give a folder that locsnn-compile wrote."),
+        (["run", "gone", "--events", "few.npy"], "program 'gone', program.yaml: it cannot be read (No such file or directory). Give the folder that the compiler wrote."),
+        (["diff", "gone", "gone"], "build 'gone', report.json: it cannot be read (No such file or directory). Give a folder that locsnn-compile wrote."),
         (["targets", "--show", "loihi"], "target 'loihi': no chip of this name ships. Did you mean 'loihi-sim'? A chip file of your own ends in .yaml."),
     ],
     ids=["no program", "no build", "no chip"],

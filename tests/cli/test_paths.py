@@ -109,9 +109,9 @@ LINES = [
     ("the root, a page", "locsnn stress -o /", "-o '/': it is a folder. Give the name of a file."),
     ("the root, a comparison", "locsnn diff build build --html /", "--html '/': it is a folder. Give the name of a file."),
     ("the root, recordings", "locsnn events d.npz --to /", "output '/': cannot be written: it is the root of the file system. Choose a folder you may write to with -o."),
-    ("the root, a program", "locsnn run / --events d.npz", "program '/': program.yaml cannot be read: No such file or directory. Give the folder that the compiler wrote."),
-    ("a program that is not there", "locsnn run build/nope --events d.npz", "program 'build/nope': program.yaml cannot be read: No such file or directory. Give the folder that the compiler wrote."),
-    ("a file as a program", "locsnn run d.npz --events d.npz", "program 'd.npz': program.yaml cannot be read: Not a directory. Give the folder that the compiler wrote."),
+    ("the root, a program", "locsnn run / --events d.npz", "program '/', program.yaml: it cannot be read (No such file or directory). Give the folder that the compiler wrote."),
+    ("a program that is not there", "locsnn run build/nope --events d.npz", "program 'build/nope', program.yaml: it cannot be read (No such file or directory). Give the folder that the compiler wrote."),
+    ("a file as a program", "locsnn run d.npz --events d.npz", "program 'd.npz', program.yaml: it cannot be read (Not a directory). Give the folder that the compiler wrote."),
 ]  # fmt: skip
 
 

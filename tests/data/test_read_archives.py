@@ -155,7 +155,7 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
         "absurd declared shape",
         members(_0=huge_header()),
         "archive 'a.zip', 'sample_0_label_0.npy': its declared shape is too large "
-        "(1000000x1000000x1000000 against 200000000 values). Give fewer recordings.",
+        "(1000000x1000000x1000000 against 200000000 values). Give a smaller array.",
     ),
     (
         "several recordings in one file",

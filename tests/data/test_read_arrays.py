@@ -204,7 +204,7 @@ BAD: list[tuple[str, str, Callable[[Path], object], str]] = [
         "a.npz",
         bomb,
         "file 'a.npz', 'spikes.npy': its declared shape is too large (3000000000 against 200000000 values). "
-        "Give fewer recordings.",
+        "Give a smaller array.",
     ),
     (
         "npz with several arrays",

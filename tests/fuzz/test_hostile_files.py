@@ -55,7 +55,7 @@ NO_PROGRAM = "program.yaml: its entries do not make a program. Compile again."
 PROGRAM = "program.yaml: the file is not YAML: it is damaged. Compile again."
 CHIP = re.compile(
     "a.yaml: (the chip file is not YAML( at line 1)?. Compare it with a chip that ships"
-    "|the chip file cannot be read: it is not UTF-8 text. Give the path of a chip YAML file)."
+    "|it is not UTF-8 text. Give the path of a chip YAML file)."
 )
 
 
@@ -158,10 +158,11 @@ def header(shape, descr="<i8"):
 
 
 ARRAYS = [
-    ("an absurd length", lambda arrays: packed(arrays, bytes_of={"core0/target": header((2**60,))}), NO_PROGRAM),
-    ("a header that is no Python", lambda arrays: packed(arrays, bytes_of={"core0/target": b"\x93NUMPY\x01\x00\x04\x00({['"}), NO_PROGRAM),
-    ("a pickle", lambda arrays: packed(arrays, bytes_of={"core0/target": header((1,), "|O") + pickle.dumps(print)}), NO_PROGRAM),
-    ("less than it says", lambda arrays: packed(arrays, bytes_of={"core0/target": header((50,)) + b"\0" * 392}), NO_PROGRAM),
+    ("an absurd length", lambda arrays: packed(arrays, bytes_of={"core0/target": header((2**60,))}), "program.npz, 'core0/target.npy': its declared shape is too large (1152921504606846976 against 200000000 values). Give a smaller array."),
+    ("a header that is no Python", lambda arrays: packed(arrays, bytes_of={"core0/target": b"\x93NUMPY\x01\x00\x04\x00({['"}), "program.npz, 'core0/target.npy': it is damaged or not a numpy file. Write it again with numpy.save."),
+    ("a pickle", lambda arrays: packed(arrays, bytes_of={"core0/target": header((1,), "|O") + pickle.dumps(print)}), "program.npz, 'core0/target.npy': its values are not numbers (dtype object). Write it again with numpy.save."),
+    ("less than it says", lambda arrays: packed(arrays, bytes_of={"core0/target": header((50,)) + b"\0" * 392}), "program.npz, 'core0/target.npy': it is truncated (392 of 400 bytes). Write it again with numpy.save."),
+    ("floats", lambda arrays: packed(arrays | {"core0/target": np.zeros(2)}), NO_PROGRAM),
     ("no archive", lambda arrays: b"PK", NO_PROGRAM),
     ("weights of other synapses", lambda arrays: packed(arrays | {"core0/mantissa": np.arange(7)}), "core 0: its synapse tables do not make a program. Compile it again."),
     ("profiles of another number", lambda arrays: packed(arrays | {"core0/profile": np.zeros(5, dtype=np.int64)}), "core 0: its compartment tables do not make a program. Compile it again."),
@@ -276,17 +277,17 @@ def packed_npy(array):
 PIPES = [
     ("events", "a.npy", lambda path: read_recordings(path), "file 'a.npy': it is not a plain file. Write it to a file first."),
     ("a model", "a.nir", lambda path: lc.load(path), "model 'a.nir': it is not a plain file. Write it to a file first."),
-    ("a chip", "a.yaml", lambda path: hw.chip(path), "a.yaml: the chip file cannot be read: it is not a plain file. Give the path of a chip YAML file."),
+    ("a chip", "a.yaml", lambda path: hw.chip(path), "a.yaml: it is not a plain file. Write it to a file first."),
     ("a configuration", "a.yaml", lambda path: read_training_config(path), "config 'a.yaml': it is not a plain file. Write it to a file first."),
-    ("a report", "report.json", lambda path: read_report(path.parent), "build 'NAME': report.json cannot be read: it is not a plain file. Give a folder that locsnn-compile wrote."),
-    ("a program", "program.yaml", lambda path: hw.load_program(path.parent), "program.yaml: it is not a plain file. Give the folder that the compiler wrote."),
+    ("a report", "report.json", lambda path: read_report(path.parent), "build 'NAME', report.json: it is not a plain file. Write it to a file first."),
+    ("a program", "program.yaml", lambda path: hw.load_program(path.parent), "program 'PATH', program.yaml: it is not a plain file. Write it to a file first."),
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("name", "read", "message"), [row[1:] for row in PIPES], ids=[row[0] for row in PIPES])
 def test_a_pipe_that_nobody_writes_to(tmp_path, name, read, message):
     os.mkfifo(tmp_path / name)
-    assert message_of(read, tmp_path / name) == message.replace("NAME", tmp_path.name)
+    assert message_of(read, tmp_path / name) == message.replace("NAME", tmp_path.name).replace("PATH", str(tmp_path))
 
 
 def test_names_that_would_move_the_cursor_are_written_out(tmp_path):

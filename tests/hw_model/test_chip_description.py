@@ -191,7 +191,7 @@ def use_everything(document):
     [
         ("loihi-sin", "target 'loihi-sin': no chip of this name ships. Did you mean 'loihi-sim'? A chip file of your own ends in .yaml."),
         ("tpu", "target 'tpu': no chip of this name ships. Choose one of: ecp5-25f, ecp5-85f, ice40up5k, locsnn-130nm, loihi-sim, tiny-sim. A chip file of your own ends in .yaml."),
-        ("gone.yaml", "gone.yaml: the chip file cannot be read: No such file or directory. Give the path of a chip YAML file."),
+        ("gone.yaml", "gone.yaml: it cannot be read (No such file or directory). Give the path of a chip YAML file."),
     ],
     ids=["near miss", "far off", "no file"],
 )  # fmt: skip

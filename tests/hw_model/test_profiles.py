@@ -129,10 +129,10 @@ def test_profiles_that_are_refused(tmp_path, changes, message):
     [
         ("source: }", "mine.yaml: the profile file is not YAML at line 1. Compare it with a chip that ships."),
         ("3", "mine.yaml: profile: not a mapping of names. Compare it with a chip that ships."),
-        (b"\xff", "mine.yaml: the profile file cannot be read: it is not UTF-8 text. Give the path of a profile YAML file."),
+        (b"\xff", "mine.yaml: it is not UTF-8 text. Give the path of a profile YAML file."),
         (
             "#" * (1 << 20) + "\n",
-            "mine.yaml: the file is too large for a profile description (1048577 bytes against 1048576). "
+            "mine.yaml: it is too large (1048577 bytes against 1048576). "
             "Give a profile file like those in a chip file.",
         ),
         ("!!python/object/apply:os.system [id]", "mine.yaml: the profile file is not YAML at line 1. Compare it with a chip that ships."),
@@ -148,7 +148,7 @@ def test_files_that_are_refused(tmp_path, text, message):
 
 def test_names_that_are_refused(tmp_path):
     for given, message in (
-        ("gone.yaml", "gone.yaml: the profile file cannot be read: No such file or directory. Give the path of a profile YAML file."),
+        ("gone.yaml", "gone.yaml: it cannot be read (No such file or directory). Give the path of a profile YAML file."),
         (
             "davies",
             "chip loihi-sim: there is no energy profile 'davies'. Did you mean 'davies2018'? "

@@ -52,7 +52,7 @@ def swap_arrays(folder):
     [
         (
             lambda f: (f / "program.npz").unlink(),
-            "program '{folder}': program.npz cannot be read: No such file or directory. "
+            "program '{folder}', program.npz: it cannot be read (No such file or directory). "
             "Give the folder that the compiler wrote.",
         ),
         (

@@ -19,9 +19,9 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.io.files import read_bytes
+from hw_model.io.files import parsing, read_bytes
 from hw_model.values import AnyArray, FloatArray
-from locsnn_compile.errors import InputError, LocsnnError, check_most
+from locsnn_compile.errors import InputError, check_most
 
 MAX_BYTES = 500_000_000
 """Most that all datasets of a file together may hold once unpacked."""
@@ -203,14 +203,8 @@ def open_hdf5(path: Path, where: str) -> Iterator[tuple[Group, bytes]]:
     import h5py
 
     data = read_bytes(path, where)
-    damaged = InputError(where, "it is damaged, truncated or not an HDF5 file", fix=_WHOLE)
+    what = "it is damaged, truncated or not an HDF5 file"
     if not library_survives(data):
-        raise damaged
-    try:
-        with h5py.File(io.BytesIO(data), "r") as file:
-            yield Group(file, where, _Budget()), data
-    except LocsnnError:
-        raise
-    # The library meets damaged bytes with many kinds of exception; each means the same to the user.
-    except Exception:
-        raise damaged from None
+        raise InputError(where, what, fix=_WHOLE)
+    with parsing(where, what, fix=_WHOLE), h5py.File(io.BytesIO(data), "r") as file:
+        yield Group(file, where, _Budget()), data

@@ -1,0 +1,34 @@
+"""Untrusted ``.npy`` files: what the header claims is checked before the array is made."""
+
+import io
+import math
+
+import numpy as np
+
+from hw_model.errors import InputError
+from hw_model.io.files import parsing
+from hw_model.values import AnyArray
+
+MAX_VALUES = 200_000_000
+"""Most values of an array, of 8 bytes each."""
+
+
+def load_npy(data: bytes, where: str, kinds: str = "biuf") -> AnyArray:
+    """Return the array in the bytes of a ``.npy`` file, read-only, without copying or unpickling anything.
+
+    ``kinds``: the kinds of dtype that are accepted, next to structured ones. Raises ``InputError`` for bytes that are
+    not such a file, for values of another kind, for a shape that is too large, and for bytes that end too early.
+    """
+    fix, stream = "Write it again with numpy.save.", io.BytesIO(data)
+    with parsing(where, "it is damaged or not a numpy file", fix=fix):
+        version = np.lib.format.read_magic(stream)
+        shape, fortran, dtype = getattr(np.lib.format, "read_array_header_{}_{}".format(*version))(stream)
+    if dtype.kind not in kinds and (dtype.names is None or dtype.hasobject):
+        raise InputError(where, "its values are not numbers", measured=f"dtype {dtype}", fix=fix)
+    if any(size < 0 for size in shape) or math.prod(shape) * max(1, dtype.itemsize // 8) > MAX_VALUES:
+        measured = f"{'x'.join(map(str, shape))} against {MAX_VALUES} values"
+        raise InputError(where, "its declared shape is too large", measured=measured, fix="Give a smaller array.")
+    held, needed = len(data) - stream.tell(), math.prod(shape) * dtype.itemsize
+    if held < needed:
+        raise InputError(where, "it is truncated", measured=f"{held} of {needed} bytes", fix=fix)
+    return np.ndarray(shape, dtype, data, stream.tell(), order="F" if fortran else "C")
