@@ -3,6 +3,7 @@
 import json
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,8 @@ from locsnn_compile.network.network import Network
 from locsnn_compile.passes.quantize import weight_bits_of
 from locsnn_compile.pipeline import LEVEL_TEXTS, Levels
 from locsnn_compile.reference.evaluate import calibrate, score_spread
+from locsnn_compile.report.compose import compose
+from locsnn_compile.report.content import Report
 from locsnn_compile.report.figures.checks import choice_document
 from locsnn_compile.report.figures.document import report_document
 from locsnn_compile.report.renderers.csv_files import csv_files
@@ -69,7 +72,12 @@ class CompiledModel(Frozen, eq=False):
         return f"<CompiledModel {self.network.name[:60]!r} on {self.program.chip.name}: {said}>"
 
     def _repr_html_(self) -> str:
-        return render_summary(self.report)
+        return render_summary(self.composed)
+
+    @cached_property
+    def composed(self) -> Report:
+        """The content of report.html, report.md and the summary on the terminal."""
+        return compose(self.report, self.excerpt)
 
     @property
     def program(self) -> hw.ChipProgram:
@@ -83,7 +91,7 @@ class CompiledModel(Frozen, eq=False):
 
     def to_html(self) -> str:
         """Return report.html: a page that needs nothing else."""
-        return render_html(self.report, self.excerpt)
+        return render_html(self.composed)
 
     def files(self, emit: Sequence[str] = ()) -> dict[str, bytes]:
         """Return the program and its reports as bytes, by name, as ``locsnn-compile`` writes them.
@@ -92,7 +100,7 @@ class CompiledModel(Frozen, eq=False):
         """
         texts = {
             "report.json": json.dumps(self.report, indent=2, allow_nan=False, ensure_ascii=False) + "\n",
-            "report.md": render_markdown(self.report, self.excerpt),
+            "report.md": render_markdown(self.composed),
             "report.html": self.to_html(),
             **{f"{kind}.txt": LEVEL_TEXTS[kind](self.levels) for kind in LEVEL_KINDS if kind in emit},
         }

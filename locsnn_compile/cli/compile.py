@@ -5,7 +5,7 @@ Compile a trained spiking network for a neuromorphic chip, check every spike, re
 example:
   %(prog)s examples/models/objects-hybrid.pt --events examples/recordings/touches.npz
 
-Without --events the check plays recordings that the model carries, else synthetic touches, and the report says so.
+Without --events, the check plays the recordings in the model, or else synthetic touches; the report says which.
 Exit codes: 0 done; 1 the chip cannot hold the model; 2 wrong usage or unreadable input; 3 a gate failed.
 """
 
@@ -15,7 +15,7 @@ from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from locsnn_compile.backends import BENCH_KINDS, BUILD_NAMES, EMIT_KINDS, EMITTED_NAMES
 from locsnn_compile.cli.completion import answer_shell
@@ -29,6 +29,7 @@ from locsnn_compile.settings import STRATEGIES
 if TYPE_CHECKING:
     from locsnn_compile.api import CompiledModel
     from locsnn_compile.data.recordings import Recordings
+    from locsnn_compile.report.content import Report
     from locsnn_compile.report.gates import Gate
 
 READ = ("--options", "--config", "--events", "--calibration", "--target", "--profile")
@@ -36,7 +37,7 @@ OF_RECORDING = ("vectors", "rtl", "vcd", "trace", "sanafe")
 
 
 def words() -> dict[str, str]:
-    """Return what fills the places in this command's options."""
+    """Return the values for the placeholders in this command's options."""
     return {"strategies": ", ".join(STRATEGIES), "kinds": ", ".join(EMIT_KINDS)}
 
 
@@ -84,7 +85,7 @@ def run(args: Namespace) -> int:
         reading = {"model": network.expected, **asked_reading(args)}
         recordings = read_recordings(args.events, **reading)
         if given(args, ("--split", "--fold")) and args.calibration == args.events:
-            # Of what is divided here, one part to choose by and another to check on, as of what is divided already.
+            # The events are divided here: choose on one part and check on the other, as for archives with parts.
             args.calibration = read_recordings(args.events, split="train", **reading)
     number = recording_of(args.recording, recordings)
     with progress_bar("checking against the float reference", show=not args.quiet) as progress:
@@ -105,14 +106,14 @@ def run(args: Namespace) -> int:
     if args.json:
         sys.stdout.write(files["report.json"].decode())
     elif not args.quiet:
-        _print_summary(compiled.report, folder, files)
+        _print_summary(compiled.composed, folder, files)
     code = _say_gates(gates)
     if compiled.choice and not compiled.choice.keeps_budget:
         print(unmet_budget(compiled.choice), file=sys.stderr)
     return code
 
 
-def _print_summary(report: dict[str, Any], folder: Path, files: dict[str, bytes]) -> None:
+def _print_summary(report: "Report", folder: Path, files: dict[str, bytes]) -> None:
     from locsnn_compile.report.renderers.terminal import render_terminal
 
     console = terminal()
@@ -122,7 +123,7 @@ def _print_summary(report: dict[str, Any], folder: Path, files: dict[str, bytes]
 
 
 def _check_options(args: Namespace) -> None:
-    """Refuse options that could only fail after the work is done."""
+    """Refuse options that would fail only after all the work."""
     from locsnn_compile.report.gates import GATES
 
     check_psi(args.psi)
@@ -144,7 +145,7 @@ def _check_options(args: Namespace) -> None:
 
 
 def _check_places(args: Namespace, folder: Path) -> None:
-    """Refuse outputs that are inputs, or would remove what is not theirs."""
+    """Refuse outputs that are inputs, or that would replace files of others."""
     from hw_model.io.build_folder import check_folder
     from locsnn_compile.cli.places import check_places
 
@@ -156,12 +157,12 @@ def _check_places(args: Namespace, folder: Path) -> None:
 
 
 def written_names(emit: Sequence[str]) -> tuple[str, ...]:
-    """Return the entries of a build's folder; names of folders end in /."""
+    """Return the names of what a build's folder holds; names of folders end in /."""
     return (*BUILD_NAMES, *(EMITTED_NAMES[kind] for kind in emit))
 
 
 def _emitted(args: Namespace, compiled: "CompiledModel", recordings: "Recordings", number: int) -> dict[str, bytes]:
-    """Return the files for other tools, of the program and of one recording, and the viewer, of several."""
+    """Return the files for other tools, made from the program and one recording, and the viewer of several."""
     found: dict[str, bytes] = {}
     if kinds := [kind for kind in BENCH_KINDS if kind in args.emit]:
         from locsnn_compile.backends.files import bench_files
@@ -177,7 +178,7 @@ def _emitted(args: Namespace, compiled: "CompiledModel", recordings: "Recordings
 
 
 def _say_gates(gates: "Sequence[Gate]") -> int:
-    """Say each gate that failed in a line; return 3 where one did."""
+    """Print a line for each gate that failed; return 3 if any did."""
     failed = [gate for gate in gates if not gate.holds]
     for gate in failed:
         print(f"gate failed: {gate.option}: {gate.found}.", file=sys.stderr)

@@ -23,7 +23,7 @@ PROGRAMS = ("locsnn", "locsnn-compile")
 
 
 def words() -> dict[str, str]:
-    """Return what fills the places in this command's options."""
+    """Return the values for the placeholders in this command's options."""
     return {"shells": ", ".join(SHELLS)}
 
 
@@ -37,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def answer_shell(parser: argparse.ArgumentParser) -> None:
-    """Where a shell asks how the command line at hand may go on, answer and exit; else do nothing."""
+    """If a shell asks for completions of a command line, answer and exit; otherwise do nothing."""
     if "_ARGCOMPLETE" not in os.environ:
         return
     import argcomplete
@@ -80,4 +80,4 @@ _VALUES: dict[str, Sequence[str] | Callable[[str], Iterable[str]]] = {
     "--strategy": (AUTO, *STRATEGIES),
     "shell": SHELLS,
 }
-"""What an option, or an argument, may be; all others are completed as files, if they take a value at all."""
+"""The values of options and arguments. All others that take a value are completed as files."""

@@ -21,7 +21,7 @@ MAX_REPORT_BYTES = 64 << 20
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the summary, or every figure that differs, with its change in percent where both are numbers."""
+    """Print the summary, or every figure that differs, with the change in percent if both are numbers."""
     from locsnn_compile.report.sections.comparison import changes, comparison, percent
 
     if args.html:
@@ -35,9 +35,9 @@ def run(args: argparse.Namespace) -> int:
     changed = changes(before, after)
     if args.html:
         from hw_model.io.files import replace_file
-        from locsnn_compile.report.renderers.html import render_page
+        from locsnn_compile.report.renderers.html import render_html
 
-        page = render_page(comparison(before, after), "locsnn diff", "Figures that are equal are left out.")
+        page = render_html(comparison(before, after))
         replace_file(Path(args.html), page.encode(), where=f"--html {args.html!r}")
     if args.json:
         print(json.dumps({key: {"before": a, "after": b} for key, (a, b) in changed.items()}, indent=2))
@@ -49,9 +49,9 @@ def run(args: argparse.Namespace) -> int:
             by = percent(a, b)
             print(f"{key}: {a} -> {b}{f' ({by})' if by else ''}")
     else:
-        from locsnn_compile.report.renderers.terminal import render_summary
+        from locsnn_compile.report.renderers.terminal import render_terminal
 
-        render_summary(comparison(before, after), terminal())
+        render_terminal(comparison(before, after), terminal())
         print("\n--all lists every figure that changed.")
     return 0
 
@@ -66,7 +66,7 @@ def _build(folder: Path) -> "Build":
 
 
 def read_report(folder: Path) -> dict[str, Any]:
-    """Return report.json of a build; anything else is an ``InputError``."""
+    """Return report.json of a build; ``InputError`` if it cannot be read or is not a report."""
     from hw_model.io.files import parsing, read_bytes
     from hw_model.io.folders import finish_writing
     from hw_model.io.given import check_path

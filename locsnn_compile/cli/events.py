@@ -7,7 +7,7 @@ example:
   locsnn events examples/recordings/touches.npz --to touches.zip --members bs1
 
 A folder or .zip gets a file for each recording, of the kind of --members: npy, events (arrays with the fields t, x, p,
-as Tonic has them), bs1, bs2 or tact. What a format cannot say is printed as the options that give it back.
+as in Tonic), bs1, bs2 or tact. If a format cannot hold something, the options that restore it on reading are printed.
 """
 
 import argparse
@@ -28,7 +28,7 @@ _SHOWN_LABELS, _SHOWN_DEAD = 12, 24
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the figures, and write what was asked for."""
+    """Print the figures, and write the files asked for."""
     _check_options(args)
     from locsnn_compile.cli.places import check_places
     from locsnn_compile.data.read import read_recordings
@@ -37,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
 
     given = (("-o", args.output), ("--to", args.to))
     writes = [(f"{option} {str(path)!r}", path) for option, path in given if path is not None]
-    # A folder is written only where it is new or empty.
+    # A folder is written only if it is new or empty.
     check_places({"FILE": args.file}, [place for place in writes if place[1].suffix])
     laid_out = args.grid is not None or args.layout is not None
     sensor = asked_layout(args.grid, args.polarities, args.channels, args.layout) if laid_out else None
@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def statistics_lines(found: Mapping[str, Any], binning: str | None) -> list[str]:
-    """Return the figures as lines; ``binning`` says what reading left out."""
+    """Return the figures as lines; ``binning`` says what was left out on reading."""
     from locsnn_compile.report.told import facts
     from locsnn_compile.report.words import sentence
 
@@ -95,7 +95,7 @@ def _raster(recordings: "Recordings", index: int) -> Sequence[str]:
 
 
 def _write(args: argparse.Namespace, recordings: "Recordings", number: int) -> list[str]:
-    """Write the files asked for; return a line for each, and one that says how to read what a format cannot hold."""
+    """Write the files asked for; return a line for each, and the options that restore what a format cannot hold."""
     lines = []
     if args.output is not None:
         from hw_model.io.files import replace_file
@@ -117,7 +117,7 @@ def _write(args: argparse.Namespace, recordings: "Recordings", number: int) -> l
 
 
 def _check_options(args: argparse.Namespace) -> None:
-    """Refuse options that nothing would come of."""
+    """Refuse options that would change nothing."""
     if args.output is not None and args.output.suffix != ".svg":
         raise InputError(f"-o {args.output.name!r}", "rasters are written as .svg", fix="End the name in .svg.")
     if args.recording is not None and args.json and args.output is None:

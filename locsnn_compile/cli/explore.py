@@ -5,15 +5,15 @@ Compile a model with every setting of a grid, check each on the same recordings,
 example:
   locsnn explore examples/models/objects-hybrid.pt --events examples/recordings/touches.npz --weight-bits 4 6 8
 
-Settings are compared on --events: the train part of a divided archive or folder, or else all of them. Keep recordings
-for the test apart and give these as --report-on: the settings of the front are measured on them once, and nothing is
-chosen there. What is finished is kept in DIR/points: the same command goes on where it was stopped.
+Settings are compared on --events: on the train part of a divided archive or folder, otherwise on all recordings. Keep
+test recordings apart and give them as --report-on: the settings on the front are measured on them once, and nothing is
+chosen there. Finished points are kept in DIR/points, so the same command resumes where it was stopped.
 
-It writes explore.csv, explore.json and explore.svg: all points, the front, what is recommended, and the command that
-makes each point again; and, for what clocks said, timings.csv and timings.svg. The cheapest setting of the front
-within --min-agreement and --max-spike-error is recommended (exit code 3 where there is none). With neither given, the
-bounds are those of --strategy auto: it changes no more predictions than dendrite at 8 bits, and at most 1 % of the
-spikes more.
+It writes explore.csv, explore.json and explore.svg, with all points, the front, the recommended setting, and the
+command that reproduces each point; measured times are in timings.csv and timings.svg. It recommends the cheapest
+setting on the front within --min-agreement and --max-spike-error (exit code 3 if there is none). If neither is given,
+the bounds are those of --strategy auto: no more changed predictions than dendrite at 8 bits, and at most 1 % more
+spikes that differ.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ WRITTEN = ("explore.csv", "explore.json", "explore.svg", "timings.csv", "timings
 
 
 def words() -> dict[str, str]:
-    """Return what fills the places in this command's options."""
+    """Return the values for the placeholders in this command's options."""
     axes = (
         f"{axis.option} X, {type(axis.values[0]).__name__}, several\n"
         f"    {axis.help} to try (default: {', '.join(map(str, axis.values))})"
@@ -85,7 +85,7 @@ def run(args: argparse.Namespace) -> int:
 def _explore(
     args: argparse.Namespace, wanted: Mapping[str, Sequence[Value]], folder: Path, spread: Spread
 ) -> Exploration:
-    """Measure the grid, then the front on the recordings to report on."""
+    """Measure the grid, and then the front on the recordings of --report-on."""
     import hw_model as hw
     from locsnn_compile.api import calibration_recordings
     from locsnn_compile.explore.exploration import Exploration, choose_events, report_events, written
@@ -101,7 +101,7 @@ def _explore(
     if events.file is None:
         _check_places(args, folder, ["events.npz"])
     reported_on = report_events(network, args.report_on) if args.report_on else None
-    # Never those that the model carries, by default: they may be of its test part.
+    # By default never the recordings in the model: they may belong to its test part.
     calibration = calibration_recordings(network, args.calibration) if args.calibration else events.recordings
     engines = ENGINES if args.engines is None else tuple(dict.fromkeys(args.engines))
     study = Study(network, model.digest(), chip, events.recordings, calibration, engines)
@@ -120,7 +120,7 @@ def _explore(
 
 
 def _check_places(args: argparse.Namespace, folder: Path, names: Sequence[str]) -> None:
-    """Refuse to write what is read; ``names`` in the folder of the output."""
+    """Refuse to overwrite inputs with files of these ``names`` in the output folder."""
     from locsnn_compile.cli.places import check_places
 
     reads = {"MODEL": args.model, **given(args, READ)}
@@ -128,14 +128,14 @@ def _check_places(args: argparse.Namespace, folder: Path, names: Sequence[str]) 
 
 
 def _check_options(args: argparse.Namespace, wanted: Mapping[str, Sequence[Value]]) -> None:
-    """Refuse options that could only fail after the work is done."""
+    """Refuse options that would fail only after all the work."""
     check_values(wanted)
     check_known(f"--part {args.part}", "there is no such name", args.part, PARTS)
     for name in args.engines or ():
         check_known(f"--engines {name}", "there is no such name", name, ENGINES)
     for option, value in given(args, _RANGES).items():
         least, most = _RANGES[option]
-        # Written so that what is not a number is refused too.
+        # Written so that nan is refused as well.
         if not least <= value <= most:
             upper = "up" if most == math.inf else f"to {most}"
             raise InputError(f"{option} {value:g}", "it is out of range", fix=f"Give a number from {least} {upper}.")

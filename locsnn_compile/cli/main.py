@@ -11,7 +11,7 @@ COMMANDS = (compile, train, pack, run, events, explore, diff, stress, targets, c
 
 
 def parser() -> Parser:
-    """Return the argument parser, with one below it for each command."""
+    """Return the argument parser, with a subparser for each command."""
     made = Parser("locsnn", description="Compile, train, run and inspect spiking networks.")
     add_common(made)
     commands = made.add_subparsers(title="commands", metavar="COMMAND", required=True)

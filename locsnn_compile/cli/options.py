@@ -1,4 +1,4 @@
-"""The options of all commands, which ``options.txt`` declares as their help shows them, and checks that some share."""
+"""The options of all commands, declared in ``options.txt`` as their help shows them, and checks that several share."""
 
 import argparse
 import math
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 
 def part(text: str) -> float:
-    """Read a share of the weights: none, all, or a number."""
+    """Read a share of the weights: ``none``, ``all`` or a number."""
     named = {"none": 0.0, "all": 1.0}
     return named[text] if text in named else number(text)
 
 
 def number(text: str) -> float:
-    """Read a bound; a gate whose bound is not a number would never fail."""
+    """Read a number other than nan: a gate with that bound would never fail."""
     value = float(text)
     if math.isnan(value):
         raise ValueError(text)
@@ -43,11 +43,11 @@ KINDS: Mapping[str, Mapping[str, Any]] = {
     "repeated": {"action": "append", "default": []},
     "extended": {"action": "extend", "nargs": "+", "default": []},
 }
-"""What an option may be, as argparse is told; besides these ``default VALUE``, and ``dest NAME`` of its attribute."""
+"""Kinds of options, as arguments of argparse; there are also ``default VALUE``, and ``dest NAME`` for the attribute."""
 
 
 def add_options(parser: argparse.ArgumentParser, command: str, words: Mapping[str, str]) -> None:
-    """Add the options of a command; ``words`` fill places in its section that name no other one."""
+    """Add the options of a command; ``words`` fill the placeholders in its section that do not name another section."""
     found = sections(__package__, "options.txt")
     declared = found[command].format_map({**found, **words})
     for line, said in re.findall(r"^(\S.*)((?:\n    .*)+)", declared, re.MULTILINE):
@@ -61,13 +61,13 @@ def add_options(parser: argparse.ArgumentParser, command: str, words: Mapping[st
 
 
 def given(args: argparse.Namespace, options: Iterable[str]) -> dict[str, Any]:
-    """Return the values of those options, as they are typed, that were given."""
+    """Return the values of the options that were given, by the option as it is typed."""
     values = {option: getattr(args, option.strip("-").replace("-", "_")) for option in options}
     return {option: value for option, value in values.items() if value is not None}
 
 
 def check_number(option: str, value: float | None, what: str, holds: Callable[[float], bool], fix: str) -> None:
-    """Refuse a number that is not finite, or does not hold."""
+    """Refuse a number that is not finite, or for which ``holds`` is false."""
     if value is not None and not (math.isfinite(value) and holds(value)):
         raise InputError(option, what, measured=f"got {value:g}", fix=fix)
 
@@ -78,7 +78,7 @@ def check_psi(psi: float | None) -> None:
 
 
 def recording_of(asked: int | None, recordings: "Recordings") -> int:
-    """Return the number of the recording that is asked for, by default the first; refuse one that is not there."""
+    """Return the number of the recording asked for, by default the first; refuse one that does not exist."""
     number = asked or 0
     if not 0 <= number < len(recordings):
         measured = f"{len(recordings)} in {recordings.source}"

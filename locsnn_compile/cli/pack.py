@@ -1,6 +1,6 @@
 """``locsnn pack``: put several checkpoints into one file, a committee.
 
-Put checkpoints of one input into one file, a committee, which adds their class scores.
+Put checkpoints with the same input into one file, a committee, which adds their class scores.
 
 example:
   locsnn pack examples/models/objects-hybrid.pt examples/models/objects-hybrid-loihi.pt -o both.pt --weights 1,2

@@ -1,4 +1,4 @@
-"""What a command reads and where it writes: no output takes the place of an input, or of another output."""
+"""What a command reads and writes: no output may replace an input or another output."""
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
@@ -9,15 +9,15 @@ from hw_model.io.files import check_file
 from hw_model.io.given import check_path
 
 Place = tuple[str, Path]
-"""An option, as the message shows it, and a path that it writes: a file, or a folder that is replaced as a whole."""
+"""An option as messages show it, and the path that it writes: a file, or a folder that is replaced as a whole."""
 
 
 def check_places(reads: Mapping[str, str | Path | None], files: Sequence[Place], entries: Sequence[Place] = ()) -> None:
-    """Refuse outputs that would replace what the command reads, and files that cannot be written where they are wanted.
+    """Refuse outputs that would replace what the command reads, and files that cannot be written.
 
-    ``reads``: options and the files and folders that they name; of a folder, the recordings in it. ``entries``: what is
-    written into a folder of ``-o``, whose own check that folder has. Paths are equal where they lead to the same file,
-    over links or by other names.
+    ``reads``: the files and folders to read, by option; a folder stands for the recordings in it. ``entries``: what is
+    written into the folder of ``-o``, which has a check of its own. Two paths are equal if they lead to the same file,
+    through links or under other names.
     """
     inputs = [(option, Path(given)) for option, given in reads.items() if given is not None]
     for option, path in inputs:
@@ -47,7 +47,7 @@ def check_places(reads: Mapping[str, str | Path | None], files: Sequence[Place],
 
 
 def _read_of(path: Path) -> Iterable[Path]:
-    """Return the files that are read where a path is given: itself, or the recordings of a folder."""
+    """Return the files that are read for a path: the file itself, or the recordings in a folder."""
     if path.is_dir():
         from locsnn_compile.data.member_names import recording_files
 
@@ -56,7 +56,7 @@ def _read_of(path: Path) -> Iterable[Path]:
 
 
 def _identity(path: Path) -> tuple[int, int] | None:
-    """Return what tells a file from all others, whatever it is called; None where there is none."""
+    """Return what identifies a file under any of its names; None if there is no such file."""
     try:
         found = path.stat()
     except OSError:

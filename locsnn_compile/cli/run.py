@@ -7,9 +7,9 @@ example:
 
 With --stream events come step by step, and what is predicted so far is shown whenever it changes. --stop proven ends a
 recording as soon as nothing that remains can change the winner. --stop margin ends it as soon as the winner leads by
-what was enough on the recordings of --calibrate; give some that have neither trained the model nor test it. Of an
-archive with a train part, those are taken. --stop silence ends it after --silence steps without an event, once
-everything is at rest.
+the margin that was enough on the recordings of --calibrate. Give recordings that neither trained the model nor test it;
+from an archive with a train part, that part is used. --stop silence ends a recording after --silence steps without an
+event, once everything is at rest.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import chain
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import hw_model as hw
@@ -40,9 +39,8 @@ STOPS = ("proven", "margin", "silence")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Play every recording; print a line each, or JSON."""
+    """Play every recording; print a line for each, or JSON."""
     _check_options(args)
-    from locsnn_compile.cli.run_stream import stream_all, stream_lines
     from locsnn_compile.cluster.spread import spread_over
 
     program = hw.load_program(args.program)
@@ -50,17 +48,21 @@ def run(args: argparse.Namespace) -> int:
         program = replace(program, chip=hw.priced_by(program.chip, args.profile))
     if program.readout is None:
         raise InputError(f"program {program.name!r}", "has no readout, so it predicts nothing", fix="Compile a model.")
-    # What is streamed or stopped is played again; of all else no more than a few recordings are held at a time.
+    # --stream and --stop play all recordings again; otherwise only a few are in memory at a time.
     again = bool(args.stream or args.stop)
     chunks = iter([read_for_program(args, args.events, program)]) if again else chunks_for_program(args, program)
     recordings = next(chunks)
     if args.step_seconds is not None and not args.stream and recordings.threshold is None:
         raise InputError("--step-seconds", "nothing requested is timed", fix="Add --stream.")
-    margin = known_margin(args, program) if args.stop == "margin" else None
+    margin = None
+    if args.stop == "margin":
+        from locsnn_compile.cli.run_margin import known_margin
+
+        margin = known_margin(args, program)
     counts, tally, rows = hw.Counts(), Counter[str](), list[dict[str, Any]]()
-    lines = not (args.json or args.stream)
+    shown = not (args.json or args.stream)
     with spread_over(args.scheduler) as spread:
-        with progress_bar("simulating", show=not lines) as progress:
+        with progress_bar("simulating", show=not shown) as progress:
             for found, added in _play(program, chain([recordings], chunks), args.engine, spread):
                 counts += added
                 tally.update(known=sum(row["label"] is not None for row in found), all=len(found))
@@ -68,37 +70,31 @@ def run(args: argparse.Namespace) -> int:
                 rows += found if again or args.json else []
                 if progress:
                     progress(tally["all"], len(recordings) if again else None)
-                if lines:
+                if shown:
                     print("\n".join(map(recording_line, found)))
         totals = hw.energy_pj(counts, program.chip.costs)
-        result: dict[str, Any] = {
-            "program": program.name,
-            "recordings": rows,
-            "counts": dict(counts),
-            "energy_pj": totals,
-        }
+        result: dict[str, Any] = {"program": program.name, "recordings": rows}
+        result |= {"counts": dict(counts), "energy_pj": totals}
+        said = _summary(program, tally, counts, totals)
         if recordings.binned is not None:
             result["binning"] = recordings.binned.document()
+            said.append(f"binning: {recordings.binned.words}")
         if args.stream:
+            from locsnn_compile.cli.run_stream import stream_all, stream_lines
+
             result["stream"] = stream_all(args, program, recordings, rows, margin)
+            said += stream_lines(result["stream"])
         if args.stop:
+            from locsnn_compile.cli.run_stop import find_stops, stop_lines
+
             result["stop"] = find_stops(args, program, recordings, rows, margin, spread)
-    if args.json:
-        print(json.dumps(result, indent=2, allow_nan=False))
-        return 0
-    for line in _summary(program, tally, counts, totals):
-        print(line)
-    if recordings.binned is not None:
-        print(f"binning: {recordings.binned.words}")
-    if args.stream:
-        print("\n".join(stream_lines(result["stream"])))
-    if args.stop:
-        print("\n".join(stop_lines(result["stop"])))
+            said += stop_lines(result["stop"])
+    print(json.dumps(result, indent=2, allow_nan=False) if args.json else "\n".join(said))
     return 0
 
 
 def recording_line(row: dict[str, Any]) -> str:
-    """Return what became of a recording in a line."""
+    """Return the outcome of a recording as one line."""
     label = "" if row["label"] is None else f"  label {row['label']}"
     return f"recording {row['recording']}: class {row['prediction']}{label}  {row['spikes']} spikes"
 
@@ -118,7 +114,7 @@ def _summary(program: hw.ChipProgram, tally: Counter[str], counts: hw.Counts, to
 def _play(
     program: hw.ChipProgram, chunks: Iterable[Recordings], engine: str, spread: Spread
 ) -> Iterator[tuple[list[dict[str, Any]], hw.Counts]]:
-    """Yield rows and counts of some recordings after the other."""
+    """Yield the rows and the counts of a few recordings at a time."""
     parts = (
         (found.spikes[start : start + CHUNK], None if found.labels is None else found.labels[start : start + CHUNK])
         for found in chunks
@@ -131,8 +127,7 @@ def _play(
 
 
 def _play_part(program: hw.ChipProgram, engine: Any, part: tuple[Any, Any]) -> tuple[list[dict[str, Any]], hw.Counts]:
-    """Play spikes with their labels; return rows and counts."""
-
+    """Play some recordings with their labels; return their rows and counts."""
     spikes, labels = part
     found = hw.simulate(program, spikes, engine=engine, probe=())
     labels = [None] * len(spikes) if labels is None else labels.tolist()
@@ -141,7 +136,7 @@ def _play_part(program: hw.ChipProgram, engine: Any, part: tuple[Any, Any]) -> t
 
 
 def _check_options(args: argparse.Namespace) -> None:
-    """Refuse options that could only fail after the work is done, or that nothing would come of."""
+    """Refuse options that would fail only after all the work, or that would change nothing."""
     check_known(f"--stop {args.stop}", "unknown way to stop", args.stop, STOPS)
     by_margin = args.stop == "margin"
     for option, value in (("--calibrate", args.calibrate), ("--margin", args.margin)):
@@ -163,99 +158,3 @@ def _check_options(args: argparse.Namespace) -> None:
     check_number("--silence", args.silence, "it is not a number of steps", lambda x: x > 0, "Give 1 or more.")
     check_number("--step-seconds", args.step_seconds, "it is not a duration", lambda x: x > 0, "Give more than 0.")
     check_number("--min-agreement", args.min_agreement, "it is not a share", lambda x: 0 <= x <= 1, "Give 0 to 1.")
-
-
-Row = dict[str, Any]
-MIN_AGREEMENT = 0.99
-
-
-def known_margin(args: argparse.Namespace, program: hw.ChipProgram) -> Row:
-    """Return the margin, as given or calibrated, and how it came; infinite where no lead was enough."""
-    if args.margin is not None:
-        return {"margin": args.margin, "calibrated_on": None}
-    import numpy as np
-
-    asked = MIN_AGREEMENT if args.min_agreement is None else args.min_agreement
-    recordings, part = _calibration(args, program)
-    with progress_bar("calibrating", show=True):
-        margin = hw.calibrate_margin(program, recordings.spikes, asked, args.psi)
-        stops = hw.stop_at_margin(program, recordings.spikes, margin, args.psi)
-    return {
-        "margin": margin,
-        "calibrated_on": {
-            "source": recordings.source,
-            "part": part,
-            "recordings": len(recordings),
-            "min_agreement": asked,
-            "agreement": float(np.mean(stops.prediction == stops.final)),
-        },
-    }
-
-
-def find_stops(
-    args: argparse.Namespace,
-    program: hw.ChipProgram,
-    recordings: Recordings,
-    rows: list[Row],
-    margin: Row | None,
-    spread: Spread,
-) -> Row:
-    """Stop every recording; add its ``stop`` to the rows and return what is saved, and what it costs in agreement."""
-    import numpy as np
-
-    from locsnn_compile.verification.over_time import savings, stop_all
-
-    if args.silence is not None:
-        stop = partial(hw.stop_in_silence, program, silence=args.silence)
-    elif margin is None:
-        stop = partial(hw.stop_when_proven, program)
-    else:
-        stop = partial(hw.stop_at_margin, program, margin=margin["margin"], psi=args.psi)
-    with progress_bar("stopping", show=True) as progress:
-        stops = stop_all(stop, recordings.spikes, progress, spread=spread)
-    for row, step, prediction in zip(rows, stops.steps.tolist(), stops.prediction.tolist(), strict=True):
-        row["stop"] = {"step": step, "prediction": prediction}
-    # JSON has no infinity: no lead at which to stop is null.
-    how = {} if margin is None else {**margin, "margin": margin["margin"] if np.isfinite(margin["margin"]) else None}
-    labels = recordings.labels
-    return {
-        "kind": args.stop,
-        **how,
-        **savings(program, stops),
-        "agreement": float(np.mean(stops.prediction == stops.final)),
-        "accuracy": None if labels is None else float(np.mean(stops.prediction == labels)),
-        "whole_accuracy": None if labels is None else float(np.mean(stops.final == labels)),
-        "recordings": len(rows),
-    }
-
-
-def stop_lines(found: Row) -> list[str]:
-    """Return where the margin comes from, what is saved, and how predictions compare, a line each."""
-    from locsnn_compile.report.words import sentence
-
-    lines = []
-    if calibrated := found.get("calibrated_on"):
-        of_part = f", {calibrated['part']} part" if calibrated["part"] else ""
-        lead = "no lead is" if found["margin"] is None else f"a lead of {found['margin']:.4g} is"
-        lines.append(sentence("margin", lead=lead, of_part=of_part, **calibrated))
-    saved = {key: 1 - found[key] / found[f"all_{key}"] if found[f"all_{key}"] else 0.0 for key in _SAVED}
-    priced = sentence("stopped, with costs", saved=saved, **found) if found["profile"] else ""
-    right = "" if found["accuracy"] is None else sentence("predicted, with labels", **found)
-    stopped = sentence("stopped", saved=saved, **found) + priced
-    return [*lines, stopped, sentence("predicted", **found) + right]
-
-
-_SAVED = ("steps", "synaptic_ops", "energy_pj")
-
-
-def _calibration(args: argparse.Namespace, program: hw.ChipProgram) -> tuple[Recordings, str | None]:
-    """Return the recordings to calibrate on, never those that are played, and their part of the archive."""
-    from locsnn_compile.data.read import recording_parts
-
-    parts = recording_parts(args.calibrate, test_share=args.split)
-    part = "train" if "train" in parts else None
-    if part is None and Path(args.calibrate).resolve() == Path(args.events).resolve():
-        what = "these recordings are played, too, and a margin always fits those that it was found on"
-        fix = "Give others."
-        raise InputError(f"--calibrate {Path(args.calibrate).name!r}", what, fix=fix)
-    return read_for_program(args, args.calibrate, program, part), part

@@ -1,34 +1,30 @@
 """The part of ``locsnn run`` that plays recordings step by step, shows what is predicted so far, and keeps time."""
 
-from __future__ import annotations
-
 import argparse
 import math
 import shutil
 import sys
 from contextlib import closing, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import Any, TextIO
 
 import hw_model as hw
+from hw_model.streaming.early_stop import to_the_end
 from locsnn_compile.cli.diff import read_report
 from locsnn_compile.cli.shell import progress_bar
+from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
-
-if TYPE_CHECKING:
-    from locsnn_compile.data.recordings import Recordings
-    from locsnn_compile.verification.over_time import OnStep, Streamed
+from locsnn_compile.report.words import sentence
+from locsnn_compile.verification.over_time import OnStep, Streamed, right_over_time, step_latency, stream
 
 _CLEAR = "\r\x1b[K"
-
-
 Row = dict[str, Any]
 _MOMENTS = (0.2, 0.4, 0.6, 0.8, 1.0)
-"""Parts of a recording after which the summary has a figure."""
+"""Parts of a recording after which the summary gives a figure."""
 
 
 class LiveLine:
-    """Writes to a stream; on a terminal :meth:`show` replaces the line that it wrote before."""
+    """Writes lines to a stream; on a terminal :meth:`show` replaces the line that it last wrote."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -36,7 +32,7 @@ class LiveLine:
         self._open = False
 
     def show(self, line: str) -> None:
-        """Write a line that the next one replaces, where there is a terminal; else for good."""
+        """Write a line. On a terminal the next one replaces it; elsewhere it stays."""
         if not self.watched:
             print(line, file=self._stream)
             return
@@ -45,12 +41,12 @@ class LiveLine:
         self._open = True
 
     def say(self, line: str) -> None:
-        """Write a line for good."""
+        """Write a line that stays."""
         self.close()
         print(line, file=self._stream, flush=True)
 
     def close(self) -> None:
-        """Take away the line that would be replaced."""
+        """Clear the line that would be replaced."""
         if self._open:
             print(end=_CLEAR, file=self._stream, flush=True)
             self._open = False
@@ -59,14 +55,11 @@ class LiveLine:
 def stream_all(
     args: argparse.Namespace, program: hw.ChipProgram, recordings: Recordings, rows: list[Row], margin: Row | None
 ) -> Row:
-    """Stream every recording, showing it; add ``changes`` to the rows and return what was found of all together."""
-    from hw_model.streaming.early_stop import to_the_end
-    from locsnn_compile.verification.over_time import right_over_time, step_latency, stream
-
+    """Stream and show every recording; add its ``changes`` to its row, and return the figures over all of them."""
     step_seconds = _step_seconds(args, program, recordings)
     lead = None if margin is None else margin["margin"]
     session = hw.Session(program, args.psi)
-    # The first pushes load compiled code, which is no step's fault.
+    # The first pushes load compiled code, which must not count as time of a step.
     stream(hw.Session(program, args.psi), _rows(to_the_end(program, recordings.spikes[:1])))
     found: list[Streamed] = []
     watched = nullcontext() if args.json else closing(LiveLine(sys.stdout))
@@ -98,9 +91,7 @@ def stream_all(
 
 
 def stream_lines(found: Row) -> list[str]:
-    """Return predictions over time and the pace, a line each."""
-    from locsnn_compile.report.words import sentence
-
+    """Return a line on predictions over time, and one on the pace."""
     right, length = found["right"], found["step_seconds"]
     shown = []
     for part in _MOMENTS:
@@ -113,12 +104,12 @@ def stream_lines(found: Row) -> list[str]:
 
 
 def _rows(streams: dict[str, Any]) -> dict[str, Any]:
-    """Return the only recording of a batch."""
+    """Return the single recording of a batch, by stream."""
     return {name: array[0] for name, array in streams.items()}
 
 
 def _shown(line: LiveLine, recording: int, steps: int, step_seconds: float | None) -> OnStep:
-    """Return a callback that shows each new prediction; where the line is replaced, each new lead too."""
+    """Return a callback that shows each new prediction and, on a terminal, each new lead."""
     shown: tuple[int, float] | None = None
 
     def on_step(step: int, prediction: int, lead: float) -> None:
@@ -136,12 +127,12 @@ def _shown(line: LiveLine, recording: int, steps: int, step_seconds: float | Non
 
 
 def _seconds(step: int, step_seconds: float) -> str:
-    """Return the time after a step, with as many decimals as it takes to tell steps apart."""
+    """Return the time after a step, with enough decimals to tell steps apart."""
     return f"{step * step_seconds:.{max(0, math.ceil(-math.log10(step_seconds)))}f} s"
 
 
 def lead_text(lead: float) -> str:
-    """Return a lead in spikes; time-weighted ones begin far below one."""
+    """Return a lead in spikes as text; time-weighted leads begin far below one spike."""
     if 0 < lead < 0.01:
         return "under 0.01"
     return f"{lead:.3g}" if lead < 1000 else f"{lead:,.0f}"
@@ -155,7 +146,7 @@ def _settled(row: Row, found: Streamed, *, stopped: bool) -> str:
 
 
 def _step_seconds(args: argparse.Namespace, program: hw.ChipProgram, recordings: Recordings) -> float | None:
-    """Return how long a step is: as the recordings or options say, or as the build's report does."""
+    """Return how long a step is, from the recordings, the options or the report of the build."""
     if recordings.step_seconds is not None:
         return recordings.step_seconds
     try:

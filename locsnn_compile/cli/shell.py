@@ -1,6 +1,6 @@
-"""What all commands share: how they are added, one-line errors, exit codes, streams, progress bars, Ctrl-C at once.
+"""What all commands share: their parser, one-line errors, exit codes, streams, progress bars, and an immediate Ctrl-C.
 
-``--options FILE`` has options of a command by their names in a YAML file; those of the command line win.
+``--options FILE`` names a YAML file with options of a command; options on the command line take precedence.
 """
 
 import argparse
@@ -31,7 +31,7 @@ _OTHERS = ("help", "options", "version")
 
 
 def read_options(parser: argparse.ArgumentParser, path: str) -> dict[str, Any]:
-    """Return the values that a file gives to options of a parser, by their attribute; ``InputError`` for all else."""
+    """Return the values that a file gives to the options of a parser, by attribute; ``InputError`` for all else."""
     from hw_model.io.yaml_text import read_mapping
 
     where = f"options {path!r}"
@@ -44,7 +44,7 @@ def read_options(parser: argparse.ArgumentParser, path: str) -> dict[str, Any]:
 
 
 def _value(action: argparse.Action, value: Any, where: str) -> Any:
-    """Return a value as the command line would give it: of the option's type, or a list of such."""
+    """Return a value as the command line would give it: of the option's type, or a list of such values."""
     if action.nargs == 0:
         if isinstance(value, bool):
             return value
@@ -64,19 +64,19 @@ def _value(action: argparse.Action, value: Any, where: str) -> Any:
 
 EXIT_INTERRUPTED = 130
 GRACE_SECONDS = 1.0
-"""How long a command may take to leave by itself and tidy up."""
+"""How long a command may take to tidy up and exit by itself."""
 _SHOW_CURSOR = "\r\x1b[K\x1b[?25h"
-"""What a progress bar has to be followed by where it is cut off."""
+"""What to print after a progress bar that was interrupted."""
 
 
 @contextmanager
 def leaving_at_once() -> Iterator[None]:
-    """See to it that after a Ctrl-C in this context the process ends within :data:`GRACE_SECONDS`.
+    """End the process within :data:`GRACE_SECONDS` of a Ctrl-C in this context.
 
-    Python raises KeyboardInterrupt in the main thread and between its own instructions only, and joins all threads
-    before it exits: a loop of compiled code, here or in a thread, would be waited for. So a thread of its own reads of
-    the signal, and ends the process if it is still there after that time. Files are not written by such loops, and
-    under another name until they are whole.
+    Python raises KeyboardInterrupt only in the main thread and between its own instructions, and joins all threads
+    before it exits, so it would wait for a loop of compiled code in any thread. Here a separate thread waits for the
+    signal, and ends the process if it is still running after that time. That leaves no partial file: such loops write
+    none, and files have another name until they are complete.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -91,7 +91,7 @@ def leaving_at_once() -> Iterator[None]:
     finally:
         left.set()
         signal.set_wakeup_fd(before)
-        pythons.close()  # which ends the watch, unless a signal came before
+        pythons.close()  # ends the watch, unless a signal came first
 
 
 def _watch(ours: socket.socket, left: threading.Event) -> None:
@@ -104,10 +104,10 @@ def _watch(ours: socket.socket, left: threading.Event) -> None:
                 os._exit(EXIT_INTERRUPTED)
 
 
-# Before numpy is there: matrices are small, threads of a busy machine wait for each other, and with one of them results
-# do not hang on the number of cores.
+# Must be set before numpy is imported. Matrices are small, threads on a busy machine wait for each other, and with one
+# thread results do not depend on the number of cores.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-# Most objects are modules and live to the end: looking for garbage among them took a tenth of the time.
+# Most objects are modules and live to the end; searching them for garbage took a tenth of the time.
 gc.set_threshold(100_000)
 
 EXIT_TARGET, EXIT_INPUT, EXIT_GATE = 1, 2, 3
@@ -115,17 +115,17 @@ _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser whose errors are one line, like all others, and that reads the file of ``--options``."""
+    """An argument parser that reads the file of ``--options``, and whose errors are one line like all others."""
 
     def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
-        """Refuse arguments that are not text in this locale: they would be names in reports, which are text."""
+        """Refuse arguments that are not text in this locale, because they become names in reports."""
         for text in sys.argv[1:] if args is None else args:
             if any("\udc80" <= letter <= "\udcff" for letter in text):
                 self.error(f"argument {text!r} is not text in this locale; rename the file, or choose a UTF-8 locale")
         found, rest = super().parse_known_args(args, namespace)
         if "--options" in self._option_string_actions and found.options is not None:
             values = read_options(self, found.options)
-            # A default is taken only where there is no attribute: what is None after this was not typed.
+            # argparse sets a default only if the attribute is missing: what is still None after this was not typed.
             typed, _ = super().parse_known_args(args, argparse.Namespace(**dict.fromkeys(values)))
             for name, value in values.items():
                 setattr(found, name, value if getattr(typed, name) is None else getattr(typed, name))
@@ -138,7 +138,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def texts_of(command: ModuleType) -> dict[str, Any]:
-    """Return what a command's docstring gives its parser: below the first line, a paragraph, and then an example."""
+    """Return the texts for a command's parser from its docstring: a paragraph below the first line, and the example."""
     _, _, below = (command.__doc__ or "").partition("\n\n")
     description, _, example = below.partition("\n\n")
     return {"description": description, "epilog": example, "formatter_class": argparse.RawDescriptionHelpFormatter}
@@ -147,7 +147,7 @@ def texts_of(command: ModuleType) -> dict[str, Any]:
 def add_command(commands: "argparse._SubParsersAction[Any]", command: ModuleType) -> None:
     """Add a command below ``locsnn``: a module with ``run``, whose docstring is its help.
 
-    Its name is that of the module and of its section of ``options.txt``, whose places ``words()`` of the module fill.
+    The module and its section of ``options.txt`` have the command's name; ``words()`` of the module fills placeholders.
     """
     name = command.__name__.rpartition(".")[2]
     line, _, _ = (command.__doc__ or "").partition("\n")
@@ -160,7 +160,7 @@ AnyParser = TypeVar("AnyParser", bound=argparse.ArgumentParser)
 
 
 def declared(parser: AnyParser, section: str, words: Mapping[str, str]) -> AnyParser:
-    """Return a parser with the options of a command, and with those that all commands have."""
+    """Return the parser after adding the options of a command and those that all commands have."""
     add_options(parser, section, words)
     add_common(parser)
     return parser
@@ -174,9 +174,9 @@ def add_common(parser: argparse.ArgumentParser) -> None:
 
 
 def guarded(parser: Parser, typed: Sequence[str] | None, run: Callable[[argparse.Namespace], int]) -> int:
-    """Run a command; print an error as its one line and return the exit code that its kind has.
+    """Run a command; print an error as one line, and return the exit code for its kind.
 
-    ``typed``: the words of the command line, by default this program's own.
+    ``typed``: the words of the command line, by default those of this process.
     """
     _ready_streams()
     try:
@@ -193,7 +193,7 @@ def guarded(parser: Parser, typed: Sequence[str] | None, run: Callable[[argparse
         print("Interrupted; nothing was written.", file=sys.stderr)
         return EXIT_INTERRUPTED
     except BrokenPipeError:
-        # The reader of our output went away: leave without a word.
+        # The reader of our output has gone: exit silently.
         _drop_output()
         return 0
     except OSError as error:
@@ -204,7 +204,7 @@ def guarded(parser: Parser, typed: Sequence[str] | None, run: Callable[[argparse
 
 
 def terminal() -> "Console":
-    """Return what prints with colours; rich would leave with 1 where the reader of our output goes away."""
+    """Return a console with colours. Unlike rich's, it does not exit with 1 when the reader of our output has gone."""
     from rich.console import Console
 
     class Terminal(Console):
@@ -215,7 +215,7 @@ def terminal() -> "Console":
 
 
 def _as_typed(error: LocsnnError, typed: Sequence[str]) -> LocsnnError:
-    """Return an error that shows a path as it was typed, where it shows the name of the file; of two such, neither."""
+    """Return an error with the path as typed in place of the bare file name, unless two typed paths have that name."""
     found = {word.partition("=")[2] if word.startswith("--") else word for word in typed}
     names = [os.path.basename(path.rstrip("/")) for path in found]
     for path, name in zip(found, names, strict=True):
@@ -226,7 +226,7 @@ def _as_typed(error: LocsnnError, typed: Sequence[str]) -> LocsnnError:
 
 
 def _system_error(error: OSError) -> LocsnnError:
-    """Return what the system refused, where no reader or writer said it in words of its own."""
+    """Return a message for an error of the system that no reader or writer has put into words."""
     if error.filename is not None:
         name = os.fsdecode(error.filename) if isinstance(error.filename, str | bytes) else str(error.filename)
         return InputError(f"{name[:60]!r}", "it cannot be used", measured=error.strerror or "", fix="Check the path.")
@@ -238,7 +238,7 @@ def _system_error(error: OSError) -> LocsnnError:
 
 
 def _ready_streams() -> None:
-    """Go on where a stream is closed, and where the locale has no code for a letter, which is then a ``?``."""
+    """Cope with closed streams, and print ``?`` for characters that the locale cannot encode."""
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
@@ -247,24 +247,24 @@ def _ready_streams() -> None:
 
 
 def _drop_output() -> None:
-    """Keep the interpreter, when it ends, from flushing into an output that takes nothing."""
+    """Keep the interpreter from flushing, at exit, into an output that accepts nothing."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _show_log(verbose: bool) -> None:
-    """Show on standard error what is logged: all of it, or, where somebody watches, what takes seconds."""
+    """Show the log on standard error: all of it if ``verbose``, and on a terminal what takes seconds."""
     if verbose or sys.stderr.isatty():
         logging.basicConfig(format="%(message)s")
         logging.getLogger("locsnn").setLevel(logging.DEBUG if verbose else logging.INFO)
 
 
 Moved = Callable[..., None]
-"""What moves a progress bar: called with how much is done, of how much where that is known, and what, if it changed."""
+"""Moves a progress bar: called with the work done, the total or None, and a new title if it changed."""
 
 
 @contextmanager
 def progress_bar(title: str, *, show: bool) -> Iterator[Moved | None]:
-    """Give a callback (done, in all, and a title) that moves a bar on standard error; None where nobody watches."""
+    """Give a callback (done, total, title) that moves a bar on standard error; None if that is not a terminal."""
     if not (show and sys.stderr.isatty()):
         yield None
         return

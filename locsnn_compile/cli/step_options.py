@@ -1,4 +1,4 @@
-"""Options that say how recordings become steps and channels, where neither they nor the model does."""
+"""Options for turning recordings into steps and channels, where neither the recordings nor the model say how."""
 
 from __future__ import annotations
 
@@ -15,32 +15,32 @@ if TYPE_CHECKING:
     from locsnn_compile.network.network import Network
 
 CHUNK = 16
-"""Recordings that are held at a time, where they can be read so."""
+"""Recordings held in memory at a time, if the file can be read in pieces."""
 
 
 def asked_reading(args: argparse.Namespace) -> dict[str, Any]:
-    """Return all of these options as ``read_recordings`` takes them."""
+    """Return these options as arguments of ``read_recordings``."""
     return picked(args, "step_seconds", "steps", "threshold", "axes", "fold") | {"test_share": args.split}
 
 
 def read_for_program(
     args: argparse.Namespace, path: str, program: hw.ChipProgram, split: str | None = None
 ) -> Recordings:
-    """Return recordings in the steps of a program, or as asked for where it does not say them."""
+    """Return recordings in the steps of a program, or as the options ask where the program does not say."""
     from locsnn_compile.data.read import read_recordings
 
     return read_recordings(path, split=split, model=expected_by(program), **asked_reading(args))
 
 
 def chunks_for_program(args: argparse.Namespace, program: hw.ChipProgram) -> Iterator[Recordings]:
-    """Yield the recordings of ``--events`` likewise, a few at a time where the file allows it."""
+    """Yield the recordings of ``--events`` in the same way, a few at a time if the file allows it."""
     from locsnn_compile.data.read import read_in_chunks
 
     return read_in_chunks(args.events, CHUNK, model=expected_by(program), **asked_reading(args))
 
 
 def expected_by(program: hw.ChipProgram) -> Expected:
-    """Return what a program expects of recordings."""
+    """Return the recordings that a program expects."""
     from locsnn_compile.data.recordings import Expected
 
     fixed = [phase.steps for phase in program.phases if phase.axis == "time" and phase.steps is not None]
@@ -58,7 +58,7 @@ def expected_by(program: hw.ChipProgram) -> Expected:
 
 
 def with_steps(network: Network, args: argparse.Namespace) -> Network:
-    """Return a network whose steps are as asked for; ``InputError`` where its file says otherwise."""
+    """Return the network with the steps asked for; ``InputError`` if its file says otherwise."""
     from dataclasses import replace
 
     from locsnn_compile.frontends.nir.graph import NirGraph

@@ -1,8 +1,8 @@
 """``locsnn stress``: try extreme numbers and inputs.
 
 Compile and play networks with extreme numbers and inputs: time constants, thresholds, weights, floats, decays, delays,
-a million steps. Every row is ok, limited by causes that are named and counted, or refused in one line; anything else is
-unexplained and gives exit code 3.
+a million steps. Every row is ok, limited by named and counted causes, or refused in one line. Anything else is
+unexplained, and gives exit code 3.
 
 example:
   locsnn stress --quick
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the rows; print a table of verdicts, or JSON, and write the page if one is wanted."""
+    """Run the rows; print a table of verdicts, or JSON, and write the page if asked to."""
     import hw_model as hw
     from locsnn_compile.cli.places import check_places
     from locsnn_compile.stress.page import check_page, write_page

@@ -1,6 +1,6 @@
 """``locsnn targets``: list the chips that ship.
 
-List the chips that ship, or print a chip's description to start a chip file of your own from.
+List the chips that ship, or print the description of one as a start for your own chip file.
 
 example:
   locsnn targets --show loihi-sim > my-chip.yaml

@@ -6,13 +6,13 @@ example:
   locsnn train --data examples/recordings/motions.npz --epochs 20 -o motions.pt
   locsnn train --data examples/recordings/motions.npz --from motions.pt --target loihi-sim -o motions-loihi.pt
 
-With --target the forward pass is the chip's integer arithmetic, so that the compiled program spikes exactly as the
-network did in training. --from goes on from a trained network: 60 epochs at a rate of 0.001 on the whole train part,
-which that network may have seen whole, unless the options say otherwise.
+With --target the forward pass is the chip's integer arithmetic, so the compiled program spikes exactly as the network
+did in training. --from fine-tunes a trained network, by default for 60 epochs at a rate of 0.001 on the whole train
+part, which that network may have seen already.
 
-The epoch is chosen on a validation part of the train part; the test part, where the data have one, is measured
-once at the end. Next to OUT.pt a log OUT.csv and its picture OUT.svg are written, and while it runs OUT.pt.state, for
---resume. Options without a flag here are keys of the --config file: taxel_dropout, time_shift, weight_average, ...
+The epoch is chosen on a validation share of the train part. The test part, if the data have one, is measured once, at
+the end. Next to OUT.pt it writes a log OUT.csv and its picture OUT.svg and, while it runs, OUT.pt.state for --resume.
+Options without a flag here are keys of the --config file: taxel_dropout, time_shift, weight_average, ...
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ if TYPE_CHECKING:
 
 
 SHOWN_CLASSES, SHOWN_NAMES = 20, 60
-"""Classes up to which the confusion matrix is printed."""
+"""The confusion matrix is printed for so many classes at most, and with names if they have fewer letters in all."""
 
 
 def words() -> dict[str, str]:
-    """Return what fills the places in this command's options."""
+    """Return the values for the placeholders in this command's options."""
     usual, *others, last = TRAINABLE
     strategies = f"{usual} (default), {', '.join(others)} or {last}"
     return {"architectures": ", ".join(ARCHITECTURES), "strategies": strategies}
@@ -104,7 +104,7 @@ def _state_path(output: Path) -> Path:
 
 
 def _check_places(args: argparse.Namespace, output: Path) -> None:
-    """Refuse outputs that are inputs, files next to the output that no run wrote, and nothing to resume."""
+    """Refuse outputs that are inputs, files beside them that no training wrote, and ``--resume`` without a state."""
     from locsnn_compile.cli.places import check_places
 
     option = f"-o {args.output!r}"
@@ -149,8 +149,8 @@ def _config(args: argparse.Namespace, start: Checkpoint | None) -> TrainingConfi
     usual = {} if start is None else {"model": start.description.architecture} | FINE_TUNING
     config = config_from_mapping(usual | values | asked)
     check_used({name: flags.get(name, f"--{name.replace('_', '-')}") for name in asked}, config)
-    # A file may be shared: what counts in it by itself may stay there, whatever options make of it, and what counts
-    # for some network, where the file leaves that open.
+    # A file may serve several runs: it may hold what would count without the other options and, if it does not name the
+    # model, what counts for any model.
     models = ARCHITECTURES if args.model is not None and "model" not in values else [config.model]
     shared = [config_from_mapping(usual | {"model": model} | values) for model in models]
     check_used(of_file, config, *shared)
@@ -181,10 +181,7 @@ def _summary(
 
 
 def _confusion(found: IntArray, names: tuple[str, ...] | None = None) -> list[str]:
-    """Return the confusion matrix as lines, with the names of classes where there is room for them.
-
-    There are none where there are too many classes for a terminal.
-    """
+    """Return the confusion matrix as lines, with class names if there is room; nothing for more than SHOWN_CLASSES."""
     if len(found) > SHOWN_CLASSES:
         return []
     heads = [str(label) for label in range(len(found))]
@@ -196,7 +193,7 @@ def _confusion(found: IntArray, names: tuple[str, ...] | None = None) -> list[st
 
 
 def _after_epochs(args: argparse.Namespace, moved: Moved | None) -> Progress:
-    """Return what is told of every epoch: a bar where somebody watches, lines elsewhere, and TensorBoard."""
+    """Return the callback after each epoch: it moves the bar, or prints a line where there is none, and logs."""
     from locsnn_compile.training.profile import tensorboard_log
 
     log = tensorboard_log(Path(args.tensorboard)) if args.tensorboard else None

@@ -1,4 +1,4 @@
-"""Put the report together: the verdicts, the notices and the sections in the order in which people ask."""
+"""Put the report together: verdicts, notices and sections, in the order in which readers ask."""
 
 from typing import TYPE_CHECKING
 
@@ -13,12 +13,12 @@ from locsnn_compile.report.sections.verdict import costs, fits, matches, notices
 if TYPE_CHECKING:
     from locsnn_compile.verification.excerpt import Excerpt
 
-LONGEST_NAME = 120
-"""Characters of the model's name in the title; under provenance it stands in full."""
+LONGEST_NAME = 60
+"""Characters of a name in the title; provenance has the names in full."""
 
 
 def compose(document: Document, excerpt: "Excerpt | None" = None) -> Report:
-    """Return the whole report as content without form; ``excerpt`` is what there is to see of a recording."""
+    """Return the whole report as content without form; ``excerpt`` is the part of a recording to show."""
     priced = document["energy"]["profile"]
     on_mesh = "activity" not in document
     sections = (
@@ -41,11 +41,14 @@ def compose(document: Document, excerpt: "Excerpt | None" = None) -> Report:
     )
     match = document["match"]
     options = f"{document['weight_bits']}-bit weights, strategy {document['strategy']}"
+    names = (shortened(name, LONGEST_NAME) for name in (document["model"]["name"], document["target"]))
     return Report(
-        title=f"{shortened(document['model']['name'], LONGEST_NAME)} on {document['target']}",
+        kind="locsnn-compile report",
+        title=" on ".join(names),
         subtitle=f"{options}, {plural(match['samples'], 'recording')} of {match['events_source']}",
         verdicts=(matches(document), costs(document) if priced else cost.cycles(document), fits(document)),
         notices=notices(document),
         sections=tuple(section for section in sections if section),
+        footer="Per recording means the mean over the recordings of the check, unless a range is given.",
         assumptions=tuple(document["assumptions"]),
     )

@@ -3,7 +3,7 @@
     Report -- verdicts (three questions answered) -- notices -- sections -- blocks
 
 The words and numbers are chosen once, in ``verdict.py`` and the section files; ``html.py``, ``markdown.py`` and
-``terminal.py`` only give them form. Strings here are unescaped: each form escapes all of them.
+``terminal.py`` only give them form. Strings are unescaped here; each form escapes all of them.
 """
 
 from typing import Any, Literal
@@ -55,9 +55,12 @@ class Bullets(Frozen):
 
 
 class Bar(Frozen):
-    """A cell that draws ``share`` (0..1) of a track; ``label`` says it in words. ``pattern`` matches a ``Stack``."""
+    """A cell that draws ``share`` (0..1, None for no share) of a track; ``label`` says it in words.
 
-    share: float
+    ``pattern`` is that of the same part of a ``Stack``.
+    """
+
+    share: float | None
     label: str
     pattern: int = 0
 
@@ -177,12 +180,17 @@ class Section(Frozen):
 
 
 class Report(Frozen):
-    """Everything that the page and the text file show, in their order."""
+    """Everything that the page, the text file and the terminal show, in their order.
 
+    ``kind`` stands above the title of a page, ``footer`` at its end.
+    """
+
+    kind: str
     title: str
     subtitle: str
     verdicts: tuple[Verdict, Verdict, Verdict]
     notices: tuple[Notice, ...]
     sections: tuple[Section, ...]
+    footer: str
     assumptions: tuple[str, ...] = ()
     """Sentences, before anything else that limits the figures."""

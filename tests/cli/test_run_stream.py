@@ -303,7 +303,7 @@ def test_the_train_part_calibrates_and_the_test_part_is_played(build, program, c
         ("--stream --psi -3", "--psi: it is not a valid rate (got -3). Give 0 or more, such as 10."),
         ("--step-seconds 0.02", "--step-seconds: nothing requested is timed. Add --stream."),
         ("--stream --step-seconds inf", "--step-seconds: it is not a duration (got inf). Give more than 0."),
-        ("--stop margin --calibrate few.npy", "--calibrate 'few.npy': these recordings are played, too, and a margin always fits those that it was found on. Give others."),
+        ("--stop margin --calibrate few.npy", "--calibrate 'few.npy': these recordings are also played, and a margin always fits the recordings it was found on. Give others."),
         ("--stop margin --calibrate gone.npy", "file 'gone.npy': it does not exist. Check the path."),
     ],
     ids=["kind", "no margin", "two margins", "margin alone", "calibrate alone", "agreement alone", "no length", "silence alone", "no silence", "no lead", "not a number", "no share", "psi alone", "negative psi", "length alone", "endless step", "same recordings", "no file"],

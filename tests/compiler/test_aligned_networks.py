@@ -21,6 +21,7 @@ from locsnn_compile.network.network import InputView
 from locsnn_compile.network.neurons import Cuba
 from locsnn_compile.pipeline import LEVEL_TEXTS, lower
 from locsnn_compile.reference.evaluate import evaluate
+from locsnn_compile.report.compose import compose
 from locsnn_compile.report.renderers.markdown import render_markdown
 from locsnn_compile.verification.matching import compare
 
@@ -117,7 +118,7 @@ def test_the_report_says_how_late_recordings_start():
         "aligned_steps_by_branch": {"time": 0.0, "location": 11.0},
     }
     assert compiled.report["error_budget"]["unexplained_spikes"] == 0
-    page = render_markdown(compiled.report, None)
+    page = render_markdown(compose(compiled.report))
     assert "start: at the first touch, 11.0 steps into a recording on average" in page
     assert (
         "steps before the touch: 0.0 (time branch) and 11.0 (location branch) per recording, which starts after" in page

@@ -23,6 +23,7 @@ from locsnn_compile.errors import InputError
 from locsnn_compile.network.committee import committee
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
+from locsnn_compile.report.compose import compose
 from locsnn_compile.report.renderers.markdown import render_markdown
 from locsnn_compile.report.words import sentence
 from locsnn_compile.verification.matching import compare
@@ -122,7 +123,7 @@ def test_members_cost_what_they_cost_alone():
         )
     slowest = max(row["per_sample_ns"] for row in rows)
     assert slowest <= both.report["latency"]["per_sample_ns"] < sum(row["per_sample_ns"] for row in rows)
-    page = render_markdown(both.report, None)
+    page = render_markdown(compose(both.report))
     assert "a: " in page
     assert "2 cores, class scores times 3" in page
     assert both.report["resources"]["cores"] == 4

@@ -10,6 +10,7 @@ from networks import NEURON, hybrid, recordings, single
 import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.pipeline import lower
+from locsnn_compile.report.compose import compose
 from locsnn_compile.report.renderers.markdown import render_markdown
 from locsnn_compile.verification import over_time as module
 from locsnn_compile.verification.over_time import over_time, savings, stop_all
@@ -151,7 +152,7 @@ def test_the_report_has_it_unless_told_not_to(levels, played):
     assert entry["steps"] == list(range(1, 21))
     assert entry["right"]["together"][-1] == compiled.report["accuracy"]["chip"]
     assert entry["proven_stop"]["all_energy_pj"] == pytest.approx(compiled.report["energy"]["per_sample_pj"])
-    assert "## Over time" in render_markdown(compiled.report)
+    assert "## Over time" in render_markdown(compose(compiled.report))
     json.dumps(compiled.report, allow_nan=False)
     bare = lc.compile(levels.network, events=played, strategy="dendrite", diagnosis=False).report
     assert "over_time" not in bare

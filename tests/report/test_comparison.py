@@ -12,7 +12,7 @@ from locsnn_compile.errors import InputError
 from locsnn_compile.report.content import Notice, Table
 from locsnn_compile.report.figures.flat import flatten
 from locsnn_compile.report.figures.program import program_figures
-from locsnn_compile.report.renderers.html import render_page
+from locsnn_compile.report.renderers.html import render_html
 from locsnn_compile.report.sections.comparison import MAX_ROWS, Build, changes, comparison, percent
 
 
@@ -91,7 +91,7 @@ def test_a_report_without_a_number_is_refused(builds: tuple[Build, Build], value
 
 def test_the_page_is_small_whatever_changed(builds: tuple[Build, Build]) -> None:
     builds[1].report["<script>"] = {f"<b>{i}</b>": "x" * 10_000 for i in range(5000)}
-    page = render_page(comparison(*builds), "locsnn diff", "")
+    page = render_html(comparison(*builds))
     assert len(page) < 200_000
     assert "<script" not in page
     assert f"5,000 figures changed, the first {MAX_ROWS}; --json has all" in page

@@ -22,6 +22,7 @@ from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
+from locsnn_compile.report.compose import compose
 from locsnn_compile.report.figures.document import report_document
 from locsnn_compile.report.renderers.markdown import render_markdown
 from locsnn_compile.report.sections.verdict import matches
@@ -257,7 +258,7 @@ def test_potentials_never_spike_and_are_silent_only_where_all_are_equal(
     assert (found["spike_agreement"] is None) == (threshold == 100.0)
     agreeing = replace(match, chip_prediction=match.reference_prediction)
     assert matches(report_document(model.levels, agreeing, GROUNDS)).answer == answer
-    assert "| out | read by potential | 0 | 0 | 0 |" in render_markdown(model.report)
+    assert "| out | read by potential | 0 | 0 | 0 |" in render_markdown(compose(model.report))
     turned = replace(match, chip_prediction=(match.chip_prediction + 1) % network.classes)
     assert matches(report_document(model.levels, turned, GROUNDS)).answer == "No"
     tied = np.full(match.samples, -1)

@@ -12,7 +12,8 @@ import pytest
 from chromium import Chromium, find_chromium, started
 
 from locsnn_compile.cli.compile import main
-from locsnn_compile.report.renderers.html import render_html, render_page
+from locsnn_compile.report.compose import compose
+from locsnn_compile.report.renderers.html import render_html
 from locsnn_compile.report.sections.comparison import Build, comparison
 from locsnn_compile.verification.excerpt import Excerpt
 
@@ -53,7 +54,7 @@ def page(document: dict[str, Any], excerpt: Excerpt, tmp_path: Path) -> Path:
     row = document["resources"]["by_core"][0]
     document["resources"]["by_core"] = [{**row, "core": i, "slot": i, "tile": [i // 4, 0]} for i in range(20)]
     path = tmp_path / "report.html"
-    path.write_text(render_html(document, excerpt), encoding="utf-8")
+    path.write_text(render_html(compose(document, excerpt)), encoding="utf-8")
     return path
 
 
@@ -140,7 +141,7 @@ def test_a_page_of_two_builds(browser: Chromium, document: dict[str, Any], tmp_p
     other["skipped"] = {f"figure{i}": i for i in range(40)}
     builds = (Build(name, report, {}) for name, report in (("one", document), ("two", other)))
     page = tmp_path / "diff.html"
-    page.write_text(render_page(comparison(*builds), "locsnn diff", "The end."), encoding="utf-8")
+    page.write_text(render_html(comparison(*builds)), encoding="utf-8")
     browser.open(page)
     _quiet_and_alone(browser, page)
     assert "Less, -25.0 %" in browser.evaluate("document.body.innerText")
@@ -171,12 +172,12 @@ def test_hostile_names_stay_text(
         potential=replace(excerpt.potential, population=name),
     )
     page = tmp_path / "report.html"
-    page.write_text(render_html(document, excerpt), encoding="utf-8")
+    page.write_text(render_html(compose(document, excerpt)), encoding="utf-8")
     browser.open(page, width=360)
     _quiet_and_alone(browser, page)
     assert browser.evaluate("window.hurt === undefined")
     assert browser.evaluate(TOO_WIDE) == []
-    shown = name.replace("\n", "\\n")[:100]
+    shown = name.replace("\n", "\\n")[:50]
     assert browser.evaluate("document.querySelector('h1').textContent").startswith(shown)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from locsnn_compile.report.compose import compose
 from locsnn_compile.report.renderers.html import render_html
 from locsnn_compile.verification.excerpt import Excerpt
 
@@ -47,7 +48,7 @@ class Page(HTMLParser):
 
 
 def test_key_figures_are_on_the_page(document: dict[str, Any]) -> None:
-    text = Page(render_html(document)).text
+    text = Page(render_html(compose(document))).text
     for figure in (
         "two-branches on loihi-sim",
         "in 19 of 20 recordings",
@@ -74,7 +75,7 @@ def test_key_figures_are_on_the_page(document: dict[str, Any]) -> None:
 
 
 def test_the_verdict_comes_first(document: dict[str, Any]) -> None:
-    text = Page(render_html(document)).text
+    text = Page(render_html(compose(document))).text
     order = ["Does it match?", "What does it cost?", "Does it fit?", "Where the energy goes", "2 cores in use of 128"]
     order += [
         "Each stage alone, over",
@@ -87,7 +88,7 @@ def test_the_verdict_comes_first(document: dict[str, Any]) -> None:
 
 
 def test_the_page_asks_for_nothing(document: dict[str, Any]) -> None:
-    html = render_html(document)
+    html = render_html(compose(document))
     page = Page(html)
     assert {tag for tag, _ in page.tags} & {"script", "link", "img", "iframe", "object", "embed", "form"} == set()
     for _, attributes in page.tags:
@@ -100,7 +101,7 @@ def test_the_page_asks_for_nothing(document: dict[str, Any]) -> None:
 
 
 def test_structure_for_readers_without_sight_or_mouse(document: dict[str, Any], excerpt: Excerpt) -> None:
-    page = Page(render_html(document, excerpt))
+    page = Page(render_html(compose(document, excerpt)))
     assert page.named("html") == [{"lang": "en"}]
     assert [len(page.named(tag)) for tag in ("h1", "main", "nav", "header", "footer")] == [1] * 5
     levels = [int(tag[1]) for tag, _ in page.tags if re.fullmatch("h[1-6]", tag)]
@@ -133,7 +134,7 @@ def _hostile(value: Any) -> Any:
 
 
 def test_every_string_is_escaped(document: dict[str, Any], excerpt: Excerpt) -> None:
-    tags = sorted(tag for tag, _ in Page(render_html(document, excerpt)).tags if tag != "wbr")
+    tags = sorted(tag for tag, _ in Page(render_html(compose(document, excerpt))).tags if tag != "wbr")
     document = _hostile(document)
     names = [f"{HOSTILE}{item.name}" for item in (*excerpt.inputs, *excerpt.populations)]
     excerpt = replace(
@@ -145,7 +146,7 @@ def test_every_string_is_escaped(document: dict[str, Any], excerpt: Excerpt) -> 
     )
     for table in (document["match"]["by_population"], document["quantization"], document["energy"]["breakdown_pj"]):
         table[HOSTILE] = table.pop(next(iter(table)))
-    html = render_html(document, excerpt)
+    html = render_html(compose(document, excerpt))
     page = Page(html)
     assert "<script" not in html
     assert "\x1b" not in html
@@ -188,20 +189,20 @@ def test_what_may_be_missing(document: dict[str, Any], path: tuple[str, ...], va
     for key in outer:
         target = target[key]
     target[last] = value
-    assert text in " ".join(Page(render_html(document)).text.split())
+    assert text in " ".join(Page(render_html(compose(document))).text.split())
 
 
 def test_many_cores_are_folded(document: dict[str, Any]) -> None:
-    assert len(Page(render_html(document)).named("details")) == len(document["energy"]["profiles"])
+    assert len(Page(render_html(compose(document))).named("details")) == len(document["energy"]["profiles"])
     row = document["resources"]["by_core"][0]
     document["resources"]["by_core"] = [{**row, "core": i} for i in range(128)]
-    html = render_html(document)
+    html = render_html(compose(document))
     assert "<summary>Core by core (128 rows)</summary>" in html
     assert len(html.encode()) < 200_000
     document["resources"]["mesh"]["chips"] = 40
     tiles = [[i // 128 * 8 + i % 32 // 4, i % 128 // 32] for i in range(5000)]
     document["resources"]["by_core"] = [{**row, "core": i, "slot": i, "tile": tile} for i, tile in enumerate(tiles)]
-    html = render_html(document)
+    html = render_html(compose(document))
     assert "<summary>Core by core (5000 rows, 201 of them shown here, all in report.json)</summary>" in html
     assert len(html.encode()) < 500_000
 
@@ -211,7 +212,7 @@ def test_margins_are_drawn_with_the_error_where_there_is_any(document: dict[str,
         "neurons and steps nearer to the threshold than that",
         "neurons and steps with a larger error than that",
     )
-    page = Page(render_html(document))
+    page = Page(render_html(compose(document)))
     # Once in the description of the drawing, once below it.
     assert (page.text.count(nearer), page.text.count(larger), len(page.named("polyline"))) == (4, 4, 4 + 4 + 4)
     first, second = (curve["points"].split(" ") for curve in page.named("polyline")[:2])
@@ -219,16 +220,16 @@ def test_margins_are_drawn_with_the_error_where_there_is_any(document: dict[str,
     assert first == ["25,60", "50,33.98", "75,6.021", "100,0"]
     assert [point.split(",")[0] for point in second] == ["0", "25", "50", "75"]
     document["margins"]["by_population"]["time_output"]["error_histogram"] = [0, 0, 0, 0]
-    page = Page(render_html(document))
+    page = Page(render_html(compose(document)))
     assert (page.text.count(nearer), page.text.count(larger)) == (4, 2)
 
 
 def test_many_populations_are_not_all_drawn(document: dict[str, Any]) -> None:
     one = document["margins"]["by_population"]["time_output"]
     document["margins"]["by_population"] = {f"layer{i}": one for i in range(40)}
-    page = Page(render_html(document))
+    page = Page(render_html(compose(document)))
     assert len([drawing for drawing in page.named("svg") if drawing.get("class") == "plot"]) == 8 + 3
 
 
 def test_the_same_document_gives_the_same_bytes(document: dict[str, Any]) -> None:
-    assert render_html(document) == render_html(document)
+    assert render_html(compose(document)) == render_html(compose(document))

@@ -33,7 +33,7 @@ def test_curves_are_drawn_at_their_steps(document: dict[str, Any]) -> None:
 
 
 def test_every_curve_has_a_look_of_its_own(document: dict[str, Any]) -> None:
-    page = render_html(document)
+    page = render_html(compose(document))
     for index in range(4):
         assert f".c{index}{{stroke:" in page
         assert f'class="curve c{index}"' in page
@@ -68,7 +68,7 @@ def test_one_branch_needs_no_weights(document: dict[str, Any]) -> None:
     right = document["over_time"]["right"]
     document["over_time"]["right"] = {"together": right["together"]}
     assert len(_plot(document).curves) == 1
-    assert "psi" not in render_html(document).split('id="over-time"')[1].split("<section")[0]
+    assert "psi" not in render_html(compose(document)).split('id="over-time"')[1].split("<section")[0]
 
 
 def test_what_was_not_followed_says_why(document: dict[str, Any]) -> None:

@@ -98,7 +98,7 @@ def test_without_a_difference_a_neuron_is_an_example(document: dict[str, Any], e
     excerpt = replace(excerpt, first=None)
     assert _section("potential", document, excerpt).title == "Potential of a neuron"
     assert [drawn.flag for drawn in _rasters(document, excerpt)] == [None, None]
-    assert "the first; no spike of any recording differs." in render_html(document, excerpt)
+    assert "the first; no spike of any recording differs." in render_html(compose(document, excerpt))
 
 
 def test_cores_sit_where_they_are_and_are_as_full_as_their_fullest_limit(document: dict[str, Any]) -> None:
@@ -144,7 +144,7 @@ def test_the_largest_excerpt_is_a_small_page(document: dict[str, Any], excerpt: 
     rows = np.pad(rows, ((0, steps - len(rows)), (0, 0)))
     inputs = (SpikeRows("input", "time", "time", 100_000, np.arange(0, 100_000, 782), rows, rows, 782),)
     excerpt = replace(excerpt, first=None, steps={"time": range(steps)}, populations=populations, inputs=inputs)
-    assert len(render_html(document, excerpt).encode()) < 1_000_000
+    assert len(render_html(compose(document, excerpt)).encode()) < 1_000_000
     assert steps < STEPS
 
 
@@ -183,4 +183,4 @@ def test_large_networks_and_long_recordings_make_small_pages(neurons: int, steps
     network = single(Cuba.of(neurons, decay_v=0.5, threshold=3.0), weights, steps=steps)
     played = (r.random((1, steps, 100)) < 0.3).astype(np.uint8)
     compiled = lc.compile(network, events=played)
-    assert len(render_html(compiled.report, compiled.excerpt).encode()) < 500_000
+    assert len(render_html(compose(compiled.report, compiled.excerpt)).encode()) < 500_000

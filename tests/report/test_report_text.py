@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+from locsnn_compile.report.compose import compose
 from locsnn_compile.report.renderers.markdown import render_markdown, text
 from locsnn_compile.report.renderers.terminal import render_terminal
 from locsnn_compile.verification.excerpt import Excerpt
@@ -23,7 +24,7 @@ GOLDEN = Path(__file__).parent / "golden"
 def _terminal(document: dict[str, Any], width: int = 80, encoding: str = "utf-8") -> str:
     raw = io.BytesIO()
     stream = io.TextIOWrapper(raw, encoding=encoding, write_through=True)
-    render_terminal(document, Console(file=stream, width=width))
+    render_terminal(compose(document), Console(file=stream, width=width))
     return raw.getvalue().decode(encoding)
 
 
@@ -75,13 +76,13 @@ def _bare(document: dict[str, Any]) -> dict[str, Any]:
 
 
 def test_markdown_golden(document: dict[str, Any], excerpt: Excerpt) -> None:
-    _check_sections(_sections(render_markdown(document, excerpt)), "report")
+    _check_sections(_sections(render_markdown(compose(document, excerpt))), "report")
 
 
 def test_markdown_with_nothing_optional_golden(document: dict[str, Any]) -> None:
     """Only the sections that differ from those of a document that has everything."""
-    whole = _sections(render_markdown(document))
-    made = _sections(render_markdown(_bare(document)))
+    whole = _sections(render_markdown(compose(document)))
+    made = _sections(render_markdown(compose(_bare(document))))
     _check_sections({name: section for name, section in made.items() if section != whole.get(name)}, "bare")
 
 
@@ -127,7 +128,7 @@ def test_terminal_shows_some_of_many_populations(document: dict[str, Any]) -> No
 
 def test_terminal_uses_colour_where_there_is_any(document: dict[str, Any]) -> None:
     stream = io.StringIO()
-    render_terminal(document, Console(file=stream, width=80, force_terminal=True, color_system="standard"))
+    render_terminal(compose(document), Console(file=stream, width=80, force_terminal=True, color_system="standard"))
     assert "\x1b[1;32m✓ Does it fit? Yes.\x1b[0m" in stream.getvalue()
 
 
@@ -150,4 +151,4 @@ def test_markdown_escapes(given: str, escaped: str) -> None:
 def test_markdown_tables_stay_whole_with_hostile_names(document: dict[str, Any]) -> None:
     found = document["match"]["by_population"]
     document["match"]["by_population"] = {"a | b\n| c |": found["time_output"]}
-    assert "\n| a \\| b\\\\n\\| c \\| | 90.0 % | 49 | 51 | 10 |\n" in render_markdown(document)
+    assert "\n| a \\| b\\\\n\\| c \\| | 90.0 % | 49 | 51 | 10 |\n" in render_markdown(compose(document))

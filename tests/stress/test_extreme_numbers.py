@@ -16,6 +16,7 @@ from locsnn_compile.network.neurons import Cuba, SrmAlpha
 from locsnn_compile.network.projections import Projection, matrix
 from locsnn_compile.passes.kernels import alpha_kernel
 from locsnn_compile.pipeline import lower
+from locsnn_compile.report.compose import compose
 from locsnn_compile.report.renderers.markdown import render_markdown
 from locsnn_compile.verification.error_budget.budget import error_budget
 
@@ -220,7 +221,7 @@ def test_lost_biases_are_counted_in_the_report():
     )  # fmt: skip
     report = lc.compile(network, events=np.ones((1, 30, 1), dtype=np.uint8)).report
     assert report["skipped"]["biases_lost"] == 1
-    assert "- biases lost: 1, which round to 0\n" in render_markdown(report)
+    assert "- biases lost: 1, which round to 0\n" in render_markdown(compose(report))
 
 
 FAINT = [

@@ -1,13 +1,13 @@
 """``locsnn rtl fit``: make a bitstream of the open core for a board, and say what it takes.
 
-Synthesise the open core for a board, place and route it, and write the bitstream next to the program: one for all
-programs that fit the device. A program that does not fit is refused before. Nothing here runs on a board.
+Synthesise the open core for a board, place and route it, and write the bitstream next to the program. One bitstream
+serves all programs that fit the device; a program that does not fit is refused first. Nothing here runs on a board.
 
 example:
   locsnn rtl fit build/objects-hybrid --board ulx3s-25f --seeds 1
 
-It needs make, Yosys, nextpnr and a packer: pip install 'locsnn-compile[rtl]'. Five placements take some minutes; they
-are kept in ~/.cache/locsnn, so that the next program of the device takes none.
+It needs make, Yosys, nextpnr and a packer: pip install 'locsnn-compile[rtl]'. Five placements take some minutes. They
+are kept in ~/.cache/locsnn and used again for the next program on that device.
 """
 
 import argparse
@@ -21,7 +21,7 @@ from locsnn_compile.errors import InputError, check_known, listed
 
 
 def words() -> dict[str, str]:
-    """Return what fills the places in this command's options."""
+    """Return the values for the placeholders in this command's options."""
     return {"boards": ", ".join(BOARDS)}
 
 
@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _board(args: argparse.Namespace, target: str) -> str:
-    """Return the board that is asked for, or the first of the device."""
+    """Return the board asked for, or the first with the device."""
     check_known(f"--board {args.board}", "it is not known", args.board, BOARDS)
     device = args.device or BOARDS.get(args.board, target)
     boards = [board for board, its in BOARDS.items() if its == device]

@@ -20,7 +20,7 @@ from locsnn_compile.cli.step_options import read_for_program
 
 
 def run(args: argparse.Namespace) -> int:
-    """Compare; print what was found in a few lines, or as JSON."""
+    """Compare; print the result in a few lines, or as JSON."""
     from hw_model.rtl.comparison import compare
     from hw_model.rtl.simulators import sources
 

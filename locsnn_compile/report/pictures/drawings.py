@@ -54,16 +54,18 @@ def bar(cell: Bar) -> str:
 
 def stack(drawn: Stack) -> str:
     """Return one bar cut into its shares, each with its own pattern."""
-    starts = accumulate((part.share for part in drawn.shares), initial=0.0)
+    starts = accumulate((part.share or 0.0 for part in drawn.shares), initial=0.0)
     parts = [made for start, part in zip(starts, drawn.shares, strict=False) for made in _part(start, part, 28)]
     label = f"{drawn.label}: {'; '.join(part.label for part in drawn.shares) or 'nothing'}"
     return _PIECES.piece("track", None, kind="stack", height=28, label=label, parts=parts)
 
 
 def _part(start: float, part: Bar, height: int) -> list[dict[str, Any]]:
-    """Return a share of a track, filled with a pattern, if there is any."""
+    """Return a share of a track, filled with a pattern; nothing for no share or a share of 0."""
+    if not part.share:
+        return []
     width, pattern = 100 * min(part.share, 1.0), part.pattern % _PATTERNS
-    return [{"start": 100 * start, "width": width, "height": height, "pattern": pattern}] if part.share > 0 else []
+    return [{"start": 100 * start, "width": width, "height": height, "pattern": pattern}]
 
 
 def span(drawn: Span) -> str:

@@ -1,65 +1,54 @@
-"""report.html: one page that needs nothing else - no script, no font, no request - and says the verdict first."""
+"""report.html: one page with the verdict first, and without scripts, fonts or requests."""
 
 from html import escape
-from typing import TYPE_CHECKING
 
 from locsnn_compile.report import content
-from locsnn_compile.report.compose import compose
 from locsnn_compile.report.format import plain, shortened
 from locsnn_compile.report.pictures import drawings
 from locsnn_compile.report.words import ASSUMED, SIGNS
 from locsnn_compile.texts.pieces import Pieces
 from locsnn_compile.texts.templates import filled
 
-if TYPE_CHECKING:
-    from locsnn_compile.verification.excerpt import Excerpt
-
 _MANY_COLUMNS = 7
-"""A table with more of them is set smaller."""
+"""A table with more columns is set smaller."""
 _FEW_COLUMNS = 4
-"""A table with no more of them fits a phone."""
+"""A table with no more columns fits a phone."""
 _LONGEST, _LONGEST_NAME, _LONGEST_NUMBER = 2000, 240, 28
-"""Characters of a text, of a name at the head of a row, and of a cell that is not folded."""
+"""Characters at most: of a text, of a name that heads a row, and of a cell that is never wrapped."""
 _DRAWN = '<span class="hidden">drawn</span>'
 MAX_ROWS = 200
-"""A table with more of them is cut: a network may have any number of populations, and a program of cores."""
+"""A table with more rows is cut: networks may have any number of populations, and programs of cores."""
 
 
-def render_html(document: content.Document, excerpt: "Excerpt | None" = None) -> str:
-    """Return the page of a report; the same document and excerpt give the same bytes."""
-    footer = "Per recording means the mean over the recordings of the check, unless a range is given."
-    return render_page(compose(document, excerpt), "locsnn-compile report", footer)
-
-
-def render_page(report: content.Report, kind: str, footer: str) -> str:
-    """Return a page of this content; ``kind`` stands above its title, ``footer`` at its end."""
+def render_html(report: content.Report) -> str:
+    """Return the page of a report; equal content gives equal bytes."""
     return filled(
         __package__,
         "page.html",
         title=text(report.title),
         subtitle=text(report.subtitle),
-        kind=text(kind),
+        kind=text(report.kind),
         patterns=drawings.patterns(),
         verdicts=_PIECES.piece("verdicts", report),
         notices=_PIECES.each(report.notices, "notice"),
         contents=_PIECES.piece("contents", report),
         sections=_PIECES.each(report.sections, "section"),
-        footer=text(footer),
+        footer=text(report.footer),
     )
 
 
-def render_summary(document: content.Document) -> str:
+def render_summary(report: content.Report) -> str:
     """Return the three verdicts as a table for a notebook, without a style of its own."""
-    return _PIECES.piece("summary", compose(document))
+    return _PIECES.piece("summary", report)
 
 
 def text(value: str) -> str:
-    """Return a string safe in text and in quoted attributes; one that is absurdly long, cut."""
+    """Return a string that is safe in text and in quoted attributes; an absurdly long one is cut."""
     return escape(shortened(plain(value), _LONGEST))
 
 
 def _table(table: content.Table) -> str:
-    """Return a table that scrolls inside its place where it is wider; by keyboard, too, where that may be."""
+    """Return a table that scrolls within its box if it is wider, by keyboard as well if it may be that wide."""
     last = len(table.rows) - 1
     shown = [*range(min(MAX_ROWS, last)), last] if table.rows else []
     kinds = _column_kinds(table)
@@ -79,7 +68,7 @@ def _table(table: content.Table) -> str:
 
 
 def _column_kinds(table: content.Table) -> list[str]:
-    """Return the class of each column: drawn, of texts that are folded, or of numbers, which are not."""
+    """Return the class of each column: drawn, of texts, which wrap, or of numbers, which do not."""
     kinds = []
     for i, name in enumerate(table.columns):
         cells = (row[i] for row in table.rows[:MAX_ROWS])
@@ -101,7 +90,7 @@ def _cell(kind: str, cell: str | content.Bar) -> str:
 
 
 def _breakable(name: str) -> str:
-    """Return a name that a narrow column breaks after its underscores and slashes."""
+    """Return a name that may break after underscores and slashes in a narrow column."""
     return text(shortened(name, _LONGEST_NAME)).replace("_", "_<wbr>").replace("/", "/<wbr>")
 
 

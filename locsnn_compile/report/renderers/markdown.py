@@ -1,35 +1,30 @@
-"""report.md: the report as text that a code host shows as a page; drawings are left to report.html."""
+"""report.md: the report as text that code hosts show as a page; only report.html has drawings."""
 
 import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from locsnn_compile.report import content
-from locsnn_compile.report.compose import compose
 from locsnn_compile.report.format import plain
 from locsnn_compile.report.words import ASSUMED
 from locsnn_compile.texts.pieces import Pieces
 
-if TYPE_CHECKING:
-    from locsnn_compile.verification.excerpt import Excerpt
-
 _SPECIAL = re.compile(r"[\\`*\[\]|~#$]|(?<![^\W_])_|_(?![^\W_])")
-"""What Markdown may read as markup anywhere in a line; an underscore inside a word is text."""
+"""Characters that Markdown may read as markup anywhere in a line; an underscore inside a word is text."""
 
 
-def render_markdown(document: content.Document, excerpt: "Excerpt | None" = None) -> str:
-    """Return the report as Markdown; the same document and excerpt give the same bytes."""
-    return _PIECES.piece("report", compose(document, excerpt)).rstrip("\n") + "\n"
+def render_markdown(report: content.Report) -> str:
+    """Return the report as Markdown; equal content gives equal bytes."""
+    return _PIECES.piece("report", report).rstrip("\n") + "\n"
 
 
 def text(value: str) -> str:
-    """Return a string that Markdown and the HTML inside it show as it is, in tables too."""
+    """Return a string that Markdown, the HTML in it and its tables show unchanged."""
     escaped = _SPECIAL.sub(lambda found: f"\\{found.group()}", plain(value))
     return escaped.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
 
 
 def _table(table: content.Table) -> str:
-    """Return the table without its drawn columns, the caption above it."""
+    """Return the table without its drawn columns, below its caption."""
     kept = [i for i, name in enumerate(table.columns) if name]
     rows = [[_cell(row[i]) for i in kept] for row in table.rows]
     lines = [line([text(table.columns[i]) for i in kept]), line(["---", *("---:" for _ in kept[1:])])]

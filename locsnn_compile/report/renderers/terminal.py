@@ -2,51 +2,42 @@
 
 import re
 import textwrap
-from collections.abc import Callable
-from dataclasses import replace
 
 from rich.console import Console
 from rich.text import Text
 
-from locsnn_compile.report.compose import compose
-from locsnn_compile.report.content import Document, Report, Verdict
-from locsnn_compile.report.format import plain, share, shortened
-from locsnn_compile.report.words import ASSUMED, SIGNS, no_spikes
+from locsnn_compile.report.content import Bar, Report, Table, Verdict
+from locsnn_compile.report.format import plain, shortened
+from locsnn_compile.report.words import ASSUMED, SIGNS
 
 _STYLES = {"yes": "bold green", "nearly": "bold yellow", "no": "bold red", "unknown": "bold", "modelled": "bold"}
 _BAR = 24
 """Characters of a full bar."""
 _LONGEST = 60
-"""Characters of a name; the rest is cut, here only."""
+"""Characters of a name; the rest is cut, but only here."""
 _LABEL = 18
-"""Characters of a label with the room after it."""
+"""Characters of a label and of the space after it."""
 _SHOWN_POPULATIONS = 8
 _BEFORE_UNIT = re.compile(r"(?<=\d) (?=(?:[pnuµm]?[Js]|[kMG]?B|%)(?!\w))")
 _HELD = "\u00a0"
-"""Stands for a blank between a number and its unit while lines are folded, so that the two stay together."""
+"""Replaces the blank between a number and its unit while lines are wrapped, to keep the two together."""
 _ASCII = str.maketrans(
     {"✓": "+", "≈": "~", "✗": "x", "█": "#", "░": ".", "µ": "u", "−": "-", "–": "-", "…": "~", "→": "->"}  # noqa: RUF001
 )
 
 
-def render_terminal(document: Document, console: Console) -> None:
-    """Print the summary of a build, with a bar for every population."""
-    title = f"{_short(document['model']['name'])} on {_short(document['target'])}"
-    render_summary(replace(compose(document), title=title), console, lambda: _populations(console, document))
+def render_terminal(report: Report, console: Console) -> None:
+    """Print title, verdicts and notices, with a bar for every population below the first verdict.
 
-
-def render_summary(report: Report, console: Console, below_first: Callable[[], None] = lambda: None) -> None:
-    """Print title, verdicts and notices, and what is ``below_first`` of the verdicts.
-
-    Plain text where the console is not a terminal, ASCII where its encoding has no more.
+    The text is plain if the console is not a terminal, and ASCII if its encoding has nothing else.
     """
-    _line(console, report.title, style="bold")
+    _line(console, _short(report.title, 2 * _LONGEST + 4), style="bold")
     _line(console, _short(report.subtitle, 2 * _LONGEST), style="dim")
     for verdict in report.verdicts:
         console.print()
         _verdict(console, verdict)
         if verdict is report.verdicts[0]:
-            below_first()
+            _populations(console, report)
     if report.assumptions:
         console.print()
         _line(console, ASSUMED, style="yellow")
@@ -64,15 +55,15 @@ def _verdict(console: Console, verdict: Verdict) -> None:
         _row(console, fact.label, fact.value)
 
 
-def _populations(console: Console, document: Document) -> None:
-    match = document["match"]
-    found = match["by_population"]
-    for name in list(found)[:_SHOWN_POPULATIONS]:
-        value = found[name]["spike_agreement"]
-        shown = no_spikes(match, name) if value is None else f"{_drawn(value)} {share(value)}"
-        _row(console, _short(name, _LABEL - 1), shown)
-    if len(found) > _SHOWN_POPULATIONS:
-        _row(console, "...", f"and {len(found) - _SHOWN_POPULATIONS} more populations in the report")
+def _populations(console: Console, report: Report) -> None:
+    """Print the first columns of the table of agreement by population, if the report has one, without its last row."""
+    blocks = (block for section in report.sections if section.key == "agreement" for block in section.blocks)
+    rows = next((block.rows[:-1] for block in blocks if isinstance(block, Table)), ())
+    for name, bar, equal, *_ in rows[:_SHOWN_POPULATIONS]:
+        drawn = f"{_drawn(bar.share)} " if isinstance(bar, Bar) and bar.share is not None else ""
+        _row(console, _short(str(name), _LABEL - 1), f"{drawn}{equal}")
+    if len(rows) > _SHOWN_POPULATIONS:
+        _row(console, "...", f"and {len(rows) - _SHOWN_POPULATIONS} more populations in the report")
 
 
 def _drawn(value: float) -> str:
@@ -88,7 +79,7 @@ def _row(console: Console, label: str, value: str) -> None:
 
 
 def _line(console: Console, line: str, style: str, *, styled: int | None = None, hanging: int = 2) -> None:
-    """Print a line, folded to the console under a hanging indent; its first ``styled`` characters in ``style``."""
+    """Print a line, wrapped to the console with a hanging indent; its first ``styled`` characters in ``style``."""
     folded = textwrap.fill(
         _BEFORE_UNIT.sub(_HELD, _readable(console, line)),
         width=max(console.width, 2 * hanging),
@@ -100,12 +91,12 @@ def _line(console: Console, line: str, style: str, *, styled: int | None = None,
     console.print(made, soft_wrap=True)
 
 
-def _short(name: str, longest: int = _LONGEST) -> str:
+def _short(name: str, longest: int) -> str:
     return shortened(plain(name), longest)
 
 
 def _readable(console: Console, line: str) -> str:
-    """Return what the console can show: no control characters, and nothing that its encoding lacks."""
+    """Return the line without control characters, and without those that the encoding of the console lacks."""
     line = plain(line)
     if console.options.ascii_only:
         return line.translate(_ASCII).encode("ascii", "replace").decode()

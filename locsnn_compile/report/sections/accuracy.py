@@ -93,7 +93,7 @@ def _stages(variants: Document, without: Sequence[str]) -> Document:
 def equal_spikes(agreement: float | None, none: str = SILENT) -> Document:
     """Return the bar and the figure of equal spikes; an empty bar where neither side spikes."""
     if agreement is None:
-        return {"bar": Bar(0.0, f"{none}, no spikes to compare"), "equal": none}
+        return {"bar": Bar(None, f"{none}, no spikes to compare"), "equal": none}
     return {"bar": Bar(agreement, f"{share(agreement)} of spikes equal"), "equal": share(agreement)}
 
 

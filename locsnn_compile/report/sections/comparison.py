@@ -75,12 +75,14 @@ def comparison(before: Build, after: Build) -> Report:
     """Return the comparison of two builds."""
     changed = changes(before, after)
     return Report(
+        kind="locsnn diff",
         title=f"{_short(before.name)} → {_short(after.name)}",
         subtitle=f"{before.text('model.name')} on {before.text('target')}, then {after.text('model.name')} on "
         f"{after.text('target')}: {plural(len(changed), 'figure')} changed",
         verdicts=(_matches(before, after), _costs(before, after), _fits(before, after)),
         notices=_notices(before, after),
         sections=(_key_figures(before, after), *_all(changed)),
+        footer="Figures that are equal are left out.",
     )
 
 
