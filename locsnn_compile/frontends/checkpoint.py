@@ -2,11 +2,13 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 from scipy import sparse
 
+from hw_model.arithmetic.fixed_point import DECAY_ONE
 from hw_model.mapping.graph import Axis
 from hw_model.values import AnyArray, picked
 from locsnn_compile.errors import TargetError
@@ -14,8 +16,9 @@ from locsnn_compile.frontends.parts import VIEW_NAMES, Parts
 from locsnn_compile.models.branch_graph import branch_graph, spread_weights
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.description import LifParameters
+from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.network.network import InputView, Network, Population
-from locsnn_compile.network.neurons import Cuba, SrmAlpha
+from locsnn_compile.network.neurons import Cuba, Neuron, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Projection, matrix, row_sums
 
 LAYERS = 2
@@ -34,23 +37,39 @@ def _add_windows(parts: Parts, checkpoint: Checkpoint) -> None:
     name, start = "touch_windows" if phase else VIEW_NAMES["location"], description.align_events
     view = InputView(name, "location", lines, description.walk, layout.channels, LAYERS, phase, start)
     synapses = windows.synapses(layout.steps, layout.channels)
-    levels = np.tile(np.array(windows.levels, dtype=np.float64), synapses.shape[0] // len(windows.levels))
+    levels, chip = np.tile(windows.levels, synapses.shape[0] // len(windows.levels)), checkpoint.chip
     first, *outputs = description.populations(branch)
-    counting = Cuba.of(len(levels), decay_v=1.0, threshold=levels - 0.5)
+    counting: Neuron
+    onto: Projection | ChipProjection
+    if chip is None:
+        counting = Cuba.of(len(levels), decay_v=1.0, threshold=levels - 0.5)
+        onto = Projection(view.name, first, matrix(synapses, np.float64))
+    else:
+        # An event weighs twice 64, which any format holds: the comparison is exact, whatever the level.
+        counting = ChipCuba.of(len(levels), decay_u=DECAY_ONE, decay_v=DECAY_ONE, threshold=2 * levels - 1)
+        onto = ChipProjection(view.name, first, matrix(128 * synapses, np.int64), exponent=-6, weight_bits=1)
     hidden = Population(first, "location", len(levels), counting, own_phase=phase)
-    weights = checkpoint.weights[weight].astype(np.float64)
     parts.views.append(view)
     parts.populations.append(hidden)
-    parts.projections.append(Projection(view.name, hidden.name, matrix(synapses, np.float64)))
-    # A share for each, so that none has to hold it all.
-    bias = checkpoint.weights[offset].astype(np.float64) / len(outputs)
+    parts.projections.append(onto)
+    weights = checkpoint.weights[weight].astype(np.float64)
     for name, part in zip(outputs, description.output_parts, strict=True):
         heard = np.zeros_like(weights)
         heard[:, part] = weights[:, part]
-        parts.projections.append(Projection(hidden.name, name, matrix(sparse.csr_array(heard), np.float64)))
-        most = float(row_sums(heard).max() + np.abs(bias).max())
-        neuron = Cuba.of(len(bias), decay_v=1.0, threshold=UNREACHED * most if most > 0 else 1.0, bias=bias)
-        parts.populations.append(Population(name, "location", len(bias), neuron, own_phase=phase))
+        if chip is None:
+            # A share for each, so that none has to hold it all.
+            bias = checkpoint.weights[offset].astype(np.float64) / len(outputs)
+            onto = Projection(first, name, matrix(sparse.csr_array(heard), np.float64))
+            most = float(row_sums(heard).max() + np.abs(bias).max())
+            neuron: Neuron = Cuba.of(len(bias), decay_v=1.0, threshold=UNREACHED * most if most > 0 else 1.0, bias=bias)
+        else:
+            numbers, neuron = chip.populations[weight], chip.window_output((weight, offset), checkpoint.weights)
+            held = matrix(sparse.csr_array(heard), np.int64)
+            onto = ChipProjection(first, name, held, numbers.exponent, numbers.weight_bits)
+            # In units of the float network, as spikes are.
+            parts.weights[name] = 1.0 / numbers.scale
+        parts.projections.append(onto)
+        parts.populations.append(replace(hidden, name=name, size=description.classes, neuron=neuron))
         parts.outputs[name] = LAYERS
 
 

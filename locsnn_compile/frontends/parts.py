@@ -28,18 +28,23 @@ _FEWEST_STEPS = 30
 
 @dataclass(eq=False)
 class Parts:
-    """What a network is made of so far; ``outputs``: the first step whose potentials count, None where spikes do."""
+    """What a network is made of so far; ``outputs``: the first step whose potentials count, None where spikes do.
+
+    ``weights``: what the scores of an output are multiplied by, if not by 1.
+    """
 
     views: list[InputView] = field(default_factory=list)
     populations: list[Population] = field(default_factory=list)
     projections: list[Projection | ChipProjection] = field(default_factory=list)
     outputs: dict[str, int | None] = field(default_factory=dict)
+    weights: dict[str, float] = field(default_factory=dict)
 
     @property
     def readout(self) -> Readout:
-        """All outputs, added as they are."""
+        """All outputs, each times its weight, added."""
         first = tuple(self.outputs.values())
-        return Readout(tuple(self.outputs), (1.0,) * len(first), first[0] if len(set(first)) == 1 else first)
+        weights = tuple(self.weights.get(name, 1.0) for name in self.outputs)
+        return Readout(tuple(self.outputs), weights, first[0] if len(set(first)) == 1 else first)
 
     def network(self, **said: Any) -> Network:
         """Return the network of these parts, and of what else is said of it."""

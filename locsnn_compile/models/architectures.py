@@ -26,8 +26,8 @@ class Architecture:
 
     @property
     def learns_integers(self) -> bool:
-        """Whether it can be trained on a chip's integers."""
-        return self.neurons == "srm" and not self.window_branch
+        """Whether its neurons can be trained on a chip's integers."""
+        return self.neurons in ("srm", "windows")
 
 
 ARCHITECTURES: dict[str, Architecture] = {

@@ -15,7 +15,7 @@ int16 mantissas, and
 
 holds the other integers that the chip is loaded with; ``own`` are synapses of a neuron to itself. Any other network is
 version 3: its ``neuron`` holds the constants of integrate-and-fire neurons, or of windows, or nothing, its weights may
-have any number of axes, and
+have any number of axes, there is a ``chip`` where windows were trained on a chip's arithmetic, and
 
     "graph": None or {"name", "taxel_edges": [[a, b], ...], "hops", "features", "step_features"}
 
@@ -54,7 +54,7 @@ FORMAT = "locsnn-checkpoint"
 VERSION = 3
 """The newest version."""
 CHIP_VERSION = 2
-"""That of networks on a chip's arithmetic."""
+"""That of spike response neurons on a chip's arithmetic."""
 OPTIONAL: dict[str, type] = {
     **dict.fromkeys(("delays", "location_delays"), list),
     "location_neuron": dict,
@@ -113,7 +113,7 @@ def checkpoint_values(checkpoint: Checkpoint) -> dict[str, Any]:
     srm, order = description.structure.neurons == "srm", description.location_taxels
     values = {
         "format": FORMAT,
-        "version": CHIP_VERSION if chip is not None else 1 if srm else VERSION,
+        "version": VERSION if not srm else CHIP_VERSION if chip is not None else 1,
         "name": description.name,
         "architecture": description.architecture,
         "neuron": {} if description.neuron is None else asdict(description.neuron),

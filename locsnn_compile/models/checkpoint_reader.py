@@ -102,7 +102,8 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
     if is_whole(version) and version > VERSION:
         raise InputError(where, "it was written by a newer version", measured=against, fix="Update locsnn-compile.")
     more: dict[object, dict[str, tuple[type, ...]]]
-    more = {CHIP_VERSION: {"chip": (dict,)}, VERSION: {"graph": (dict, type(None))}}
+    integers: dict[str, tuple[type, ...]] = {"chip": (dict,)}
+    more = {CHIP_VERSION: integers, VERSION: {"graph": (dict, type(None))} | (integers if "chip" in values else {})}
     optional = {name: (kind,) for name, kind in OPTIONAL.items() if name in values}
     check_keys(where, "", values, _KEYS | more.get(version, {}) | optional)
     if version not in (1, *more):
@@ -129,7 +130,8 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
         raise InputError(place, error.what, measured=error.measured, fix=error.fix) from None
     if (description.structure.neurons == "srm") != srm:
         raise file_fault(where, f"version {version} does not hold such networks")
-    chip = parse_chip_entry(where, values["chip"], description.weight_shapes) if version == CHIP_VERSION else None
+    windows = description.window_names if description.structure.window_branch else ()
+    chip = parse_chip_entry(where, values["chip"], description.weight_shapes, windows) if "chip" in values else None
     weights, training = _weights(where, values["weights"], description, chip), _training(where, values["training"])
     recordings = _recordings(where, values["recordings"], description, source, _origin(training))
     return Checkpoint(description, weights, recordings, training, sha256, chip)

@@ -5,14 +5,14 @@ registers and formats hold; written in the same order. Nothing here imports torc
 """
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, fields
 from typing import Any
 
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_BITS, WEIGHT_EXPONENTS, WeightGrid, weight_grid
-from hw_model.values import AnyArray, Frozen, picked
+from hw_model.values import AnyArray, Frozen, IntArray, picked
 from locsnn_compile.models.plain_checks import file_fault, is_whole
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm, Refractory
 from locsnn_compile.settings import TRAINABLE
@@ -38,6 +38,8 @@ class ChipPopulation(Frozen, eq=False):
     - ``neuron``: all neurons of it have the same integers, and one decay of current and voltage.
     - ``exponent`` and ``weight_bits``: format of the incoming weights, positive and negative ones apart.
     - ``scale``: register units of a potential of 1 in the float network; ``unit``: the float weight of a mantissa of 1.
+
+    The biases of windows are one more: see :meth:`~locsnn_compile.network.chip_neurons.ChipCuba.with_biases`.
     """
 
     neuron: ChipNeuron
@@ -59,6 +61,12 @@ class ChipNumbers(Frozen):
     strategy: str
     populations: Mapping[str, ChipPopulation]
     registers: RegisterWidths = USUAL_REGISTERS
+
+    def window_output(self, names: Sequence[str], mantissas: Mapping[str, IntArray]) -> ChipCuba:
+        """Return the output neurons of windows, with their biases; ``names`` of weights and biases."""
+        neuron = self.populations[names[0]].neuron
+        assert isinstance(neuron, ChipCuba)
+        return neuron.with_biases(mantissas[names[1]], self.populations[names[1]].exponent)
 
     def floats(self, mantissas: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
         """Return mantissas by population name in the float network's units."""
@@ -102,10 +110,13 @@ def _own_entry(neuron: ChipNeuron) -> dict[str, Any]:
     }
 
 
-def parse_chip_entry(where: str, entry: object, shapes: Mapping[str, tuple[int, ...]]) -> ChipNumbers:
+def parse_chip_entry(
+    where: str, entry: object, shapes: Mapping[str, tuple[int, ...]], windows: Collection[str]
+) -> ChipNumbers:
     """Return the numbers that an entry holds for populations of weights ``shapes`` (out, in).
 
-    Raises ``InputError`` for what no chip could be given.
+    Neurons of ``windows`` are single compartments, whatever the strategy. Raises ``InputError`` for what no chip could
+    be given.
     """
     whole = _mapping(where, "chip", entry, ("target", "strategy", "registers", "populations"))
     strategy, target = whole["strategy"], whole["target"]
@@ -118,7 +129,9 @@ def parse_chip_entry(where: str, entry: object, shapes: Mapping[str, tuple[int, 
     registers = {name: _whole(where, f"chip.registers.{name}", width, *ends) for name, width in bits.items()}
     parts = _mapping(where, "chip.populations", whole["populations"], shapes)
     found = {
-        name: _population(where, f"chip.populations.{name}", parts[name], strategy, shape[0])
+        name: _population(
+            where, f"chip.populations.{name}", parts[name], "reset" if name in windows else strategy, shape[0]
+        )
         for name, shape in shapes.items()
     }
     return ChipNumbers(target, strategy, found, RegisterWidths(**registers))

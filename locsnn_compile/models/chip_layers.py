@@ -18,6 +18,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from hw_model.arithmetic import fixed_point
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT, effective_weight
 from hw_model.engine.compiled import absorbed, compiled_with_arrays
 from hw_model.engine.lane_arithmetic import rz, wrap
@@ -25,6 +26,7 @@ from hw_model.values import AnyArray, ByteArray, Int32Array, IntArray
 from locsnn_compile.models.chip_entry import USUAL_REGISTERS, ChipPopulation, RegisterWidths
 from locsnn_compile.models.dense_layer import DenseLayer, to_device, to_host
 from locsnn_compile.models.description import NeuronParameters
+from locsnn_compile.network.chip_neurons import ChipCuba
 
 Ends = tuple[np.int32, np.int32, np.int32]
 
@@ -159,6 +161,27 @@ class _Round(torch.autograd.Function):
         return grads[0] / ctx.unit, None
 
 
+def rounded(weight: Tensor, numbers: ChipPopulation) -> Tensor:
+    """Return the mantissas of latent weights, as floats; rounding passes the gradient straight through."""
+    found: Tensor = _Round.apply(weight, numbers)  # type: ignore[no-untyped-call]
+    return found
+
+
+def to_format(weight: Tensor, numbers: ChipPopulation) -> None:
+    """Bring latent weights back into the range of the format: beyond it no gradient would be of use."""
+    largest = numbers.grid.high * numbers.unit
+    with torch.no_grad():
+        weight.clamp_(-largest, largest)
+
+
+def potential_of_sum(drive: AnyArray, neuron: ChipCuba, exponent: int, registers: RegisterWidths) -> IntArray:
+    """Return the potentials (batch, n) of memoryless neurons for sums of mantissas that arrive at once, (batch, n)."""
+    last = (1 << registers.voltage_bits) - 1
+    charge = fixed_point.wrap(effective_weight(drive.astype(np.int64), exponent), registers.charge_bits)
+    current = fixed_point.wrap(charge, registers.current_bits) + (neuron.bias_mantissa << neuron.bias_exponent)
+    return fixed_point.clip(fixed_point.wrap(current, registers.current_bits), -last, last)
+
+
 class _Steps(torch.autograd.Function):
     """Spikes of sums of mantissas: the chip's steps forward, linear filters behind a surrogate backward."""
 
@@ -212,22 +235,19 @@ class ChipLayer(DenseLayer[NeuronParameters]):
 
     def mantissas(self) -> IntArray:
         """Return the mantissas [out, in] of the latent weights."""
-        rounded: Tensor = _Round.apply(self.weight.detach(), self.numbers)  # type: ignore[no-untyped-call]
-        return to_host(rounded).astype(np.int64)
+        return to_host(rounded(self.weight.detach(), self.numbers)).astype(np.int64)
 
     def hold(self) -> None:
-        """Bring latent weights back into the range of the format: beyond it no gradient would be of use."""
-        largest = self.numbers.grid.high * self.numbers.unit
-        with torch.no_grad():
-            self.weight.clamp_(-largest, largest)
+        """Bring latent weights back into the range of the format."""
+        to_format(self.weight, self.numbers)
 
     def forward(self, x: Tensor) -> Tensor:
         """Return the spikes of this population for spikes ``x``.
 
         Sums of mantissas are exact: at most 20,000 inputs of at most 255 each are far below the 2^24 of float32.
         """
-        mantissa = _Round.apply(self.weight, self.numbers)  # type: ignore[no-untyped-call]
-        spikes: Tensor = _Steps.apply(torch.matmul(x, mantissa.T), self)  # type: ignore[no-untyped-call]
+        drive = torch.matmul(x, rounded(self.weight, self.numbers).T)
+        spikes: Tensor = _Steps.apply(drive, self)  # type: ignore[no-untyped-call]
         return spikes
 
     def steps(self, drive: AnyArray) -> tuple[ByteArray, Int32Array, ByteArray]:

@@ -17,8 +17,8 @@ from hw_model.values import AnyArray, ByteArray, IntArray
 from locsnn_compile.models.ann import Cnn3d, GruMlp
 from locsnn_compile.models.branch_graph import branch_graph
 from locsnn_compile.models.chip_entry import ChipNumbers
-from locsnn_compile.models.chip_layers import ChipLayer
-from locsnn_compile.models.dense_layer import INITIAL_SCALE
+from locsnn_compile.models.chip_layers import ChipLayer, potential_of_sum, rounded, to_format
+from locsnn_compile.models.dense_layer import INITIAL_SCALE, to_device, to_host
 from locsnn_compile.models.description import LifParameters, NetworkDescription
 from locsnn_compile.models.lif import GraphLayer, LifLayer
 from locsnn_compile.models.srm import SRMLayer, transpose_recording
@@ -36,14 +36,17 @@ class WindowNetwork(TouchModel):
     It is learned as ``w (o - usual) + b``, with ``usual`` the mean of every hidden spike over the recordings that are
     learned from: hidden spikes share a large mean, which would slow the descent along everything else. The network that
     is kept has ``bias = b - w usual``. Weights start at 0, so that no seed is in them.
+
+    With ``chip`` weights and kept biases are rounded to mantissas, and the potentials are the chip's, in float units;
+    the gradient is that of the sums which they stand for.
     """
 
     walk: Tensor
     starts: Tensor
     usual: Tensor
 
-    def __init__(self, description: NetworkDescription) -> None:
-        super().__init__(description)
+    def __init__(self, description: NetworkDescription, chip: ChipNumbers | None = None) -> None:
+        super().__init__(description, chip)
         layout, self.windows = description.input, description.windows
         self.register_buffer("walk", torch.from_numpy(description.walk.copy()), persistent=False)
         self.register_buffer("starts", torch.from_numpy(self.windows.starts(layout.steps)), persistent=False)
@@ -79,7 +82,20 @@ class WindowNetwork(TouchModel):
     def forward(self, x: Tensor) -> dict[str, Tensor]:
         """Return the potentials (batch, classes) of the output for ``x`` (batch, steps, channels)."""
         self.check_shape(x)
-        return {self.names[0]: torch.nn.functional.linear(self.hidden(x) - self.usual, self.output, self.bias)}
+        hidden = self.hidden(x)
+        if self.chip is not None:
+            return {self.names[0]: self._on_chip(hidden, self.chip)}
+        return {self.names[0]: torch.nn.functional.linear(hidden - self.usual, self.output, self.bias)}
+
+    def _on_chip(self, hidden: Tensor, chip: ChipNumbers) -> Tensor:
+        """Return the chip's potentials (batch, classes) for hidden spikes, added over the output populations."""
+        weights = chip.populations[self.names[0]]
+        mantissas, neuron = rounded(self.output, weights), chip.window_output(self.names, self.mantissas())
+        drives = [to_host(hidden[:, part] @ mantissas[:, part].T) for part in self.description.output_parts]
+        each = [potential_of_sum(drive, neuron, weights.exponent, chip.registers) for drive in drives]
+        total = np.sum(each, axis=0)
+        ideal = torch.nn.functional.linear(hidden - self.usual, weights.unit * mantissas, self.bias)
+        return to_device(total, hidden).to(hidden.dtype) / weights.scale + (ideal - ideal.detach())
 
     def scores(self, activity: Mapping[str, Tensor]) -> dict[str, Tensor]:
         """Return the potentials of the output."""
@@ -99,6 +115,23 @@ class WindowNetwork(TouchModel):
         super().load_weights(weights)
         with torch.no_grad():
             self.bias.add_(self.output @ self.usual)
+
+    def hold(self) -> None:
+        """Bring weights back where they must be after a step: pruned ones to 0, a chip's into their format's range."""
+        if self.chip is not None:
+            to_format(self.output, self.chip.populations[self.names[0]])
+        super().hold()
+
+    @torch.no_grad()
+    def mantissas(self) -> dict[str, IntArray]:
+        """Return the mantissas of weights and kept biases, of a network on the chip's integers."""
+        if self.chip is None:
+            return {}
+        weights, offsets = (self.chip.populations[name] for name in self.names)
+        held = rounded(self.output, weights)
+        kept = self.bias.double() - weights.unit * (held.double() @ self.usual.double())
+        both = zip(self.names, (held, rounded(kept, offsets)), strict=True)
+        return {name: to_host(values).astype(np.int64) for name, values in both}
 
 
 Layer = SRMLayer | LifLayer | GraphLayer | ChipLayer
@@ -128,7 +161,7 @@ class TouchNetwork(TouchModel):
         for branch in self._branches:
             for name in description.populations(branch):
                 self.add_module(name, self._make(name, branch, generator, initial_scale))
-        self.windows = WindowNetwork(description) if description.window is not None else None
+        self.windows = WindowNetwork(description, chip) if description.window is not None else None
 
     def _make(self, name: str, branch: str, generator: torch.Generator, initial_scale: float) -> Layer:
         """Return the layer of a population with its initial weights."""
@@ -183,6 +216,14 @@ class TouchNetwork(TouchModel):
         found = {branch: activity[f"{branch}_output"].sum(dim=1) for branch in self._branches}
         return found if self.windows is None else found | self.windows.scores(activity)
 
+    def total(self, activity: Mapping[str, Tensor]) -> Tensor:
+        """Return class scores (batch, classes) over all branches; on a chip whole multiples of the windows' unit."""
+        total = super().total(activity)
+        if self.chip is None or self.windows is None:
+            return total
+        scale = self.chip.populations[self.windows.names[0]].scale
+        return (total * scale).round() / scale
+
     def weights(self) -> dict[str, NDArray[np.float32]]:
         """Return copies of the weights by name, the bias of windows as the kept network has it."""
         return super().weights() | ({} if self.windows is None else self.windows.weights())
@@ -200,18 +241,14 @@ class TouchNetwork(TouchModel):
     def hold(self) -> None:
         """Bring weights back where they must be after a step: pruned ones to 0, a chip's into their format's range."""
         for layer in self.children():
-            if isinstance(layer, ChipLayer):
+            if isinstance(layer, ChipLayer | WindowNetwork):
                 layer.hold()
         super().hold()
 
-    def snap(self) -> None:
-        """Put a chip network's latent weights where they round to, so that no later rounding can differ."""
-        if self.chip is not None:
-            self.load_weights(self.chip.floats(self.mantissas()))
-
     def mantissas(self) -> dict[str, IntArray]:
         """Return the mantissas [out, in] by population name, of a network on the chip's integers."""
-        return {name: layer.mantissas() for name, layer in self.named_children() if isinstance(layer, ChipLayer)}
+        found = {name: layer.mantissas() for name, layer in self.named_children() if isinstance(layer, ChipLayer)}
+        return found if self.windows is None else found | self.windows.mantissas()
 
 
 def delayed(x: Tensor, delays: Sequence[int]) -> Tensor:
@@ -242,5 +279,5 @@ def build_network(
             torch.manual_seed(seed)
             return ARTIFICIAL[description.architecture](description)
     if description.structure.neurons == "windows":
-        return WindowNetwork(description)
+        return WindowNetwork(description, chip)
     return TouchNetwork(description, seed=seed, initial_scale=initial_scale, chip=chip)

@@ -79,7 +79,9 @@ class TouchModel(nn.Module):
                 self.weight(name).mul_(kept)
 
     def snap(self) -> None:
-        """Put latent weights where they round to; those of a float network stay as they are."""
+        """Put a chip network's latent weights where they round to, so that no later rounding can differ."""
+        if self.chip is not None:
+            self.load_weights(self.chip.floats(self.mantissas()))
 
     def mantissas(self) -> dict[str, IntArray]:
         """Return the mantissas [out, in] by population name, of a network on the chip's integers."""

@@ -8,13 +8,18 @@ int64 array (n,).
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
 
+from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT
 from hw_model.values import ArrayLike, BoolArray, Frozen, IntArray, Shown
 from locsnn_compile.network.neurons import Neuron, Parameter, spread
 from locsnn_compile.network.projections import matrix
+
+BIAS_PLACES = 4
+"""Bits of a bias register's mantissa beyond the 8 of a weight."""
 
 
 class ChipNeuron(Neuron, Frozen, eq=False):
@@ -66,6 +71,13 @@ class ChipCuba(Shown, ChipNeuron):
     refractory: IntArray
 
     usual: ClassVar[Mapping[str, float]] = {"bias_mantissa": 0, "bias_exponent": 0, "refractory": 1}
+
+    def with_biases(self, held: IntArray, exponent: int) -> "ChipCuba":
+        """Return these neurons with biases of ``64 * held * 2^exponent``, ``held`` (n,) of 8 bits, as weights are."""
+        places = WEIGHT_SHIFT + exponent
+        fine = min(places, BIAS_PLACES)
+        mantissa = np.left_shift(held, fine) if fine >= 0 else np.right_shift(held, -fine)
+        return replace(self, bias_mantissa=mantissa, bias_exponent=integers(places - fine, len(held)))
 
     @property
     def biased(self) -> BoolArray:

@@ -10,41 +10,57 @@ import numpy as np
 from numpy.typing import NDArray
 
 import hw_model as hw
-from locsnn_compile.errors import InputError, TargetError
+from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_EXPONENTS, WEIGHT_SHIFT, weight_grid
+from locsnn_compile.errors import TargetError
 from locsnn_compile.frontends.checkpoint import network_of
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.chip_entry import TRAINED_BITS, ChipNumbers, ChipPopulation, RegisterWidths
 from locsnn_compile.models.description import NetworkDescription
-from locsnn_compile.network.chip_neurons import ChipCuba, integers
+from locsnn_compile.network.chip_neurons import BIAS_PLACES, ChipCuba, integers
+from locsnn_compile.network.projections import row_sums
 from locsnn_compile.passes.kernels import alpha_kernel
 from locsnn_compile.passes.quantize import quantize
+from locsnn_compile.passes.rounding.task import exponent_holding, largest_charge
 from locsnn_compile.training.config import TrainingConfig
+
+Start = Mapping[str, NDArray[np.float32]] | None
+"""Weights by name that a run begins with; None: from scratch."""
+_Numbers = dict[str, ChipPopulation]
 
 USUAL_LARGEST = 0.3
 """Largest weight of trained networks in thresholds, what a run from scratch expects: Objects and Containers have 0.12
 to 0.37, population by population."""
+USUAL_WINDOWS = (0.15, 7.0, 4.0)
+"""Of trained windows, times ``count_scale``: the largest weight, what weights of one sign onto an output add up to, and
+the largest bias."""
 
 
-def chip_numbers(
-    config: TrainingConfig, description: NetworkDescription, start: Mapping[str, NDArray[np.float32]] | None
-) -> ChipNumbers:
+def chip_numbers(config: TrainingConfig, description: NetworkDescription, start: Start) -> ChipNumbers:
     """Return the numbers for a network that starts from weights [out, in] by population name, or from scratch.
 
     Raises ``InputError`` for a chip that is not known, ``TargetError`` for one of wider registers and for a network
     that no scale fits.
     """
-    if description.window is not None:
-        what, fix = "its windows are not trained on a chip's integers", "Train it in float."
-        raise InputError(f"architecture {description.architecture!r}", what, fix=fix)
     chip = hw.chip(config.target)
     registers = _registers(chip)
     _check_limits(chip, config, description)
+    populations: _Numbers = {}
+    if description.structure.neurons != "windows":
+        populations |= _of_spikes(config, description, start, chip)
+    if description.structure.window_branch:
+        populations |= _of_windows(config, description, start, chip)
+    return ChipNumbers(config.target, config.strategy, populations, registers)
+
+
+def _of_spikes(config: TrainingConfig, description: NetworkDescription, start: Start, chip: hw.Chip) -> _Numbers:
+    """Return the numbers of populations that spike, as the compiler chooses them."""
+    if description.window is not None:
+        description = replace(description, architecture="hybrid", window=None)
     largest = {}
     for name, shape in description.weight_shapes.items():
         most = USUAL_LARGEST * description.srm(name).theta if start is None else float(np.abs(start[name]).max())
         largest[name] = np.full(shape, config.weight_room * most, dtype=np.float32)
-    network = network_of(Checkpoint(description, largest))
-    weight_bits = min(config.weight_bits, chip.registers.weight_bits[-1])
+    network, weight_bits = network_of(Checkpoint(description, largest)), _weight_bits(config, chip)
     quantized = quantize(network, chip, weight_bits, config.strategy)
     populations = {}
     for projection in quantized.projections:
@@ -55,7 +71,37 @@ def chip_numbers(
         gain = alpha_kernel(description.srm(projection.target).tau_sr, "neuron: tau_sr")[1]
         unit = 64 * 2**projection.exponent / (gain * scale)
         populations[projection.target] = ChipPopulation(own, projection.exponent, weight_bits, scale, unit)
-    return ChipNumbers(config.target, config.strategy, populations, registers)
+    return populations
+
+
+def _of_windows(config: TrainingConfig, description: NetworkDescription, start: Start, chip: hw.Chip) -> _Numbers:
+    """Return the numbers of windows, and of their biases, of which each output population has an equal share.
+
+    The scale is whole, so that sums of potentials and spikes are. No charge wraps, unless weights outgrow their room.
+    """
+    (weight, offset), outputs = description.window_names, description.output_parts
+    largest, together, bias = (usual / config.count_scale for usual in USUAL_WINDOWS)
+    if start is not None and start[weight].any():
+        sizes = np.abs(start[weight])
+        largest, bias = float(sizes.max()), float(np.abs(start[offset]).max())
+        together = max(float(row_sums(start[weight][:, part]).max()) for part in outputs)
+    room, grid, registers = config.weight_room, weight_grid(_weight_bits(config, chip), "excitatory"), chip.registers
+    exponent = exponent_holding(0.0, grid)
+    one = 64 * 2.0**exponent
+    scale = max(1, int(one / (room * max(largest / grid.high, together * one / 64 / largest_charge(chip)))))
+    threshold = min((registers.voltage_max - 1) // 64, registers.threshold_mantissa_max)
+    neuron = ChipCuba.of(description.classes, decay_u=DECAY_ONE, decay_v=DECAY_ONE, threshold=threshold)
+    coarsest = min(registers.bias_exponent_max + BIAS_PLACES - WEIGHT_SHIFT, WEIGHT_EXPONENTS[-1])
+    finest = exponent_holding(max(room, 1.0) * bias * scale / len(outputs), weight_grid(8, "excitatory")) - WEIGHT_SHIFT
+    of_bias = min(finest, coarsest)
+    return {
+        weight: ChipPopulation(neuron, exponent, grid.weight_bits, float(scale), one / scale),
+        offset: ChipPopulation(neuron, of_bias, 8, float(scale), len(outputs) * 64 * 2.0**of_bias / scale),
+    }
+
+
+def _weight_bits(config: TrainingConfig, chip: hw.Chip) -> int:
+    return min(config.weight_bits, chip.registers.weight_bits[-1])
 
 
 def _registers(chip: hw.Chip) -> RegisterWidths:

@@ -128,12 +128,16 @@ class Nearest:
 
 @dataclass(frozen=True)
 class Coarse:
-    """A setting of windows whose weights have so many ``bits`` on the chip, rounded after or in training; see ``coarse.py``."""
+    """A setting of windows whose weights have so many ``bits`` on the chip, rounded after or in training; see ``coarse.py``.
+
+    ``room``: the range of weights that are trained on the chip's integers, over the usual one.
+    """
 
     label: str
     setting: str
     bits: int
     in_training: bool = False
+    room: float = 1.25
 
     def learn(self, of: Division, rows: Rows) -> Scorer:
         from coarse import coarse

@@ -84,7 +84,7 @@ def test_an_artificial_one_is_refused_by_name(
 
 
 @pytest.mark.parametrize("name", ["hybrid-lif", "cnn-3d"])
-def test_only_spike_response_neurons_are_trained_on_the_chips_integers(
+def test_only_spike_response_neurons_and_windows_are_trained_on_the_chips_integers(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -92,7 +92,7 @@ def test_only_spike_response_neurons_are_trained_on_the_chips_integers(
     assert main(["train", "--data", "touches.npz", "--model", name, "--target", "loihi-sim"]) == 2
     assert capsys.readouterr().err == (
         f"architecture {name!r}: it has no spike response neurons. "
-        "Take one of: tactile-snn, location-tactile-snn, hybrid.\n"
+        "Take one of: tactile-snn, location-tactile-snn, hybrid, window-snn, hybrid-window.\n"
     )
 
 
