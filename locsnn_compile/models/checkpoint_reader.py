@@ -130,6 +130,8 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
         raise InputError(place, error.what, measured=error.measured, fix=error.fix) from None
     if (description.structure.neurons == "srm") != srm:
         raise file_fault(where, f"version {version} does not hold such networks")
+    if "chip" in values and not description.structure.learns_integers:
+        raise file_fault(where, f"no {description.architecture!r} is trained on a chip's integers")
     windows = description.window_names if description.structure.window_branch else ()
     chip = parse_chip_entry(where, values["chip"], description.weight_shapes, windows) if "chip" in values else None
     weights, training = _weights(where, values["weights"], description, chip), _training(where, values["training"])

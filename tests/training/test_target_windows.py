@@ -15,6 +15,7 @@ import locsnn_compile as lc
 from locsnn_compile.cli.main import main
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.synthetic import synthetic_touches
+from locsnn_compile.errors import InputError
 from locsnn_compile.models import networks
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
@@ -135,6 +136,50 @@ def test_going_on_from_float_begins_where_it_was() -> None:
     largest = float(np.abs(before.weights()["location_output"]).max())
     numbers = network.chip.populations["location_output"]
     assert largest < numbers.grid.high * numbers.unit < 1.3 * largest
+
+
+def test_both_engines_a_session_and_a_committee_agree(tmp_path: Path) -> None:
+    loaded, alone = [], []
+    for model, bits in (("hybrid-window", 8), ("window-snn", 4)):
+        config = config_of(model, weight_bits=bits)
+        exported(tmp_path / f"{model}.pt", result := train(touches(), config), config)
+        loaded.append(lc.load(tmp_path / f"{model}.pt"))
+        alone.append(class_scores(result.network.double(), touches(30).spikes))
+    x = touches(30)
+    compiled = lc.compile(loaded[0], events=x, diagnosis=False)
+    assert compiled.report["match"]["spike_agreement"] == 1.0
+    assert compiled.report["match"]["prediction_agreement"] == 1.0
+    program = compiled.program
+    whole, plain = hw.simulate(program, x.spikes), hw.simulate(program, x.spikes, engine="reference")
+    assert np.array_equal(whole.scores, plain.scores)  # type: ignore[arg-type]
+    for one, scores in zip(x.spikes[:4], np.asarray(whole.scores), strict=False):
+        assert np.array_equal(hw.Session(program).push(one).scores[-1], scores)
+    both = hw.simulate(lc.compile(loaded, diagnosis=False).program, x.spikes)
+    found, wanted = np.asarray(both.scores), sum(alone)
+    assert np.corrcoef(found.ravel(), np.ravel(wanted))[0, 1] > 0.999999
+
+
+def test_only_networks_that_learn_integers_have_them_in_their_file(tmp_path: Path) -> None:
+    config = config_of("window-snn")
+    exported(tmp_path / "tuned.pt", train(touches(), config), config)
+    values = torch.load(tmp_path / "tuned.pt", weights_only=True)
+    assert values["version"] == 3
+    small = config_from_mapping({"model": "hybrid-lif", "hidden": 4, "epochs": 1, "validation_fraction": 0.0})
+    exported(tmp_path / "lif.pt", train(touches(), small), small)
+    torch.save(torch.load(tmp_path / "lif.pt", weights_only=True) | {"chip": values["chip"]}, tmp_path / "lif.pt")
+    with pytest.raises(InputError) as caught:
+        read_checkpoint(tmp_path / "lif.pt")
+    assert str(caught.value) == (
+        "checkpoint 'lif.pt': no 'hybrid-lif' is trained on a chip's integers. Write it again with 'locsnn train'."
+    )
+    del values["chip"]
+    torch.save(values, tmp_path / "tuned.pt")
+    with pytest.raises(InputError) as caught:
+        read_checkpoint(tmp_path / "tuned.pt")
+    assert str(caught.value) == (
+        "checkpoint 'tuned.pt', population 'location_output': its weights are not dense float32 "
+        "(got torch.int16, strided on cpu). Write it again with 'locsnn train'."
+    )
 
 
 def test_training_from_scratch_learns() -> None:
