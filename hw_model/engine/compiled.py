@@ -36,6 +36,7 @@ FILES_OF_LOOPS = (
     "engine/events",
     "engine/fast",
     "engine/lane_arithmetic",
+    "engine/lanes",
     "engine/layout",
     "engine/tiles",
     "streaming/location_phase",

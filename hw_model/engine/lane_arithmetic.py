@@ -1,8 +1,8 @@
-"""The arithmetic of a compartment, compiled into each loop that uses it, in 32 or in 64 bits.
+"""The arithmetic of one compartment, compiled into each loop that uses it, in 32 or in 64 bits.
 
-The same integers as :mod:`hw_model.arithmetic.fixed_point`. Every result has the type of what it was made of, so that
-one text serves both; who chooses the type must know that no value outgrows it. ``keep`` is 4096 less an effective
-decay, 0..4096; ``half`` is 2^bits of a register of ``bits`` bits plus sign.
+The same integers as :mod:`hw_model.arithmetic.fixed_point`. Every result has the type of what it was made of; who
+chooses the type must know that no value outgrows it. ``keep`` is 4096 less an effective decay, 0..4096; ``half`` is
+2^bits of a register of ``bits`` bits plus sign.
 """
 
 from typing import Any
@@ -37,12 +37,3 @@ def rz(x, keep):  # type: ignore[no-untyped-def]
 def wrap(x, half):  # type: ignore[no-untyped-def]
     """Return x in two's complement: its low bits, of which the highest, worth half, counts as negative."""
     return fit(((x & (2 * half - 1)) ^ half) - half, x)
-
-
-@absorbed
-def constant_in_32_bits(value, usual, like):  # type: ignore[no-untyped-def]
-    """Return ``value`` in the type of ``like``; if that has 32 bits, ``usual``, which the value must then be.
-
-    Known when the loop is compiled, it saves a twentieth of the time.
-    """
-    return fit(value if fit(1 << 32, like) != 0 else usual, like)

@@ -8,6 +8,7 @@ import numpy as np
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT
 from hw_model.engine.layout import (
     BIAS,
+    FACTOR_BITS,
     FIELDS,
     KEEP_U,
     KEEP_V,
@@ -80,6 +81,7 @@ def _chunks(
         arrived[here] = np.bincount(core.axons.target, weights, minlength=len(here))
         reached[here[core.axons.target] // LANES] = True
     fits = widths == USUAL_WIDTHS and _largest_sum(program, phase, arrived) <= np.iinfo(np.int32).max
+    fits &= all(max(-core.vmin, core.vmax) < DECAY_ONE << FACTOR_BITS for core in program.cores_of(phase))
     never = np.iinfo(np.int32 if fits else np.int64).max  # the threshold of what cannot spike
     shape = (count, FIELDS, LANES)
     registers: Lanes = np.zeros(shape, dtype=np.int32) if fits else np.zeros(shape, dtype=np.int64)

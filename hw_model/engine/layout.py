@@ -28,6 +28,9 @@ CHARGE_WRAPS, CURRENT_WRAPS, VOLTAGE_CLIPS = range(12, FIELDS)
 CACHE_LINE = 64
 """Bytes."""
 
+FACTOR_BITS = 15
+"""Of both factors of a product in 32-bit lanes, which processors multiply faster than wide ones."""
+
 LIST, MATRIX, PACKED_LIST = range(3)
 """Ways to hold a link."""
 

@@ -361,7 +361,7 @@ def _update_members(start, stop, r, step, chunks, state, work, skip, active, rec
         work.updated[r] = 1
         stirred = True
         if chunks.parent[k] >= 0:
-            pass_on(registers, at, np.uint64(chunks.parent[k] * FIELDS * LANES))
+            pass_on(registers, at, registers, np.uint64(chunks.parent[k] * FIELDS * LANES))
         if kept.watched:
             first, width = chunks.first_column[k], chunks.width[k]
             _keep(registers, at + _U, first, width, step, recording, kept.u)

@@ -303,7 +303,9 @@ def _run_pair(step, index, widths, order, registers, at_rest, history):  # type:
     at = index * _CHUNK
     mask = np.int32(0)
     if not at_rest[index] or history.reached[step, one] or history.reached[step, other]:
-        mask, remains = advance_pair(registers, at, history.charge, step, one * _LANES, other * _LANES, widths)
+        mask, remains = advance_pair(
+            registers, at, history.charge, step, one * _LANES, history.charge, step, other * _LANES, widths
+        )
         at_rest[index] = remains == 0 and not order.never_rests[index] and not order.never_rests[index + np.uint64(1)]
     for i in range(np.uint64(U_AND_V)):
         history.after[step, index, i] = registers[at + _STATE + i]
@@ -326,7 +328,7 @@ def _run_member(step, index, stirred, widths, order, registers, at_rest, history
         at_rest[index] = remains == 0 and not order.never_rests[index]
         stirred = True
         if order.parent[index] >= 0:
-            pass_on(registers, at, np.uint64(order.parent[index]) * _CHUNK)
+            pass_on(registers, at, registers, np.uint64(order.parent[index]) * _CHUNK)
     if order.read[index]:
         for i in range(_LANES):
             history.potential[step, k * _LANES + i] = registers[at + _POTENTIAL + i] if runs else 0

@@ -29,7 +29,7 @@ def name_of(path):
 
 
 def test_all_files_with_loops_are_named():
-    holds = re.compile(r"^@(compiled|inner|absorbed|intrinsic)", re.MULTILINE)
+    holds = re.compile(r"^@(compiled|inner|absorbed|intrinsic|kernel)|intrinsic", re.MULTILINE)
     found = {name_of(path) for path in PACKAGE.rglob("*.py") if holds.search(path.read_text())}
     constants = {"engine/compiled", "engine/layout", "arithmetic/fixed_point"}
     assert found | constants == set(hw_model.engine.compiled.FILES_OF_LOOPS)

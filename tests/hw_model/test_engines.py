@@ -241,6 +241,17 @@ def test_widths_by_hand(registers, bound):
         assert (found.counts.wraps, found.counts.clips) == (wraps, clips)
 
 
+def test_a_voltage_wider_than_a_factor():
+    """Products of 32-bit lanes take 15 bits of it, and 12 more: it falls by 64 * 8 * 254 more in every step."""
+    builder = hw.ProgramBuilder(replace(CHIP, registers=replace(CHIP.registers, voltage_bits=28)))
+    x = builder.add_input("x", 1)
+    n = builder.add_compartments("n", 1, decay_u=0, decay_v=0, threshold=100)
+    builder.connect(x, n, [[-254]], exponent=3)
+    for engine in ENGINES:
+        found = hw.simulate(builder.build(), np.ones((60, 1), dtype=np.uint8), engine=engine, probe=("v",))
+        assert found.v["n"][:, 0].tolist() == [-64 * 8 * 254 * (t * (t + 1) // 2) for t in range(60)], engine
+
+
 @settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_skipping_changes_nothing(seed):

@@ -18,9 +18,54 @@ for name in ("compiled", "inner", "absorbed"):
 compiled.entry = lambda function, *arguments: function
 compiled.trailing_zeros = lambda word: (int(word) & -int(word)).bit_length() - 1
 
-from hw_model.engine import lane_arithmetic  # noqa: E402
+from hw_model.engine import lane_arithmetic, lanes  # noqa: E402
+from hw_model.engine.layout import LANES  # noqa: E402
 
 lane_arithmetic.fit = lambda value, like: like.dtype.type(np.int64(value))
+
+
+class Place:
+    """What a kernel is given in place of an array and the index of its first element."""
+
+    def __init__(self, array, *at):
+        self.flat, self.first = array.reshape(-1), int(np.ravel_multi_index([int(i) for i in at], array.shape))
+
+    def _of(self, field):
+        return slice(self.first + field * LANES, self.first + (field + 1) * LANES)
+
+    def __getitem__(self, field):
+        return self.flat[self._of(field)].copy()
+
+    def __setitem__(self, field, values):
+        self.flat[self._of(field)] = values
+
+    def after(self, fields):
+        return Place(self.flat, self.first + fields * LANES)
+
+
+def kernel(given, returns):
+    def made(function):
+        def call(*values):
+            rest, places = list(values), []
+            while rest:
+                value = rest.pop(0)
+                if isinstance(value, np.ndarray):
+                    at, rest = rest[: value.ndim], rest[value.ndim :]
+                    value = Place(value, *at)
+                places.append(value)
+            return function(*places)
+
+        return call
+
+    return made
+
+
+lanes.kernel = kernel
+lanes.where = lambda mask, one, other: np.where(mask, one, other).astype(np.asarray(other).dtype)
+lanes.bits = lambda mask: np.int32(sum(1 << i for i in np.flatnonzero(mask).tolist()))
+lanes.count = lambda mask: np.int32(mask.sum())
+lanes.halves = lambda place, widths: widths
+lanes.short = lambda values: values
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -1,0 +1,154 @@
+"""The lanes of a chunk as one vector, in kernels that loops take in: LLVM is told what it would have to find out.
+
+A kernel is Python that is run once, when a loop is compiled: each operation on :class:`Lanes` adds an instruction for
+all compartments of a chunk. Lanes have the type of the arrays that the kernel is given, 32 or 64 bits, or are masks of
+one bit; integers in a kernel are constants.
+"""
+
+from collections.abc import Callable, Sequence
+from inspect import Parameter, Signature
+from typing import Any
+
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.extending import intrinsic
+
+from hw_model.engine.layout import FACTOR_BITS, LANES, USUAL_WIDTHS
+
+BIT, COUNT = ir.IntType(1), ir.IntType(32)
+Given = Any
+"""What a loop gives to a kernel, a value of LLVM."""
+Returned = Sequence[Any]
+"""What a kernel returns, values of LLVM."""
+Ends = Sequence[Any]
+"""Half the ranges of q and of u: lanes, or constants."""
+
+
+def _operation(name: str) -> Callable[["Lanes", "Lanes | int"], "Lanes"]:
+    return lambda one, other: one.with_value(getattr(one.builder, name)(one.value, one.like(other)))
+
+
+def _comparison(sign: str) -> Callable[["Lanes", "Lanes | int"], "Lanes"]:
+    return lambda one, other: one.with_value(one.builder.icmp_signed(sign, one.value, one.like(other)))
+
+
+class Lanes:
+    """A number, or a truth, of every lane of a chunk."""
+
+    def __init__(self, builder: ir.IRBuilder, value: ir.Value) -> None:
+        self.builder, self.value = builder, value
+
+    def with_value(self, value: ir.Value) -> "Lanes":
+        """Return other lanes of the same kernel."""
+        return Lanes(self.builder, value)
+
+    def like(self, other: "Lanes | int") -> ir.Value:
+        """Return what is combined with these lanes: an integer in every lane, a truth as 0 or 1."""
+        if not isinstance(other, Lanes):
+            return ir.Constant(self.value.type, [other] * LANES)
+        narrow = other.value.type.element == BIT and self.value.type.element != BIT
+        return self.builder.zext(other.value, self.value.type) if narrow else other.value
+
+    __add__, __sub__, __mul__ = _operation("add"), _operation("sub"), _operation("mul")
+    __and__, __or__, __xor__ = _operation("and_"), _operation("or_"), _operation("xor")
+    __lshift__, __rshift__ = _operation("shl"), _operation("ashr")
+    __lt__, __gt__ = _comparison("<"), _comparison(">")
+    __eq__ = _comparison("==")  # type: ignore[assignment]
+    __ne__ = _comparison("!=")  # type: ignore[assignment]
+
+    def __neg__(self) -> "Lanes":
+        return self.with_value(self.builder.neg(self.value))
+
+
+def where(mask: Lanes, one: Lanes | int, other: Lanes) -> Lanes:
+    """Return lanes of one where the mask is set, else of the other."""
+    return other.with_value(other.builder.select(mask.value, other.like(one), other.value))
+
+
+def short(lanes: Lanes) -> Lanes:
+    """Return lanes that are within the bits of a factor; LLVM, which is told that, multiplies two of them faster."""
+    return lanes & ((1 << FACTOR_BITS) - 1) if lanes.value.type.element.width == 32 else lanes
+
+
+def halves(place: "Place", widths: Given) -> Ends:
+    """Return the pair :class:`hw_model.engine.layout.Widths`; the usual one, in 32 bits, is known beforehand."""
+    return USUAL_WIDTHS if place.width == 32 else [place.all_lanes(widths, number) for number in range(2)]
+
+
+def bits(mask: Lanes) -> ir.Value:
+    """Return a mask as a number: lane i is bit i."""
+    return mask.builder.zext(mask.builder.bitcast(mask.value, ir.IntType(LANES)), COUNT)
+
+
+def count(mask: Lanes) -> ir.Value:
+    """Return in how many lanes a mask is set."""
+    return mask.builder.ctpop(bits(mask))
+
+
+class Place:
+    """Vectors of an array from an element on, by number: fields of a chunk, or a row's charges."""
+
+    def __init__(self, builder: ir.IRBuilder, first: ir.Value) -> None:
+        self._builder, self._first = builder, first
+
+    def _at(self, field: int) -> ir.Value:
+        address = self._builder.gep(self._first, [ir.Constant(ir.IntType(64), field * LANES)])
+        return self._builder.bitcast(address, ir.VectorType(self._first.type.pointee, LANES).as_pointer())
+
+    def __getitem__(self, field: int) -> Lanes:
+        return Lanes(self._builder, self._builder.load(self._at(field), align=self.width // 8))
+
+    def __setitem__(self, field: int, lanes: Lanes | int) -> None:
+        vector = ir.VectorType(self._first.type.pointee, LANES)
+        value = lanes.value if isinstance(lanes, Lanes) else ir.Constant(vector, [lanes] * LANES)
+        self._builder.store(value, self._at(field), align=self.width // 8)
+
+    def all_lanes(self, pair: ir.Value, number: int) -> Lanes:
+        """Return a number of a pair in all lanes."""
+        none = ir.Constant(ir.VectorType(self._first.type.pointee, LANES), ir.Undefined)
+        one = self._builder.insert_element(none, self._builder.extract_value(pair, number), COUNT(0))
+        return Lanes(
+            self._builder,
+            self._builder.shuffle_vector(one, none, ir.Constant(ir.VectorType(COUNT, LANES), [0] * LANES)),
+        )
+
+    def after(self, fields: int) -> "Place":
+        """Return the place so many fields on."""
+        return Place(self._builder, self._builder.gep(self._first, [ir.Constant(ir.IntType(64), fields * LANES)]))
+
+    @property
+    def width(self) -> int:
+        """Bits of a lane."""
+        return int(self._first.type.pointee.width)
+
+
+def kernel(given: str, returns: int) -> Callable[[Callable[..., Any]], Any]:
+    """Make a function over places one that compiled loops call with what is ``given``, names with commas.
+
+    A place is given as an array and the index of its first element; all else goes to the function as it is. It returns
+    so many 32-bit numbers.
+    """
+    names = [Parameter(name.strip(), Parameter.POSITIONAL_ONLY) for name in f"typing, {given}".split(",")]
+
+    def made(function: Callable[..., Any]) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            given, rest = [], list(zip(signature.args, values, strict=True))
+            while rest:
+                kind, value = rest.pop(0)
+                if isinstance(kind, types.Array):
+                    indices = [context.cast(builder, at, typ, types.intp) for typ, at in rest[: kind.ndim]]
+                    del rest[: kind.ndim]
+                    array = context.make_array(kind)(context, builder, value)
+                    value = Place(builder, cgutils.get_item_pointer(context, builder, kind, array, indices))
+                given.append(value)
+            found = function(*given)
+            return context.make_tuple(builder, signature.return_type, found) if returns else context.get_dummy_value()
+
+        def typed(typing: Any, *kinds: Any) -> Any:
+            found = types.UniTuple(types.int32, returns) if returns else types.void  # type: ignore[attr-defined]
+            return found(*kinds), generate
+
+        typed.__name__, typed.__signature__ = function.__name__, Signature(names)  # type: ignore[attr-defined]
+        return intrinsic(typed)
+
+    return made
