@@ -23,7 +23,6 @@ from locsnn_compile.cli.options import check_psi, given, recording_of
 from locsnn_compile.cli.shell import EXIT_GATE, Parser, declared, guarded, progress_bar, terminal, texts_of
 from locsnn_compile.cli.step_options import asked_reading, with_steps
 from locsnn_compile.errors import InputError, check_known, listed
-from locsnn_compile.report.figures.flat import picked
 from locsnn_compile.settings import STRATEGIES
 
 if TYPE_CHECKING:
@@ -63,6 +62,7 @@ def run(args: Namespace) -> int:
     _check_places(args, folder)
 
     from hw_model.io.files import replace_file
+    from hw_model.values import picked
     from locsnn_compile.api import compile, join, recordings_for
     from locsnn_compile.data.read import read_recordings
     from locsnn_compile.frontends import load

@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any
 from locsnn_compile.cli.options import recording_of
 from locsnn_compile.cli.step_options import asked_reading
 from locsnn_compile.errors import InputError
-from locsnn_compile.report.figures.flat import picked
 from locsnn_compile.report.format import known, plural
 
 if TYPE_CHECKING:
@@ -30,6 +29,7 @@ _SHOWN_LABELS, _SHOWN_DEAD = 12, 24
 def run(args: argparse.Namespace) -> int:
     """Print the figures, and write the files asked for."""
     _check_options(args)
+    from hw_model.values import picked
     from locsnn_compile.cli.places import check_places
     from locsnn_compile.data.read import read_recordings
     from locsnn_compile.data.sensor import asked_layout

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.errors import InputError
-from locsnn_compile.report.figures.flat import picked
 
 if TYPE_CHECKING:
     import hw_model as hw
@@ -20,6 +20,8 @@ CHUNK = 16
 
 def asked_reading(args: argparse.Namespace) -> dict[str, Any]:
     """Return these options as arguments of ``read_recordings``."""
+    from hw_model.values import picked
+
     return picked(args, "step_seconds", "steps", "threshold", "axes", "fold") | {"test_share": args.split}
 
 
@@ -59,8 +61,7 @@ def expected_by(program: hw.ChipProgram) -> Expected:
 
 def with_steps(network: Network, args: argparse.Namespace) -> Network:
     """Return the network with the steps asked for; ``InputError`` if its file says otherwise."""
-    from dataclasses import replace
-
+    from hw_model.values import picked
     from locsnn_compile.frontends.nir.graph import NirGraph
 
     if args.step_seconds is not None and args.dt is None and isinstance(network.origin, NirGraph):

@@ -11,12 +11,12 @@ from typing import Any, Literal
 from hw_model.values import Frozen
 
 Document = dict[str, Any]
-"""report.json, as ``document.py`` builds it."""
+"""report.json, as ``figures/document.py`` builds it."""
 Status = Literal["yes", "nearly", "no", "unknown", "modelled"]
 
 
 class Fact(Frozen):
-    """A name and what it is: ``accuracy`` - ``91 % on the chip``."""
+    """A name and its value: ``accuracy`` - ``91 % on the chip``."""
 
     label: str
     value: str
@@ -35,7 +35,7 @@ class Verdict(Frozen):
 
 
 class Notice(Frozen):
-    """Something a reader has to know before believing the figures."""
+    """Something a reader must know before believing the figures."""
 
     title: str
     text: str
@@ -69,10 +69,10 @@ Cell = str | Bar
 
 
 class Table(Frozen):
-    """A table whose first column names the rows; a column without a name is drawn, every other one holds numbers.
+    """A table whose first column names the rows; columns without a name are drawn, and all others hold numbers.
 
-    ``total`` marks the last row as the sum of the others. A table of more than ``MANY_ROWS`` rows, or one that asks for
-    it, is folded where the form can fold.
+    ``total`` marks the last row as the sum of the others. Tables of more than ``MANY_ROWS`` rows, and those marked
+    ``folded``, are folded in forms that can fold.
     """
 
     caption: str
@@ -90,7 +90,7 @@ class Stack(Frozen):
 
 
 class Span(Frozen):
-    """Least, median, mean and most of a quantity over the recordings; ``values`` are the same four as numbers."""
+    """Least, median, mean and most of a quantity over the recordings; ``values`` are the same as numbers."""
 
     title: str
     facts: tuple[Fact, ...]
@@ -98,16 +98,16 @@ class Span(Frozen):
 
 
 class Curve(Frozen):
-    """A line through points (x, y) in order; those of a ``Plot`` are 0..1 from its lower left corner."""
+    """A line through points (x, y) in order; in a ``Plot`` they are 0..1 from the lower left corner."""
 
     label: str
     points: tuple[tuple[float, float], ...]
 
 
 class Plot(Frozen):
-    """Curves over common axes; ticks are (place 0..1, text). A table of the section has its figures too.
+    """Curves over common axes; ticks are (place 0..1, text). A table of the section has the same figures.
 
-    ``marked`` is a place on the horizontal axis that a line is drawn at.
+    ``marked`` is a place on the horizontal axis where a line is drawn.
     """
 
     title: str
@@ -119,7 +119,7 @@ class Plot(Frozen):
 
 
 class Strokes(Frozen):
-    """Spikes of one kind at (column, row): of both sides, of one alone, or of an input."""
+    """Spikes of one kind at (column, row): on both sides, on one side only, or of an input."""
 
     kind: Literal["equal", "reference", "chip", "event"]
     label: str
@@ -129,7 +129,7 @@ class Strokes(Frozen):
 class Raster(Frozen):
     """Spikes over ``columns`` steps and ``rows`` neurons; ticks are (place 0..1, text). ``description`` is in words.
 
-    ``flag`` is a (column, row) to point at. A table of the section has its figures too.
+    ``flag`` is a (column, row) to point at. A table of the section has the same figures.
     """
 
     title: str
@@ -144,7 +144,7 @@ class Raster(Frozen):
 
 
 class MeshCore(Frozen):
-    """A core at (column, row) of all cores of the mesh, ``share`` (0..1) of it in use; ``text`` says so in it."""
+    """A core at (column, row) among all cores of the mesh, filled to ``share`` (0..1) and labelled with ``text``."""
 
     column: int
     row: int
@@ -153,7 +153,7 @@ class MeshCore(Frozen):
 
 
 class Mesh(Frozen):
-    """Tiles, columns by rows, each of cores, and how full these are. A table of the section has its figures too."""
+    """Columns by rows of tiles, with their cores and how full these are. A table has the same figures."""
 
     title: str
     description: str
@@ -165,13 +165,13 @@ class Mesh(Frozen):
 
 
 Block = str | Facts | Bullets | Table | Stack | Span | Plot | Raster | Mesh
-"""What a section consists of; a string is a paragraph of running text."""
+"""What a section consists of; a string is a paragraph."""
 
 MANY_ROWS = 12
 
 
 class Section(Frozen):
-    """A heading, a sentence on what is shown below it, and the blocks. ``key`` is its anchor."""
+    """A heading, a lead on what is shown below it, and the blocks. ``key`` is its anchor."""
 
     key: str
     title: str
@@ -193,4 +193,4 @@ class Report(Frozen):
     sections: tuple[Section, ...]
     footer: str
     assumptions: tuple[str, ...] = ()
-    """Sentences, before anything else that limits the figures."""
+    """Sentences that stand before anything else that limits the figures."""

@@ -1,7 +1,7 @@
-"""Numbers as people read them: one function a quantity, used by every rendering of the report.
+"""Numbers as people read them: one function per quantity, used by every form of the report.
 
-Three significant digits, no more: the energies and times are models, and further digits would claim more than they
-know. A share is never rounded up to all or down to nothing.
+They have three significant digits: energies and times are modelled, and more digits would claim too much. A share is
+never rounded up to 100 % or down to 0 %.
 """
 
 import math
@@ -10,12 +10,12 @@ from collections.abc import Callable, Sequence
 NONE = "–"  # noqa: RUF001 - an en dash stands for a number that does not exist
 """Shown where there is no number."""
 SILENT = "silent"
-"""Shown where neither side spikes: there is no share of equal spikes."""
+"""Shown where neither side spikes, so there is no share of equal spikes."""
 _ENERGY_UNITS = ("pJ", "nJ", "µJ", "mJ", "J")
 _TIME_UNITS = ("ns", "µs", "ms", "s")
 _SIZE_UNITS = ("B", "kB", "MB", "GB")
 _MOST_DECIMALS = 6
-"""Of a percentage; what is nearer to its end is shown as beyond the last one."""
+"""Most decimals of a percentage; nearer to 0 or 100 % only a bound is shown."""
 
 
 def energy(pj: float) -> str:
@@ -34,19 +34,19 @@ def memory(bits: int) -> str:
 
 
 def count(value: float) -> str:
-    """Return a count, or a mean of counts: whole from 100 on, thousands apart."""
+    """Return a count or a mean of counts: whole from 100 on, with commas between thousands."""
     if value == int(value) or abs(value) >= 99.95:
         return f"{value:,.0f}"
     return _three_digits(value)
 
 
 def ratio(value: float) -> str:
-    """Return how many times one thing is another, without a unit."""
+    """Return a ratio, without a unit."""
     return _three_digits(value)
 
 
 def share(value: float) -> str:
-    """Return a share of 0..1 as a percentage; only 1 itself is 100 %, and only 0 itself 0 %."""
+    """Return a share of 0..1 as a percentage; only exactly 1 is 100 %, and only exactly 0 is 0 %."""
     if value in (0.0, 1.0):
         return f"{value:.0%}".replace("%", " %")
     percent = 100.0 * value
@@ -59,17 +59,17 @@ def share(value: float) -> str:
 
 
 def known(value: float | None, shown: Callable[[float], str], unknown: str = NONE) -> str:
-    """Return a number as ``shown`` writes it; where there is none, the word for that."""
+    """Return a number as ``shown`` writes it, or the word for an unknown one."""
     return unknown if value is None else shown(value)
 
 
 def agreed(value: float | None, unknown: str = SILENT) -> str:
-    """Return a share of what was compared; where nothing was, the word for it."""
+    """Return a share of what was compared, or the word for nothing compared."""
     return known(value, share, unknown)
 
 
 def short(value: float) -> str:
-    """Return a magnitude with two significant digits, without an exponent; what is below a millionth, as that."""
+    """Return a magnitude with two significant digits and no exponent; below a millionth, only that bound."""
     if value == 0:
         return "0"
     if value < 1e-6:
@@ -90,7 +90,7 @@ def plural(number: float, one: str, many: str | None = None) -> str:
 
 
 def told_apart(values: Sequence[float]) -> list[str]:
-    """Return numbers with six digits, or with as many more as it takes for different ones to look different."""
+    """Return numbers with six digits, or with enough more for different numbers to look different."""
     for digits in range(6, 17):
         texts = [f"{value:.{digits}g}" for value in values]
         if len(set(texts)) == len(set(values)):
@@ -99,17 +99,17 @@ def told_apart(values: Sequence[float]) -> list[str]:
 
 
 def plain(text: str) -> str:
-    """Return a string of the document on one line: what cannot be printed is shown by its escape."""
+    """Return a string on one line; characters that cannot be printed are shown as escapes."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def shortened(text: str, longest: int) -> str:
-    """Return a text of no more characters; where some are cut, an ellipsis stands for them."""
+    """Return a text of at most so many characters; an ellipsis replaces the rest."""
     return text if len(text) <= longest else f"{text[: longest - 1]}…"
 
 
 def any_value(value: object) -> str:
-    """Return a value whose kind the reader of the report does not know: None, number, text, or a list of these."""
+    """Return a value of any kind as text: None, a truth value, a number, a text, or a list of these."""
     if value is None:
         return NONE
     if isinstance(value, list | tuple):
@@ -135,7 +135,7 @@ def _scaled(value: float, units: Sequence[str]) -> str:
 
 
 def _three_digits(value: float) -> str:
-    """Return three significant digits, without an exponent; from 100 on whole, thousands apart."""
+    """Return three significant digits without an exponent; from 100 on whole, with commas between thousands."""
     if value == 0 or abs(value) >= 99.95:
         return f"{value:,.0f}"
     rounded = float(f"{value:.2e}")

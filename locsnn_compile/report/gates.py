@@ -1,4 +1,4 @@
-"""Gates: bounds that a build must keep, checked against its report, and written for a CI server as JUnit XML."""
+"""Gates: bounds that a build must keep, checked against its report, and written as JUnit XML for CI servers."""
 
 from collections.abc import Mapping, Sequence
 from functools import reduce
@@ -13,7 +13,7 @@ Report = Mapping[str, Any]
 
 
 class Gate(NamedTuple):
-    """An option's bound and what was measured, None where nothing was compared; ``found`` is a line without its end."""
+    """An option's bound and the value measured, None if nothing was compared; ``found`` says it in words."""
 
     option: str
     bound: float
@@ -26,7 +26,7 @@ GATES: tuple[str, ...] = tuple(texts("gates"))
 
 
 def check_gates(report: Report, bounds: Mapping[str, float]) -> tuple[Gate, ...]:
-    """Return a gate for each bound by option, in the order of :data:`GATES`; one on what was not measured fails."""
+    """Return a gate for each bound by option, in the order of :data:`GATES`; without a measured value it fails."""
     return tuple(_gate(option, report, bounds[option]) for option in GATES if option in bounds)
 
 
@@ -50,7 +50,7 @@ def gates_entry(gates: Sequence[Gate]) -> list[dict[str, Any]]:
 
 
 def junit_file(gates: Sequence[Gate], build: str) -> bytes:
-    """Return JUnit XML: a test case a gate, of the class ``build``; without times, so equal builds give equal bytes."""
+    """Return JUnit XML: a test case per gate, of class ``build``; it has no times, so equal builds give equal bytes."""
     failures = str(sum(not gate.holds for gate in gates))
     counts = {"tests": str(len(gates)), "failures": failures, "errors": "0", "skipped": "0", "time": "0"}
     root = ElementTree.Element("testsuites", {"name": "locsnn-compile", **counts})

@@ -1,4 +1,4 @@
-"""Content in the words of ``words.yaml``: sections, facts, verdicts, notices and tables, without what there is not."""
+"""Content in the words of ``words.yaml``: sections, facts, verdicts, notices and tables, leaving out what is empty."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -8,24 +8,24 @@ from locsnn_compile.report.words import fill, section_words, texts
 
 
 def section(key: str, *blocks: Block | None, called: str | None = None, **given: Any) -> Section:
-    """Return a section of those of the blocks that there are, with the words for its key, or those ``called`` so."""
+    """Return a section with the blocks that are not None or empty, in the words for its key, or those ``called`` so."""
     return Section(key, *section_words(called or key, **given), tuple(block for block in blocks if block))
 
 
 def facts(name: str, /, **given: Any) -> Facts:
-    """Return names and values of ``words.yaml``, their places filled; a value with nothing in it is left out."""
+    """Return facts in the words of ``words.yaml``, with placeholders filled; empty ones are left out."""
     found = ((label, fill(text, given)) for label, text in texts("facts", name).items())
     return Facts(tuple(Fact(label, value) for label, value in found if value))
 
 
 def verdict(name: str, status: Status, answer: str, facts: Facts, /, **given: Any) -> Verdict:
-    """Return a verdict in the words of ``words.yaml``, their places filled."""
+    """Return a verdict in the words of ``words.yaml``, with placeholders filled."""
     said = {key: fill(text, given) for key, text in texts("verdicts", name).items()}
     return Verdict(status=status, answer=answer, facts=facts.facts, **said)
 
 
 def notice(name: str, /, **given: Any) -> Notice:
-    """Return a notice in the words of ``words.yaml``, their places filled."""
+    """Return a notice in the words of ``words.yaml``, with placeholders filled."""
     said = texts("notices", name)
     return Notice(said["title"], fill(said["text"], given))
 
@@ -40,10 +40,10 @@ def table(
     folded: bool = False,
     **given: Any,
 ) -> Table:
-    """Return a table of ``words.yaml``: under each heading what stands there for a row, its places filled by its keys.
+    """Return a table of ``words.yaml``: each row fills the texts under the headings with the values of its keys.
 
-    Rows that are given by name have it as ``name``, and what is no mapping as ``value``. Under no heading stands the
-    row's ``bar``. ``columns`` are more of them, in place of ``*``.
+    A row given by name has that as ``name``; a row that is not a mapping is its ``value``. The column without a heading
+    holds the row's ``bar``. ``columns`` replace the heading ``*``.
     """
     said = texts("tables", name)
     if isinstance(rows, Mapping):
@@ -56,5 +56,5 @@ def table(
 
 
 def share_of(value: float, whole: float) -> float:
-    """Return a part as a share of its whole, 0 of nothing."""
+    """Return a part as a share of its whole; 0 if the whole is 0."""
     return value / whole if whole else 0.0

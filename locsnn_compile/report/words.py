@@ -1,4 +1,4 @@
-"""What the report says: its words for the document's keys, its titles and longer sentences, all of ``words.yaml``."""
+"""What the report says: words for the keys of the document, titles, and longer sentences, all in ``words.yaml``."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -19,24 +19,24 @@ _TEXTS: dict[str, Any] = yaml.load(filled(__package__, "words.yaml"), FAST_LOADE
 STAGES: dict[str, str] = _TEXTS["stages"]
 """Stages of the error budget in words, in the order of the compiler."""
 UNITS: dict[str, str] = _TEXTS["units"]
-"""What a key's last word says of its unit."""
+"""The unit that the last word of a key stands for."""
 OPERATIONS: dict[str, str] = _TEXTS["operations"]
-"""Operations that a profile may give a time, as a timeline calls them."""
+"""Operations that a profile may time, as a timeline names them."""
 
 
 def texts(kind: str, name: str | None = None) -> Any:
-    """Return what ``words.yaml`` has of a kind under a name, or all of that kind."""
+    """Return an entry of ``words.yaml`` by its kind and name, or all entries of a kind."""
     return _TEXTS[kind] if name is None else _TEXTS[kind][name]
 
 
 def section_words(name: str, /, **given: Any) -> tuple[str, str]:
-    """Return the title of a section and what is said above it."""
+    """Return the title of a section and its lead."""
     found = texts("sections", name)
     return found["title"], fill(found["lead"], given)
 
 
 def sentence(name: str, /, **given: Any) -> str:
-    """Return one of the longer sentences, its places filled."""
+    """Return one of the longer sentences, with its placeholders filled."""
     return fill(texts("sentences", name), given)
 
 
@@ -46,14 +46,14 @@ def stage_words(stage: str) -> str:
 
 
 def no_spikes(match: Mapping[str, Any], population: str) -> str:
-    """Return what stands for the equal spikes of a population that has none."""
+    """Return the word for the equal spikes of a population without any spikes."""
     readout = match["readout"]
     by_potential = readout.get("potentials_of", readout["populations"] if readout["by"] == "potentials" else ())
     return "read by potential" if population in by_potential else SILENT
 
 
 def percent(value: float, decimals: str) -> str:
-    """Return a share as a percentage of so many decimals."""
+    """Return a share as a percentage with so many decimals."""
     return f"{100 * value:.{decimals}f} %"
 
 
@@ -63,7 +63,7 @@ def seconds(value: float) -> str:
 
 
 def words(key: str) -> str:
-    """Return a key of the document in words; one that is not known here, with its underscores as spaces."""
+    """Return a key of the document in words; an unknown key with spaces for underscores."""
     return str(_TEXTS["words"].get(key, key.replace("_", " ")))
 
 
@@ -73,7 +73,7 @@ def limit_words(name: str) -> str:
 
 
 def core_words(row: Mapping[str, Any]) -> str:
-    """Return a core of the document by its number and its branch."""
+    """Return the name of a core: its number and its branch."""
     return f"core {row['core']}, {words(row['phase'])}"
 
 
@@ -84,4 +84,4 @@ SHOWN: Mapping[str, Callable[..., str]] = {name: getattr(numbers, name) for name
     "words": words,
 }
 fill = Filler(SHOWN).fill
-"""Fills the places of a text; a format is the name of a function that shows numbers, or a usual one."""
+"""Fills the placeholders of a text; a format is one of :data:`SHOWN`, or a format of Python."""

@@ -6,8 +6,7 @@ from dataclasses import asdict, field
 from typing import Any, Literal, get_args
 
 import hw_model as hw
-from hw_model.values import Frozen
-from locsnn_compile.report.figures.flat import picked
+from hw_model.values import Frozen, picked
 from locsnn_compile.report.format import count, plural, short
 from locsnn_compile.stress.bounds import SOURCES, Source
 from locsnn_compile.stress.cases.case import Case

@@ -1,1 +1,1 @@
-"""Texts that lie in files next to the code that fills them."""
+"""Texts in files next to the code that fills them."""

@@ -1,4 +1,4 @@
-"""Pages and texts that lie next to the code as files, with places ``@@name@@`` or ``{name}`` to fill."""
+"""Pages and texts in files next to the code, with placeholders ``@@name@@`` or ``{name}``."""
 
 import re
 import string
@@ -9,7 +9,7 @@ from typing import Any
 
 
 def filled(package: str, name: str, **given: str) -> str:
-    """Return a text file of a package, its places filled with what is given, or with the file that a place names."""
+    """Return a text file of a package, each placeholder filled with the value given or with the file that it names."""
     folder = Path(import_module(package).__path__[0])
 
     def part(place: re.Match[str]) -> str:
@@ -19,23 +19,23 @@ def filled(package: str, name: str, **given: str) -> str:
 
 
 def sections(package: str, name: str, **given: str) -> dict[str, str]:
-    """Return the parts of a text file of a package by the ``[names]`` that stand on lines of their own above them."""
+    """Return the parts of a text file of a package by the ``[names]`` on the lines above them."""
     _, *found = re.split(r"\n?^\[(.+)\]\n", filled(package, name, **given), flags=re.MULTILINE)
     return dict(zip(found[::2], found[1::2], strict=True))
 
 
 class Filler(string.Formatter):
-    """Fills places ``{key:shown}`` of texts with what the function of that name makes of a value.
+    """Fills placeholders ``{key:shown}`` of texts with a value as the function ``shown`` writes it.
 
-    Further words are its further arguments: ``{cores:plural core}``. What follows an ``or`` stands for None, nothing
-    where there is no such word: ``{share:share or silent}``. Other formats are the usual ones.
+    Further words are further arguments of the function: ``{cores:plural core}``. The words after ``or`` stand for None:
+    ``{share:share or silent}``; without them None leaves nothing. Other formats are those of Python.
     """
 
     def __init__(self, shown: Mapping[str, Callable[..., str]]) -> None:
         self._shown = shown
 
     def format_field(self, value: Any, format_spec: str) -> str:
-        """Return what stands in a place."""
+        """Return the text for a placeholder."""
         asked, _, otherwise = format_spec.partition(" or ")
         if value is None:
             return otherwise
@@ -43,5 +43,5 @@ class Filler(string.Formatter):
         return self._shown[name](value, *more) if name in self._shown else format(value, asked)
 
     def fill(self, text: str, given: Mapping[str, Any]) -> str:
-        """Return a text, its places filled."""
+        """Return a text with its placeholders filled."""
         return self.vformat(text, (), given)

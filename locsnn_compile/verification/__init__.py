@@ -1,1 +1,1 @@
-"""Does the chip do what the network does, and where not, why."""
+"""Does the chip do what the network does, and if not, why?"""

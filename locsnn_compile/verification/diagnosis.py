@@ -1,8 +1,8 @@
 """Where the error of a program comes from: its budget, the cause of the first divergence, and the margins.
 
-Margins: how near potentials come to their threshold, next to the error of the chip's arithmetic, and how full registers
-get. The error is that of one neuron by itself: both sides are given the float network's spikes, so that no earlier
-difference is carried along. Where it is larger than the distance to the threshold, a spike may change.
+Margins compare the distance of potentials from their threshold with the error of the chip's arithmetic, and say how
+full registers get. The error is that of a single neuron: both sides get the float network's spikes, so no earlier
+difference is carried along. Where the error is larger than the distance, a spike may change.
 """
 
 import math
@@ -25,20 +25,19 @@ from locsnn_compile.verification.error_budget.twin import run_twin
 from locsnn_compile.verification.matching import CHUNK, Divergence, Progress
 
 NEAREST = (0.0001, 0.001, 0.01, 0.1, 0.5)
-"""Shares of the neuron steps, the nearest to threshold first, for which the distance is stated."""
+"""Shares of the neuron steps, those nearest to the threshold first, for which the distance is given."""
 LARGEST = (0.5, 0.95, 1.0)
-"""Shares of the neuron steps for which the error is stated: the median, what 95 % stay below, the largest."""
+"""Shares of the neuron steps for which the error is given: the median, the 95th percentile and the largest."""
 EDGES = np.logspace(-6.0, 1.0, 29)
-"""Ends of the bins of both histograms, in thresholds, four a decade; what lies beyond counts in the last bin there."""
+"""Edges of the bins of both histograms, in thresholds, four per decade; the end bins also count what lies beyond."""
 
 
 class PopulationMargins(Frozen, eq=False):
-    """Distances of potentials to the threshold at every neuron and step, in thresholds, without sign.
+    """Distances of potentials from the threshold at every neuron and step, in thresholds, without sign.
 
-    ``nearest[p]``: the distance below which a share p of them lies; ``error[p]`` likewise of the chip's own error.
-    ``within_error``: share of the neuron steps whose distance is no larger than the error there, so that a spike may
-    change; ``decided_otherwise``: share at which one does. Histograms (bins,) are counts; an error of exactly
-    0 is in none of them.
+    ``nearest[p]`` is the distance below which a share p of them lies; ``error[p]`` is the same for the chip's error.
+    ``within_error`` is the share of neuron steps whose distance is not larger than their error, so a spike may change;
+    ``decided_otherwise`` is the share where one does. Histograms (bins,) are counts; errors of exactly 0 are left out.
     """
 
     neuron_steps: int
@@ -51,7 +50,7 @@ class PopulationMargins(Frozen, eq=False):
 
 
 class RegisterUse(Frozen):
-    """Largest magnitudes of a group of compartments on the chip, against what the registers hold."""
+    """Largest magnitudes in a group of compartments on the chip, and the limits of their registers."""
 
     peak_u: int
     limit_u: int
@@ -62,12 +61,12 @@ class RegisterUse(Frozen):
 
     @classmethod
     def unused(cls, group: Compartments, registers: Registers) -> "RegisterUse":
-        """Return what the registers of a group hold, before anything is played."""
+        """Return the use of a group before anything is played."""
         limit_v = int(min(np.abs(group.vmin).min(), group.vmax.min()))
         return cls(0, 1 << registers.current_bits, 0, limit_v, 0, 0)
 
     def after(self, u: IntArray, potential: IntArray, events: Mapping[str, int]) -> "RegisterUse":
-        """Return the use with that of u, of v as the threshold saw it, (batch, steps, n), and counts of both events."""
+        """Return the use after u and v as the threshold saw it, (batch, steps, n), and counts of wraps and clips."""
         return replace(
             self,
             peak_u=max(self.peak_u, int(np.abs(u).max())),
@@ -88,7 +87,7 @@ class RegisterUse(Frozen):
 
     @property
     def headroom_bits(self) -> float | None:
-        """By how many doublings the fuller register could still grow; None where nothing ever came."""
+        """How often the fuller register could double; None if neither was ever used."""
         fullest = max(self.share_u, self.share_v)
         return math.log2(1.0 / fullest) if fullest else None
 
@@ -101,7 +100,7 @@ class Margins(Frozen, eq=False):
 
 
 def margins(levels: Levels, recordings: ByteArray) -> Margins:
-    """Measure margins over recordings (samples, steps, channels), of the network's own steps and channels."""
+    """Measure margins over recordings (samples, steps, channels) with the network's steps and channels."""
     network, registers = levels.network, levels.program.chip.registers
     watched: dict[str, list[tuple[AnyArray, ...]]] = {p.name: [] for p in network.populations}
     use = {group.name: RegisterUse.unused(group, registers) for group in levels.compartments.groups}
@@ -129,13 +128,13 @@ def margins(levels: Levels, recordings: ByteArray) -> Margins:
 
 
 def _thresholds(population: Population) -> FloatArray:
-    """Return the thresholds (n,), in the units of the potential; one of 0 counts as a weight of 1."""
+    """Return the thresholds (n,) in the units of the potential; a threshold of 0 counts as a weight of 1."""
     thresholds = population.thresholds
     return np.where(thresholds == 0, float(1 << WEIGHT_SHIFT), thresholds)
 
 
 def _measured(thresholds: FloatArray, wanted: AnyArray, chip: FloatArray, otherwise: BoolArray) -> PopulationMargins:
-    """Compare both potentials (samples, steps, n) with the thresholds (n,); ``otherwise``: where decisions differ."""
+    """Compare both potentials (samples, steps, n) with the thresholds (n,); ``otherwise`` marks differing decisions."""
     distance = (np.abs(wanted - thresholds) / thresholds).ravel()
     error = (np.abs(chip - wanted) / thresholds).ravel()
     return PopulationMargins(
@@ -159,16 +158,16 @@ def _histogram(values: FloatArray) -> IntArray:
 
 
 SAMPLE = 16
-"""Recordings of a report's diagnosis, unless more are asked for: each is evaluated some fifteen times."""
+"""Recordings in a report's diagnosis, unless more are asked for: each is evaluated about fifteen times."""
 NEURON_STEPS = 1 << 22
-"""A diagnosis of a large network takes fewer recordings, so that all their neurons and steps are no more than this."""
+"""Neurons times steps of a diagnosis at most: large networks are diagnosed on fewer recordings."""
 
 
 class Diagnosis(Shown):
-    """A diagnosis over the recordings of these numbers, out of ``available``.
+    """A diagnosis over the recordings with these numbers, out of ``available``.
 
-    ``budget`` is None where every population is on the grid from the start: nothing is rounded, and there is nothing to
-    take apart. ``cause`` is None where no spike differs, or there is no budget.
+    ``budget`` is None if every population is on the grid from the start: nothing is rounded, so there is no error to
+    break down. ``cause`` is None if no spike differs or there is no budget.
     """
 
     recordings: tuple[int, ...]
@@ -186,10 +185,10 @@ def diagnose(
     samples: int | None = SAMPLE,
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """Diagnose a program over at most so many recordings (None: all), evenly spread over those at hand.
+    """Diagnose a program on at most ``samples`` of the recordings (None: all), evenly spread.
 
-    ``recordings`` (samples, steps, channels), of the network's own steps and channels; ``first`` is where they first
-    diverge.
+    ``recordings`` are (samples, steps, channels) with the network's steps and channels; ``first`` is where the sides
+    first diverge on them.
     """
     network = levels.network
     chosen = spread_sample(network, len(recordings), samples)
@@ -205,7 +204,7 @@ def diagnose(
 
 
 def spread_sample(network: Network, available: int, samples: int | None) -> tuple[int, ...]:
-    """Return the numbers of the recordings to take, first and last among them where there are two."""
+    """Return the numbers of the recordings to take, evenly spread from the first to the last."""
     if samples is None:
         return tuple(range(available))
     many = max(1, min(available, samples, NEURON_STEPS // stages.neuron_steps(network)))

@@ -3,13 +3,14 @@
 from hw_model.values import Frozen
 
 SPIKE_TOLERANCE = 0.01
-"""Without a budget, so much more of the spikes may differ than with the first strategy, and no prediction more."""
+"""Without a budget, a setting may lose this share of spikes more than the first strategy, and no more predictions."""
 
 
 class ErrorBudget(Frozen):
-    """What a program may lose: it keeps ``min_agreement`` of the predictions, and misses ``max_spike_error`` of spikes.
+    """What a program may lose: at least ``min_agreement`` of the predictions stay, and no more than ``max_spike_error``
+    of the spikes differ.
 
-    The spike error is 1 less the spike agreement. With neither given, the budget is what ``dendrite`` loses.
+    The spike error is 1 minus the spike agreement. If neither is given, the budget is what ``dendrite`` loses.
     """
 
     min_agreement: float | None = None
@@ -21,16 +22,16 @@ class ErrorBudget(Frozen):
         return self != ErrorBudget()
 
     def words(self) -> str:
-        """Return the bounds as the options that ask for them."""
+        """Return the bounds as options of the command line."""
         bounds = (("--min-agreement", self.min_agreement), ("--max-spike-error", self.max_spike_error))
         return " and ".join(f"{option} {bound:g}" for option, bound in bounds if bound is not None)
 
 
 class Losses(Frozen):
-    """A setting on some recordings: shares that equal the float network's, and mean energy and time of a recording.
+    """How a setting does on some recordings: agreement with the float network, and mean energy and time per recording.
 
-    A share is None where nothing was compared: all class scores tie, or no neuron spikes. Energy and time are by the
-    chip's default profile; an open core has no energy, and exact cycles.
+    An agreement is None if nothing was compared, because all class scores tie or no neuron spikes. Energy and time come
+    from the chip's default profile; an open core has exact cycles and may have no energy.
     """
 
     prediction_agreement: float | None
@@ -40,7 +41,7 @@ class Losses(Frozen):
 
     @property
     def cost(self) -> float:
-        """What settings are ranked by: energy, or time where no energy is known."""
+        """What settings are ranked by: energy, or time if no energy is known."""
         return self.chip_time_ns if self.energy_pj is None else self.energy_pj
 
     @property
@@ -50,11 +51,11 @@ class Losses(Frozen):
 
     @property
     def spike_error(self) -> float | None:
-        """1 less the spike agreement."""
+        """1 minus the spike agreement."""
         return None if self.spike_agreement is None else 1 - self.spike_agreement
 
     def keeps(self, budget: ErrorBudget) -> bool:
-        """Tell whether the budget is kept; a bound on what was not compared is not."""
+        """Tell whether the budget is kept; a bound on something that was not compared is not kept."""
         agreement, error = self.prediction_agreement, self.spike_error
         return (budget.min_agreement is None or (agreement is not None and agreement >= budget.min_agreement)) and (
             budget.max_spike_error is None or (error is not None and error <= budget.max_spike_error)
@@ -62,6 +63,6 @@ class Losses(Frozen):
 
 
 def default_budget(first: Losses) -> ErrorBudget:
-    """Return the bounds where none is given, by what the first strategy loses; none on what it gave no figure for."""
+    """Return the bounds to use if none is given: what the first strategy loses, with no bound on what is not known."""
     error = first.spike_error
     return ErrorBudget(first.prediction_agreement, None if error is None else error + SPIKE_TOLERANCE)

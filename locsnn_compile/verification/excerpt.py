@@ -1,4 +1,4 @@
-"""A few steps of one recording, to be looked at: input, spikes of both sides, and the potential that differs first."""
+"""A few steps of one recording to look at: input, spikes of both sides, and the potential that differs first."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -14,24 +14,24 @@ from locsnn_compile.reference.evaluate import ReferenceResult, evaluate
 from locsnn_compile.verification.matching import Divergence
 
 STEPS = 400
-"""Steps of a phase that are kept at the most."""
+"""Most steps of a phase that are kept."""
 MARKS = 5000
-"""Spikes of an input or a population that are kept at the most; where there are more, fewer steps are."""
+"""Most spikes of an input or a population that are kept; if there are more, fewer steps are kept."""
 NEURONS = 40
-"""Neurons of a population that are kept at the most: those with the most differences."""
+"""Most neurons of a population that are kept: those with the most differences."""
 LINES = 128
-"""Rows of an input that are kept at the most; more lines share rows."""
+"""Most rows of an input that are kept; if there are more lines, they share rows."""
 POPULATIONS = 8
-"""Populations that are kept at the most: the first that differs, then in network order."""
+"""Most populations that are kept: the first that differs, then in network order."""
 AROUND = 20
-"""Steps before and after the one in the middle for which potentials are kept."""
+"""Steps before and after the central one for which potentials are kept."""
 
 
 class SpikeRows(Frozen, eq=False):
-    """Spikes of an input, or of both sides of a population, some or all of its ``size`` lines or neurons.
+    """Spikes of an input, or of a population on both sides: some or all of its ``size`` lines or neurons.
 
-    ``reference`` and ``chip`` (steps, rows): whether any of the ``together`` lines or neurons of a row spikes, which
-    begin at ``numbers`` (rows,). An input is the same on both sides.
+    ``reference`` and ``chip`` (steps, rows) tell whether any of the ``together`` lines or neurons of a row spikes; the
+    first of each row are ``numbers`` (rows,). An input is the same on both sides.
     """
 
     name: str
@@ -45,7 +45,7 @@ class SpikeRows(Frozen, eq=False):
 
     @property
     def either(self) -> ByteArray:
-        """Spikes of at least one side."""
+        """Spikes on at least one side."""
         return self.reference | self.chip
 
     def during(self, steps: range) -> "SpikeRows":
@@ -55,7 +55,7 @@ class SpikeRows(Frozen, eq=False):
 
 
 class NeuronPotential(Frozen, eq=False):
-    """What one neuron's threshold saw, from ``first_step`` on, (steps,) each, in the reference's units."""
+    """What the threshold of one neuron saw from ``first_step`` on, (steps,), in the reference's units."""
 
     population: str
     axis: Axis
@@ -69,10 +69,10 @@ class NeuronPotential(Frozen, eq=False):
 
 
 class Excerpt(Shown):
-    """Of recording number ``recording``: the steps ``steps[phase]`` out of ``all_steps[phase]``.
+    """Steps ``steps[phase]``, out of ``all_steps[phase]``, of recording number ``recording``.
 
-    ``first`` is where both sides first differ; None where they never do, and the first recording is shown.
-    ``populations_left_out`` is how many are not among ``populations``.
+    ``first`` is where the sides first differ; it is None if they never do, and the first recording is shown.
+    ``populations_left_out`` is the number of those missing in ``populations``.
     """
 
     recording: int
@@ -86,10 +86,10 @@ class Excerpt(Shown):
 
 
 def take_excerpt(levels: Levels, recordings: ByteArray, first: Divergence | None) -> Excerpt:
-    """Play one recording again and keep what a picture needs of it.
+    """Play one recording again and keep what its pictures need.
 
-    ``recordings`` (samples, steps, channels), of the network's own steps and channels; ``first`` is where they first
-    diverge.
+    ``recordings`` are (samples, steps, channels) with the network's steps and channels; ``first`` is where the sides
+    first diverge on them.
     """
     network, program = levels.network, levels.program
     recording = 0 if first is None else first.recording
@@ -124,7 +124,7 @@ def _populations(network: Network, first: Divergence | None) -> list[Population]
 
 
 def _input(view: InputView, spikes: ByteArray) -> SpikeRows:
-    """Let neighbouring lines share a row where there are many."""
+    """Return the rows of an input; if it has many lines, neighbours share a row."""
     together = -(-view.lines // LINES)
     padded = np.pad(spikes, ((0, 0), (0, -view.lines % together)))
     rows, numbers = padded.reshape(len(spikes), -1, together).max(axis=2), np.arange(0, view.lines, together)
@@ -132,7 +132,7 @@ def _input(view: InputView, spikes: ByteArray) -> SpikeRows:
 
 
 def _rows(population: Population, reference: ByteArray, chip: ByteArray, first: Divergence | None) -> SpikeRows:
-    """Keep the neuron that differs first and those with the most differences, the first of equals, in their order."""
+    """Keep the neuron that differs first and those with the most differences, in network order."""
     differences = (reference != chip).sum(axis=0)
     if first is not None and first.population == population.name:
         differences[first.neuron] = len(reference) + 1
@@ -142,14 +142,14 @@ def _rows(population: Population, reference: ByteArray, chip: ByteArray, first: 
 
 
 def _centre(network: Network, first: Divergence | None, phase: str) -> int:
-    """Return the step of a phase that has to be shown."""
+    """Return the step of a phase that must be shown."""
     if first is None or next(p.phase for p in network.populations if p.name == first.population) != phase:
         return 0
     return first.step
 
 
 def _window(drawn: list[SpikeRows], centre: int) -> range:
-    """Return as many steps around the centre as keep every picture of a phase within its number of marks."""
+    """Return as many steps around the centre as fit into every picture of a phase."""
     a_step = np.max([item.either.sum(axis=1, dtype=np.int64) for item in drawn], axis=0)
     steps = len(a_step)
     length = min(steps, STEPS)
@@ -167,7 +167,7 @@ def _potential(
     found: Mapping[str, ByteArray],
     first: Divergence | None,
 ) -> NeuronPotential:
-    """Keep the potential that differs first; where none does, one of the neuron of the readout that spikes most."""
+    """Keep the potential that differs first or, if none does, that of the readout neuron that spikes most."""
     if first is None:
         name = levels.network.readout.populations[0]
         neuron = int(wanted.spikes[name][0].sum(axis=0, dtype=np.int64).argmax())

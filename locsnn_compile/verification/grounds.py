@@ -1,4 +1,4 @@
-"""What a report rests on besides the file of the model: the length of a step, and all that had to be assumed."""
+"""What a report rests on besides the model file: the length of a step, and everything that was assumed."""
 
 from collections.abc import Iterator
 
@@ -8,10 +8,10 @@ from locsnn_compile.network.network import Network
 
 
 class Grounds(Frozen):
-    """``step_seconds`` of a time step, None where nobody says it; whose recordings the check played; ``assumptions``.
+    """The length of a time step, None if it is not known; the origin of the recordings; and what was assumed.
 
-    These are sentences, in the order in which they were made: by the frontend, then of the recordings and the step,
-    then of what weights were rounded on. ``binned`` is what reading the recordings left out.
+    ``assumptions`` are sentences in the order in which they were made: by the frontend, then on the recordings and the
+    step, then on what weights were rounded for. ``binned`` says what was left out on reading the recordings.
     """
 
     step_seconds: float | None
@@ -22,7 +22,7 @@ class Grounds(Frozen):
 
 def grounds_of(network: Network, recordings: Recordings, calibration: Recordings) -> Grounds:
     """Return the grounds of a check of ``network`` on ``recordings``, its weights rounded on ``calibration``."""
-    # The bins of recordings that were made up say nothing about a sensor.
+    # The bins of made-up recordings say nothing about a sensor.
     of_bins = None if recordings.origin == "made up" else recordings.step_seconds
     known = of_bins if network.step_seconds is None else network.step_seconds
     rest = (*_of_recordings(network, recordings), *_of_step(network, known))

@@ -21,10 +21,10 @@ from locsnn_compile.network.quantized import QuantizedNetwork
 from locsnn_compile.reference.evaluate import decided, evaluate
 
 CHUNK = 16
-"""Recordings held at a time: memory does not grow with their number."""
+"""Recordings held at a time, so memory does not grow with their number."""
 
 Progress = Callable[[int, int], None]
-"""Called with (recordings done, recordings in all)."""
+"""Called with (recordings done, all recordings)."""
 Place = tuple[int, str, int, int]
 """Recording, population, neuron and step of a spike."""
 
@@ -38,12 +38,12 @@ class PopulationMatch(Sums):
 
     @property
     def mismatches(self) -> int:
-        """Spikes that only one side has."""
+        """Spikes on one side only."""
         return self.reference_spikes + self.chip_spikes - 2 * self.common_spikes
 
     @property
     def agreement(self) -> float | None:
-        """``2 * common / (reference + chip)``; None where neither side spikes: nothing was compared."""
+        """``2 * common / (reference + chip)``; None if neither side spikes, so nothing was compared."""
         both = self.reference_spikes + self.chip_spikes
         return 2 * self.common_spikes / both if both else None
 
@@ -68,11 +68,11 @@ class Divergence(Frozen):
 class Match(Shown):
     """How a program compares with the network it came from, over ``samples`` recordings.
 
-    ``reference_prediction`` and ``chip_prediction`` are classes (samples,), -1 where all scores tie: nothing was
-    predicted; ``labels`` likewise or None. ``helpers`` are the populations that a frontend made up, which count for
-    nothing else. ``counts`` holds the chip's counts of every recording, ``latencies`` their times under the default
-    profile, and ``latency_range_ns`` the least and most of their mean where the profile has ranges; ``usage`` says by
-    phase what they did step by step, ``additions`` the reference's operations by phase over all recordings.
+    ``reference_prediction`` and ``chip_prediction`` are classes (samples,), or -1 if all scores tie and nothing was
+    predicted; ``labels`` are (samples,) or None. ``helpers`` are populations that a frontend added, which count nowhere
+    else. ``counts`` are the chip's counts for every recording, ``latencies`` their times under the default profile, and
+    ``latency_range_ns`` the range of their mean if the profile has ranges. ``usage`` is, by phase, what cores did step
+    by step; ``additions`` are the reference's operations by phase over all recordings.
     """
 
     samples: int
@@ -91,7 +91,7 @@ class Match(Shown):
     usage: dict[str, PhaseUsage]
     additions: dict[str, int] = field(default_factory=dict)
     member_ns: dict[str, float] = field(default_factory=dict)
-    """Time of each member of a committee over all recordings, its cores by themselves."""
+    """Time of each member of a committee over all recordings, if its cores ran by themselves."""
 
     @property
     def spikes(self) -> PopulationMatch:
@@ -100,7 +100,7 @@ class Match(Shown):
 
     @property
     def mean_ns(self) -> float:
-        """Mean time of a recording."""
+        """Mean time per recording."""
         return float(np.mean([one.total_ns for one in self.latencies]))
 
     @property
@@ -110,14 +110,14 @@ class Match(Shown):
 
     @property
     def prediction_agreement(self) -> float | None:
-        """Share of the recordings that a side predicts for which both predict the same class; None without any."""
+        """Share of same classes among the recordings for which a side predicts one; None if there are none."""
         same = int((self.reference_prediction == self.chip_prediction).sum()) - self.tied_predictions
         predicted = self.samples - self.tied_predictions
         return same / predicted if predicted else None
 
     @property
     def accuracy(self) -> dict[str, float] | None:
-        """Share of recordings predicted right, by the reference and by the chip, a tie being wrong; None unlabelled."""
+        """Share of correct predictions of the reference and of the chip; a tie is wrong. None without labels."""
         if self.labels is None:
             return None
         return {
@@ -139,7 +139,7 @@ def compare(
 ) -> Match:
     """Play recordings (samples, steps, channels) to both sides, some at a time, and compare every spike.
 
-    ``explain``: play the recording with the first difference again, and say what was there.
+    ``explain``: play the recording with the first difference again, and keep both potentials there.
     """
     network = quantized.network
     recordings = network.fit(recordings, source)
@@ -151,7 +151,7 @@ def compare(
         both = both + part if both else part
         if progress:
             progress(len(both.counts), len(recordings))
-    assert both is not None  # there is a recording, and the phases count what all do
+    assert both is not None  # there is at least one recording
     assert total(both.counts) == total(both.counts_by_phase.values())
     first = explain and both.differences
     least, most = (both.ends_ns[end] / len(recordings) if end in both.ends_ns else None for end in ("least", "most"))
@@ -174,9 +174,9 @@ _ADDED_UP = ("counts", "counts_by_phase", "wraps_and_clips", "latencies", "usage
 
 
 class _Part(Sums, eq=False):
-    """What some recordings did: as in :class:`Match`, and their time at both ends of the default profile's ranges.
+    """The match of some recordings, as in :class:`Match`, and their time at both ends of the profile's ranges.
 
-    ``differences`` has the first of each part, ``predictions`` those of both sides of each.
+    ``differences`` has the first difference of each part, and ``predictions`` those of both sides in each part.
     """
 
     matches: dict[str, PopulationMatch]
@@ -193,7 +193,7 @@ class _Part(Sums, eq=False):
 
 
 def _compare_part(network: Network, program: hw.ChipProgram, numbered: tuple[int, ByteArray]) -> _Part:
-    """Play recordings, of which the first has a number, to both sides."""
+    """Play recordings to both sides; they come with the number of the first one."""
     start, recordings = numbered
     wanted = evaluate(network, recordings, registers=program.chip.registers)
     found = hw.simulate(program, recordings, probe=("spikes", "activity"))
@@ -237,7 +237,7 @@ def _check_labels(network: Network, labels: IntArray | None, samples: int, sourc
 def _first_difference(
     network: Network, wanted: Mapping[str, ByteArray], found: Mapping[str, ByteArray], start: int
 ) -> tuple[Place, ...]:
-    """Return the place that is first by recording, axis, step and network order, if there is any."""
+    """Return the first difference by recording, phase, step and network order, if there is any."""
     rows, order = [], [phase.name for phase in network.phases]
     for rank, population in enumerate(network.own_populations):
         differs = np.argwhere(wanted[population.name] != found[population.name])

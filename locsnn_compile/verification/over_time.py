@@ -1,4 +1,4 @@
-"""How predictions settle while recordings play, step by step or all at once, and what stopping early saves."""
+"""How predictions settle while recordings play, and what stopping early saves."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -21,13 +21,13 @@ from locsnn_compile.verification.diagnosis import spread_sample
 from locsnn_compile.verification.matching import Progress
 
 PSI = 10.0
-"""Of the time-weighted prediction, unless another is given. Published: 15 for Objects, 10 Containers, 2 Slip."""
+"""For the time-weighted prediction, unless another is given. Published: 15 for Objects, 10 Containers, 2 Slip."""
 SAMPLE = 64
-"""Recordings that a report follows at the most."""
+"""Most recordings that a report follows."""
 WORK = 1 << 31
-"""Neuron updates that a report may take if every step ran the location branch again: a few seconds."""
+"""Most neuron updates of a report if every step ran the location branch again: a few seconds."""
 QUICK, AT_LEAST = 1 << 28, 16
-"""Of recordings that take more together, at least so many are followed, and no more than take so much."""
+"""A report takes at most QUICK neuron updates, but follows at least AT_LEAST recordings."""
 TOGETHER = "together"
 TIME_WEIGHTED = "time_weighted"
 
@@ -37,12 +37,12 @@ OnStep = Callable[[int, int, float], None]
 
 
 class OverTime(Frozen, eq=False):
-    """Predictions after every step of the recordings of these numbers, out of ``available``.
+    """Predictions after every step of the recordings with these numbers, out of ``available``.
 
-    ``right[prediction]`` (steps,): the share of recordings for which a prediction is right after each step: that of
-    each axis alone, of both together, and time-weighted by ``psi`` (Kang et al. 2022). Without labels right is what is
-    predicted after the last step, ``labelled`` is False. Where all scores tie nothing is predicted: no label is right,
-    and a recording that ends so without one is left out. ``proven`` is where each recording could stop.
+    ``right[prediction]`` (steps,) is the share of recordings for which a prediction is right after each step: that of
+    each axis alone, of both together, and time-weighted by ``psi`` (Kang et al. 2022). Without labels, ``labelled`` is
+    False and the prediction after the last step counts as right. If all scores tie, nothing is predicted: it is wrong
+    with a label, and a recording that ends in a tie without one is left out. ``proven`` is where each could stop.
     """
 
     recordings: tuple[int, ...]
@@ -54,10 +54,10 @@ class OverTime(Frozen, eq=False):
 
 
 def over_time(levels: Levels, recordings: ByteArray, labels: IntArray | None, psi: float = PSI) -> OverTime | str:
-    """Follow the predictions of a program over some recordings, evenly spread over those at hand, or say why not.
+    """Follow the predictions of a program over some of the recordings, evenly spread, or say why not.
 
-    ``recordings`` (samples, steps, channels), of the network's own steps and channels; ``labels`` (samples,). A psi
-    below 0 is an ``InputError``.
+    ``recordings`` are (samples, steps, channels) with the network's steps and channels; ``labels`` are (samples,). A
+    psi below 0 is an ``InputError``.
     """
     program = levels.program
     check_psi(psi)
@@ -87,9 +87,9 @@ def over_time(levels: Levels, recordings: ByteArray, labels: IntArray | None, ps
 
 
 def savings(program: hw.ChipProgram, stops: hw.Stops) -> dict[str, Any]:
-    """Return means of a recording until it stops, and of a whole one; energy and latency by the default profile.
+    """Return means per recording until it stops and for all of it; energy and latency by the default profile.
 
-    Of an open core latency is None, and energy where it has no profile.
+    For an open core latency is None, and so is energy if it has no profile.
     """
     profile = program.chip.costs
     batch = len(stops.steps)
@@ -115,7 +115,7 @@ def stop_all(
     chunk: int = SAMPLE,
     spread: Spread = here,
 ) -> hw.Stops:
-    """Stop recordings by chunks, so that memory does not grow with their number."""
+    """Stop recordings chunk by chunk, so memory does not grow with their number."""
     parts = []
     for found in spread(stop, (recordings[start : start + chunk] for start in range(0, len(recordings), chunk))):
         parts.append(found)
@@ -134,13 +134,13 @@ def stop_all(
 
 
 def _work(network: Network) -> int:
-    """Return the neuron updates of a recording if its location phase ran whole after every step."""
+    """Return the neuron updates per recording if the whole location phase ran after every step."""
     again = {"time": 1, "location": network.steps}
     return sum(p.size * network.steps_of(p.phase) * again[p.axis] for p in network.populations)
 
 
 def _scores(program: hw.ChipProgram, recordings: ByteArray, psi: float) -> dict[str, FloatArray]:
-    """Return the class scores after every step by prediction, (batch, steps, classes); of one axis alone only those."""
+    """Return the class scores (batch, steps, classes) after every step, by prediction; one axis has just one."""
     readout = program.readout
     assert readout is not None
     axis_of: dict[str, str] = {name: phase.axis for phase in program.phases for name in program.columns_of(phase.name)}
@@ -168,9 +168,9 @@ def _scores(program: hw.ChipProgram, recordings: ByteArray, psi: float) -> dict[
 
 
 class Streamed(Frozen, eq=False):
-    """What was known after every step of a recording, arrays (steps,); where it was stopped, until then.
+    """What was known after every step of a recording, or until it was stopped; arrays (steps,).
 
-    ``prediction``: the class with the best score; ``lead``: by how much; ``seconds``: how long the step took here.
+    ``prediction`` is the class with the best score, ``lead`` by how much, ``seconds`` how long the step took here.
     """
 
     prediction: IntArray
@@ -179,7 +179,7 @@ class Streamed(Frozen, eq=False):
 
     @property
     def changes(self) -> list[tuple[int, int, float]]:
-        """(step counted from 1, class, lead) wherever the prediction changed, from the first lead on."""
+        """(step counted from 1, class, lead) for each change of the prediction, from the first lead on."""
         led = np.flatnonzero(self.lead > 0)
         if not len(led):
             return []
@@ -188,14 +188,14 @@ class Streamed(Frozen, eq=False):
         return [(t + 1, int(self.prediction[t]), float(self.lead[t])) for t in at]
 
     def filled(self, steps: int) -> IntArray:
-        """Return the prediction after each of so many steps; after a stop it stays, (steps,)."""
+        """Return the prediction after each of so many steps, (steps,); after a stop it stays."""
         return np.pad(self.prediction, (0, steps - len(self.prediction)), mode="edge")
 
 
 def stream(
     session: hw.Session, rows: Mapping[str, ByteArray], margin: float | None = None, on_step: OnStep | None = None
 ) -> Streamed:
-    """Reset a session and push a recording, (steps, channels) by stream; stop where the lead reaches a margin."""
+    """Reset a session and push a recording, (steps, channels) by stream; stop when the lead reaches a margin."""
     session.reset()
     steps = len(next(iter(rows.values())))
     prediction, lead, seconds = np.zeros(steps, dtype=np.int64), np.zeros(steps), np.zeros(steps)
@@ -214,13 +214,13 @@ def stream(
 
 
 def step_latency(streamed: Sequence[Streamed]) -> dict[str, float]:
-    """Return the seconds of a step: on average, what 99 % of the steps took at most, and the longest."""
+    """Return the seconds per step: the mean, the 99th percentile and the longest."""
     seconds = np.concatenate([one.seconds for one in streamed])
     return {"mean": float(seconds.mean()), "p99": float(np.quantile(seconds, 0.99)), "worst": float(seconds.max())}
 
 
 def right_over_time(streamed: Sequence[Streamed], wanted: ArrayLike, steps: int) -> FloatArray:
-    """Return the share of recordings whose prediction is the wanted class (recordings,) after each step, (steps,)."""
+    """Return the share of recordings that predict the wanted class (recordings,) after each step, (steps,)."""
     predictions = np.stack([one.filled(steps) for one in streamed])
     shares: FloatArray = (predictions == np.asarray(wanted)[:, None]).mean(axis=0)
     return shares

@@ -84,4 +84,4 @@ def test_what_was_not_followed_says_why(document: dict[str, Any]) -> None:
         "Time of a step, mean over the recordings, profile davies2018",
     ]
     del document["over_time"]
-    assert _section(document).lead == "What steps of a recording cost."
+    assert _section(document).lead == "What the steps of a recording cost."

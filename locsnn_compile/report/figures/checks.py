@@ -1,4 +1,4 @@
-"""What report.json says of the checks beyond the match: where errors come from, predictions over time, settings."""
+"""Entries of report.json on the checks beyond the match: error budget, margins, predictions over time, settings."""
 
 from dataclasses import asdict
 from typing import Any
@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from hw_model.program.chip_program import ChipProgram
+from hw_model.values import picked
 from locsnn_compile.choose_strategy import Choice
 from locsnn_compile.report.content import Document
-from locsnn_compile.report.figures.flat import picked
 from locsnn_compile.verification.diagnosis import EDGES, Diagnosis, PopulationMargins
 from locsnn_compile.verification.error_budget.budget import Cause, Deviation
 from locsnn_compile.verification.matching import PopulationMatch
@@ -16,12 +16,12 @@ from locsnn_compile.verification.over_time import OverTime, savings
 
 _REGISTERS = ("peak_u", "share_u", "peak_v", "share_v", "headroom_bits", "wraps", "clips")
 _POINTS = 50
-"""Steps of a recording whose figures are kept, evenly spread, the last among them."""
+"""Steps of a recording for which figures are kept, evenly spread up to the last one."""
 _ORDER = ("together", "time", "location", "time_weighted")
 
 
 def budget_entry(diagnosis: Diagnosis) -> Document | None:
-    """Return ``error_budget``; None where nothing was rounded."""
+    """Return ``error_budget``; None if nothing was rounded."""
     budget = diagnosis.budget
     if budget is None:
         return None
@@ -87,7 +87,7 @@ def _population(found: PopulationMargins) -> Document:
 
 
 def over_time_entry(found: OverTime | str, program: ChipProgram, step_seconds: float | None) -> dict[str, Any]:
-    """Return ``over_time``; where nothing was followed, only why."""
+    """Return ``over_time``; if predictions were not followed, only the reason."""
     if isinstance(found, str):
         return {"left_out": found}
     steps = len(next(iter(found.right.values())))
@@ -105,7 +105,7 @@ def over_time_entry(found: OverTime | str, program: ChipProgram, step_seconds: f
 
 
 def choice_document(choice: Choice | None) -> dict[str, Any] | None:
-    """Return the candidates as plain values; None where nothing was chosen."""
+    """Return ``strategy_choice``; None if nothing was chosen."""
     if choice is None:
         return None
     return {

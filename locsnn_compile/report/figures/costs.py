@@ -1,7 +1,7 @@
-"""What report.json says of energy and latency: totals, spread, breakdowns, and each constant with its source.
+"""Entries of report.json on energy and latency: totals, spread, breakdowns, and each constant with its source.
 
-Costs spread over recordings, classes, steps, cores, links and critical paths. Every breakdown of the energy adds up to
-the total. What is counted without a step and a core is in ``elsewhere_pj`` alone.
+Costs are broken down by recordings, classes, steps, cores, links and critical paths. Every breakdown of the energy adds
+up to the total; what is counted without a step and a core is only in ``elsewhere_pj``.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -18,20 +18,19 @@ from hw_model.description.counts import BY_CORE, Counts, total
 from hw_model.description.profile import UNPRICED
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.program.pieces import pieces_of
-from hw_model.values import FloatArray
+from hw_model.values import FloatArray, picked
 from locsnn_compile.network.network import Network
 from locsnn_compile.report.content import Document
-from locsnn_compile.report.figures.flat import picked
 from locsnn_compile.verification.matching import Match
 
 _PLACED = frozenset((*BY_CORE, "neuron_updates_inactive", "hops"))
-"""Counts that are kept for every step, core and population."""
+"""Counts that are known for every step, core and population."""
 
 
 def energy_entry(program: ChipProgram, match: Match, network: Network, step_seconds: float | None) -> Document:
-    """Return energy by the default profile of the chip; all figures are means per recording, except for the spread.
+    """Return ``energy`` by the default profile of the chip; figures are means per recording, except for the spread.
 
-    All of it is None for a chip without a profile.
+    All of them are None for a chip without a profile.
     """
     name, profile = program.chip.default_profile, program.chip.costs
     counts, samples = total(match.counts), match.samples
@@ -78,7 +77,7 @@ def _energy_pj(counts: Counts, profile: hw.Profile, samples: int) -> float:
 
 
 def _range_pj(counts: Counts, profile: hw.Profile, samples: int) -> list[float | None]:
-    """Return least and most of the mean energy; None where a constant that was used has no such end."""
+    """Return the least and the most of the mean energy; None if a constant that was used has no such bound."""
 
     def end(index: int) -> float | None:
         costs = {name: profile.energy_pj_range.get(name, (pj, pj))[index] for name, pj in profile.energy_pj.items()}
@@ -102,7 +101,7 @@ def _pieces_pj(program: ChipProgram, match: Match, profile: hw.Profile) -> dict[
 
 
 def _by_population(program: ChipProgram, network: Network, pieces: dict[str, FloatArray]) -> Document:
-    """Return each population's energy with that of its groups of compartments, its own and the joined ones."""
+    """Return the energy of each population, and of its own and its joined groups of compartments."""
     names = [population.name for population in network.populations]
     found: Document = {name: {"pj": 0.0, "compartments": {}} for name in names}
     for phase, pj in pieces.items():
@@ -114,7 +113,7 @@ def _by_population(program: ChipProgram, network: Network, pieces: dict[str, Flo
 
 
 def _population_of(group: str, names: Sequence[str]) -> str:
-    """Return the population that a group of compartments was lowered from: itself, or what stands before its part."""
+    """Return the population of a group of compartments: the same name, or the longest that it extends."""
     return group if group in names else max((name for name in names if group.startswith(f"{name}/")), key=len)
 
 
@@ -124,7 +123,7 @@ def _cores_pj(program: ChipProgram, phase: str, pj: FloatArray) -> list[Document
 
 
 def _static(program: ChipProgram, match: Match, recording_ns: float | None, profile: hw.Profile) -> Document | None:
-    """Return what whole chips draw whatever they do, over the chip's own time and over the sensor's."""
+    """Return the energy of whole chips at rest, over the time of the chip and over that of the sensor."""
     power = profile.static_power
     if power is None:
         return None
@@ -139,7 +138,7 @@ def _static(program: ChipProgram, match: Match, recording_ns: float | None, prof
 
 
 def _left_out(counts: Counts, profile: hw.Profile, samples: int, static: Document | None) -> list[Document]:
-    """Return what the energy leaves out, with the most that it can be where that is known."""
+    """Return what the energy leaves out, with an upper bound where one is known."""
     rows = []
     for item in profile.not_included:
         bound = sum(counts[name] * pj for name, pj in item.bound_pj.items()) / samples if item.bound_pj else None
@@ -153,7 +152,7 @@ def _left_out(counts: Counts, profile: hw.Profile, samples: int, static: Documen
 
 
 def _constants(profile: hw.Profile) -> Document:
-    """Return a profile with the source and the range of each of its constants."""
+    """Return a profile with the source and the range of each constant."""
     names = dict.fromkeys((*profile.energy_pj, *profile.time_ns))
     return {
         **picked(profile, "source", "basis", "voltage_v"),
@@ -171,18 +170,18 @@ def _constant(profile: hw.Profile, name: str) -> Document:
 
 
 _PATHS = 8
-"""Critical paths that are named, of those that took most time."""
+"""Critical paths that are listed: those that took most time."""
 _IN_THE_MESH = (
     "by_branch_ns", "by_part_ns", "by_branch_part_ns", "by_step_ns", "by_core", "critical_paths", "links",
     "critical_core", "after_last_row_ns",
 )  # fmt: skip
-"""What is said of the latency of cores on a mesh alone."""
+"""Figures of the latency that only cores on a mesh have."""
 
 
 def latency_entry(program: ChipProgram, match: Match, steps: int, step_seconds: float | None) -> Document:
-    """Return latency by the default profile of the chip; all figures are means per recording, except for the spread.
+    """Return ``latency`` by the default profile of the chip; figures are means per recording, except for the spread.
 
-    Of an open core cycles are known, and no parts of them.
+    For an open core the cycles are known, but not what they consist of.
     """
     chip, samples = program.chip, match.samples
     each = np.array([one.total_ns for one in match.latencies])
@@ -218,14 +217,14 @@ def latency_entry(program: ChipProgram, match: Match, steps: int, step_seconds: 
 
 
 def _basis(chip: hw.Chip) -> str:
-    """Say where times are from: an open core has exact cycles, of a clock as placed or, in cells, as analysed."""
+    """Say what times rest on: an open core has exact cycles of a clock as placed or, in cells, as analysed."""
     if not chip.open_core:
         return chip.costs.basis
     return "cycle-exact model of the RTL core at the analysed clock" if chip.profiles else UNPRICED.basis
 
 
 def _cores_ns(used: PhaseUsage, samples: int) -> Iterator[Document]:
-    """Yield what each core works on, whether or not anything waits for it, and how long it was the last."""
+    """Yield how long each core works, whether or not anything waits for it, and how long it was the last."""
     for i in range(len(next(iter(used.busy_ns.values())))):
         last = sum(ns for (_, to), ns in used.paths_ns.items() if to == i)
         busy = {part: float(ns[i]) / samples for part, ns in used.busy_ns.items()}
@@ -233,7 +232,7 @@ def _cores_ns(used: PhaseUsage, samples: int) -> Iterator[Document]:
 
 
 def _critical_paths(program: ChipProgram, match: Match) -> list[Document]:
-    """Return which core was last, and whose packet it waited for, by the time of the steps so decided."""
+    """Return which core was last and whose packet it waited for, with the time of the steps that this decided."""
     rows: list[Document] = []
     for phase, used in match.usage.items():
         numbers = [core.number for core in program.cores_of(phase)]
@@ -243,7 +242,7 @@ def _critical_paths(program: ChipProgram, match: Match) -> list[Document]:
 
 
 def _links(program: ChipProgram, match: Match) -> list[Document]:
-    """Return the packets on each link of the mesh that carried any."""
+    """Return the packets on every link of the mesh that carried any."""
     rows = []
     for phase, used in match.usage.items():
         links = routes_of(program, phase).links
@@ -255,7 +254,7 @@ def _links(program: ChipProgram, match: Match) -> list[Document]:
 
 
 def _real_time(match: Match, steps: int, step_ns: float, mean_ns: float, most_ns: float) -> Document:
-    """Return how the chip keeps up with the sensor, whose steps last ``step_ns``."""
+    """Return how the chip keeps up with a sensor whose steps last ``step_ns``."""
     slowest = max(one.slowest_step_ns for one in match.latencies)
     return {
         "step_ns": step_ns,
@@ -267,11 +266,11 @@ def _real_time(match: Match, steps: int, step_ns: float, mean_ns: float, most_ns
 
 
 BINS = 64
-"""Most bins of steps that a course over time is given in."""
+"""Most bins of steps in a course over time."""
 
 
 def spread(each: FloatArray, match: Match, unit: str) -> Document:
-    """Return the spread of a cost of recordings, the one that costs most, and the classes; None without labels."""
+    """Return the spread of a cost over recordings, the costliest recording, and the classes, None without labels."""
     most, labels = int(each.argmax()), match.labels
     ends = {"min": each.min(), "p50": np.median(each), "p99": np.quantile(each, 0.99), "max": each.max()}
     worst = {"recording": most, "class": None if labels is None else int(labels[most]), unit: float(each[most])}
@@ -289,19 +288,19 @@ def _of_class(label: int, each: FloatArray, unit: str) -> Document:
 
 
 def course(by_step: FloatArray) -> Document:
-    """Add up values (steps,) in at most :data:`BINS` bins of equal length, except for the last."""
+    """Add up values (steps,) in at most :data:`BINS` bins, all but the last of equal length."""
     length = max(1, -(-len(by_step) // BINS))
     return {"bin_steps": length, "bins": np.add.reduceat(by_step, np.arange(0, len(by_step), length)).tolist()}
 
 
 def place(program: ChipProgram, core: Core) -> Document:
-    """Return which core it is, and where on the board."""
+    """Return the number, phase and place of a core."""
     where = {"slot": core.slot, "tile": list(program.chip.tile_of(core.slot))}
     return {"core": core.number, "phase": core.phase, **where}
 
 
 def by_core(program: ChipProgram, found: Mapping[str, Iterable[Document]]) -> list[Document]:
-    """Return what was found by phase for each of its cores, by the number of the core."""
+    """Return the figures of all phases, given core by core, in the order of the cores' numbers."""
     rows = [
         place(program, core) | its
         for phase, each in found.items()

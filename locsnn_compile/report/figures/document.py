@@ -1,4 +1,4 @@
-"""report.json as plain values: what the other renderings show, and where each figure comes from."""
+"""report.json as plain values: all figures, which the other forms of the report show."""
 
 from dataclasses import asdict
 from typing import Any
@@ -8,7 +8,7 @@ from hw_model.description.counts import Counts, total
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.rtl.device import activity, on_core, uses
 from hw_model.rtl.images import CoreProgram
-from hw_model.values import AnyArray, IntArray
+from hw_model.values import AnyArray, IntArray, picked
 from locsnn_compile.baselines.ann_energy import ANN_ENERGY_SOURCE, ANN_NOT_INCLUDED, ann_energy_pj
 from locsnn_compile.baselines.operations import ANN_NAMES, ann_counts
 from locsnn_compile.network.network import Network
@@ -16,7 +16,6 @@ from locsnn_compile.pipeline import Levels
 from locsnn_compile.report.content import Document
 from locsnn_compile.report.figures.checks import budget_entry, cause_entry, margins_entry, over_time_entry
 from locsnn_compile.report.figures.costs import energy_entry, latency_entry, place
-from locsnn_compile.report.figures.flat import picked
 from locsnn_compile.verification.diagnosis import Diagnosis
 from locsnn_compile.verification.grounds import Grounds
 from locsnn_compile.verification.matching import Match, PopulationMatch
@@ -35,8 +34,8 @@ def report_document(
 ) -> Document:
     """Return the report; every ``per_sample`` figure is a mean over the recordings of the check.
 
-    Without a diagnosis it has neither ``error_budget`` nor ``margins``, and the first divergence no cause; where
-    predictions were not ``followed`` over time, no ``over_time``.
+    Only a diagnosis gives ``error_budget``, ``margins`` and the cause of the first divergence, and only predictions
+    ``followed`` over time give ``over_time``.
     """
     network, program, samples = levels.network, levels.program, match.samples
     counts, binned = total(match.counts), grounds.binned
@@ -86,9 +85,9 @@ def report_document(
 
 
 def _members(levels: Levels, match: Match, energy: Document) -> list[Document]:
-    """Of each network of a committee: cores of its own, the energy of its compartments, its time by itself.
+    """Return, for each network of a committee, its cores, the energy of its compartments, and its time by itself.
 
-    Both are None where they are not known: an open core hosts all members, one after the other.
+    Energy and time are None if not known: an open core hosts all members, one after the other.
     """
     rows = []
     for member in levels.network.members:
@@ -103,14 +102,14 @@ def _members(levels: Levels, match: Match, energy: Document) -> list[Document]:
 
 
 def _input(network: Network, match: Match) -> Document:
-    """Mean steps of a recording before its start: in the phase that starts last, and phase by phase where any does."""
+    """Return the mean steps before the start of recordings: of the phase that starts last, and of each that aligns."""
     aligned = any(view.align_events for view in network.views)
     steps = {name: counts.aligned_steps / match.samples for name, counts in match.counts_by_phase.items() if aligned}
     return {"aligned_steps": max(steps.values(), default=0.0), "aligned_steps_by_branch": steps}
 
 
 def _arithmetic(network: Network) -> str:
-    """Return what the reference computes in: integers of its own where the model's numbers are the chip's already."""
+    """Return what the reference computes in: integers if the model's numbers are the chip's already."""
     return "integers" if all(population.on_grid for population in network.populations) else "float64"
 
 
@@ -134,7 +133,7 @@ def _spikes(found: PopulationMatch) -> Document:
 
 
 def _readout(network: Network, match: Match) -> Document:
-    """What predicts: spikes or potentials of these populations; silent where neither side has any to predict by."""
+    """Return what predicts: spikes or potentials of these populations; silent if neither side has any."""
     populations, read = list(network.readout.populations), list(network.readout.from_step)
     spiked = any(match.by_population[name].agreement is not None for name in populations)
     silent = match.tied_predictions == match.samples if read else not spiked
@@ -148,7 +147,7 @@ def _per_sample(counts: Counts, samples: int) -> dict[str, float]:
 
 
 def _published(network: Network, match: Match) -> Document:
-    """Additions on paper, spikes of the reference times fan-out, and the events that cross the transpose buffer."""
+    """Return operations on paper: spikes of the reference times fan-out, and events through the transpose buffer."""
     by_branch = {axis: n / match.samples for axis, n in match.additions.items()}
     transposed = total(match.counts).transpose_events / match.samples
     return {
@@ -206,10 +205,10 @@ def _core_use(program: ChipProgram, core: Core) -> Document:
 
 
 def _ann_comparison(network: Network, match: Match, own_pj: float, synaptic_ops: float) -> Document:
-    """The published comparison, at this network's input size; empty where the sensor is not known.
+    """Return the published comparison at this network's input size; empty if the sensor is not known.
 
-    ``ratio`` is to the float network's operations on paper, ``chip_ratio`` to the program's synaptic operations; None
-    where there are none.
+    ``ratio`` is to the float network's operations on paper, and ``chip_ratio`` to the program's synaptic operations;
+    they are None if there are no such operations.
     """
     if network.sensor is None:
         return {}
@@ -218,7 +217,7 @@ def _ann_comparison(network: Network, match: Match, own_pj: float, synaptic_ops:
     for name in ANN_NAMES:
         try:
             counted = ann_counts(name, sensor=network.sensor, steps=network.steps, classes=network.classes)
-        except hw.InputError:  # no frames, or a recording too short for that network's kernels: nothing to compare with
+        except hw.InputError:  # no frames, or a recording too short for that network's kernels
             continue
         energies = ann_energy_pj(counted)
         found[name] = {
@@ -251,13 +250,13 @@ def _quantization(levels: Levels) -> Document:
 
 
 def _spread(values: AnyArray) -> Any:
-    """Return the one value that all neurons have, else the least and the largest."""
+    """Return the value that all neurons share, or else the least and the largest."""
     low, high = values.min().item(), values.max().item()
     return low if low == high else [low, high]
 
 
 def _range(program: ChipProgram) -> Document:
-    """What is proven of registers by group; the period is the longest that a compartment of the group needs."""
+    """Return what is proven of the registers, by group; the period is the longest that a compartment needs."""
     proven = {core.number: bounds for core, bounds in zip(program.cores, hw.prove_range(program), strict=True)}
 
     def by_column(phase: str, key: str) -> IntArray:

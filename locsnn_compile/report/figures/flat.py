@@ -1,4 +1,4 @@
-"""From objects to values of a document, from nested values to one list of figures, from rows of them to a table."""
+"""Nested values as one list of figures, and rows of figures as a table."""
 
 import csv
 import io
@@ -10,16 +10,11 @@ from locsnn_compile.report.format import plain
 Figures = dict[str, Any]
 """Leaves by dotted keys, in order."""
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
-"""A spreadsheet may take a text that begins with one of them for something to work out."""
-
-
-def picked(found: object, *names: str) -> Figures:
-    """Return attributes of an object by their names."""
-    return {name: getattr(found, name) for name in names}
+"""A spreadsheet may read a text that begins with one of these as a formula."""
 
 
 def flatten(value: object, key: str = "") -> Figures:
-    """Return the leaves of nested dictionaries and lists by dotted keys, in order; empty ones have none."""
+    """Return the leaves of nested dictionaries and lists by dotted keys, in order."""
     found: Figures = {}
     waiting = [(key, value)]
     while waiting:
@@ -36,13 +31,13 @@ def flatten(value: object, key: str = "") -> Figures:
 
 
 def csv_bytes(rows: Sequence[Mapping[str, Any]]) -> bytes:
-    """Return rows as a table with a column for each key that one of them has; of no rows, nothing."""
+    """Return rows as a table with a column for each key of any row; nothing for no rows."""
     columns = dict.fromkeys(key for row in rows for key in row)
     return table_bytes(columns, ([row.get(key) for key in columns] for row in rows)) if rows else b""
 
 
 def table_bytes(columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> bytes:
-    """Return a table for a spreadsheet or a script; a text is on one line, and never a formula."""
+    """Return a table for a spreadsheet or a script; texts are on one line and never formulas."""
     made = io.StringIO()
     writer = csv.writer(made, lineterminator="\n")
     writer.writerow(columns)

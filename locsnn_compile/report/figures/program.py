@@ -1,4 +1,4 @@
-"""What a program consists of, as figures that two builds are compared by."""
+"""The contents of a program as figures, by which two builds are compared."""
 
 import numpy as np
 
@@ -8,9 +8,9 @@ from locsnn_compile.report.content import Document
 
 
 def program_figures(program: hw.ChipProgram) -> Document:
-    """Return sizes and settings of every group of compartments, and what its synapses add up to.
+    """Return the sizes and settings of every group of compartments, and the sums of its weights.
 
-    Of many settings: the least and the largest. Weights are effective ones, ``64 * floor(mantissa * 2^exponent)``.
+    Settings are given by the least and the largest. Weights are effective: ``64 * floor(mantissa * 2^exponent)``.
     """
     parts: dict[str, list[dict[str, AnyArray]]] = {}
     for core in program.cores:

@@ -1,4 +1,4 @@
-"""Charts as SVG files: panels side by side, light, dark and printed, readable without colour; and charts of curves."""
+"""Charts as SVG files, also of curves: panels side by side, for light, dark and paper, readable without colour."""
 
 import itertools
 import math
@@ -12,20 +12,20 @@ from locsnn_compile.report.pictures.ticks import nice_step
 from locsnn_compile.texts.templates import filled
 
 WIDTH, HEIGHT, RIGHT = 340, 240, 18
-"""Pixels of a panel, and right of the last one."""
+"""Pixels of a panel, and to the right of the last one."""
 _GAP, _TOP = 72, 70
-"""Pixels left of a panel, where its labels are, and above all panels."""
+"""Pixels to the left of a panel, for its labels, and above all panels."""
 BOTTOM = _TOP + HEIGHT
-"""Pixels from the upper edge of the picture to the lower edge of its panels."""
+"""Pixels from the top of the picture to the lower edge of its panels."""
 _TICKS = 6
-"""Ticks of a linear axis at the most; one more at 0."""
+"""Most ticks of a linear axis, besides the one at 0."""
 _LEGEND, _LINE = 56, 16
-"""Pixels from the panels' lower edge to the legend, and of a line of it."""
+"""Pixels from the lower edge of the panels to the legend, and per line of it."""
 Point = tuple[float, float]
 
 
 class Axis(Frozen):
-    """Values between two ends, in proportion or by their logarithms; ``text`` writes the figures of the ``ticks``."""
+    """Values between two ends on a linear or logarithmic scale; ``text`` writes the ``ticks``."""
 
     low: float
     high: float
@@ -34,7 +34,7 @@ class Axis(Frozen):
     log: bool = False
 
     def place(self, value: float) -> float:
-        """Return where a value lies, 0..1."""
+        """Return the place of a value, 0..1."""
         return ((math.log10(value) if self.log else value) - self.low) / (self.high - self.low)
 
 
@@ -47,7 +47,7 @@ def linear_axis(values: Sequence[float], text: Callable[[float], str]) -> Axis:
 
 
 def log_axis(values: Sequence[float], text: Callable[[float], str]) -> Axis:
-    """Return an axis of all values, which are above 0: a tick a decade, or of fewer decades one at 1, 2 and 5."""
+    """Return an axis for values above 0, with a tick per decade or, for few decades, at 1, 2 and 5."""
     scaled = [math.log10(value) for value in values] or [0.0, 1.0]
     low, high = min(scaled), max(scaled)
     beyond = 0.04 * (high - low) or 0.5
@@ -61,7 +61,7 @@ def log_axis(values: Sequence[float], text: Callable[[float], str]) -> Axis:
 
 
 def sheet(width: int, height: int, title: str, style: str) -> Element:
-    """Return an empty picture with its title, in two places; ``style``: a file of rules to add."""
+    """Return an empty picture with its title, shown and as metadata; ``style`` is a file of further rules."""
     root = Element("svg", {"xmlns": "http://www.w3.org/2000/svg", "viewBox": f"0 0 {width} {height}", "role": "img"})
     SubElement(root, "title").text = xml_text(title)
     SubElement(root, "style").text = "\n" + filled(__package__, "sheet.css") + filled(__package__, style)
@@ -71,7 +71,7 @@ def sheet(width: int, height: int, title: str, style: str) -> Element:
 
 
 def chart(title: str, subtitle: str, style: str, panels: int, below: int) -> tuple[Element, list[Element]]:
-    """Return an empty chart and the groups of its panels, under which there are ``below`` pixels."""
+    """Return an empty chart and the groups of its panels, with ``below`` pixels under them."""
     root = sheet(panels * (WIDTH + _GAP) + RIGHT, BOTTOM + below, title, style)
     words(root, 16, 39, subtitle, "soft")
     places = (f"translate({i * (WIDTH + _GAP) + _GAP} {_TOP})" for i in range(panels))
@@ -79,7 +79,7 @@ def chart(title: str, subtitle: str, style: str, panels: int, below: int) -> tup
 
 
 def axes(group: Element, title: str, x_label: str, x: Axis, y: Axis, drawn: Sequence[Point]) -> list[Point]:
-    """Draw the axes of a panel, and return the pixels of the points to be drawn there."""
+    """Draw the axes of a panel, and return the points to be drawn there in pixels."""
     words(group, 0, -10, title, "soft")
     for value in y.ticks:
         at = HEIGHT * (1 - y.place(value))
@@ -116,7 +116,7 @@ def _number(value: float) -> str:
 
 
 class Panel(Frozen):
-    """Curves over common axes, each linear or logarithmic; what a logarithmic axis cannot show is left out."""
+    """Curves over common axes, each linear or logarithmic; a logarithmic axis leaves out values up to 0."""
 
     title: str
     x_label: str

@@ -1,10 +1,10 @@
-"""Drawings of the page, as inline SVG: bars, plots, rasters and meshes.
+"""Drawings of the page as inline SVG: bars, plots, rasters and meshes.
 
-Lengths across are percentages, so a drawing is as wide as its place; lengths down are pixels. No drawing needs colour
-to be understood: parts differ in pattern, dash, place or shape, and each drawing says itself in words.
+Horizontal lengths are percentages, so a drawing fills its width; vertical lengths are pixels. Drawings can be read
+without colour: parts differ in pattern, dash, place or shape, and each drawing has a description in words.
 
-A spike of both sides is a stroke as high as its row. One of the reference alone is a thick stroke in the upper half of
-its row, one of the chip alone in the lower half. So the sides are told apart by place and width, not by colour.
+A spike on both sides is a stroke as high as its row. A spike only in the reference is a thick stroke in the upper half
+of its row, and one only on the chip in the lower half, so place and width tell the sides apart.
 """
 
 from html import escape
@@ -16,26 +16,26 @@ from locsnn_compile.report.format import plain
 from locsnn_compile.texts.pieces import Pieces
 
 AXIS_HEIGHT = 38
-"""Pixels that the horizontal axis takes below a picture: ticks, their texts and the label."""
+"""Pixels of the horizontal axis below a picture: its ticks, their texts and its label."""
 _PATTERNS = 6
-"""Patterns that parts are filled with; there are few, so they come again."""
+"""Patterns that parts are filled with, in turn."""
 _FIRST, _LAST = 1.0, 99.0
-"""Percent: where the axis of a span begins, at zero, and where it ends, at the largest value."""
+"""Places in percent where the axis of a span begins, at zero, and ends, at the largest value."""
 _PLOT_TOP, _PLOT_HEIGHT = 16, 150
 """Pixels above the curves, and of the curves."""
 _RASTER_TOP = 14
 """Pixels above the rows, for the flag."""
 _KINDS = {"equal": (1, 6), "reference": (0, 4), "chip": (4, 4), "event": (1, 6)}
-"""Where a stroke begins in its row of 8 units, and its length."""
+"""Start of a stroke in its row of 8 units, and its length."""
 _ROW = 8
 _HIGH, _LOW = 300, 6
-"""Pixels of a picture at the most, and of a row at the most."""
+"""Most pixels of a picture, and of a row."""
 _CORE, _GAP = 26, 5
-"""Pixels down: of a core, and between tiles."""
+"""Vertical pixels of a core, and between tiles."""
 
 
 def percent(value: float) -> str:
-    """Return a place across."""
+    """Return a horizontal place or length."""
     return f"{value:.2f}%"
 
 
@@ -43,12 +43,12 @@ _PIECES = Pieces(__package__, "drawings.svg", lambda text: escape(plain(text)), 
 
 
 def patterns() -> str:
-    """Return the definitions that the other drawings refer to; once a page."""
+    """Return the definitions that the other drawings refer to, needed once per page."""
     return _PIECES.piece("patterns", None)
 
 
 def bar(cell: Bar) -> str:
-    """Return a track filled to the cell's share."""
+    """Return a track filled up to the cell's share."""
     return _PIECES.piece("track", cell, kind="bar", height=10, parts=_part(0.0, cell, 10))
 
 
@@ -69,7 +69,7 @@ def _part(start: float, part: Bar, height: int) -> list[dict[str, Any]]:
 
 
 def span(drawn: Span) -> str:
-    """Return an axis from 0 to the largest value: a band from least to most, the median a stroke, the mean a dot."""
+    """Return an axis from 0, with a band from least to most, a stroke at the median, and a dot at the mean."""
     top = max(drawn.values)
     shares = (value / top if top else 0.0 for value in drawn.values)
     least, median, mean, most = (_FIRST + (_LAST - _FIRST) * share for share in shares)
@@ -78,14 +78,14 @@ def span(drawn: Span) -> str:
 
 
 def mark(kind: str) -> str:
-    """Return the sign of ``span`` for ``least``, ``median``, ``mean`` or ``most``, to stand next to its name."""
+    """Return the sign of ``least``, ``median``, ``mean`` or ``most`` in a ``span``, to stand next to its name."""
     return _PIECES.piece(f"mark {kind if kind in ('mean', 'median') else 'end'}", None)
 
 
 def plot(drawn: Plot) -> str:
-    """Return curves over a grid: each with its own dash, labels of the vertical axis above its lines.
+    """Return curves over a grid, each with its own dash; labels of the vertical axis stand above its lines.
 
-    The curves are drawn in a square of 100 by 100 that is stretched to its place; their strokes are not.
+    Curves are drawn in a square of 100 by 100 that is stretched to its place, but their strokes are not stretched.
     """
     bottom = _PLOT_TOP + _PLOT_HEIGHT
     places = ((_PLOT_TOP + (1.0 - at) * _PLOT_HEIGHT, label) for at, label in drawn.y_ticks)
@@ -105,12 +105,12 @@ def plot(drawn: Plot) -> str:
 
 
 def curve_mark(index: int) -> str:
-    """Return a piece of the curve of a plot, to stand next to its label."""
+    """Return a sample of a curve, to stand next to its label."""
     return _PIECES.piece("mark curve", index)
 
 
 def raster(drawn: Raster) -> str:
-    """Return the strokes over their axis; a dashed line and a ring at what is flagged."""
+    """Return the strokes over their axis, with a dashed line and a ring at the flag."""
     pixels = min(float(_LOW + 2), max(1.0, _HIGH / max(1, drawn.rows)))
     height = round(pixels * drawn.rows)
     bottom = _RASTER_TOP + height
@@ -145,7 +145,7 @@ def stroke_mark(kind: str) -> str:
 
 
 def mesh(drawn: Mesh) -> str:
-    """Return tiles of cores; the number in a core is its use in percent."""
+    """Return tiles with their cores; the number in a core is its use in percent."""
     wide = 100 / drawn.columns
     gap = wide * 0.08
     core_wide = (wide - gap) / drawn.tile_columns

@@ -1,4 +1,4 @@
-"""Rasters of one recording: time to the right, channels downwards; as text, and as SVG."""
+"""Rasters of one recording as text and as SVG, with time to the right and channels downwards."""
 
 from xml.etree.ElementTree import SubElement
 
@@ -9,7 +9,7 @@ from hw_model.values import ByteArray, FloatArray
 from locsnn_compile.report.pictures.chart import sheet, words
 
 SHADES = " ░▒▓█"
-#: Largest text, in characters, and largest picture, in rows and columns of marks; what is larger is drawn coarser.
+#: Largest text in characters, and largest picture in marks; larger recordings are drawn more coarsely.
 TEXT_COLUMNS, TEXT_ROWS = 64, 20
 PICTURE_COLUMNS, PICTURE_ROWS = 1000, 500
 
@@ -20,8 +20,8 @@ _PLOT_WIDTH, _PLOT_HEIGHT = 720, 320
 def text_raster(spikes: ByteArray) -> list[str]:
     """Return the lines of a raster of one recording (steps, channels).
 
-    A character covers several steps and channels: empty without an event, else darker with the share of its bins that
-    have one, next to the darkest character.
+    A character covers several steps and channels. It is blank without events, and darker the larger the share of bins
+    with an event, relative to the darkest character.
     """
     shares = _coarse(spikes, TEXT_COLUMNS, TEXT_ROWS)
     darkest = float(shares.max()) or 1.0
@@ -30,7 +30,7 @@ def text_raster(spikes: ByteArray) -> list[str]:
 
 
 def raster_svg(spikes: ByteArray, title: str, step_seconds: float | None) -> bytes:
-    """Return a raster of one recording (steps, channels) as an SVG; a mark is one bin, or several where it is large."""
+    """Return a raster of one recording (steps, channels) as SVG; in a large one, a mark covers several bins."""
     steps, channels = spikes.shape
     marks = _coarse(spikes, PICTURE_COLUMNS, PICTURE_ROWS) > 0
     rows, columns = marks.shape
@@ -54,7 +54,7 @@ def raster_svg(spikes: ByteArray, title: str, step_seconds: float | None) -> byt
 
 
 def _coarse(spikes: ByteArray, columns: int, rows: int) -> FloatArray:
-    """Return the share of bins with an event, (rows, columns) at most, of (steps, channels)."""
+    """Return the share of bins with an event for at most (rows, columns) blocks of (steps, channels)."""
     steps, channels = spikes.shape
     across, down = -(-steps // columns), -(-channels // rows)
     size = (-(-steps // across), -(-channels // down))

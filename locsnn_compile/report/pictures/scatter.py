@@ -1,7 +1,7 @@
 """Charts of marks.
 
-Shapes tell kinds apart, a filled mark is on the front, a ring is around the recommended one, and a stair joins the
-marks that no other beats in the two figures of a panel.
+Kinds have different shapes, marks on the front are filled, the recommended one has a ring, and a stair joins the marks
+that no other beats in the two figures of a panel.
 """
 
 import math
@@ -14,17 +14,17 @@ from locsnn_compile.report.pictures import chart
 
 _SHAPES = ("circle", "square", "triangle", "diamond")
 _LEGEND, _BELOW = 68, 88
-"""Pixels from the panels' lower edge to the middle of the legend, and to the end of the picture."""
+"""Pixels from the lower edge of the panels to the middle of the legend, and to the end of the picture."""
 _RADIUS, _RING = 4.5, 9
 _LETTER, _LINE = 6.2, 12
-"""Pixels that a letter and a line of a label take, about: labels keep clear of each other by this."""
+"""Approximate pixels of a letter and of a line of a label, to keep labels apart."""
 
 Box = tuple[float, float, float, float]
 """Left, top, right and bottom."""
 
 
 class Mark(Frozen):
-    """One setting: both figures, its ``kind`` among those of the picture, words next to it, and words shown over it."""
+    """One setting: both figures, its ``kind``, the label next to it, and the words shown when pointing at it."""
 
     x: float
     y: float
@@ -36,7 +36,7 @@ class Mark(Frozen):
 
 
 class Panel(Frozen):
-    """Marks over axes from 0; ``x_text`` and ``y_text`` write the figures of the ticks."""
+    """Marks over axes from 0; ``x_text`` and ``y_text`` write the ticks."""
 
     title: str
     x_label: str
@@ -63,7 +63,7 @@ def _panel(group: Element, panel: Panel) -> None:
 
 
 def _marks(group: Element, marks: Sequence[Mark], places: Sequence[tuple[float, float]]) -> None:
-    """Draw the marks, those of the front last, and label these wherever there is room."""
+    """Draw the marks, those on the front last, and label those where there is room."""
     order = sorted(range(len(marks)), key=lambda i: (marks[i].taken, marks[i].front))
     for i in order:
         mark, (x, y) = marks[i], places[i]
@@ -84,7 +84,7 @@ def _marks(group: Element, marks: Sequence[Mark], places: Sequence[tuple[float, 
 
 
 def _label_places(x: float, y: float, label: str) -> list[tuple[str, Box]]:
-    """Return where a label may stand, the best first: right, left, above and below to either side; within the panel."""
+    """Return possible places of a label within the panel, the best first: right, left, above and below."""
     width, away = _LETTER * len(label), _RING + 2
     middle, above, below = y - _LINE / 2, y - away - _LINE, y + away
     tried = [
@@ -104,7 +104,7 @@ def _label_places(x: float, y: float, label: str) -> list[tuple[str, Box]]:
 
 
 def _stair(group: Element, places: Sequence[tuple[float, float]]) -> None:
-    """Join the places that none other has to its lower left (pixels grow downwards: a lower figure is further down)."""
+    """Join the places without another to their lower left (pixels grow downwards, so lower figures have larger y)."""
     corners: list[tuple[float, float]] = []
     lowest = -math.inf
     for x, y in sorted(set(places), key=lambda place: (place[0], -place[1])):

@@ -1,1 +1,1 @@
-"""The report as a page, Markdown, terminal text and tables."""
+"""The report as a page, as Markdown, on the terminal, and as tables."""

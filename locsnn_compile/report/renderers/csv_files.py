@@ -14,7 +14,7 @@ Cell = str | int | float | None
 
 
 def csv_files(document: Document, excerpt: "Excerpt | None") -> dict[str, bytes]:
-    """Return ``csv/figures.csv`` and, where an excerpt was kept, ``csv/spikes.csv`` and ``csv/potential.csv``."""
+    """Return ``csv/figures.csv`` and, with an excerpt, ``csv/spikes.csv`` and ``csv/potential.csv``."""
     figures = (
         (section, name, _unit(f"{section}.{name}"), value)
         for section, part in document.items()
@@ -31,13 +31,13 @@ def csv_files(document: Document, excerpt: "Excerpt | None") -> dict[str, bytes]
 
 
 def _unit(key: str) -> str:
-    """Return the unit that the innermost word of a key names, of ``energy.breakdown_pj.spikes`` picojoules."""
+    """Return the unit that the innermost word of a key names: pJ for ``energy.breakdown_pj.spikes``."""
     words = [part.rsplit("_", 1)[-1] for part in reversed(key.split("."))]
     return next((UNITS[word] for word in words if word in UNITS), "")
 
 
 def _spikes(excerpt: "Excerpt") -> Iterable[tuple[Cell, ...]]:
-    """A row a spike; an input line has its number, or the first of those that share a row, and spikes on both sides."""
+    """Yield a row per spike. Inputs spike on both sides; lines that share a row have the number of the first."""
     for phase, steps in excerpt.steps.items():
         for item in (*excerpt.inputs, *excerpt.populations):
             if item.phase == phase:

@@ -1,1 +1,1 @@
-"""What the report says of the figures: content without form."""
+"""What the report says about the figures: content without form."""

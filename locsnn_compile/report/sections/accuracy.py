@@ -1,4 +1,4 @@
-"""Sections on where the error comes from: the budget of the stages, and the margins that errors meet."""
+"""Sections on where the error comes from: the error budget, and the margins."""
 
 import math
 from collections.abc import Sequence
@@ -10,13 +10,13 @@ from locsnn_compile.report.told import facts, section, table
 from locsnn_compile.report.words import STAGES, listed, sentence, stage_words
 
 _DRAWN = 8
-"""Populations whose margins are drawn; a table holds those of all."""
+"""Populations whose margins are drawn; a table has those of all."""
 _LEAST_SHARE = 1e-5
-"""Where the vertical axis of the margins begins."""
+"""The lower end of the vertical axis of the margins."""
 
 
 def error_budget(document: Document) -> Section | None:
-    """What each stage changes by itself, and what is left where only it is exact; None where nobody asked."""
+    """What each stage changes by itself, and what is left if only that stage is exact; None without a diagnosis."""
     if "error_budget" not in document:
         return None
     budget = document["error_budget"]
@@ -36,7 +36,7 @@ def error_budget(document: Document) -> Section | None:
 
 
 def margins(document: Document) -> Section | None:
-    """How near potentials come to the threshold, next to the error; how full registers get. None if nobody asked."""
+    """How near potentials come to the threshold, the error, and how full registers get; None without a diagnosis."""
     if "margins" not in document:
         return None
     found = document["margins"]
@@ -52,7 +52,7 @@ def margins(document: Document) -> Section | None:
 
 
 def cause(document: Document) -> str | None:
-    """Return what moved the potential that decided the first spike that differs, in a sentence or two."""
+    """Return what moved the potential that decided the first differing spike, in a sentence or two."""
     first = document["match"]["first_divergence"]
     found = first and first["cause"]
     if not found:
@@ -66,7 +66,7 @@ def cause(document: Document) -> str | None:
 
 
 def sample(entry: Document, *, named: bool = True) -> str:
-    """Return on how many recordings a diagnosis was made, and, ``named``, on which."""
+    """Return on how many recordings a diagnosis was made and, if ``named``, on which."""
     numbers, available = entry["recordings"], entry["recordings_available"]
     if len(numbers) == available:
         return f"all {count(available)}"
@@ -91,7 +91,7 @@ def _stages(variants: Document, without: Sequence[str]) -> Document:
 
 
 def equal_spikes(agreement: float | None, none: str = SILENT) -> Document:
-    """Return the bar and the figure of equal spikes; an empty bar where neither side spikes."""
+    """Return the bar and the figure of equal spikes; an empty bar if neither side spikes."""
     if agreement is None:
         return {"bar": Bar(None, f"{none}, no spikes to compare"), "equal": none}
     return {"bar": Bar(agreement, f"{share(agreement)} of spikes equal"), "equal": share(agreement)}
@@ -113,13 +113,13 @@ def _kernel_tail(tail: Document | None) -> str | None:
 
 
 def _nearest(populations: Document) -> dict[str, str]:
-    """Return a column for each share of the potentials that is stated."""
+    """Return a column for each share of the potentials that is given."""
     shares = next(iter(populations.values()))["nearest"]
     return {f"nearest {100 * float(key):g} %": f"{{nearest[{key}]:short}}" for key in shares}
 
 
 def _plot(name: str, one: Document, edges: Sequence[float]) -> Plot:
-    """Draw both distributions, added up from their two ends, on logarithmic axes."""
+    """Draw both distributions on logarithmic axes, each added up from its own end."""
     total = one["neuron_steps"]
     nearer = _running(one["distance_histogram"], total)
     larger = _running(one["error_histogram"][::-1], total)[::-1]
@@ -141,17 +141,17 @@ def _plot(name: str, one: Document, edges: Sequence[float]) -> Plot:
 
 
 def _power(exponent: int) -> str:
-    """Return a power of ten; a small one with its exponent above."""
+    """Return a power of ten; a small one with a superscript exponent."""
     return f"{10.0**exponent:g}" if exponent >= -3 else f"10⁻{'⁰¹²³⁴⁵⁶⁷⁸⁹'[-exponent]}"
 
 
 def _running(counts: Sequence[int], total: int) -> list[float]:
-    """Return the shares that come before each edge, and all."""
+    """Return the share of the counts before each edge, from none to all."""
     return [so_far / total for so_far in accumulate(counts, initial=0)]
 
 
 def _points(x: Sequence[float], shares: Sequence[float], floor: float) -> list[tuple[float, float]]:
-    """Return points of the drawing; what lies below its lower edge is left out."""
+    """Return the points of the drawing, without those below its lower edge."""
     return [(at, 1.0 - math.log10(part) / floor) for at, part in zip(x, shares, strict=True) if part >= _LEAST_SHARE]
 
 

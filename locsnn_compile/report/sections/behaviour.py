@@ -1,4 +1,4 @@
-"""Sections on what the program does: agreement with the float network, operations, other networks."""
+"""Sections on what the program does: agreement with the float network, operations, and other networks."""
 
 import math
 
@@ -11,11 +11,11 @@ from locsnn_compile.report.words import listed, no_spikes, sentence, words
 _SCORE = 1.959964
 """Two-sided 95 % point of the normal distribution."""
 _FIRES = {(True, False): "the float neuron fires", (False, True): "the chip fires"}
-"""What is said of which side reaches the threshold, the float network and the chip."""
+"""The sentence for which side reaches the threshold: the float network, the chip."""
 
 
 def agreement(document: Document) -> Section:
-    """Agreement by population, the first spike that differs, wraps and clips."""
+    """Agreement by population, the first differing spike, wraps and clips."""
     match = document["match"]
     helpers = match["helper_neurons"]
     return section(
@@ -30,7 +30,7 @@ def agreement(document: Document) -> Section:
 
 
 def operations(document: Document) -> Section:
-    """Counts of the chip, by branch, next to the published way of counting."""
+    """Counts of the chip by branch, next to those of the published method."""
     found = document["operations"]
     branches, total = found["by_branch"], found["per_sample"]
     paper = found["published_method"]
@@ -74,7 +74,7 @@ def comparison(document: Document) -> Section:
 
 
 def _ann_energy(document: Document) -> tuple[Block, ...]:
-    """What the arithmetic of the conventional networks would take, next to all that this one takes in the model."""
+    """The energy of the conventional networks' arithmetic, next to the whole modelled energy of this network."""
     entries, own = document["ann_comparison"], document["energy"]
     first = next(iter(entries.values()))
     arithmetics = list(first["energy_pj"])
@@ -103,7 +103,7 @@ def _populations(document: Document) -> Table:
 
 
 def _helpers(helpers: Document) -> str:
-    """Say which neurons are not among those compared."""
+    """Say which neurons were not compared."""
     spikes = [
         f"{name} ({count(found['reference_spikes'])} spikes in the network, {count(found['chip_spikes'])} on the chip)"
         for name, found in helpers.items()

@@ -1,4 +1,4 @@
-"""Sections on the program itself: resources, what was left out, rounding, its origin, and the settings compared."""
+"""Sections on the program itself: resources, what was left out, rounding, provenance, and the settings compared."""
 
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -17,7 +17,7 @@ _WITHOUT_JOINED = {"reset", "native"}
 
 
 def resources(document: Document) -> Section:
-    """Use against every limit, fullest core first, then core by core."""
+    """Use of every limit, the fullest first, and then core by core."""
     found = document["resources"]
     limits = sorted(found["limits"].items(), key=lambda limit: -fullness(limit[1]))
     return section(
@@ -59,13 +59,13 @@ def quantization(document: Document) -> Section:
 
 
 def ranges(document: Document) -> Section:
-    """What is proven of the registers, whatever the input, and up to which input rate."""
+    """What is proven of the registers for any input, and up to which input rate."""
     proven = document["range"].items()
     return section("range", table("ranges", {name: row | {"period": _period(**row)} for name, row in proven}))
 
 
 def provenance(document: Document) -> Section:
-    """What was compiled for what, with which options, checked on what; what is assumed."""
+    """What was compiled, for which target, with which options, checked on which recordings; what is assumed."""
     strategies = document["strategy"].split(", ")
     meaning = "; ".join(f"{name}: {LAYOUTS[name]}" if name in LAYOUTS else name for name in strategies)
     joined = [] if _WITHOUT_JOINED.issuperset(strategies) else ["joined"]
@@ -113,7 +113,7 @@ def settings_compared(choice: Document) -> Table:
 
 
 def unmet_budget(choice: "Choice") -> str:
-    """Say in a line what a budget that no setting keeps came to, and a way out."""
+    """Say in one line that no setting keeps the budget, what the best one loses, and what to do."""
     best, bounds = choice.taken, choice.budget
     silent = best.spike_agreement is None or (bounds.min_agreement is not None and best.prediction_agreement is None)
     fix = (

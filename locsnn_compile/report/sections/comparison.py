@@ -1,4 +1,4 @@
-"""Two builds side by side, as content without form: three questions, key figures, and all that changed."""
+"""Two builds side by side, as content without form: three questions, key figures, and everything that changed."""
 
 from collections.abc import Callable
 from functools import cached_property
@@ -13,13 +13,13 @@ from locsnn_compile.report.told import facts, notice, section, table, verdict
 from locsnn_compile.report.words import SHOWN, texts, words
 
 MAX_ROWS = 150
-"""Changed figures of a section that the page has; --json has all."""
+"""Most changed figures in a section of the page; --json has all."""
 _LONGEST = 120
-"""Characters of a text; the rest is cut, here only."""
+"""Characters of a text; the rest is cut, but only here."""
 
 
 class Build(Frozen):
-    """A build by its name, its report, and the figures of its program."""
+    """The name of a build, its report, and the figures of its program."""
 
     name: str
     report: Document
@@ -31,7 +31,7 @@ class Build(Frozen):
         return flatten(self.report)
 
     def number(self, key: str) -> float:
-        """Return a number of the report by its dotted key; without it the report is no use here."""
+        """Return a number of the report by its dotted key; ``InputError`` if there is none."""
         value: Any = self.figures.get(key)
         if not _is_number(value):
             raise InputError(
@@ -40,17 +40,17 @@ class Build(Frozen):
         return float(value)
 
     def share(self, key: str) -> float | None:
-        """Return a share of what was compared; None where the report says that nothing was."""
+        """Return a share of what was compared; None if the report says that nothing was."""
         return None if self.figures.get(key, 0) is None else self.number(key)
 
     def text(self, key: str) -> str:
-        """Return a text of the report; a dash where it is none."""
+        """Return a text of the report; a dash if it has no such text."""
         value = self.figures.get(key)
         return value if isinstance(value, str) else NONE
 
 
 KeyFigure = tuple[str, str, Callable[[float], str]]
-"""A figure of the report: its name, its key there and how it is written."""
+"""A figure of the report: its name, its key and how it is shown."""
 
 
 def _named(group: str) -> tuple[KeyFigure, ...]:
@@ -60,12 +60,12 @@ def _named(group: str) -> tuple[KeyFigure, ...]:
 
 _KEY_FIGURES = _named("all")
 _LARGEST = 1e200
-"""Numbers of a report are smaller; shares of these can be taken."""
+"""Numbers must be smaller, so that ratios of them can be computed."""
 Change = tuple[Any, Any]
 
 
 def changes(before: Build, after: Build) -> dict[str, Change]:
-    """Return every figure of reports and programs that differs, both values; histograms are left to the reports."""
+    """Return both values of every figure of reports and programs that differs, apart from histograms."""
     a, b = (_figures(build) for build in (before, after))
     keys = [*a, *(key for key in b if key not in a)]
     return {key: (a.get(key), b.get(key)) for key in keys if a.get(key) != b.get(key)}
@@ -87,14 +87,14 @@ def comparison(before: Build, after: Build) -> Report:
 
 
 def percent(before: Any, after: Any) -> str:
-    """Return by how much a number changed; nothing where either is none, or there is no share to speak of."""
+    """Return the change of a number in percent; an empty text if either is not a number, or the first is 0."""
     if not (_is_number(before) and _is_number(after) and before):
         return ""
     return f"{100 * (after / before - 1):+.1f} %"
 
 
 def _is_number(value: Any) -> bool:
-    """Return whether a value can be calculated with; what a report holds may be of any kind and size."""
+    """Tell whether a value is a number to calculate with; reports may hold values of any kind and size."""
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < _LARGEST
 
 
@@ -121,7 +121,7 @@ def _matches(before: Build, after: Build) -> Verdict:
 def _change_of_match(
     a: float | None, b: float | None, spikes: float | None, spikes_after: float | None
 ) -> tuple[Status, str]:
-    """Answer by the agreement of predictions and of spikes, before and after; not known where a build compared none."""
+    """Answer by the agreement of predictions and spikes before and after; not known if a build compared none."""
     if a is None or b is None or (spikes is None) != (spikes_after is None):
         return "unknown", "Not known"
     answer = "As before" if a == b else "Better" if b > a else "Worse"
@@ -131,7 +131,7 @@ def _change_of_match(
 
 
 def _key(before: Build, after: Build) -> tuple[KeyFigure, ...]:
-    """Return the figures to compare; of the open core no energy is known, and time comes first."""
+    """Return the figures to compare; without energy, as for an open core, time comes first."""
     priced = NONE not in (before.text("energy.profile"), after.text("energy.profile"))
     return _KEY_FIGURES if priced else _KEY_FIGURES[1:]
 
@@ -195,7 +195,7 @@ def _row(name: str, a: float, b: float, shown: Callable[[float], str]) -> tuple[
 
 
 def _all(changed: dict[str, Change]) -> list[Section]:
-    """Return a section for every part of the report in which anything changed."""
+    """Return a section for every part of the report that changed."""
     by_part: dict[str, list[tuple[str, Change]]] = {}
     for key, change in changed.items():
         part, _, name = key.partition(".")
@@ -213,7 +213,7 @@ def _all(changed: dict[str, Change]) -> list[Section]:
 
 
 def _both(before: Build, after: Build, key: str, shown: Callable[[float], str], also: str | None = None) -> str:
-    """Return a figure, or the sum of two, after and before."""
+    """Return a figure, or the sum of two, as it is now and as it was before."""
     a, b = (build.number(key) + (build.number(also) if also else 0) for build in (before, after))
     return shown(b) if a == b else f"{shown(b)}; {shown(a)} before"
 

@@ -1,4 +1,4 @@
-"""The section that shows the cores in use where they sit on the mesh, how full each is and what it takes."""
+"""The section that shows the cores in use at their places on the mesh, how full each is, and its energy."""
 
 import math
 from typing import NamedTuple
@@ -10,15 +10,15 @@ from locsnn_compile.report.told import section
 from locsnn_compile.report.words import core_words, words
 
 _CHIPS = 4
-"""Chips that are drawn; a board may have thousands."""
+"""Most chips that are drawn; a board may have thousands."""
 _TILES = 256
-"""Tiles of a chip that are drawn at the most."""
+"""A chip with more tiles is not drawn."""
 _NAMED = 8
-"""Cores that the words next to the picture name."""
+"""Cores that the text next to the picture names."""
 
 
 class _Use(NamedTuple):
-    """How far a core is filled, 0..1, the text in it, and what words say of it."""
+    """How far a core is filled, 0..1, the text in it, and its description in words."""
 
     share: float
     text: str
@@ -26,7 +26,7 @@ class _Use(NamedTuple):
 
 
 def cores(document: Document) -> Section:
-    """Two meshes a chip, every core filled as far as its fullest limit, and by its share of the energy."""
+    """Two meshes per chip: every core filled up to its fullest limit, and by its energy."""
     found = document["resources"]
     mesh = found["mesh"]
     energies = {row["core"]: 0.0 for row in found["by_core"]}
@@ -66,7 +66,7 @@ def _energy(document: Document, chip: int, rows: list[Document], energies: dict[
 
 
 def _mesh(document: Document, chip: int, rows: list[Document], title: str, uses: dict[int, _Use]) -> Mesh:
-    """Draw cores by their use, and name those with most."""
+    """Draw cores by their use, and name those with the most."""
     mesh = document["resources"]["mesh"]
     tile_columns = math.isqrt(mesh["cores_per_tile"] - 1) + 1
     tile_rows = -(-mesh["cores_per_tile"] // tile_columns)
@@ -83,7 +83,7 @@ def _mesh(document: Document, chip: int, rows: list[Document], title: str, uses:
 
 
 def _fullest(limits: Document, row: Document) -> tuple[float, str]:
-    """Return how full the fullest limit of a core is, and that limit in words."""
+    """Return how full the fullest limit of a core is, and its name in words."""
     use = [(fullness(entry | {"used": row[name]}), name) for name, entry in limits.items() if name in row]
     full, name = max(use, key=lambda one: one[0])
     return full, words(name)

@@ -1,6 +1,6 @@
 """Sections on what a recording costs in the model: energy and latency.
 
-Of the open core cycles are exact, and activity stands for energy that is not known.
+For the open core cycles are exact, and activity stands in for energy that is not known.
 """
 
 from typing import Any
@@ -14,7 +14,7 @@ from locsnn_compile.report.words import core_words, sentence, words
 
 
 def energy_section(document: Document) -> Section:
-    """Energy per recording: spread, breakdowns, profiles, static energy, constants, and what is not in it."""
+    """Energy per recording: spread, breakdowns, profiles, static energy, constants, and what is not included."""
     found = document["energy"]
     profile, breakdown = found["profile"], found["breakdown_pj"]
     mean = f"mean per recording, profile {profile}"
@@ -40,7 +40,7 @@ def energy_section(document: Document) -> Section:
 
 
 def latency_section(document: Document) -> Section:
-    """Time per recording: spread, where it goes, who waits for whom, and against the time that the recording took."""
+    """Time per recording: spread, breakdown, which core waits for which, and comparison with real time."""
     found = document["latency"]
     mean = found["per_sample_ns"]
     return section(
@@ -65,7 +65,7 @@ def _static(static: Document) -> tuple[str, Table]:
 
 
 def real_time(found: Document) -> str:
-    """Compare with the time that the recordings took."""
+    """Compare with the duration of the recordings."""
     duration = found["recording_ns"]
     if duration is None:
         return sentence("no pace")
@@ -83,7 +83,7 @@ def _path(*, mean: float, **row: Any) -> Document:
 
 
 def _parts(found: Document) -> dict[str, dict[str, float]]:
-    """Return the parts that take any time by branch, and all of them."""
+    """Return the time of each branch by the parts that take any, and in all."""
     by_branch = found["by_branch_part_ns"]
     parts = [part for part, ns in found["by_part_ns"].items() if ns]
     columns = {words(part): {branch: its[part] for branch, its in by_branch.items()} for part in parts}
@@ -105,7 +105,7 @@ def _links(links: list[Document]) -> Table:
 
 
 def cycles(document: Document) -> Verdict:
-    """What does a recording take?"""
+    """How many cycles does a recording take?"""
     found = document["latency"]
     duration = found["recording_ns"]
     real = "" if duration is None else f", {pace(found['per_sample_ns'], duration)}"
@@ -114,7 +114,7 @@ def cycles(document: Document) -> Verdict:
 
 
 def activity_section(document: Document) -> Section:
-    """Accesses to memories and multiplications, in place of energy."""
+    """Memory accesses and multiplications, in place of energy."""
     found = document["activity"].items()
     its = table("activity", ({"what": key, "of": of, "number": n} for key, its in found for of, n in its.items()))
     if document["energy"]["profile"]:
@@ -123,7 +123,7 @@ def activity_section(document: Document) -> Section:
 
 
 def cycles_section(document: Document) -> Section:
-    """Cycles per recording: their spread, and against the time that the recording took."""
+    """Cycles per recording: their spread, and comparison with real time."""
     found, done = document["latency"], document["operations"]["per_sample"]
     used = (done["synaptic_ops"] + done["neuron_updates"]) / found["per_sample_cycles"]
     return section(

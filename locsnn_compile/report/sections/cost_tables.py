@@ -1,4 +1,4 @@
-"""What energy and time have in common: spread, breakdowns, the course over steps, and constants with their source."""
+"""What energy and time have in common: spread, breakdowns, course over the steps, and constants with sources."""
 
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
@@ -13,11 +13,11 @@ from locsnn_compile.report.words import words
 Shown = Callable[[float], str]
 _OF_CONSTANTS = {"energy_pj": "pJ", "time_ns": "ns"}
 PARTS = (0.2, 0.4, 0.6, 0.8, 1.0)
-"""Parts of all steps after which a table has a figure."""
+"""Parts of all steps after which a table gives a figure."""
 
 
 class Cost(Frozen):
-    """Energy or time: its name, its entry in the document, the unit in the keys there, and how it is written."""
+    """Energy or time: its name, its entry in the document, the unit in the keys there, and how it is shown."""
 
     name: str
     key: str
@@ -34,7 +34,7 @@ class Cost(Frozen):
         return Span(f"{self.name} per recording{_by(found)}", facts, tuple(ends.values()))
 
     def facts(self, document: Document) -> dict[str, str]:
-        """Return what facts say of the range of the mean, and of the costliest recordings."""
+        """Return the range of the mean and the costliest recordings in words."""
         found = document[self.key]
         worst = found["worst_recording"]
         label = "" if worst["class"] is None else f" of class {_class_name(document, worst['class'])}"
@@ -45,7 +45,7 @@ class Cost(Frozen):
         }
 
     def by_class(self, document: Document) -> Table | None:
-        """Return a table of the classes of the recordings; None where they have no labels."""
+        """Return a table by class; None if the recordings have no labels."""
         found = document[self.key]
         rows = found["by_class"]
         if not rows:
@@ -59,7 +59,7 @@ class Cost(Frozen):
         return table("classes", shown, cost=self.name, by=_by(found))
 
     def course(self, document: Document) -> tuple[Plot, Table]:
-        """Draw means over a few steps each in their middles; the last of a branch may be of fewer and is left out."""
+        """Draw each bin's mean at its middle, without the last bin, which may have fewer steps; and a table."""
         found = document[self.key]
         by_step, of_profile = found[f"by_step_{self.unit}"], f"profile {found['profile']}"
         a_step = {
@@ -106,7 +106,7 @@ def stack(breakdown: dict[str, float], label: str) -> Stack:
 
 
 def shares(what: str, caption: str, parts: Iterable[tuple[str, float]], *, patterned: bool = False) -> Table:
-    """Return parts of an energy, each named by ``what`` it is, with their sum."""
+    """Return a table of parts of an energy with their sum; ``what`` heads the column of their names."""
     rows = list(parts)
     total = sum(value for _, value in rows)
     made: list[tuple[str | Bar, ...]] = []
@@ -118,7 +118,7 @@ def shares(what: str, caption: str, parts: Iterable[tuple[str, float]], *, patte
 
 
 def by_branch(columns: dict[str, dict[str, float]], caption: str, shown: Shown) -> Table:
-    """Return what ``columns[heading][branch]`` hold, a row a branch, the last one their sum."""
+    """Return ``columns[heading][branch]`` as a table: a row per branch, and the sum as the last row."""
     branches = list(next(iter(columns.values())))
     rows = [(words(branch), *(shown(found[branch]) for found in columns.values())) for branch in branches]
     rows.append(("sum", *(shown(sum(found.values())) for found in columns.values())))
@@ -126,7 +126,7 @@ def by_branch(columns: dict[str, dict[str, float]], caption: str, shown: Shown) 
 
 
 def constants(name: str, profile: Document) -> Table:
-    """Return each constant of a profile with its range and its source."""
+    """Return a table of the constants of a profile with their ranges and sources."""
     voltage = "voltage not stated" if profile["voltage_v"] is None else f"{profile['voltage_v']:g} V"
     rows = [
         row | {key: _constant(row[key], row[f"{key}_range"], unit) for key, unit in _OF_CONSTANTS.items()}
@@ -138,7 +138,7 @@ def constants(name: str, profile: Document) -> Table:
 
 
 def _range(ends: Sequence[Any], shown: Shown) -> str:
-    """Return the ends of a mean in words; None is an end that is not known."""
+    """Return the range of a mean in words; None is an unknown end."""
     low, high = ends
     if low is None and high is None:
         return "not known"
@@ -161,6 +161,6 @@ def _constant(value: float | None, ends: list[float | None] | None, unit: str) -
 
 
 def _class_name(document: Document, number: int) -> str:
-    """Return what a class is called, else its number."""
+    """Return the name of a class, or else its number."""
     names = document.get("classes")
     return names[number] if names else count(number)

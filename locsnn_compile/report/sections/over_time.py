@@ -1,4 +1,4 @@
-"""The section that shows predictions while a recording plays, and where it could stop."""
+"""The section on predictions while a recording plays, and on where it could stop."""
 
 from locsnn_compile.report.content import Bar, Curve, Document, Plot, Section, Table
 from locsnn_compile.report.format import count, energy, share, short, time
@@ -9,7 +9,7 @@ from locsnn_compile.report.words import sentence, words
 
 
 def over_time(document: Document) -> Section:
-    """Show which predictions are right after how much of a recording, and what a proven stop saves."""
+    """The share of right predictions during a recording, and what a proven stop saves."""
     priced = document["energy"]["profile"]
     timed = "activity" not in document
     costs = (*(ENERGY.course(document) if priced else ()), *(TIME.course(document) if timed else ()))
@@ -51,7 +51,7 @@ def _plot(entry: Document) -> Plot:
 
 
 def _moment(entry: Document, part: float) -> str:
-    """Return the time, or step, after that part of a recording."""
+    """Return the time or, if not known, the step after a part of a recording."""
     steps = part * entry["steps"][-1]
     return short(steps * entry["step_seconds"]) if entry["step_seconds"] else f"{steps:.0f}"
 

@@ -1,4 +1,4 @@
-"""Sections of one recording: its input and the spikes of both sides, and the potential that differs first."""
+"""Sections on one recording: its input, the spikes of both sides, and the potential that differs first."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from locsnn_compile.verification.excerpt import Excerpt, NeuronPotential, SpikeRows
 
 _BESIDE = 3
-"""Steps before and after the one in the middle that the table has."""
+"""Steps before and after the central one in the table."""
 
 
 def spikes(document: Document, excerpt: Excerpt | None) -> Section | None:
-    """Rasters of input and populations with every difference marked; None where nothing was kept to show."""
+    """Rasters of inputs and populations with every difference marked; None without an excerpt."""
     if excerpt is None:
         return None
     side = "network" if document["match"]["reference"] == "integers" else "float"
@@ -34,7 +34,7 @@ def spikes(document: Document, excerpt: Excerpt | None) -> Section | None:
 
 
 def _shown(excerpt: Excerpt) -> str:
-    """Return which recording and steps are shown, and what had to be left out."""
+    """Return which recording and steps are shown, and what is left out."""
     parts = [
         f"Recording {excerpt.recording}, "
         + ("the first in which a spike differs." if excerpt.first else "the first; no spike of any recording differs.")
@@ -87,7 +87,7 @@ def _population(item: SpikeRows, excerpt: Excerpt, side: str) -> Raster:
 
 
 def _axes(item: SpikeRows, excerpt: Excerpt) -> tuple[int, int, str, tuple[tuple[float, str], ...]]:
-    """Return columns and rows of a raster, the label of its axis and the ticks there."""
+    """Return the columns and rows of a raster, and the label and ticks of its axis."""
     return *item.reference.shape, f"{item.axis} step", step_ticks(excerpt.steps[item.phase], centred=True)
 
 
@@ -102,7 +102,7 @@ def _spike_table(excerpt: Excerpt, side: str) -> Table:
 
 
 def _sides(item: SpikeRows) -> tuple[ByteArray, ByteArray, ByteArray]:
-    """Return the spikes of both sides, of the reference alone and of the chip alone."""
+    """Return the spikes on both sides, only in the reference, and only on the chip."""
     equal = item.reference & item.chip
     return equal, item.reference ^ equal, item.chip ^ equal
 
@@ -114,7 +114,7 @@ def _strokes(kind: Literal["equal", "reference", "chip", "event"], found: ByteAr
 
 
 def potential(document: Document, excerpt: Excerpt | None) -> Section | None:
-    """Potentials of both sides with the threshold, and what they differ by; None where nothing was kept to show."""
+    """Potentials of both sides with the threshold, and their difference; None without an excerpt."""
     if excerpt is None:
         return None
     side = "network" if document["match"]["reference"] == "integers" else "float"
@@ -133,7 +133,7 @@ def _potentials(shown: NeuronPotential, side: str, at: int | None) -> Plot:
 
 
 def _difference(shown: NeuronPotential, side: str, at: int | None) -> Plot:
-    """Draw how far the chip is off, as long as all spikes are equal: what follows comes from the spike that differs."""
+    """Draw the error of the chip while all spikes are equal; later errors come from the spike that differs."""
     until = None if at is None else at + 1
     off = 100.0 * (shown.chip - shown.reference)[:until] / (abs(shown.threshold) or 1.0)
     title = "Error of the chip's potential, in percent of the threshold"
@@ -149,7 +149,7 @@ def _plot(
     unit: str = "",
     marked: float | None = None,
 ) -> Plot:
-    """Draw values by step, all from the first step on, with a level and its name."""
+    """Draw series of values by step, and a named level."""
     low, high, ticks = value_axis([value for values in series.values() for value in values] + [level[1]])
     steps = len(next(iter(series.values())))
 

@@ -1,4 +1,4 @@
-"""The three questions that a report answers first, and what has to be known before its figures are believed."""
+"""The three questions that a report answers first, and what to know before believing its figures."""
 
 from locsnn_compile.report.content import Document, Fact, Facts, Notice, Status, Verdict
 from locsnn_compile.report.format import NONE, SILENT, count, energy, known, plural, points, ratio, share, time
@@ -9,9 +9,9 @@ _SIDES = {
     "paper operations": ("ratio", "the float network, by the published method"),
     "chip operations": ("chip_ratio", "synaptic operations of the program"),
 }
-"""What is compared with conventional networks, and whose it is."""
+"""What is compared with conventional networks: the key of the ratio, and whose operations they are."""
 NEARLY = 0.95
-"""Prediction agreement from which a program is said to match nearly; below it, not."""
+"""The least prediction agreement for the answer "nearly"."""
 SPIKE_FOR_SPIKE = "Yes, spike for spike"
 
 
@@ -43,7 +43,7 @@ def matches(document: Document) -> Verdict:
 
 
 def _answer(match: Document) -> tuple[Status, str]:
-    """Return what was proven: nothing, where the readout is silent, or spikes differ that decide no class."""
+    """Return what was proven; nothing if the readout is silent, or if spikes differ but no class is predicted."""
     agreement, exact = match["prediction_agreement"], match["spike_mismatches"] == 0
     if match["readout"]["silent"] or (agreement is None and not exact):
         return "unknown", "Not known"
@@ -65,7 +65,7 @@ def _equal_spikes(agreement: float) -> str:
 
 
 def costs(document: Document) -> Verdict:
-    """What do a recording's energy and time come to, in the model?"""
+    """How much energy and time does a recording take in the model?"""
     found, duration = document["energy"], document["latency"]["recording_ns"]
     latency = document["latency"]["per_sample_ns"]
     spread = found["over_samples_pj"]
@@ -99,7 +99,7 @@ def fits(document: Document) -> Verdict:
 
 
 def notices(document: Document) -> tuple[Notice, ...]:
-    """Return what limits the figures of this report; mostly nothing."""
+    """Return what limits the figures of this report, which is mostly nothing."""
     found = []
     match, dropped = document["match"], document["skipped"]["events_dropped"]
     if match["wraps"]:
@@ -113,18 +113,18 @@ def notices(document: Document) -> tuple[Notice, ...]:
 
 
 def outside(document: Document) -> str:
-    """Return where events lie that are not played."""
+    """Return where the events lie that are not played."""
     return "before the start or after the last step" if starts(document) else "after the last step"
 
 
 def starts(document: Document) -> dict[str, float]:
-    """Return the steps before the start of each branch; nothing where all begin with the recording."""
+    """Return the steps before the start of each branch; nothing if all start with the recording."""
     found: dict[str, float] = document.get("input", {}).get("aligned_steps_by_branch", {})
     return found
 
 
 def pace(latency_ns: float, recording_ns: float) -> str:
-    """Return how a latency compares with the time that the recording took."""
+    """Return how a latency compares with the duration of the recording."""
     if latency_ns <= 0:
         return "no time at all"
     return f"{_times(recording_ns / latency_ns, 'faster', 'slower')} than the {time(recording_ns)} recorded"
@@ -136,14 +136,14 @@ def against(name: str, times: float) -> str:
 
 
 def _times(factor: float, more: str, less: str) -> str:
-    """Return a factor in words, by its inverse where it is below 1."""
+    """Return a factor in words, by its inverse if it is below 1."""
     if factor >= 1:
         return f"{ratio(factor)} times {more}"
     return f"{ratio(1 / factor) if factor else 'infinitely many'} times {less}"
 
 
 def _against_anns(document: Document, key: str, whose: str) -> str:
-    """Return how the operations of one side, by ``key`` of the comparison, compare with those of each network."""
+    """Return how operations, with the ratio under ``key``, compare with those of each conventional network."""
     ratios = {name: entry[key] for name, entry in document["ann_comparison"].items()}
     if None in ratios.values():
         return f"nothing to compare: there were none ({whose})"
@@ -169,7 +169,7 @@ def _first_difference(document: Document) -> str:
 
 
 def _registers(document: Document) -> str:
-    """Return wraps and clips; clips also as a share of all compartment updates."""
+    """Return wraps and clips, with clips also as a share of all compartment updates."""
     match = document["match"]
     text = f"{plural(match['wraps'], 'wrap')}, {plural(match['clips'], 'clip')}"
     updates = document["operations"]["per_sample"]["neuron_updates"] * match["samples"]
@@ -177,7 +177,7 @@ def _registers(document: Document) -> str:
 
 
 def fullness(entry: dict[str, int]) -> float:
-    """Return the share of a limit in use; a limit of 0 is full once anything is used."""
+    """Return the share of a limit in use; a limit of 0 is full as soon as anything is used."""
     if entry["limit"]:
         return entry["used"] / entry["limit"]
     return float(entry["used"] > 0)

@@ -1,1 +1,1 @@
-"""viewer.html: some recordings step by step, on both sides, to look into; a page with a script, unlike the report."""
+"""viewer.html: some recordings step by step on both sides, in a page that has a script, unlike the report."""

@@ -1,6 +1,6 @@
-"""viewer.html: data, style, plotting library and script in one file that loads nothing.
+"""viewer.html: data, style, plotting library and script in one file that loads nothing else.
 
-It shows spikes and potentials of both sides, and what the cores did in every step.
+It shows the spikes and potentials of both sides, and what the cores did in every step.
 """
 
 import base64
@@ -23,9 +23,9 @@ from locsnn_compile.verification.matching import Divergence
 def render_viewer(
     levels: Levels, document: Document, recordings: ByteArray, labels: IntArray | None, first: Divergence | None
 ) -> bytes:
-    """Return the page of recordings (samples, steps, channels) as the network takes them.
+    """Return a page on recordings (samples, steps, channels) with the network's steps and channels.
 
-    ``document`` is the report's; ``first`` is where the sides first differ.
+    ``document`` is report.json; ``first`` is where the sides first differ.
     """
     report = compose(document)
     values = viewer_values(levels, recordings, labels, first) | {"cores": document["resources"]["by_core"]}
@@ -35,9 +35,9 @@ def render_viewer(
 
 
 RECORDINGS = 10
-"""Recordings of a page."""
+"""Most recordings on a page."""
 MOST_TEXT = 1_800_000
-"""Letters of the data: with script and library the page stays below 2 MB."""
+"""Most characters of data: with the script and the library, the page stays below 2 MB."""
 QUANTITIES = ("synaptic_ops", "spikes", "packets_received")
 """What the mesh shows of each core."""
 
@@ -45,11 +45,11 @@ QUANTITIES = ("synaptic_ops", "spikes", "packets_received")
 def viewer_values(
     levels: Levels, recordings: ByteArray, labels: IntArray | None, first: Divergence | None
 ) -> dict[str, Any]:
-    """Play some of ``recordings`` (samples, steps, channels) to both sides, and return what the page is given.
+    """Play some of ``recordings`` (samples, steps, channels) to both sides, and return the data of the page.
 
-    They are the one in which the sides ``first`` differ, and the first ones, as many as there is room for. Arrays are
-    texts in base64, little-endian: spikes are numbers ``step * size + neuron``, of the network and of the chip;
-    activity is (steps, cores of the phase) for each of :data:`QUANTITIES`.
+    They are the recording in which the sides ``first`` differ and, while there is room, the first ones. Arrays are
+    little-endian and in base64: spikes are numbers ``step * size + neuron``, of the network and of the chip; activity
+    is (steps, cores of the phase) for each of :data:`QUANTITIES`.
     """
     network, program = levels.network, levels.program
     numbers = list(dict.fromkeys([first.recording if first else 0, *range(len(recordings))]))[:RECORDINGS]
@@ -102,16 +102,16 @@ def _text(values: AnyArray, kind: str) -> str:
 
 
 def _kept(levels: Levels, differing: dict[str, AnyArray], room: int) -> dict[str, list[int]]:
-    """Return the neurons whose potentials take no more than ``room``: of each population those that differ most."""
+    """Return the neurons of each population that differ most, as many as fit their potentials into ``room``."""
     populations, most = levels.network.own_populations, max(map(len, differing.values()))
-    # Two sides of 2 bytes a step, in base64.
+    # Two sides with 2 bytes per step, in base64.
     while most > 1 and sum(6 * levels.network.steps_of(p.phase) * min(most, p.size) for p in populations) > room:
         most = most * 3 // 4
     return {name: sorted(np.argsort(-one, kind="stable")[:most].tolist()) for name, one in differing.items()}
 
 
 def _potentials(levels: Levels, one: ByteArray, kept: dict[str, list[int]]) -> dict[str, dict[str, Any]]:
-    """Keep potentials (2 sides, kept neurons, steps) in the float network's units, in 65,536 grades from ``low`` on."""
+    """Return potentials (2 sides, kept neurons, steps) in 65,536 grades from ``low`` on, in the network's units."""
     reference = evaluate(levels.network, one, potentials=True, registers=levels.program.chip.registers).potential
     chip = hw.simulate(levels.program, one, probe=(hw.Probe("potential", tuple(kept)),)).potential
     found = {}

@@ -1,8 +1,8 @@
 """Where the difference between float network and chip comes from, stage by stage.
 
-The stages in which a float network becomes a chip program; a twin with any of them as on the chip; what each alone, all
-but each, and all together change, spike by spike; and what each adds to the potential that decided the first spike that
-differs.
+A float network becomes a chip program in stages. A twin runs any of them as on the chip and the others exactly. The
+budget says which spikes each stage changes alone, which all others change without it, and which all change together;
+the cause says what each stage adds to the potential that decided the first spike that differs.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -26,21 +26,21 @@ from locsnn_compile.verification.error_budget.twin import Twin, TwinGroup, TwinS
 from locsnn_compile.verification.matching import Divergence, PopulationMatch, Progress
 
 Stage = Literal["kernel", "weights", "decays", "states", "thresholds", "delays", "wraps_clips"]
-"""What is as on the chip, and not exact:
+"""What a twin has as on the chip instead of exact:
 
-- ``kernel``: the neuron model, where the strategy has another one than the network
-- ``weights``: weights and biases, rounded onto the grid; those of refractory kernels too
-- ``decays``: multiples of 1/4096, and the gain of each kernel is the one that fits best with them
-- ``states``: what a decay leaves of a register is cut to an integer
-- ``thresholds``: a spike where v > 64 * threshold, in place of v >= theta
-- ``delays``: whole steps, as they are in the network already
+- ``kernel``: the neuron model, if the strategy's differs from the network's
+- ``weights``: weights and biases rounded onto the grid, also those of refractory kernels
+- ``decays``: multiples of 1/4096, with the gain of each kernel that fits them best
+- ``states``: what a decay leaves in a register is truncated to an integer
+- ``thresholds``: a spike if v > 64 * threshold, instead of v >= theta
+- ``delays``: whole steps, which they already are in the network
 - ``wraps_clips``: charge and current wrap, the voltage clips
 """
 STAGES: tuple[Stage, ...] = get_args(Stage)
 
 
 class Phase(Frozen, eq=False):
-    """The populations of one phase, in exact numbers and in the chip's: by the float neurons, and by the program's."""
+    """The populations of one phase in exact and in chip numbers, both for the float neurons and for the program's."""
 
     name: str
     registers: Registers
@@ -68,7 +68,7 @@ def lines_of(network: Network, phase: Phase, recordings: ByteArray) -> dict[str,
 
 
 def neuron_steps(network: Network) -> int:
-    """Return neurons times steps of one recording: what its evaluation takes."""
+    """Return neurons times steps of one recording, the cost of evaluating it."""
     return sum(population.size * network.steps_of(population.phase) for population in network.populations)
 
 
@@ -83,7 +83,7 @@ def twin_with(phase: Phase, stages: Collection[Stage]) -> Twin:
 
 
 def working(phases: Collection[Phase], stage: Stage) -> bool:
-    """Return whether a stage changes any number of these phases; one that changes none need not be run."""
+    """Tell whether a stage can change any number of these phases; otherwise it need not be run."""
     if stage == "kernel":
         return any(phase.float_neurons is not phase.program_neurons for phase in phases)
     return stage != "delays"
@@ -109,7 +109,7 @@ def _synapses(pair: SynapseNumbers, stages: Collection[Stage]) -> TwinSynapses:
 
 
 def _bias(pair: GroupNumbers, stages: Collection[Stage]) -> FloatArray:
-    """Return exact or rounded biases, fitted to exact or rounded decays."""
+    """Return exact or rounded biases, fitted to exact or to rounded decays."""
     bias = (pair.chip if "weights" in stages else pair.exact).bias
     if ("weights" in stages) == ("decays" in stages):
         return bias
@@ -117,11 +117,11 @@ def _bias(pair: GroupNumbers, stages: Collection[Stage]) -> FloatArray:
 
 
 NEURON_STEPS_AT_ONCE = 1 << 22
-"""Neurons times steps of all variants that are held at a time, so that memory does not grow with the recordings."""
+"""Neurons times steps of all variants held at a time, so memory does not grow with the number of recordings."""
 
 
 class Deviation(Sums, eq=False):
-    """How a variant of the network differs from the float network: spikes by population, and predicted classes."""
+    """How a variant differs from the float network: in spikes by population, and in predicted classes."""
 
     by_population: Mapping[str, PopulationMatch] = field(default_factory=dict)
     predictions_changed: int = 0
@@ -133,13 +133,14 @@ class Deviation(Sums, eq=False):
 
 
 class StageErrors(Frozen, eq=False):
-    """The difference between float network and chip over ``samples`` recordings, taken apart.
+    """The difference between float network and chip over ``samples`` recordings, stage by stage.
 
     ``alone[stage]``: the float network with this stage as on the chip. ``without[stage]``: the chip with this stage
-    exact. Stages that change no number are in neither. ``together``: all of them, which is the chip. ``unexplained``
-    counts the spikes that the float reference has differently with no stage, and the simulator with all: 0 if nothing
-    was forgotten. ``kernel_tail``: the float network with its kernels cut where slayerPytorch cuts them; that is no
-    part of the chip, but matters to a network that was trained that way. None without such kernels.
+    exact. Stages that change no number are in neither. ``together``: all stages, which is the chip. ``unexplained``
+    counts the spikes in which the twin without stages differs from the float reference, and the twin with all stages
+    from the simulator: 0 if no stage is missing. ``kernel_tail``: the float network with its kernels cut where
+    slayerPytorch cuts them. The chip does not do that, but it matters to networks trained that way; None without such
+    kernels.
     """
 
     samples: int
@@ -151,7 +152,7 @@ class StageErrors(Frozen, eq=False):
 
 
 def error_budget(levels: Levels, recordings: ByteArray, progress: Progress | None = None) -> StageErrors:
-    """Take the difference apart over recordings (samples, steps, channels), of the network's own steps and channels."""
+    """Break the difference down on recordings (samples, steps, channels) with the network's steps and channels."""
     network, phases = _each(levels.network, methodcaller("whole")), phases_of(levels)
     cut, registers = _each(network, methodcaller("cut")), levels.program.chip.registers
     stages = [stage for stage in STAGES if working(phases, stage)]
@@ -185,14 +186,14 @@ def error_budget(levels: Levels, recordings: ByteArray, progress: Progress | Non
 
 
 def _each(network: Network, changed: Callable[[Neuron], Neuron]) -> Network:
-    """Return a network with other neurons."""
+    """Return a network with its neurons changed."""
     return replace(network, populations=tuple(replace(p, neuron=changed(p.neuron)) for p in network.populations))
 
 
 def _deviation(
     network: Network, wanted: ReferenceResult, spikes: Mapping[str, ByteArray], scores: FloatArray
 ) -> Deviation:
-    """Compare what a variant does with what the float network does."""
+    """Compare a variant with the float network."""
     found = {p.name: PopulationMatch.of(wanted.spikes[p.name], spikes[p.name]) for p in network.own_populations}
     return Deviation(found, int((decided(scores) != decided(wanted.scores)).sum()))
 
@@ -204,7 +205,7 @@ _Played = tuple[Mapping[str, ByteArray], FloatArray]
 def _play(
     network: Network, readout: Readout, twins: Sequence[tuple[Phase, Sequence[Twin]]], recordings: ByteArray
 ) -> list[_Played]:
-    """Play a chunk to the twins of every variant; ``readout`` is that of potentials in registers."""
+    """Play some recordings to the twins of every variant; ``readout`` reads potentials in units of the registers."""
     traces = []
     for phase, of_phase in twins:
         kept = tuple(sorted({group.name for group in of_phase[0].groups} & set(readout.from_step)))
@@ -224,11 +225,11 @@ def _different(spikes: Mapping[str, ByteArray], others: Mapping[str, ByteArray])
 
 
 class Cause(Frozen, eq=False):
-    """The difference of the two potentials at the first spike that differs, taken apart.
+    """The difference of the two potentials at the first spike that differs, stage by stage.
 
     Until then all spikes are equal, so each stage can be judged by itself: ``moved[stage]`` is how far it alone moves
-    the float potential, in the float network's units, and ``together`` how far all stages do. ``enough`` lists the
-    stages that alone make the neuron decide as the chip does. Stages that change no number are not listed.
+    the float potential, in the float network's units, and ``together`` is how far all stages move it. ``enough`` lists
+    the stages that alone make the neuron decide as on the chip. Stages that change no number are left out.
     """
 
     moved: Mapping[Stage, float]
@@ -237,7 +238,7 @@ class Cause(Frozen, eq=False):
 
     @property
     def rest(self) -> float:
-        """What the stages do only in each other's presence."""
+        """What the stages add only in combination."""
         return self.together - sum(self.moved.values())
 
     @property
@@ -247,7 +248,7 @@ class Cause(Frozen, eq=False):
 
 
 def find_cause(levels: Levels, recording: ByteArray, first: Divergence) -> Cause:
-    """Explain the first divergence in ``recording`` (steps, channels), of the network's own steps and channels."""
+    """Explain the first divergence in ``recording`` (steps, channels), with the network's steps and channels."""
     network, phases = levels.network, phases_of(levels)
     name = next(p.phase for p in network.populations if p.name == first.population)
     phase = next(phase for phase in phases if phase.name == name)
@@ -262,7 +263,7 @@ def find_cause(levels: Levels, recording: ByteArray, first: Divergence) -> Cause
     twins = [twin_with(phase, variant) for variant in variants]
     traces = run_twins(twins, lines, forced=equal, potentials=(first.population,))
     at = (0, first.step, first.neuron)
-    # By variant the potential in float units, and whether the neuron spikes.
+    # For each variant, the potential in float units and whether the neuron spikes.
     (exact, _), (chip, fires), *others = (
         (float(trace.potential[first.population][at]) / scale, bool(trace.spikes[first.population][at]))
         for trace in traces

@@ -1,8 +1,8 @@
-"""What every neuron model is made of, as numbers side by side: the float neuron, and what the program has for it.
+"""The numbers of every neuron model side by side: those of the float neuron, and those of the program.
 
-The two are the same where lowering is exact but for rounding. Where it is not - ``delay-line`` ends its taps, ``reset``
-has another neuron altogether - the float neuron is laid out as ``dendrite`` would, and has the chip's numbers where the
-program has any that stand for it.
+The two forms are the same if lowering is exact apart from rounding. Otherwise - ``delay-line`` has a finite number of
+taps, ``reset`` is a different neuron - the float neuron is laid out as ``dendrite`` would lay it out, with the chip's
+numbers wherever the program has any for it.
 """
 
 import math
@@ -24,17 +24,17 @@ from locsnn_compile.verification.error_budget.numbers import GroupNumbers, Numbe
 from locsnn_compile.verification.error_budget.twin import TwinGroup, TwinSynapses
 
 SLACK = 1e-14
-"""Relative: an exact threshold is taken this much to its safe side, so that a tie stays one after scaling."""
+"""Relative: exact thresholds are moved this much to the safe side, so a tie is still a tie after scaling."""
 DENSE_ENTRIES = 1 << 22
-"""A matrix of no more entries is kept dense."""
+"""Matrices with at most this many entries are kept dense."""
 
 
 @singledispatch
 def forms_of(neuron: Neuron, levels: Levels, q: QuantizedPopulation) -> tuple[Numbers, Numbers]:
-    """Return the numbers of the float neuron, and of the program's; the same object where they do not differ.
+    """Return the numbers of the float neuron and of the program's; the same object if they do not differ.
 
-    On-grid neurons have the chip's own arithmetic for reference. So has a model that has registered no numbers: all
-    that it does otherwise is left unexplained.
+    The reference of on-grid neurons is the chip's own arithmetic. So is that of a model that has registered no numbers:
+    its differences stay unexplained.
     """
     graph, name = levels.compartments, q.population.name
     parts = [g for g in graph.groups if g.joined_to == name] + [graph.group(name)]
@@ -60,7 +60,7 @@ def _(neuron: SrmAlpha, levels: Levels, q: QuantizedPopulation) -> tuple[Numbers
 
 
 def _dendrite(levels: Levels, q: QuantizedPopulation, neuron: SrmAlpha) -> Numbers:
-    """As many pairs of dendrites as the chip has; of the float weights each has an equal share."""
+    """Lay out as many pairs of dendrites as the chip has, each with an equal share of the float weights."""
     graph, name, count = levels.compartments, q.population.name, q.neuron.dendrites
     soma = numbers.chip_group(graph.group(name))
     pairs = []
@@ -74,7 +74,7 @@ def _dendrite(levels: Levels, q: QuantizedPopulation, neuron: SrmAlpha) -> Numbe
 
 
 def _delay_line(levels: Levels, q: QuantizedPopulation, neuron: SrmAlpha) -> tuple[Numbers, Numbers]:
-    """Taps onto the alpha dendrite; what the float neuron has of them is the error of their rounding."""
+    """Lay out taps onto the alpha dendrite; in the float neuron they are only the error of their rounding."""
     graph, name = levels.compartments, q.population.name
     dendrite, soma = numbers.chip_group(graph.group(f"{name}/dendrite")), numbers.chip_group(graph.group(name))
     whole = _srm(levels, q, neuron, dendrite, None, soma)
@@ -96,7 +96,7 @@ def _delay_line(levels: Levels, q: QuantizedPopulation, neuron: SrmAlpha) -> tup
 def _taps(
     graph: CompartmentGraph, q: QuantizedPopulation, neuron: SrmAlpha, alpha: GroupNumbers
 ) -> list[SynapseNumbers]:
-    """Return the self-synapses whose answer is the refractory kernel, as far as the chip's taps go."""
+    """Return the self-synapses whose response is the refractory kernel, up to the last tap of the chip."""
     name, n = q.population.name, q.population.size
     held = {
         delay: m.diagonal()
@@ -115,7 +115,7 @@ def _taps(
 
 
 def _reset(levels: Levels, q: QuantizedPopulation, neuron: SrmAlpha) -> tuple[Numbers, Numbers]:
-    """One compartment with the chip's reset in place of the refractory kernel."""
+    """Lay out one compartment with the chip's reset in place of the refractory kernel."""
     name, graph = q.population.name, levels.compartments
     chip = numbers.chip_group(graph.group(name))
     nothing, once = np.zeros(q.population.size), np.ones(q.population.size, dtype=np.int64)
@@ -139,7 +139,7 @@ def _srm(
     soma: TwinGroup,
     share: float = 1.0,
 ) -> Numbers:
-    """Lay an SRM neuron out as two dendrites and a memoryless soma, given the chip's; exact what the chip has not.
+    """Lay out an SRM neuron as two dendrites and a memoryless soma next to the chip's; a part the chip lacks is exact.
 
     The dendrites get a ``share`` of the weights.
     """
@@ -170,7 +170,7 @@ def _srm(
 
 @forms_of.register
 def _(neuron: Cuba, levels: Levels, q: QuantizedPopulation) -> tuple[Numbers, Numbers]:
-    """A leaky integrate-and-fire neuron in one compartment."""
+    """Lay out a leaky integrate-and-fire neuron in one compartment."""
     name = q.population.name
     chip = numbers.chip_group(levels.compartments.group(name))
     threshold = neuron.threshold * q.scale * (1 + (SLACK if neuron.rule == ">" else -SLACK))
@@ -183,7 +183,7 @@ def _(neuron: Cuba, levels: Levels, q: QuantizedPopulation) -> tuple[Numbers, Nu
 
 @forms_of.register
 def _(neuron: SoftCuba, levels: Levels, q: QuantizedPopulation) -> tuple[Numbers, Numbers]:
-    """A dendrite that is never reset, from which own spikes take the drop, and a soma without memory."""
+    """Lay out a dendrite that is never reset, from which own spikes take the drop, and a memoryless soma."""
     graph, name = levels.compartments, q.population.name
     dendrite, soma = (numbers.chip_group(graph.group(part)) for part in (f"{name}/dendrite", name))
     threshold = neuron.threshold * q.scale * (1 + SLACK)
@@ -193,7 +193,7 @@ def _(neuron: SoftCuba, levels: Levels, q: QuantizedPopulation) -> tuple[Numbers
     drop = neuron.drop * q.scale
     synapses = numbers.exact_synapses(levels.network, name, dendrite.name, q.scale)
     for delay, taken in ((0, -drop), (1, drop * keep_u)):
-        # Recurrent weights of that delay are one synapse with it.
+        # Recurrent weights with the same delay share its synapse.
         beside = next((s for s in synapses if (s.source, s.delay) == (name, delay)), None)
         weights = taken if beside is None else beside.weights + np.diag(taken)
         synapses = [s for s in synapses if s is not beside] + [TwinSynapses(name, dendrite.name, weights, delay)]
@@ -202,10 +202,10 @@ def _(neuron: SoftCuba, levels: Levels, q: QuantizedPopulation) -> tuple[Numbers
 
 
 def _exactly(group: TwinGroup, keep_u: FloatArray, keep_v: FloatArray, threshold: FloatArray) -> TwinGroup:
-    """Return a group whose registers hold any real number, with other numbers."""
+    """Return a group with these numbers, whose registers hold any real number."""
     return replace(group, keep_u=keep_u, keep_v=keep_v, threshold=threshold, truncates=False, limited=False)
 
 
 def _plain(weights: Matrix) -> Matrix:
-    """Return a sparse matrix dense, unless it is large."""
+    """Return a sparse matrix as a dense one, unless it is large."""
     return weights.toarray() if math.prod(weights.shape) <= DENSE_ENTRIES else weights

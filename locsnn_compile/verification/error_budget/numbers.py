@@ -1,7 +1,7 @@
-"""Groups and synapses twice over, side by side: in exact numbers and in the chip's.
+"""Groups and synapses in exact numbers and in the chip's, side by side.
 
-Exact numbers are in units of the registers too, but real: a float weight times the scale and the gain of its kernel,
-what a decay keeps as ``exp(-1 / tau)``, a threshold of theta times the scale.
+Exact numbers are also in units of the registers, but real: a float weight times the scale and the gain of its kernel,
+``exp(-1 / tau)`` as what a decay keeps, theta times the scale as the threshold.
 """
 
 import numpy as np
@@ -17,29 +17,29 @@ from locsnn_compile.verification.error_budget.twin import TwinGroup, TwinSynapse
 
 
 class GroupNumbers(Frozen, eq=False):
-    """A group of compartments, of which only the numbers differ."""
+    """A group of compartments in exact and in chip numbers."""
 
     exact: TwinGroup
     chip: TwinGroup
 
     @property
     def gain_ratio(self) -> FloatArray:
-        """The gain that makes up for the rounding of both decays, (n,); weights for the chip's decays carry it."""
+        """The gain that compensates for the rounding of both decays, (n,); weights for the chip's decays include it."""
         exact, chip = self.exact, self.chip
         return best_gain(exact.keep_u, exact.keep_v, chip.keep_u, chip.keep_v)
 
     @property
     def bias_ratio(self) -> FloatArray:
-        """Likewise of biases, (n,): what a bias settles at is kept."""
+        """The same for biases, (n,): it keeps the level at which a bias settles."""
         lost = 1.0 - self.exact.keep_v
         return np.divide(1.0 - self.chip.keep_v, lost, out=np.ones(len(lost)), where=lost > 0)
 
 
 class SynapseNumbers(Frozen, eq=False):
-    """Synapses of one delay between two groups, exact or rounded, each for exact decays and for the chip's.
+    """Synapses with one delay between two groups, exact or rounded, each for exact decays and for the chip's.
 
-    ``exact.weights`` are for exact decays, ``exact_fitted`` make up for rounded ones; ``chip`` are the weights that the
-    chip has, and ``chip_fitted`` have the same rounding errors for exact decays.
+    ``exact.weights`` are for exact decays, and ``exact_fitted`` compensate for rounded ones. ``chip`` are the weights
+    on the chip, and ``chip_fitted`` have the same rounding errors for exact decays.
     """
 
     exact: TwinSynapses
@@ -48,7 +48,7 @@ class SynapseNumbers(Frozen, eq=False):
     chip_fitted: Matrix
 
     def weights(self, *, rounded: bool, chip_decays: bool) -> Matrix:
-        """Return one of the four."""
+        """Return one of the four matrices."""
         if rounded:
             return self.chip if chip_decays else self.chip_fitted
         return self.exact_fitted if chip_decays else self.exact.weights
@@ -64,7 +64,7 @@ class Numbers(Sums, eq=False):
 def beside_chip(
     graph: CompartmentGraph, exact: list[TwinSynapses], target: GroupNumbers, held_by: str
 ) -> tuple[SynapseNumbers, ...]:
-    """Set the weights that the chip has onto a group next to exact ones onto ``target``; what rounded to 0 is 0."""
+    """Pair exact weights onto ``target`` with the chip's onto ``held_by``; weights that rounded to 0 are 0."""
     pairs, ratio = [], target.gain_ratio
     held_by_chip = chip_weights(graph, held_by)
     for s in exact:
@@ -80,17 +80,17 @@ def beside_chip(
 
 
 def exact_synapses(network: Network, population: str, target: str, gain: FloatArray) -> list[TwinSynapses]:
-    """Return the float weights onto a population, times a gain (n,), as synapses onto a group: one entry a delay."""
+    """Return the float weights onto a population, times a gain (n,), as synapses onto a group: one entry per delay."""
     found: dict[tuple[str, int], Matrix] = {}
     for projection in network.into(population):
-        assert isinstance(projection, Projection)  # the network's own check: float weights reach float neurons
+        assert isinstance(projection, Projection)  # check_network: only float weights reach float neurons
         for delay, weights in by_delay(projection.weights, projection.delay):
             found = added(found, {(projection.source, delay): times(weights, gain)})
     return [TwinSynapses(source, target, weights, delay) for (source, delay), weights in found.items()]
 
 
 def chip_weights(graph: CompartmentGraph, target: str) -> dict[tuple[str, int], Matrix]:
-    """Return effective weights onto a group, CSR (n_target, n_source) by source and delay; all formats added up."""
+    """Return effective weights onto a group, CSR (n_target, n_source) by source and delay, summed over formats."""
     size = {node.name: node.size for node in graph.nodes}
     found: dict[tuple[str, int], Matrix] = {}
     for s in graph.synapses:
@@ -105,7 +105,7 @@ def chip_weights(graph: CompartmentGraph, target: str) -> dict[tuple[str, int], 
 
 
 def times(weights: Matrix, factor: FloatArray) -> Matrix:
-    """Return weights (n_target, n_source), or (n,), times a factor a target, (n_target,)."""
+    """Return weights (n_target, n_source), or (n,), times a factor per target, (n_target,)."""
     if weights.ndim == 1:
         return weights * factor
     return with_values(weights, values_of(weights) * of_target(weights, factor))
@@ -118,7 +118,7 @@ def chip_group(group: Compartments) -> TwinGroup:
         size=group.size,
         keep_u=_kept(group.decay_u),
         keep_v=_kept(group.decay_v),
-        # For any real v this is v > 64 * threshold.
+        # v >= this is v > 64 * threshold for any real v.
         threshold=np.nextafter(64.0 * group.threshold, np.inf),
         bias=(group.bias_mantissa << group.bias_exponent).astype(np.float64),
         refractory=group.refractory,

@@ -1,7 +1,7 @@
-"""The twin of a chip's compartments in float64, every deviation of the chip's arithmetic a switch of its own.
+"""The twin of a chip's compartments in float64, with a switch for every deviation of the chip's arithmetic.
 
-With every switch on, and the chip's integers as parameters, all values are integers below 2^53, which float64 holds
-exactly: the twin then equals the simulator bit for bit. With every switch off it is the real-valued recursion.
+With every switch on and the chip's integers as parameters, all values are integers below 2^53, which float64 holds
+exactly, so the twin equals the simulator bit for bit. With every switch off, it is the real-valued recursion.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,9 +23,9 @@ class TwinGroup(Frozen, eq=False):
         v = kept(v, keep_v) + u + bias + the v of joined children
         a spike where v >= threshold; then v = 0, and no spike for ``refractory - 1`` steps
 
-    ``q`` is the charge that arrives, ``kept(x, k)`` is k x, cut to an integer toward zero where ``truncates``. Where
-    ``limited``, q and u wrap and v is clipped. With ``joined_to`` compartment i adds its v to compartment i of that
-    group, and neither spikes nor is reset.
+    ``q`` is the arriving charge; ``kept(x, k)`` is k x, truncated toward zero if ``truncates``. If ``limited``, q and u
+    wrap and v is clipped. With ``joined_to``, compartment i adds its v to compartment i of that group, and neither
+    spikes nor is reset.
     """
 
     name: str
@@ -43,9 +43,9 @@ class TwinGroup(Frozen, eq=False):
 
 
 class TwinSynapses(Frozen, eq=False):
-    """Weights (n_target, n_source), dense or CSR, or (n,) where each source reaches the target of its own number only.
+    """Weights (n_target, n_source), dense or CSR, or (n,) if each source reaches only the target with its own number.
 
-    A spike of step t arrives at step ``t + 1 + delay``.
+    A spike in step t arrives at step ``t + 1 + delay``.
     """
 
     source: str
@@ -63,7 +63,7 @@ class Twin(Frozen, eq=False):
 
 
 class TwinTrace(Frozen, eq=False):
-    """``spikes[name]`` (batch, steps, n) of groups that spike; ``potential[name]`` (v as the threshold saw it)."""
+    """``spikes[name]`` (batch, steps, n) of groups that spike; ``potential[name]`` is v as the threshold saw it."""
 
     spikes: dict[str, ByteArray]
     potential: dict[str, FloatArray]
@@ -83,9 +83,9 @@ def run_twins(
 ) -> list[TwinTrace]:
     """Run recordings through twins side by side; ``lines[input]`` (batch, steps, lines) are the spikes of the inputs.
 
-    With ``forced`` (batch, steps, n) by group, these spikes are sent, and reset their neurons, in place of the twin's
-    own, so that potentials can be compared as if no earlier spike had differed. ``potentials`` names the groups whose
-    potentials are kept.
+    With ``forced`` (batch, steps, n) by group, these spikes are sent and reset their neurons instead of the twin's own,
+    so potentials can be compared as if no earlier spike had differed. ``potentials`` names the groups whose potentials
+    are kept.
     """
     batch, steps = next(iter(lines.values())).shape[:2]
     registers = twins[0].registers
@@ -103,7 +103,7 @@ def run_twins(
     for i, s in synapses:
         target, to_columns = home[i, s.target]
         if s.source in lines:
-            # Few spikes among many: sparse, whatever the weights are.
+            # Few lines spike, so their spikes are sparse, whatever the weights are.
             found = sparse_lines[s.source][: batch * (steps - 1 - s.delay)] @ s.weights.T
             charge = found.toarray() if sparse.issparse(found) else found
             target.charge[1 + s.delay :, :, to_columns] += charge.reshape(-1, batch, s.weights.shape[0])
@@ -153,9 +153,9 @@ def run_twins(
 
 
 def _blocks(twins: Sequence[Twin], batch: int, steps: int) -> "list[_Block]":
-    """Return the groups that are joined to others in a block, and the others, which spike, in the last one.
+    """Return a block of the groups that are joined to others, and as the last block the others, which spike.
 
-    Those that are joined come in the order of what they are joined to: the first onto each, then the second.
+    Joined groups are ordered by the groups they are joined to: first the first child of each, then the second.
     """
     spiking = {(i, group.name): group for i, twin in enumerate(twins) for group in twin.groups if not group.joined_to}
     ranked = [
@@ -168,7 +168,7 @@ def _blocks(twins: Sequence[Twin], batch: int, steps: int) -> "list[_Block]":
 
 
 def _joins(twins: Sequence[Twin], home: "Mapping[_Key, tuple[_Block, slice]]") -> "list[tuple[_Block, slice, slice]]":
-    """Return blocks, columns of them, and the columns of the last block that their v is added to; neighbours as one."""
+    """Return blocks, columns in them, and the columns of the last block to add their v to; neighbours are merged."""
     pairs = [
         (*home[i, group.name], home[i, group.joined_to][1])
         for i, twin in enumerate(twins)
@@ -185,10 +185,10 @@ def _joins(twins: Sequence[Twin], home: "Mapping[_Key, tuple[_Block, slice]]") -
 
 
 _Key = tuple[int, str]
-"""The number of a twin, and the name of a group of it."""
+"""The number of a twin and the name of one of its groups."""
 _OwnCharges = tuple[IntArray, FloatArray]
-"""What the few spikes of a step bring to neurons of the same number: to which column of a block from each that spikes,
-or -1, and weights (delays, columns)."""
+"""What spikes bring to neurons of the same number: the column of a block that each spiking column reaches, or -1, and
+weights (delays, columns)."""
 
 
 class _Block:
@@ -214,19 +214,19 @@ class _Block:
         self.spikes = np.zeros((batch, steps, self.size if self._spiking else 0), dtype=np.uint8)
 
     def update(self, step: int, registers: Registers) -> None:
-        """Accumulate, decay and join; v is then what the threshold sees."""
+        """Accumulate, decay and join; afterwards v is what the threshold sees."""
         arrived = self._wrapped(self.charge[step], registers.charge_bits)
         self._u = self._wrapped(self._kept(self._u, self._keep_u) + arrived, registers.current_bits)
         drive = self._wrapped(self._u + self._bias, registers.current_bits) if self._biased else self._u
         self.v = self._kept(self.v, self._keep_v) + drive
         if self._spiking:
             self.v += self.joined
-        np.minimum(np.maximum(self.v, self._vmin, out=self.v), self._vmax, out=self.v)  # twice as fast as to clip
+        np.minimum(np.maximum(self.v, self._vmin, out=self.v), self._vmax, out=self.v)  # twice as fast as np.clip
         if self._blocks:
             self.v[self._blocked > 0] = 0.0
 
     def fire(self, step: int) -> BoolArray:
-        """Keep and return which compartments reach their threshold."""
+        """Record and return which compartments reach their threshold."""
         fired: BoolArray = self.v >= self._threshold
         if self._blocks:
             fired &= self._blocked == 0
@@ -234,7 +234,7 @@ class _Block:
         return fired
 
     def reset(self, spikes: BoolArray) -> None:
-        """Reset what spiked, and count its refractory steps."""
+        """Reset the compartments that spiked, and count refractory steps."""
         self.v[spikes] = 0.0
         if self._blocks:
             self._blocked = np.where(spikes, self._refractory - 1, np.maximum(self._blocked - 1, 0))
@@ -244,10 +244,10 @@ class _Block:
         return np.trunc(kept, out=kept, where=self._truncates)
 
     def _wrapped(self, x: FloatArray, bits: int) -> FloatArray:
-        """Return ``x``, where limited, in two's complement of ``bits`` bits plus sign, its fraction kept."""
+        """Return ``x``, wrapped where limited to ``bits`` bits plus sign in two's complement; fractions are kept."""
         half = float(1 << bits)
         if x.max() < half and x.min() >= -half:
-            return x  # nearly always, and a remainder takes long
+            return x  # nearly always, and np.mod is slow
         wraps = self._limited & ((x >= half) | (x < -half))
         wrapped: FloatArray = np.where(wraps, np.mod(x + half, 2 * half) - half, x)
         return wrapped
