@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from result_rows import DATASETS, ROWS, Dataset, Row
-from tables import Found, Table, spread
+from tables import Found, Table, of_seeds, spread
 
 from locsnn_compile.baselines.operations import ann_operations
 
@@ -116,8 +116,8 @@ def chip_ratios(found: Found) -> Table:
 def _chip_ratios(measured: Sequence[Mapping[str, Any]]) -> list[str]:
     first, ours = measured[0], np.concatenate([f["synaptic_ops"] for f in measured])
     theirs = ann_operations("cnn-3d", fingertips=first["fingertips"], steps=first["steps"], classes=first["classes"])
-    counts = ours.mean(), ours.max()
-    return [*(f"{count:,.0f}" for count in counts), *(f"{theirs / count:.1f}" for count in counts)]
+    counts, few = (ours.mean(), ours.max()), of_seeds(len(measured))
+    return [*(f"{count:,.0f}{few}" for count in counts), *(f"{theirs / count:.1f}{few}" for count in counts)]
 
 
 def chip_counts(found: Found) -> Table:

@@ -28,13 +28,14 @@ def read(work: Path) -> Found:
 def write_tables(found: Found, folder: Path) -> dict[str, Table]:
     """Write the tables that are too long for the page, a CSV file each, and return them; rows without figures stay.
 
-    Files of other tables are not touched.
+    Files of other tables are not touched. Operations on the chip say of how many seeds they are, cell by cell, so that there
+    networks of a few seeds have a say as well.
     """
     folder.mkdir(exist_ok=True)
-    found, tables = _fuller(found, kept(folder / "accuracy.csv")), {}
+    fuller, tables = _fuller(found, kept(folder / "accuracy.csv")), {}
     for name, make in TABLES.items():
         path = folder / f"{name}.csv"
-        tables[name] = merged(make(found), kept(path))
+        tables[name] = merged(make(found if make is chip_ratios else fuller), kept(path))
         write_table(path, tables[name])
     return tables
 

@@ -25,8 +25,12 @@ def spread(values: Sequence[float], digits: int = 3) -> str:
     if not values:
         return NOT_RUN
     deviation = f" ± {statistics.stdev(values):.{digits}f}" if len(values) > 1 else ""
-    count = "" if len(values) == len(SEEDS) else f" ({len(values)} of {len(SEEDS)} seeds)"
-    return f"{statistics.mean(values):.{digits}f}{deviation}{count}"
+    return f"{statistics.mean(values):.{digits}f}{deviation}{of_seeds(len(values))}"
+
+
+def of_seeds(count: int) -> str:
+    """Return how many seeds a figure is of, where they are not all."""
+    return "" if count == len(SEEDS) else f" ({count} of {len(SEEDS)} seeds)"
 
 
 def column(found: Found, dataset: str, row: str, key: str) -> list[float]:

@@ -94,10 +94,26 @@ def test_ratios_of_what_the_chip_does(work: Path) -> None:
 
     (work / "objects-windows-and-hybrid-0.json").write_text(json.dumps(figures(steps=250, classes=36)))
     (work / "containers-cnn-3d-0.json").write_text(json.dumps({"test_accuracy": 0.5}))
+    one, two = " (1 of 5 seeds)", " (2 of 5 seeds)"
     assert chip_ratios(read(work))[1] == [
-        ["Window-SNN and hybrid, joined, Objects", "networks joined", "0.500 (1 of 5 seeds)", "200", "300", "15685.2", "10456.8"],
-        ["Hybrid, lambda 1, loop, Containers", "one network", "0.500 ± 0.000 (2 of 5 seeds)", "200", "300", "20352.0", "13568.0"],
+        ["Window-SNN and hybrid, joined, Objects", "networks joined", f"0.500{one}",
+         f"200{one}", f"300{one}", f"15685.2{one}", f"10456.8{one}"],
+        ["Hybrid, lambda 1, loop, Containers", "one network", f"0.500 ± 0.000{two}",
+         f"200{two}", f"300{two}", f"20352.0{two}", f"13568.0{two}"],
     ]  # fmt: skip
+
+
+def test_few_seeds_fill_only_the_operations_that_were_not_counted(work: Path) -> None:
+    from results_page import read, write_tables
+    from tables import NOT_RUN, write_table
+
+    tables = write_tables(read(work), work / "results")
+    head, rows = tables["chip-ratios"]
+    write_table(work / "results/chip-ratios.csv", (head, [[*rows[0][:3], "7", NOT_RUN, "9.9", NOT_RUN]]))
+    (work / "containers-hybrid-1.json").unlink()
+    found = write_tables(read(work), work / "results")
+    assert found["chip-ratios"][1][0][3:] == ["7", "300 (1 of 5 seeds)", "9.9", "13568.0 (1 of 5 seeds)"]
+    assert found["accuracy"] == tables["accuracy"]
 
 
 def test_confusions_name_the_pairs(work: Path) -> None:
