@@ -145,8 +145,28 @@ class Coarse:
         return coarse(self, of, rows)
 
 
-Way = Setting | Committee | Distilled | Nearest | Coarse
-KINDS: Mapping[str, type[Any]] = {"members": Committee, "teachers": Distilled, "smooth": Nearest, "bits": Coarse}
+@dataclass(frozen=True)
+class Joined:
+    """A hybrid and windows (``parts``) as one network on the chip, laid out by a ``strategy``; see ``joining.py``."""
+
+    label: str
+    parts: tuple[str, str]
+    strategy: str
+
+    def learn(self, of: Division, rows: Rows) -> Scorer:
+        from joining import joined_on_chip
+
+        return joined_on_chip(self, of, rows)
+
+
+Way = Setting | Committee | Distilled | Nearest | Coarse | Joined
+KINDS: Mapping[str, type[Any]] = {
+    "members": Committee,
+    "teachers": Distilled,
+    "smooth": Nearest,
+    "bits": Coarse,
+    "parts": Joined,
+}
 """The key that only ways of a kind have; the others are settings."""
 
 
