@@ -159,6 +159,9 @@ def _run_phase(run: _Run, state: TrainingState, rows: IntArray, held: IntArray, 
     optimizer = _optimizer(network, config)
     weights = list(network.parameters())
     if state.weights:
+        if state.weights.keys() != network.state_dict().keys():
+            fix = "Delete it, or train without --resume."
+            raise InputError("training state", "an earlier version wrote it, with other names of weights", fix=fix)
         network.load_state_dict(state.weights)
         optimizer.load_state_dict(state.optimizer)
     class_shares = class_weights(config, labels, run.description.classes)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.synthetic import synthetic_touches
@@ -58,6 +59,19 @@ def test_equal_runs_are_equal_and_seeds_differ() -> None:
     first, again, other = (train(touches(), replace(CONFIG, seed=seed)) for seed in (0, 0, 1))
     assert same(first, again)
     assert not same(first, other)
+
+
+def test_a_state_whose_weights_had_other_names_is_refused(tmp_path: Path) -> None:
+    state = tmp_path / "run.state"
+    train(touches(), CONFIG, state_path=state)
+    values = torch.load(state, weights_only=True)
+    values |= {"phase": "select", "weights": {f"old_{name}": held for name, held in values["weights"].items()}}
+    torch.save(values, state)
+    with pytest.raises(InputError) as caught:
+        train(touches(), CONFIG, state_path=state)
+    assert str(caught.value) == (
+        "training state: an earlier version wrote it, with other names of weights. Delete it, or train without --resume."
+    )
 
 
 @pytest.mark.parametrize("stop", [1, 3, 4, 5, 7])
