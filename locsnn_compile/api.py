@@ -1,4 +1,4 @@
-"""What a program of the user's calls: compile a network, and verify what came of it."""
+"""The Python interface: compile a network, and verify the result."""
 
 import json
 from collections.abc import Sequence
@@ -51,7 +51,7 @@ from locsnn_compile.verification.over_time import PSI, over_time
 Events = str | Path | Recordings | ArrayLike
 
 SYNTHETIC_SAMPLES, SYNTHETIC_VALUES = 16, 10_000_000
-"""Recordings that are made up, fewer where they are so large."""
+"""How many synthetic recordings are made, and the most values in them: large recordings are fewer."""
 SYNTHETIC_SEED = 0
 
 
@@ -63,9 +63,9 @@ class CompiledModel(Frozen, eq=False):
     report: dict[str, Any]
     """The content of report.json."""
     choice: Choice | None = None
-    """What ``auto`` compared; None where the strategy was given, or there was nothing to choose."""
+    """What ``auto`` compared; None if the strategy was given, or there was nothing to choose."""
     excerpt: Excerpt | None = None
-    """What the report shows of a recording; None without a diagnosis."""
+    """The part of a recording that the report shows; None without a diagnosis."""
 
     def __repr__(self) -> str:
         said = matches(self.report).sentence.rstrip(".")
@@ -81,7 +81,7 @@ class CompiledModel(Frozen, eq=False):
 
     @property
     def program(self) -> hw.ChipProgram:
-        """What the chip is loaded with."""
+        """The program for the chip."""
         return self.levels.program
 
     @property
@@ -90,7 +90,7 @@ class CompiledModel(Frozen, eq=False):
         return self.levels.network
 
     def to_html(self) -> str:
-        """Return report.html: a page that needs nothing else."""
+        """Return report.html, a page in one file."""
         return render_html(self.composed)
 
     def files(self, emit: Sequence[str] = ()) -> dict[str, bytes]:
@@ -107,13 +107,13 @@ class CompiledModel(Frozen, eq=False):
         quantized = self.levels.quantized
         exchanged = {f"network.{kind}": exchange_file(kind, quantized) for kind in EXCHANGE_KINDS if kind in emit}
         tables = csv_files(self.report, self.excerpt) if "csv" in emit else {}
-        # A name may hold what is no text; JSON reads what stands for it here.
+        # A name may hold characters that UTF-8 cannot; JSON can read their escapes.
         written = {name: text.encode(errors="backslashreplace") for name, text in texts.items()}
         return {**program_files(self.program), **written, **exchanged, **tables}
 
     @checked
     def save(self, folder: str | Path) -> None:
-        """Write the program and its reports into a folder, all or none; the rest of what it holds stays."""
+        """Write the program and its reports into a folder, all or none of them; other files there stay."""
         write_build(Path(folder), self.files())
 
 
@@ -137,21 +137,22 @@ def compile(
 ) -> CompiledModel:
     """Compile a network, or what ``train`` returned, for a chip and check it against the float reference.
 
-    Several become one program that adds their class scores, by ``weights`` or as :func:`join` weighs them.
+    Several networks become one program that adds their class scores, by ``weights`` or as :func:`join` weighs them.
 
-    ``target``: a chip, its name, or the path of a chip YAML. ``profile``: the costs that ``auto`` and the report go by,
-    a profile of the chip, by default its first, or the path of a YAML file like one. ``events``: recordings to check on
-    - a file, archive or folder, or an array (samples, steps, channels) of 0 and 1; by default those that the model
-    carries, else synthetic touches. ``labels`` (samples,) where ``events`` is an array. ``diagnosis``: take the error
-    apart too, follow predictions over time, on some of the recordings, and keep an excerpt of one to look at; ``psi``
-    is that of the time-weighted prediction, by default the model's own or 10; a program keeps what was said.
-    ``strategy``: how SRM neurons are lowered; ``auto`` takes the cheapest. ``split_weights``: the share, 0 to 1, of
-    their weights that get a second synapse. A ``budget`` is kept by the cheapest setting of strategy, split weights and
-    at most ``weight_bits``, by default the chip's most, that keeps it on ``calibration``. Weights are rounded for these
-    recordings, too. They are given like ``events``, of a divided archive the train part; by default they are what the
-    model carries, else synthetic touches, so that the program does not depend on the recordings that it is checked on;
-    else ``events``. ``scheduler``: the address of a Dask cluster that plays the recordings, with the same results.
-    Raises ``InputError`` for what cannot be used and ``TargetError`` for a model that the chip cannot hold.
+    ``target``: a chip, its name, or the path of a chip YAML. ``profile``: the costs for ``auto`` and the report, a
+    profile of the chip (by default its first) or the path of a YAML file like one. ``events``: recordings to check on -
+    a file, archive or folder, or an array (samples, steps, channels) of 0 and 1 - by default those in the model, or
+    else synthetic touches. ``labels`` (samples,) are for an array of ``events``. ``diagnosis``: also break the error
+    down, follow predictions over time, both on some of the recordings, and keep an excerpt of one; ``psi`` is that of
+    the time-weighted prediction, by default the model's own or 10, and the program keeps it. ``strategy``: how SRM
+    neurons are lowered; ``auto`` takes the cheapest. ``split_weights``: the share, 0 to 1, of their weights that get a
+    second synapse. With a ``budget``, the cheapest setting of strategy, split weights and at most ``weight_bits`` (by
+    default the chip's most) that keeps it on ``calibration`` is taken; weights are rounded for the same recordings.
+    They are given like ``events``, and from a divided archive the train part is used. By default they are the
+    recordings in the model, or else synthetic touches, so the program does not depend on the recordings of the check;
+    if there are neither, ``events``. ``scheduler``: the address of a Dask cluster that plays the recordings, with the
+    same results. Raises ``InputError`` for what cannot be used and ``TargetError`` for a model that the chip cannot
+    hold.
     """
     check_known(f"strategy {strategy!r}", "unknown lowering strategy", strategy, (AUTO, *STRATEGIES))
     chip = target if isinstance(target, hw.Chip) else hw.chip(target)
@@ -198,8 +199,8 @@ def join(
 ) -> Network:
     """Return several networks as one that adds their class scores.
 
-    Without ``weights`` the scores of all vary alike on recordings: those of ``calibration``, else those that a network
-    carries; they are added as they are where there are none.
+    Without ``weights``, scores are weighed so that those of all networks vary alike on recordings: ``calibration``, or
+    else the recordings in a network. If there are none, scores are added as they are.
     """
     joined = committee(networks, weights or (1.0,) * len(networks))
     if weights:
@@ -229,7 +230,7 @@ def verify(
 ) -> Match:
     """Compare a compiled model with its float reference on other recordings, spike by spike.
 
-    ``scheduler``: the address of a Dask cluster that plays them, with the same result.
+    ``scheduler`` is the address of a Dask cluster that plays them, with the same result.
     """
     with spread_over(scheduler) as spread:
         return _compare(compiled.levels, recordings_for(compiled.network, events, labels), progress, spread)
@@ -243,7 +244,7 @@ def diagnose(
     samples: int | None = None,
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """Take the error of a compiled model apart on other recordings, on all of them or at most ``samples``."""
+    """Break down the error of a compiled model on other recordings: on all of them or at most ``samples``."""
     recordings = recordings_for(compiled.network, events, labels)
     played = compiled.network.fit(recordings.spikes, recordings.source)
     first = _compare(compiled.levels, recordings, None).first_divergence
@@ -251,7 +252,7 @@ def diagnose(
 
 
 def recordings_for(network: Network, events: Events | None, labels: ArrayLike | None = None) -> Recordings:
-    """Return the recordings to check on; with no events the model's own, else synthetic ones."""
+    """Return the recordings to check on; without events those in the model, or else synthetic ones."""
     if labels is not None and (events is None or isinstance(events, str | Path | Recordings)):
         raise InputError("labels", "they belong to an array, and other events bring their own", fix="Leave labels out.")
     if events is None:
@@ -274,7 +275,7 @@ def recordings_for(network: Network, events: Events | None, labels: ArrayLike | 
 
 
 def calibration_recordings(network: Network, calibration: str | Path) -> Recordings:
-    """Return the recordings of a file or folder to make choices on: of what is divided, the train part."""
+    """Return the recordings of a file or folder to make choices on: if it is divided, the train part."""
     part = "train" if "train" in recording_parts(calibration) else None
     return read_recordings(calibration, split=part, model=network.expected)
 
@@ -300,7 +301,7 @@ def _lower(
     fixed = replace(asked, strategy=next(iter(STRATEGIES))) if asked.strategy == AUTO else asked
     levels = lower_as(network, chip, fixed, calibrate(network, calibration, chip.registers))
     found = {population.strategy for population in levels.quantized.populations}
-    # Neurons that have a reset of their own are what ``reset`` makes of others.
+    # Neurons with a reset of their own are already what ``reset`` turns others into.
     if asked.strategy not in {AUTO, *found} and not (asked.strategy == "reset" and found == {NATIVE}):
         measured = f"its neurons are {levels.quantized.strategy}"
         fix = "Leave the strategy out."
@@ -309,7 +310,7 @@ def _lower(
 
 
 def _calibration(network: Network, recordings: Recordings, calibration: Events | None) -> Recordings:
-    """Return the recordings that choices are made on: never those of the check, where there are others."""
+    """Return the recordings that choices are made on: never those of the check, if there are others."""
     if isinstance(calibration, str | Path):
         return calibration_recordings(network, calibration)
     if calibration is not None or network.recordings is not None or network.sensor is not None:

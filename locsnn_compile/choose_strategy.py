@@ -1,8 +1,8 @@
-"""Choose a setting - strategy, weight bits, split weights - by what it does on calibration recordings.
+"""Choose a setting - strategy, weight bits, split weights - by its results on calibration recordings.
 
-Without a budget the strategies are compared as they are. With one, every strategy is made more exact until it keeps the
-budget, by splitting more of its weights; if none does, so is the strategy that costs more than all of them. Then, where
-spikes are bounded, the cheapest that does is tried with fewer bits.
+Without a budget, the strategies are compared as they are. With a budget, more weights of each strategy are split until
+it keeps the budget; if none does, the strategy of last resort is tried in the same way. Then, if spikes are bounded,
+the cheapest setting that keeps the budget is tried with fewer bits.
 """
 
 from collections.abc import Sequence
@@ -23,11 +23,11 @@ from locsnn_compile.verification.error_bounds import ErrorBudget, Losses, defaul
 from locsnn_compile.verification.matching import compare
 
 SHARES = (0.0, 0.25, 1.0)
-"""Shares of weights that are split in turn, until a budget is kept."""
+"""Shares of weights to split, tried in turn until a budget is kept."""
 
 
 class Candidate(Losses):
-    """What a setting loses on the calibration recordings."""
+    """A setting and what it loses on the calibration recordings."""
 
     setting: Setting
 
@@ -38,7 +38,7 @@ class Candidate(Losses):
 
 
 class Choice(Shown):
-    """The candidate that was taken, its program, all that were compared, on how many recordings of which source."""
+    """The candidate taken, its program, all candidates, and the number and source of the recordings."""
 
     taken: Candidate
     levels: Levels
@@ -49,7 +49,7 @@ class Choice(Shown):
 
     @property
     def keeps_budget(self) -> bool:
-        """Whether what was taken keeps the budget on the calibration recordings."""
+        """Whether the candidate taken keeps the budget on the calibration recordings."""
         return self.taken.keeps(self.budget)
 
 
@@ -63,12 +63,12 @@ def choose_strategy(
     *,
     settled: bool = False,
 ) -> Choice | None:
-    """Take the cheapest setting tried that keeps the budget, or, if none does, the most accurate.
+    """Take the cheapest setting that keeps the budget or, if none does, the most accurate.
 
-    ``asked``: one strategy or all, the most weight bits that are tried, and a share of split weights, which is what is
-    asked for where it is ``settled``, else the least that keeps the budget. A setting that this chip cannot hold is
-    passed over; if that is all of them, the first ``TargetError`` is raised. Returns None for a network with no float
-    SRM neurons: there is nothing to choose.
+    ``asked`` has one strategy or ``auto``, the most weight bits to try, and a share of split weights, which is used if
+    ``settled``; otherwise the least that keeps the budget is found. Settings that this chip cannot hold are skipped; if
+    it holds none, the first ``TargetError`` is raised. Returns None for a network without float SRM neurons, because
+    there is nothing to choose.
     """
     if not network.by_strategy:
         return None
@@ -87,7 +87,7 @@ def choose_strategy(
         _take_bits_away(trial, budget)
     candidates = tuple(trial.candidates.values())
     limits = budget if budget.given else default_budget(candidates[0])
-    # Where nothing was compared nothing speaks for a cheaper one.
+    # If nothing was compared, there is no reason to take a cheaper one.
     taken = (_cheapest(candidates, limits) if limits.given else None) or min(
         candidates, key=lambda c: (c.prediction_error or 0.0, c.spike_error or 0.0)
     )
@@ -96,7 +96,7 @@ def choose_strategy(
 
 
 def _split_more(trial: "_Trial", firsts: Sequence[Setting], budget: ErrorBudget, shares: Sequence[float]) -> None:
-    """Split more weights of each setting, until it keeps the budget."""
+    """Split more weights of each setting until it keeps the budget."""
     for setting in firsts:
         for share in shares:
             found = trial.measure(replace(setting, split_weights=share))
@@ -105,9 +105,9 @@ def _split_more(trial: "_Trial", firsts: Sequence[Setting], budget: ErrorBudget,
 
 
 def _take_bits_away(trial: "_Trial", budget: ErrorBudget) -> None:
-    """Try the cheapest setting that keeps the budget with fewer bits, until it does not."""
+    """Try the cheapest setting that keeps the budget with fewer bits until it does not."""
     cheapest = _cheapest(tuple(trial.candidates.values()), budget)
-    # A few recordings say much of spikes, and little of predictions: these alone do not take bits away.
+    # A few recordings say much about spikes but little about predictions, which are not enough to take bits away.
     if cheapest is None or budget.max_spike_error is None:
         return
     for bits in sorted((b for b in trial.chip.registers.weight_bits if b < cheapest.setting.weight_bits), reverse=True):
@@ -123,7 +123,7 @@ def _cheapest(candidates: Sequence[Candidate], budget: ErrorBudget) -> Candidate
 
 @dataclass(eq=False)
 class _Trial:
-    """Settings as they are compiled and played, each once."""
+    """Compiles and plays settings, each once."""
 
     network: Network
     chip: hw.Chip
@@ -135,7 +135,7 @@ class _Trial:
     errors: list[TargetError] = field(default_factory=list)
 
     def measure(self, setting: Setting) -> Candidate | None:
-        """Return how a setting does; None where the chip cannot hold it."""
+        """Return what a setting loses; None if the chip cannot hold it."""
         if setting not in self.candidates:
             try:
                 levels = lower_as(self.network, self.chip, setting, self.calibration)
@@ -148,7 +148,7 @@ class _Trial:
 
 
 def lower_as(network: Network, chip: hw.Chip, setting: Setting, calibration: Calibration | None) -> Levels:
-    """Lower by a setting, with all that rounding can do."""
+    """Lower by a setting, with the finest rounding."""
     rounding = replace(FINE, split=setting.split_weights)
     return lower(network, chip, setting.weight_bits, setting.strategy, rounding, calibration)
 

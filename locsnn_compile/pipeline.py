@@ -44,7 +44,7 @@ def lower(
     rounding: Rounding = NEAREST,
     calibration: Calibration | None = None,
 ) -> Levels:
-    """Lower a network to a program, SRM neurons by a strategy; levels are checked as they come."""
+    """Lower a network to a program, SRM neurons by a strategy; every level is checked."""
     check_network(network)
     quantized = quantize(network, chip, weight_bits, strategy, rounding, calibration)
     compartments = lower_neurons(quantized, chip)
@@ -66,4 +66,4 @@ LEVEL_TEXTS: dict[str, Callable[[Levels], str]] = {
     "routed": lambda levels: routed_text(levels.routed),
     "program": lambda levels: program_text(levels.program),
 }
-"""What ``--emit KIND`` writes to ``KIND.txt``: every level as stable text."""
+"""What ``--emit KIND`` writes to ``KIND.txt``: each level as stable text."""

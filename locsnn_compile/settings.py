@@ -1,7 +1,7 @@
-"""How a network can be compiled: strategies, settings, the axes they lie on, and the grid of those that are explored.
+"""How a network can be compiled: strategies, settings, their axes, and the grid of settings to explore.
 
-A strategy lays out spike response neurons on a chip; they stand in the order in which they are tried. Nothing here
-imports anything heavy, so that help and completion can say the names.
+A strategy lays out spike response neurons on a chip; strategies are tried in the order given here. This module imports
+nothing heavy, because help and completion show the names.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ from typing import TYPE_CHECKING, Any
 from locsnn_compile.errors import InputError, did_you_mean
 
 NATIVE = "native"
-"""What neurons are that the chip has as they are: they need no strategy."""
+"""The strategy of neurons that the chip has as they are: they need none."""
 AUTO = "auto"
-"""The cheapest strategy that loses no more than it may."""
+"""Stands for the cheapest strategy within the error budget."""
 
 
 @dataclass(frozen=True)
 class Strategy:
-    """``layout``: a neuron in compartments, in words; it has so many ``dendrites`` of each kind.
+    """``layout`` describes a neuron in compartments, with so many ``dendrites`` of each kind.
 
-    ``trainable``: networks can be trained on its integers. A ``last_resort`` costs more than any other, with split
-    weights or without: it is tried where no other keeps a budget, or where it is asked for.
+    ``trainable``: networks can be trained on its integers. A ``last_resort`` costs more than any other, even with split
+    weights: it is tried only if no other strategy keeps the budget, or if asked for.
     """
 
     layout: str
@@ -49,7 +49,7 @@ LAYOUTS = {name: strategy.layout for name, strategy in STRATEGIES.items()} | {
 }
 TRAINABLE = tuple(name for name, strategy in STRATEGIES.items() if strategy.trainable)
 USUAL = tuple(name for name, strategy in STRATEGIES.items() if not strategy.last_resort)
-"""Those that are tried first."""
+"""The strategies that are tried first."""
 
 
 if TYPE_CHECKING:
@@ -59,26 +59,26 @@ Value = str | int | float
 
 
 def has_srm_neurons(network: Network) -> bool:
-    """Tell whether some neurons are float SRM neurons, which a strategy lays out."""
+    """Tell whether a network has float SRM neurons, which a strategy lays out."""
     return network.by_strategy
 
 
 def has_float_weights(network: Network) -> bool:
-    """Tell whether some weights are to be rounded: on-grid ones are kept as they are."""
+    """Tell whether a network has weights to round; on-grid weights are kept as they are."""
     return any(not population.on_grid for population in network.populations)
 
 
 def has_both_axes(network: Network) -> bool:
-    """Tell whether there is a time branch and a location branch, which predictions weigh by time."""
+    """Tell whether a network has a time and a location branch, which predictions can weigh by time."""
     return len({population.axis for population in network.populations}) == 2
 
 
 @dataclass(frozen=True)
 class Axis:
-    """One option of the compiler: ``name`` is its keyword in ``compile``, and its option with dashes for underscores.
+    """One option of the compiler; ``name`` is its keyword in ``compile``.
 
-    ``values`` are tried where the option ``matters`` to a network; elsewhere there is only the ``neutral`` one. Others
-    can be asked for between ``bounds``, where these are given.
+    ``values`` are tried if the option ``matters`` to a network, and otherwise only the ``neutral`` one. With
+    ``bounds``, other values between them can be asked for.
     """
 
     name: str
@@ -87,9 +87,9 @@ class Axis:
     matters: Callable[[Network], bool]
     help: str
     text: str = "{}"
-    """How a value reads in the name of a setting."""
+    """How the name of a setting shows a value."""
     unsaid: Value | None = None
-    """A value that the name of a setting leaves out."""
+    """The value that the name of a setting leaves out."""
     bounds: tuple[float, float] | None = None
 
     @property
@@ -128,7 +128,7 @@ AXES = (
 
 @dataclass(frozen=True)
 class Setting:
-    """How a network is compiled: keyword arguments of ``compile``, one of each axis, in the order of :data:`AXES`."""
+    """How a network is compiled: keyword arguments of ``compile``, one per axis, in the order of :data:`AXES`."""
 
     strategy: str
     weight_bits: int
@@ -148,7 +148,7 @@ class Setting:
         return self.name()
 
     def name(self, axes: Collection[int] | None = None) -> str:
-        """Return what tells a setting from others, by the axes of these numbers or by all."""
+        """Return the values of a setting in words, on the axes with these numbers or on all."""
         rows = [(i, axis, value) for i, (axis, value) in enumerate(zip(AXES, self.values, strict=True))]
         return ", ".join(
             axis.text.format(value) for i, axis, value in rows if (axes is None or i in axes) and value != axis.unsaid
@@ -156,11 +156,11 @@ class Setting:
 
 
 def settings(network: Network, wanted: Mapping[str, Sequence[Value]], most_bits: int) -> tuple[Setting, ...]:
-    """Return the grid, the last axis fastest: on each axis the values wanted, by its name, else all that matter.
+    """Return the grid, the last axis fastest: on each axis the values wanted, by its name, or else all that matter.
 
-    The chip's widest weights have ``most_bits``; wider ones are tried only where they are asked for.
+    The chip's widest weights have ``most_bits``; wider ones are tried only if asked for.
 
-    Raises ``InputError`` for values of weights that are not rounded.
+    Raises ``InputError`` for options of rounding if no weights are rounded.
     """
     of_weights = [axis for axis in AXES if axis.matters is has_float_weights and wanted.get(axis.name)]
     check_matters(network, {axis.name: axis.option for axis in of_weights})
@@ -169,12 +169,12 @@ def settings(network: Network, wanted: Mapping[str, Sequence[Value]], most_bits:
 
 
 def usual_settings(network: Network, most_bits: int) -> tuple[Setting, ...]:
-    """Return what ``auto`` tries where no bound is given: each strategy, all else as it is by default."""
+    """Return what ``auto`` tries if no bound is given: each strategy, with defaults for everything else."""
     return tuple(Setting(str(strategy), most_bits) for strategy in _default(AXES[0], network, most_bits))
 
 
 def check_matters(network: Network, given: Mapping[str, str]) -> None:
-    """Refuse options that would change nothing for this network; ``given``: how messages show each that was given."""
+    """Refuse options that would change nothing for this network; ``given`` has those given, as messages show them."""
     for name, matters, why in (
         ("weight_bits", has_float_weights, "the weights of this model are integers of the chip already"),
         ("split_weights", has_float_weights, "the weights of this model are integers of the chip already"),
@@ -186,7 +186,7 @@ def check_matters(network: Network, given: Mapping[str, str]) -> None:
 
 
 def check_values(wanted: Mapping[str, Sequence[Value]]) -> None:
-    """Refuse values that no axis has."""
+    """Refuse values that are not on their axis."""
     for axis in AXES:
         for value in wanted.get(axis.name, ()):
             axis.check(value)

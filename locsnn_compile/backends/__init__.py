@@ -1,12 +1,12 @@
-"""What a program can be written out as for other tools: test benches, waveform viewers, graphs, simulators.
+"""Files of a program for other tools: test benches, waveform viewers, graph tools, simulators.
 
-:func:`locsnn_compile.backends.files.bench_files` gives the files; a kind a module.
+:func:`locsnn_compile.backends.files.bench_files` makes them, with a module for each kind.
 """
 
 LEVEL_KINDS = ("network", "quantized", "compartments", "placed", "routed", "program")
 """Levels of the compiler, as text."""
 BENCH_KINDS = ("vectors", "rtl", "vcd", "trace", "sanafe", "graphml", "dot")
-"""Programs and a recording played to them, for test benches, viewers and other simulators."""
+"""A program and a recording played to it, for test benches, viewers and other simulators."""
 EXCHANGE_KINDS = ("nir", "net")
 """The model itself, as a file of another tool."""
 EMITTED_NAMES = {
@@ -22,7 +22,7 @@ EMITTED_NAMES = {
     "csv": "csv/",
     "viewer": "viewer.html",
 }
-"""What the kinds write, a folder where it ends in a slash."""
+"""The file that each kind writes, or the folder if the name ends in a slash."""
 EMIT_KINDS = tuple(EMITTED_NAMES)
 """All that ``--emit`` takes."""
 BUILD_NAMES = ("program.yaml", "program.npz", "report.json", "report.md", "report.html")

@@ -1,4 +1,4 @@
-"""The files of every kind that ``--emit`` takes besides the levels."""
+"""The files of :data:`locsnn_compile.backends.BENCH_KINDS`."""
 
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -21,11 +21,10 @@ def bench_files(
     title: str = "recording 0",
     probes: Sequence[str] = (),
 ) -> dict[str, bytes]:
-    """Return the files of some of :data:`locsnn_compile.backends.BENCH_KINDS` by name; the same input gives the same
-    bytes.
+    """Return the files of some kinds by name; equal input gives equal bytes.
 
-    ``spikes``: the one recording that vectors, waveforms, timeline and spikes for SANA-FE are of, (steps, channels), or
-    a mapping by stream; ``title`` says which it is. ``probes``: compartments of the waveforms, ``population[index]``.
+    ``spikes`` are the recording to play for vectors, waveforms, timeline and SANA-FE, (steps, channels) or a mapping by
+    stream; ``title`` names it. ``probes`` are the compartments of the waveforms, as ``population[index]``.
     """
     played = cache(lambda: play_recording(program, spikes, title))
     makers: dict[str, Callable[[], dict[str, bytes]]] = {

@@ -20,8 +20,8 @@ class ProgramGraph(Frozen, eq=False):
     """Nodes by their names, and edges (source, target, values), in the program's order.
 
     A node is an ``input`` or a slice of ``compartments``, ``start`` to ``stop`` of a group on a core. An edge counts
-    ``synapses``, the axons that they come over and the hops of a spike, or the compartments that are ``joined`` one to
-    one: they add their voltage to those of the target.
+    ``synapses``, their axons and the hops of a spike, or ``joined`` compartments, which add their voltage one to one to
+    those of the target.
     """
 
     program: hw.ChipProgram
@@ -53,7 +53,7 @@ def _slice(core: Core, number: int) -> str:
 
 
 def _into(core: Core, program: hw.ChipProgram) -> Iterator[Edge]:
-    """Yield the edges onto a core: its synapses, counted by the node of their axon's source and of their target."""
+    """Yield the edges onto a core: its synapses, counted by the nodes of their source and target."""
     axons = core.axons
     sources: list[tuple[str, int]] = []
     source_of_axon = np.full(axons.input_axons, -1, dtype=np.int64)
@@ -93,7 +93,7 @@ _TYPES = {str: "string", int: "long", bool: "boolean"}
 
 
 def graphml_file(program: hw.ChipProgram) -> dict[str, bytes]:
-    """Return the file by name: a node for each input and slice, an edge for synapses and for joined compartments."""
+    """Return the file by name: a node for each input and slice, edges for synapses and joined compartments."""
     graph = placed_graph(program)
     root = ElementTree.Element("graphml", xmlns=_NAMESPACE)
     about: Values = {"name": program.name, "target": program.chip.name}
@@ -113,7 +113,7 @@ def graphml_file(program: hw.ChipProgram) -> dict[str, bytes]:
 
 
 def dot_file(program: hw.ChipProgram) -> dict[str, bytes]:
-    """Return the file by name: a box for each core, joined compartments dashed."""
+    """Return the file by name: a box for each core, and dashed edges for joined compartments."""
     graph = placed_graph(program)
     inputs = [{"id": name, **item} for name, item in graph.nodes.items() if item["kind"] == "input"]
     cores = []
@@ -138,6 +138,6 @@ def _data(element: ElementTree.Element, domain: str, values: Values) -> None:
 
 
 def _escaped(text: str) -> str:
-    """Return a text for a quoted string; a backslash would begin an escape, a control character would not show."""
+    """Return a text for a quoted string, with backslashes and quotes escaped and control characters replaced."""
     printable = "".join(c if c.isprintable() else "\ufffd" for c in text)
     return printable.replace("\\", "\\\\").replace('"', '\\"')

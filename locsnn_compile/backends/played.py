@@ -1,6 +1,6 @@
-"""What emitters share: a recording played to a program with every spike and register kept, and names.
+"""What emitters share: a recording played to a program, with every spike and register, and names.
 
-Names are those for formats that allow few characters, and names of the user's in Markdown.
+Names are for formats that allow few characters, and for Markdown.
 """
 
 import re
@@ -21,9 +21,8 @@ from locsnn_compile.errors import InputError
 class Played(Frozen, eq=False):
     """A recording on a program.
 
-    ``lines[phase]`` (steps, lines): spikes of the phase's input lines, inputs one after the other, as the transpose
-    buffer leaves them. ``result`` holds spikes, u, v, potential and activity, arrays (steps, n). ``title`` says which
-    recording this is.
+    ``lines[phase]`` (steps, lines) are the spikes of the phase's input lines, input by input, after the transpose
+    buffer. ``result`` holds spikes, u, v, potential and activity, arrays (steps, n). ``title`` names the recording.
     """
 
     program: hw.ChipProgram
@@ -37,7 +36,7 @@ class Played(Frozen, eq=False):
 
     @cached_property
     def phases(self) -> tuple[Phase, ...]:
-        """Phases that have cores, in the order in which they run."""
+        """The phases that have cores, in the order in which they run."""
         return tuple(phase for phase in self.program.phases if self.program.cores_of(phase.name))
 
     def register(self, core: Core, kind: Register) -> IntArray:
@@ -86,7 +85,7 @@ def play_recording(program: hw.ChipProgram, spikes: Spikes, title: str = "record
 
 
 def unique_names(texts: Iterable[str]) -> dict[str, str]:
-    """Return a name of letters, digits and underscores for every text, no two alike."""
+    """Return a unique name of letters, digits and underscores for every text."""
     names: dict[str, str] = {}
     for text in texts:
         base = "_" * text[:1].isdigit() + re.sub(r"[^A-Za-z0-9_]", "_", text) or "_"
@@ -98,5 +97,5 @@ def unique_names(texts: Iterable[str]) -> dict[str, str]:
 
 
 def code_span(text: str) -> str:
-    """Return a text as a code span of Markdown, on one line and with nothing in it that means anything."""
+    """Return a text as a code span of Markdown, on one line and without characters that would end it."""
     return f"`{' '.join(text.replace('`', chr(39)).split())}`"

@@ -1,7 +1,7 @@
 """``--emit trace``: a timeline of steps and cores in the Trace Event Format, which chrome://tracing and Perfetto show.
 
-A phase is a process, a core a thread. A core updates and sends; when its last packet is there, it takes in what has
-arrived and adds up the synapses (:mod:`hw_model.accounting.cost`).
+A phase is a process, and a core a thread. A core updates and sends; when its last packet has arrived, it receives all
+packets and adds up the synapses (:mod:`hw_model.accounting.cost`).
 """
 
 import json
@@ -61,7 +61,7 @@ def _names(played: Played, phase: str, process: int) -> Iterator[Event]:
 
 
 def _step(played: Played, phase: str, process: int, step: int, times: StepTimes, start_ns: float) -> Iterator[Event]:
-    """Yield what happens in a step: the step itself, its barrier, and what each core works on."""
+    """Yield the events of a step: the step itself, its barrier, and the work of each core."""
     core_ns, begin_ns, sent_ns = times.core_ns[step], times.begin_ns[step], times.sent_ns[step]
     slowest = float(core_ns.max())
     cores = played.program.cores_of(phase)

@@ -1,7 +1,7 @@
 """``--emit vcd``: u, v, potential and spikes of chosen compartments as a value change dump (IEEE 1364), for a viewer.
 
-A microsecond of the file is one algorithmic step; phases follow each other. Signals of a phase are unknown (x) before
-it and keep their last value after it.
+A microsecond in the file is one algorithmic step, and phases follow each other. Signals of a phase are unknown (x)
+before it, and keep their last value after it.
 """
 
 import re
@@ -16,7 +16,7 @@ from locsnn_compile.errors import InputError, did_you_mean
 
 FILE = "waves.vcd"
 _FIRST_CODE, _CODES = 33, 94
-"""Identifier codes are made of the printable characters ``!`` to ``~``."""
+"""Identifier codes consist of the printable characters ``!`` to ``~``."""
 _STEP_BITS = 32
 _PROBE = re.compile(r"(?P<group>.+)\[(?P<first>[0-9]{1,9})(?::(?P<stop>[0-9]{1,9}))?\]")
 
@@ -32,7 +32,7 @@ class _Signal(Frozen, eq=False):
     values: IntArray
 
     def bits(self, i: int) -> str:
-        """Return a value; every bit, for a reader fills up with zeros, which would make a negative number positive."""
+        """Return all bits of a value: readers fill up with zeros, which would make negative numbers positive."""
         return format(int(self.values[i]) & (1 << self.width) - 1, f"0{self.width}b")
 
 
@@ -55,7 +55,7 @@ def vcd_file(played: Played, probes: Sequence[str]) -> dict[str, bytes]:
 
 
 def _signals(played: Played, compartments: "Sequence[Compartment]", groups: dict[str, str]) -> Iterator[_Signal]:
-    """Yield the signals phase by phase, those of a scope one after the other."""
+    """Yield the signals phase by phase and scope by scope."""
     registers, result, start = played.program.chip.registers, played.result, 0
     current, voltage = registers.current_bits + 1, registers.voltage_bits + 1
     names = unique_names(phase.name for phase in played.phases)
@@ -75,7 +75,7 @@ def _signals(played: Played, compartments: "Sequence[Compartment]", groups: dict
 
 
 def _declarations(signals: Sequence[_Signal]) -> Iterator[str]:
-    """Yield the variables, their scopes opened and closed around them."""
+    """Yield the variables between the start and end of their scopes."""
     open_scopes: tuple[str, ...] = ()
     for number, signal in enumerate(signals):
         common = 0
@@ -90,7 +90,7 @@ def _declarations(signals: Sequence[_Signal]) -> Iterator[str]:
 
 
 def _changes(signals: Sequence[_Signal], end: int) -> Iterator[str]:
-    """Yield every time with the values that change there."""
+    """Yield every time at which values change, with the new values."""
     changes: dict[int, list[str]] = {0: [], end: []}
     for number, signal in enumerate(signals):
 
@@ -111,7 +111,7 @@ def _changes(signals: Sequence[_Signal], end: int) -> Iterator[str]:
 
 
 def _code(number: int) -> str:
-    """Return the identifier code of a signal: digits of base 94, the lowest first."""
+    """Return the identifier code of a signal: its number in base 94, with the lowest digit first."""
     code = ""
     while True:
         number, digit = divmod(number, _CODES)
@@ -121,7 +121,7 @@ def _code(number: int) -> str:
 
 
 def _plain(text: str) -> str:
-    """Return a text without what would end a comment early or break a line."""
+    """Return a text without characters that would end a comment or a line."""
     return " ".join(text.replace("$", "_").split()).encode("ascii", "replace").decode()
 
 
@@ -133,10 +133,10 @@ class Compartment(Frozen, order=True):
 
 
 def probed(played: Played, probes: Sequence[str]) -> tuple[Compartment, ...]:
-    """Return the compartments that probes name, those joined to them included, in the program's order.
+    """Return the compartments that probes name, and those joined to them, in the program's order.
 
-    A probe is ``population[index]``, ``population[first:stop]`` or ``population``. With none, the neuron of every
-    population that spikes most in the recording, the first of equals.
+    A probe is ``population[index]``, ``population[first:stop]`` or ``population``. Without probes, it is the neuron of
+    every population that spikes most in the recording.
     """
     program = played.program
     chosen = [compartment for probe in probes for compartment in _read(program, probe)]

@@ -1,7 +1,7 @@
-"""A job in parts, done here, by processes of this machine, or by workers of a Dask cluster that run the same code.
+"""A job in parts, run in this process, in others on this machine, or on workers of a Dask cluster with the same code.
 
-Dask needs the extra ``dask``. A process or worker that dies takes nothing with it: its part is done again. Figures are
-comparable only where the same code made them.
+Dask needs the extra ``dask``. If a process or worker dies, its part runs again. Figures are comparable only if the same
+code made them.
 """
 
 import hashlib
@@ -30,7 +30,7 @@ _SUFFIXES = (".py", ".yaml")
 
 @cache
 def code_version() -> str:
-    """Return the package's version and a digest of its sources, which also change between versions."""
+    """Return the version of the package and a digest of its sources, which also change between releases."""
     digest = hashlib.sha256()
     for folder in (Path(hw_model.__file__).parent, Path(__file__).parents[1]):
         for path in sorted(folder.rglob("*")):
@@ -45,7 +45,7 @@ def code_version() -> str:
 
 
 def check_code(where: str, code: str) -> None:
-    """Refuse what other code than this has measured."""
+    """Refuse results of other code than this."""
     what, fix = "another version of locsnn-compile runs there", "Install the same one everywhere."
     check_same(code, code_version(), where, what, fix=fix)
 
@@ -55,38 +55,38 @@ Result = TypeVar("Result")
 
 
 class Spread(Protocol):
-    """Does the parts of a job; holds no more of them, and of their results, than are under way."""
+    """Runs the parts of a job, holding only the parts and results that are in progress."""
 
     def __call__(self, work: Callable[[Part], Result], parts: Iterable[Part], /) -> Generator[Result, None, None]:
-        """Yield what ``work`` gives for each part, in their order."""
+        """Yield the result of ``work`` for each part, in order."""
 
 
 def here(work: Callable[[Part], Result], parts: Iterable[Part], /) -> Generator[Result, None, None]:
-    """Do one part after the other in this process."""
+    """Run the parts one by one in this process."""
     for part in parts:
         yield work(part)
 
 
 def packed(value: object) -> bytes:
-    """Return bytes to send to another process: recordings are mostly zeros, and shrink a hundredfold."""
+    """Return bytes to send to another process; recordings are mostly zeros, and shrink a hundredfold."""
     return zlib.compress(pickle.dumps(value))
 
 
 @lru_cache(maxsize=2)
 def unpacked(content: bytes) -> Any:
-    """Return what :func:`packed` was given in a process of ours; kept for the next part of the same job."""
+    """Return what :func:`packed` was given in one of our processes; it is kept for the next part of the job."""
     return pickle.loads(zlib.decompress(content))
 
 
 def work_packed(work: bytes, part: bytes) -> Any:
-    """Do a part that comes from another process; what both share is unpacked once."""
+    """Run a part that another process sent; ``work``, which all parts share, is unpacked once."""
     return unpacked(work)(unpacked.__wrapped__(part))
 
 
 PATIENCE_SECONDS = 30
-"""For the scheduler to answer, and for its first worker."""
+"""How long to wait for the scheduler, and for its first worker."""
 AHEAD = 2
-"""Parts for each thread of the cluster that are under way: the next one is there when one is done."""
+"""Parts in progress per thread of the cluster, so the next one is there when one is done."""
 
 
 class Cluster(Frozen):
@@ -97,7 +97,7 @@ class Cluster(Frozen):
     distributed: ModuleType
 
     def result(self, future: Any) -> Any:
-        """Return the result of a future; whose worker died is done again by others, and by none after a few times."""
+        """Return the result of a future. If its worker dies, Dask runs it again, but only a few times."""
         try:
             return future.result()
         except self.distributed.KilledWorker:
@@ -107,8 +107,8 @@ class Cluster(Frozen):
             raise InputError(self.where, "it was lost", fix="Start it and the command again.") from None
 
     def spread(self, work: Callable[[Part], Result], parts: Iterable[Part], /) -> Generator[Result, None, None]:
-        """Have parts done by the workers, so many at a time; see :class:`Spread`."""
-        # The work goes with every part, not to the workers beforehand, where it would be lost with them.
+        """Run parts on the workers, a few at a time; see :class:`Spread`."""
+        # The work is sent with every part; if it were sent to workers beforehand, it would be lost with them.
         job, waiting = packed(work), deque[Any]()
         most = AHEAD * max(1, sum(self.client.nthreads().values()))
         for part in parts:
@@ -121,7 +121,7 @@ class Cluster(Frozen):
 
 @contextmanager
 def spread_over(address: str | None, processes: int | None = None) -> Iterator[Spread]:
-    """Give what does the parts of a job: the cluster of a scheduler, so many processes, or else this one."""
+    """Give what runs the parts of a job: the cluster of a scheduler, so many processes, or this process."""
     if address is None:
         yield partial(_in_processes, processes) if processes else here
         return
@@ -131,7 +131,7 @@ def spread_over(address: str | None, processes: int | None = None) -> Iterator[S
 
 @contextmanager
 def connected(address: str) -> Iterator[Cluster]:
-    """Connect to a scheduler that has at least one worker, all of them with this code; Dask has to be installed."""
+    """Connect to a scheduler with at least one worker, all running this code; Dask must be installed."""
     try:
         import distributed
     except ImportError:
@@ -139,7 +139,7 @@ def connected(address: str) -> Iterator[Cluster]:
         raise InputError("--scheduler", "Dask is not installed", fix=fix) from None
     where, waited = f"--scheduler {address}", f"within {PATIENCE_SECONDS} s"
     try:
-        # A client that finds the address wrong by itself waits a minute for its end, and prints a traceback.
+        # With a wrong address, the client would wait a minute and print a traceback.
         distributed.comm.addressing.resolve_address(address)
         client: Any = distributed.Client(address, timeout=PATIENCE_SECONDS, set_as_default=False)  # type: ignore[no-untyped-call]
     except ValueError as error:
@@ -166,13 +166,13 @@ def connected(address: str) -> Iterator[Cluster]:
 
 
 ATTEMPTS = 3
-"""Pools of processes in a row that may die without having finished a part."""
+"""Pools of processes that may die in a row without finishing a part."""
 
 
 def _in_processes(
     workers: int, work: Callable[[Part], Result], parts: Iterable[Part], /
 ) -> Generator[Result, None, None]:
-    """Have parts done by so many processes of this machine; results come as they are there, in any order."""
+    """Run parts in so many processes of this machine; results come in any order."""
     job, left = packed(work), dict(enumerate(map(packed, parts)))
     attempts = ATTEMPTS
     while left and attempts:
@@ -188,9 +188,9 @@ def _in_processes(
 
 
 def _one_pool(workers: int, job: bytes, parts: Mapping[int, bytes]) -> Iterator[tuple[int, Any]]:
-    """Yield what a pool finishes before one of its processes dies, if one does: that ends the pool."""
+    """Yield the results of a pool, until the end or until one of its processes dies, which ends the pool."""
     before = set(active_children())
-    # Forking a process with threads, the engine's, may hang.
+    # Forking may hang, because the engine has threads.
     pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_leave_interrupts_to_parent)
     try:
         futures = {pool.submit(work_packed, job, part): number for number, part in parts.items()}
@@ -201,7 +201,7 @@ def _one_pool(workers: int, job: bytes, parts: Mapping[int, bytes]) -> Iterator[
                 continue
             yield futures[future], result
     except BaseException:
-        # Interrupted or left: nobody waits for what is under way.
+        # Interrupted or abandoned: nobody waits for the parts in progress.
         for process in set(active_children()) - before:
             process.terminate()
         raise

@@ -1,6 +1,6 @@
-"""Speed against error against energy: settings of the compiler measured next to each other, and one recommended.
+"""Speed against error against energy: compare settings of the compiler, and recommend one.
 
     grid -> study -> sweep (here, in processes, or on Dask; finished points in a store) -> front -> recommend -> files
 
-A point's figures depend on model, recordings, chip, setting and the code alone, never on where it was measured.
+The figures of a point depend only on model, recordings, chip, setting and code, never on where it was measured.
 """

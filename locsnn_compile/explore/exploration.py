@@ -1,8 +1,8 @@
-"""What an exploration found: points, their front, which no other point beats, and the one recommended on it.
+"""The result of an exploration: points, the front of those that no other point beats, and the recommended one on it.
 
-Recommended is the cheapest within a budget. Choices are made on recordings that are not the test part: of an archive or
-folder that is divided, the train part unless another is asked for; without events, synthetic touches, for what a model
-carries may be of its test part.
+The cheapest point within a budget is recommended. Choices are not made on test recordings: by default on the train part
+of a divided archive or folder and, without events, on synthetic touches, because the recordings in a model may belong
+to its test part.
 """
 
 import shlex
@@ -34,10 +34,10 @@ REPORTING = "test"
 
 
 class Chosen(Frozen, eq=False):
-    """Recordings, ``available`` before they were bounded, and the ``part`` they are of; None where there are none.
+    """Recordings, how many were ``available``, and their ``part``, None if they are not divided.
 
-    ``file``: what ``--events`` or ``--calibration`` of ``locsnn-compile`` is given for the same ones; None where no
-    file holds just these.
+    ``file`` gives the same recordings as ``--events`` or ``--calibration`` of ``locsnn-compile``; None if no file holds
+    exactly these.
     """
 
     recordings: Recordings
@@ -46,7 +46,7 @@ class Chosen(Frozen, eq=False):
     file: str | None
 
     def words(self) -> str:
-        """Return which recordings these are: ``64 of 576 recordings of Ev-Objects.zip, train part``."""
+        """Return a description such as ``64 of 576 recordings of Ev-Objects.zip, train part``."""
         many = len(self.recordings)
         of = f" of {self.available}" if many < self.available else ""
         part = "" if self.part is None else f", {self.part} part"
@@ -54,14 +54,14 @@ class Chosen(Frozen, eq=False):
 
 
 def choose_events(network: Network, events: str | None, part: str | None, bound: int | None) -> Chosen:
-    """Return the recordings of ``events``, at most ``bound``, evenly spread over them.
+    """Return at most ``bound`` of the recordings of ``events``, evenly spread.
 
-    ``part``: ``train`` or ``test`` of a divided archive or folder; None takes train.
+    ``part`` is ``train`` or ``test`` of a divided archive or folder; None takes train.
     """
     if events is None:
         if part is not None:
             raise InputError(f"--part {part}", "there are no events to take it from", fix="Give them with --events.")
-        # None of its own: `locsnn train` lets a model carry recordings of the test part.
+        # Not the recordings in the model: `locsnn train` takes them from the test part.
         touches = recordings_for(replace(network, recordings=None), None)
         return _bounded(Chosen(touches, len(touches), None, None), bound)
     parts = recording_parts(events)
@@ -71,20 +71,20 @@ def choose_events(network: Network, events: str | None, part: str | None, bound:
         raise InputError(f"events {Path(events).name!r}", what, fix=fix)
     taken = part or (CHOOSING if parts else None)
     recordings = read_recordings(events, split=taken, model=network.expected)
-    # What is divided means one part as events and another as calibration recordings.
+    # For a divided file, locsnn-compile plays one part as events and calibrates on another.
     file = None if parts else events
     return _bounded(Chosen(recordings, len(recordings), taken, file), bound)
 
 
 def report_events(network: Network, events: str) -> Chosen:
-    """Return recordings to report on: all, of what is divided the test part."""
+    """Return the recordings to report on: all, or the test part if they are divided."""
     chosen = choose_events(network, events, REPORTING if recording_parts(events) else None, None)
-    # `locsnn-compile` plays the test part of what is divided.
+    # `locsnn-compile` plays the test part of divided recordings.
     return replace(chosen, file=events)
 
 
 def written(chosen: Chosen, path: Path) -> Chosen:
-    """Return the same recordings in a file, written where no file holds just these."""
+    """Return the same recordings with a file; write one if no file holds exactly these."""
     if chosen.file is not None:
         return chosen
     write_recordings(path, chosen.recordings)
@@ -105,36 +105,36 @@ FRONT_RULE = (
 
 
 OBJECTIVES = ("spike_error", "prediction_error", "energy_pj", "chip_time_ns")
-"""The figures that are to be small."""
+"""The figures to minimise."""
 
 
 def beats(one: Figures, other: Figures) -> bool:
-    """Tell whether one is at least as good in every objective, and better in one."""
+    """Tell whether one is at least as good in every objective and better in one."""
     pairs = list(zip(_objectives(one), _objectives(other), strict=True))
     return all(mine <= its for mine, its in pairs) and any(mine < its for mine, its in pairs)
 
 
 def on_front(figures: Sequence[Figures | None]) -> list[bool]:
-    """Mark those that no other beats; a setting without figures is not on the front, and beats none."""
+    """Mark the figures that no others beat; a setting without figures is not on the front and beats none."""
     return [
         mine is not None and not any(other is not None and beats(other, mine) for other in figures) for mine in figures
     ]
 
 
 def _objectives(figures: Figures) -> list[float]:
-    """Return the figures; 0 where nothing was compared, as both sides did nothing."""
+    """Return the objectives; 0 if nothing was compared, because then both sides did nothing."""
     return [float(getattr(figures, name) or 0.0) for name in OBJECTIVES]
 
 
 class Recommendation(Frozen):
-    """The point to take, None where no setting keeps the budget; ``why`` is a sentence without its end."""
+    """The point to take, None if no setting keeps the budget; ``why`` is a sentence without its full stop."""
 
     taken: Point | None
     why: str
 
 
 def recommend(points: Sequence[Point], budget: ErrorBudget, *, by_default: bool = False) -> Recommendation:
-    """Take the cheapest of the front that keeps the budget, which may be that of ``auto``. Some point has figures."""
+    """Take the cheapest point on the front that keeps the budget. At least one point has figures."""
     marks = on_front([point.figures for point in points])
     front = [(point, point.figures) for point, mark in zip(points, marks, strict=True) if mark and point.figures]
     if not budget.given:
@@ -156,11 +156,11 @@ def _nearest(front: Sequence[tuple[Point, Figures]]) -> str:
 
 
 class Exploration(Frozen, eq=False):
-    """Points in the order of the grid, what they were measured on, and what the recommended one may lose.
+    """Points in the order of the grid, what they were measured on, and the budget of the recommended one.
 
-    ``model``, ``target`` and ``calibration`` as they were given, the last None where it is the ``events``, in a file.
-    ``by_default``: no bound was given, and the ``budget`` is that of ``auto``.
-    ``reported``: points of the front on other recordings, ``reported_on``, on which nothing was chosen.
+    ``model``, ``target`` and ``calibration`` are as given; ``calibration`` is None if it is the file of ``events``.
+    ``by_default``: no bound was given, so the ``budget`` is that of ``auto``. ``reported``: the points on the front,
+    measured on the recordings ``reported_on``, on which nothing was chosen.
     """
 
     study: Study
@@ -190,16 +190,16 @@ class Exploration(Frozen, eq=False):
         return recommend(self.points, self.budget, by_default=self.by_default)
 
     def command(self, setting: Setting) -> str:
-        """Return the command that makes a point again."""
+        """Return the command that reproduces a point."""
         return self._command(setting, self.events)
 
     def report_command(self, setting: Setting) -> str | None:
-        """Return the command that makes a point again on the recordings to report on; None for one that was not."""
+        """Return the command that reproduces a point on the recordings reported on; None if it was not reported."""
         reported = any(point.setting == setting for point in self.reported)
         return self._command(setting, self.reported_on) if reported and self.reported_on else None
 
     def report_on(self, events: Chosen, store: Store, spread: Spread, progress: Progress | None) -> "Exploration":
-        """Measure the settings of the front on other recordings too."""
+        """Return the exploration with the settings on its front also measured on other recordings."""
         study = replace(self.study, recordings=events.recordings, engines=())
         return replace(self, reported=sweep(study, self.front, store, spread, progress), reported_on=events)
 

@@ -1,6 +1,6 @@
-"""One point: a setting compiled and checked on the recordings, or refused; and how long the engines take.
+"""One point: a setting that was compiled and checked on recordings, or refused, and how long the engines take.
 
-All points of an exploration share a study: a model, its file, a chip, recordings, and the engines that are timed.
+All points of an exploration share a study: a model, a chip, recordings, and the engines to time.
 """
 
 import hashlib
@@ -29,7 +29,7 @@ from locsnn_compile.verification.error_bounds import Losses
 
 
 class ModelFile(Frozen):
-    """What :func:`locsnn_compile.load` is given: a path, and options that are None where they were not given."""
+    """The arguments of :func:`locsnn_compile.load`: a path, and options, None if not given."""
 
     model: str
     config: str | None = None
@@ -47,15 +47,15 @@ class ModelFile(Frozen):
         return [given.pop("--model"), *chain.from_iterable(given.items())]
 
     def digest(self) -> str:
-        """Return a hash of all that decides the network: the bytes of its files, and the options."""
+        """Return a hash of everything that determines the network: the bytes of its files, and the options."""
         contents = [Path(path).read_bytes() for path in (self.model, self.config) if path is not None]
         return digest_of([astuple(self)[2:], [len(content) for content in contents]], *contents)
 
 
 class Study(Frozen, eq=False):
-    """``network`` is the model of the digest, :meth:`ModelFile.digest`; ``engines`` are timed on each point.
+    """What all points share. ``model_digest`` is :meth:`ModelFile.digest` of ``network``.
 
-    Settings are checked on ``recordings``, and compiled for the ``calibration`` recordings.
+    Settings are compiled for the ``calibration`` recordings and checked on ``recordings``; ``engines`` are timed.
     """
 
     network: Network
@@ -90,13 +90,13 @@ def _recordings_digest(recordings: Recordings) -> str:
 
 
 ENGINE_CALLS: dict[Engine, tuple[int, int]] = {"fast": (16, 10), "reference": (1, 2)}
-"""How an engine is timed: on so many recordings at a time, the first ones, and in so many calls, the fastest of which
-counts. The reference engine takes too long for more.
+"""How an engine is timed: on how many recordings, the first ones, and in how many calls, of which the fastest counts.
+The reference engine is too slow for more.
 """
 
 
 class Figures(Losses):
-    """What a report says of a setting; energy and chip time are means of a recording by the chip's default profile.
+    """The figures of a setting's report; energy and chip time are means per recording by the chip's default profile.
 
     Accuracies are None without labels.
     """
@@ -127,7 +127,7 @@ class Figures(Losses):
 
 
 class Refusal(Frozen):
-    """Why a setting gives no program: the parts of the error."""
+    """Why a setting was refused: the parts of the error, which are compared and stored."""
 
     kind: str
     where: str
@@ -137,24 +137,24 @@ class Refusal(Frozen):
 
     @classmethod
     def of(cls, error: LocsnnError) -> "Refusal":
-        """Take an error apart."""
+        """Return the parts of an error."""
         return cls(type(error).__name__, **vars(error))
 
     def error(self) -> LocsnnError:
-        """Return the error again."""
+        """Return the error made of the parts."""
         kind = TargetError if self.kind == "TargetError" else InputError
         return kind(self.where, self.what, measured=self.measured, fix=self.fix)
 
 
 class Timing(Frozen):
-    """Seconds of an engine for a recording, on the machine that measured the point, over so many recordings."""
+    """Seconds per recording of an engine, played so many recordings on the machine that measured the point."""
 
     recordings: int
     seconds: float
 
 
 class Point(Frozen):
-    """A setting's figures, or its refusal; ``timings`` by engine, and the code that measured all of it."""
+    """A setting with its figures or refusal, ``timings`` by engine, and the version of the code that measured it."""
 
     setting: Setting
     figures: Figures | None
@@ -182,7 +182,7 @@ def measure(study: Study, setting: Setting) -> Point:
 
 
 def _timings(program: hw.ChipProgram, recordings: ByteArray, engines: tuple[Engine, ...]) -> dict[str, Timing]:
-    """Time each engine on a piece of the recordings; where they share recordings, their spikes must be equal."""
+    """Time each engine on the first recordings; their spikes must be equal on the recordings that they share."""
     timings: dict[str, Timing] = {}
     spikes: list[Mapping[str, ByteArray]] = []
     for engine in engines:

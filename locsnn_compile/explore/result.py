@@ -1,7 +1,8 @@
-"""An exploration as files: figures, front and recommendation, and apart from them what clocks said; and as text.
+"""An exploration as files and as text.
 
-``explore.json``, ``explore.csv`` and ``explore.svg`` depend on what was explored alone: they have the same bytes
-wherever the points were measured. ``timings.csv`` and ``timings.svg`` hold the seconds that the engines took there.
+``explore.json``, ``explore.csv`` and ``explore.svg`` hold figures, front and recommendation. They depend only on what
+was explored: they have the same bytes wherever the points were measured. ``timings.csv`` and ``timings.svg`` hold the
+seconds that the engines took there.
 """
 
 import json
@@ -20,7 +21,7 @@ from locsnn_compile.settings import AXES, Setting, Value
 
 SCHEMA = "locsnn-explore/1"
 COLUMNS: dict[str, str] = texts("tables", "explored")["columns"]
-"""What the terminal shows of a point."""
+"""The figures of a point on the terminal, by heading."""
 X_LABEL = "spikes that differ from the float network's"
 Document = dict[str, Any]
 
@@ -60,7 +61,7 @@ def exploration_files(found: Exploration) -> dict[str, bytes]:
 
 
 def timing_rows(found: Exploration) -> list[Document]:
-    """Return a row for each point and engine: seconds of a recording, over how many recordings."""
+    """Return a row for each point and engine: seconds per recording, over how many recordings."""
     return [
         asdict(point.setting)
         | {"engine": engine, "recordings": timing.recordings, "seconds_per_recording": timing.seconds}
@@ -100,7 +101,7 @@ def _events(chosen: Chosen) -> Document:
 
 
 def _flat(row: Mapping[str, Any]) -> Document:
-    """Return a row of the table: figures of both sets of recordings in columns, empty where there are none."""
+    """Return a row of the table, with figures on both sets of recordings; cells without a figure are empty."""
     names = list(dict.fromkeys((*OBJECTIVES, *Figures.__dataclass_fields__)))
     figures, reported = row["figures"] or {}, row["reported"] or {}
     return {
@@ -113,7 +114,7 @@ def _flat(row: Mapping[str, Any]) -> Document:
 
 
 def figures_picture(found: Exploration) -> bytes:
-    """Draw what energy and time on the chip are paid for how few errors; the same figures give the same bytes."""
+    """Draw energy and time on the chip over spike error; equal figures give equal bytes."""
     profile = next(point.figures.energy_profile for point in found.points if point.figures)
     timed = f"time per recording on the chip ({profile or 'cycles of the open core'})"
     panels = [_panel(found, timed, time, lambda point, figures: figures.chip_time_ns)]
@@ -124,7 +125,7 @@ def figures_picture(found: Exploration) -> bytes:
 
 
 def timings_picture(found: Exploration) -> bytes:
-    """Draw what the simulator took for a recording, a panel for each engine."""
+    """Draw the time of the simulator per recording, with a panel for each engine."""
     panels = []
     for engine in found.study.engines:
         many = max(point.timings[engine].recordings for point in found.points if point.figures)
@@ -156,19 +157,19 @@ def _panel(found: Exploration, title: str, text: Callable[[float], str], y: Call
             taken=point is found.recommendation.taken,
         )
         for point, mark in zip(found.points, found.on_front, strict=True)
-        # Where no neuron spikes there is nothing to place a mark by.
+        # If no neuron spikes, the mark has no place.
         if point.figures and (error := point.figures.spike_error) is not None
     )
     return Panel(title, X_LABEL, _percent, text, marks)
 
 
 def _kinds(found: Exploration) -> list[Value]:
-    """Return the values of the first axis, each of which has a shape of its own."""
+    """Return the values of the first axis; each has a shape of its own."""
     return list(dict.fromkeys(point.setting.values[0] for point in found.points))
 
 
 def _label(found: Exploration, setting: Setting) -> str:
-    """Return the values of the other axes that differ between points."""
+    """Return the values on the other axes on which points differ."""
     columns = list(zip(*(point.setting.values for point in found.points), strict=True))
     differing = [i for i in range(1, len(AXES)) if len(set(columns[i])) > 1]
     return setting.name(differing)
@@ -226,7 +227,7 @@ def _cells(point: Point) -> list[str]:
 
 
 def _aligned(rows: Sequence[Sequence[str]], names: int) -> list[str]:
-    """Return rows with columns of equal width: the first ``names`` of them to the left, figures to the right."""
+    """Return rows with aligned columns: the first ``names`` columns to the left, the others to the right."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return [
         "  ".join(

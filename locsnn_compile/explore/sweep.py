@@ -1,10 +1,10 @@
-"""Measure every setting of a grid once, whatever interrupts it; and the bounds that ``auto`` keeps where none is given.
+"""Measure every setting of a grid once, despite interruptions, and find the bounds that ``auto`` keeps by default.
 
-Finished points are on disk, one small file each, named by the hash of all that decides it:
+Finished points are small files on disk, named by the hash of everything that determines the point:
 
     {"schema": "locsnn-explore-point/1", "sha256": of the text of the point, "point": {...}}
 
-A file that is not whole, or not of this setting and code, counts as none: its point is measured again.
+A file that is not complete, or not of this setting and code, is ignored, and its point is measured again.
 """
 
 import hashlib
@@ -30,16 +30,16 @@ MAX_BYTES = 1 << 20
 
 
 Progress = Callable[[int, int], None]
-"""Called with (settings done, settings in all)."""
+"""Called with (settings done, all settings)."""
 
 
 class Store(Frozen):
-    """A folder of points; it is made with the first one."""
+    """A folder of points, which is made for the first one."""
 
     folder: Path
 
     def read(self, key: str, setting: Setting) -> Point | None:
-        """Return a finished point, None where there is none that is whole."""
+        """Return a finished point; None if there is no complete file."""
         path = self._path(key)
         try:
             if path.stat().st_size > MAX_BYTES:
@@ -48,13 +48,13 @@ class Store(Frozen):
             if document["schema"] != SCHEMA or document["sha256"] != _digest(document["point"]):
                 return None
             point = _point(document["point"], setting)
-        # Whatever else is in the file: it is not a point.
+        # Whatever is in the file, it is not a point.
         except (OSError, ValueError, RecursionError, LookupError, TypeError, AttributeError):
             return None
         return point if point.code == code_version() else None
 
     def write(self, key: str, point: Point) -> None:
-        """Write a point, whole or not at all."""
+        """Write a point, completely or not at all."""
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -74,7 +74,7 @@ def _digest(entry: object) -> str:
 
 
 def _point(entry: Mapping[str, Any], setting: Setting) -> Point:
-    """Return the point of an entry; one of another setting is a ``ValueError``."""
+    """Return the point of an entry; ``ValueError`` if it is of another setting."""
     if entry["setting"] != asdict(setting):
         raise ValueError(entry["setting"])
     return Point(
@@ -91,8 +91,8 @@ def sweep(
 ) -> tuple[Point, ...]:
     """Return a point for every setting, in their order; each is stored as soon as it is measured.
 
-    A setting that the chip cannot hold is a point too, but where that is all of them the error of the first one is
-    raised, and an ``InputError``, which all settings share, at once. Points of other code are refused.
+    A setting that the chip cannot hold is also a point, but if none fits, the error of the first setting is raised. An
+    ``InputError`` is common to all settings and is raised at once. Points measured by other code are refused.
     """
     keys = {setting: study.key(setting) for setting in settings}
     points = {setting: point for setting, key in keys.items() if (point := store.read(key, setting))}
@@ -100,7 +100,7 @@ def sweep(
     if progress:
         progress(len(points), len(keys))
     if missing:
-        # Whatever ends this, processes and connections end with it.
+        # However this ends, processes and connections end with it.
         with closing(spread(partial(measure, study), missing)) as measured:
             for point in measured:
                 check_code(f"setting {point.setting}", point.code)
@@ -117,13 +117,13 @@ def sweep(
 
 
 def auto_bounds(study: Study, points: Sequence[Point], store: Store, spread: Spread) -> ErrorBudget:
-    """Return what ``auto`` may lose: by its first strategy that the chip holds, measured here if not on the grid."""
+    """Return what ``auto`` may lose: by the first strategy that the chip holds, measured here if not on the grid."""
     known = {point.setting: point.figures for point in points}
     for setting in usual_settings(study.network, weight_bits_of(study.chip, None)):
         figures = known[setting] if setting in known else _measured(study, setting, store, spread)
         if figures:
             return default_budget(figures)
-    # The chip holds this network with fewer bits than its most only.
+    # The chip holds this network only with fewer bits than its most.
     return default_budget(min((f for f in known.values() if f), key=lambda figures: figures.spike_error or 0.0))
 
 

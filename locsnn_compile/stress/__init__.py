@@ -1,1 +1,1 @@
-"""Numbers and inputs at the ends of what a network can have: what the chip makes of them, and why."""
+"""Numbers and inputs at the limits of what a network can have: what the chip does with them, and why."""

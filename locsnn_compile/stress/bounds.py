@@ -1,20 +1,20 @@
-"""How far the chip's potential can be from the float one while no register wraps or clips: derived, not measured.
+"""How far the chip's potential can be from the float one if no register wraps or clips: derived, not measured.
 
-Take the float compartment and the chip's, driven by the same spikes. In units of the registers, with letters of the
-chip in capitals and what a decay keeps written a and b (float) and A and B (chip):
+Take a float compartment and the chip's, driven by the same spikes, in units of the registers. Capital letters are the
+chip's; a and b (float) and A and B (chip) are what a decay keeps:
 
     u(t) = a u(t-1) + q(t)                     U(t) = cut(A U(t-1)) + Q(t)
     v(t) = b v(t-1) + u(t) + bias              V(t) = cut(B V(t-1)) + U(t) + BIAS
 
-A cut toward zero takes less than 1, and nothing where A is 0 or 1. For the differences e = |U - u| and f = |V - v|
+A cut toward zero removes less than 1, and nothing if A is 0 or 1. For the differences e = |U - u| and f = |V - v|
 
     e(t)  <=  A e(t-1)  +  |A - a| |u(t-1)|  +  |Q(t) - q(t)|  +  1
     f(t)  <=  B f(t-1)  +  |B - b| |v(t-1)|  +  e(t)  +  |BIAS - bias|  +  1
 
-The recursion is linear, so every source of error has a part of its own: **weights** (each arriving spike brings what
-its weight was rounded by, at most half a step of the grid, and the bias likewise), **decays** (``|A - a|`` is at most
-1/8192, and gains that make up for it shift the weights) and **states** (the cuts). The last has a bound for all time,
-whatever the input: ``e < 1 / (1 - A)`` and ``f < (1 / (1 - A) + 1) / (1 - B)``.
+The recursion is linear, so every source of error has a part of its own: **weights** (each arriving spike adds the
+rounding error of its weight, at most half a step of the grid, and so does the bias), **decays** (``|A - a|`` is at most
+1/8192, and gains that compensate for it shift the weights) and **states** (the cuts). The last has a bound for all
+time, whatever the input: ``e < 1 / (1 - A)`` and ``f < (1 / (1 - A) + 1) / (1 - B)``.
 """
 
 from collections.abc import Mapping
@@ -45,9 +45,9 @@ class Bound(Frozen, eq=False):
 def error_bound(
     numbers: Numbers, population: str, lines: Mapping[str, ByteArray], spikes: Mapping[str, ByteArray]
 ) -> Bound:
-    """Bound the error of a population's potential while ``lines`` and ``spikes`` (batch, steps, n) by name are sent.
+    """Bound the error of a population's potential if ``lines`` and ``spikes`` (batch, steps, n), by name, are sent.
 
-    ``numbers`` are those of both sides, with the same groups: what one side lacks is not bounded here.
+    ``numbers`` are those of both sides, with the same groups; a group that one side lacks is not bounded here.
     """
     sent = {**lines, **spikes}
     batch, steps = sent[population].shape[:2]
@@ -60,7 +60,7 @@ def error_bound(
             (state.rounding[0], _apart(pair.chip, pair.exact_fitted)),
             (state.rounding[1], _apart(pair.exact_fitted, pair.exact.weights)),
         ):
-            # Weights (n,) are one to one.
+            # Weights (n,) connect neurons of the same number.
             into[:, 1 + delay :] += due * matrix if matrix.ndim == 1 else due @ matrix.T
     found = np.zeros((len(SOURCES), *spikes[population].shape))
     for step in range(steps):
@@ -105,19 +105,19 @@ class _Compartments:
         self._joined[:], self._joined_f[:] = 0.0, 0.0
 
     def join(self, child: "_Compartments") -> None:
-        """Take the voltage of a joined child, and its error, into the step that is to come."""
+        """Add the voltage of a joined child, and its error, to the next step."""
         self._joined += child._v
         self._joined_f += child.f
 
     def reset(self, fired: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> None:
-        """Reset what spiked, on both sides alike, and count its refractory steps."""
+        """Reset what spiked, equally on both sides, and count refractory steps."""
         self._v[fired] = 0.0
         self.f[:, fired] = 0.0
         self._blocked = np.where(fired, self.pair.exact.refractory - 1, np.maximum(self._blocked - 1, 0))
 
     @staticmethod
     def _after(error: FloatArray, x: FloatArray, chip: FloatArray, exact: FloatArray, cut: FloatArray) -> FloatArray:
-        """Return what one decay makes of the error of a register; one at rest on both sides has nothing to cut."""
+        """Return the error of a register after a decay; a register at rest on both sides has nothing to cut."""
         found = chip * error
         found[1] += np.abs(chip - exact) * np.abs(x)
         found[2] += cut * ((x != 0) | error.any(axis=0))
@@ -125,11 +125,11 @@ class _Compartments:
 
 
 def _cut(keep: FloatArray) -> FloatArray:
-    """Return what a cut may take: 1, or 0 where all or nothing is kept."""
+    """Return the most that a cut removes: 1, or 0 if all or nothing is kept."""
     cut: FloatArray = ((keep > 0) & (keep < 1)).astype(np.float64)
     return cut
 
 
 def _apart(one: Matrix, other: Matrix) -> Matrix:
-    """Return the magnitudes of the differences of two matrices of the same connections."""
+    """Return the absolute differences of two matrices with the same connections."""
     return with_values(one, np.abs(values_of(one) - values_of(other)))

@@ -1,6 +1,6 @@
 """Measure a case: lower it, play it to the float network and the chip, and compare potentials and spikes.
 
-Every way to compute a program must give the same integers; which of them does not is named.
+Every way to compute a program must give the same integers; one that does not is named.
 """
 
 from dataclasses import replace
@@ -27,18 +27,18 @@ from locsnn_compile.verification.error_budget.twin import TwinTrace, run_twin
 from locsnn_compile.verification.matching import PopulationMatch
 
 FLOAT_ROUNDING = 1e-9
-"""Share of a potential, or of a threshold, that float64's own rounding may come to: far less than a register's unit."""
+"""Share of a potential or threshold that float64 itself may round by: far less than a unit of a register."""
 CALIBRATION_SEED = SEED + 2
 COARSE = 0.01
-"""A decay that fades faster or slower than asked for by more than this share is named."""
+"""A decay is named if it fades faster or slower than asked for by more than this share."""
 PROBES: tuple[Any, ...] = ("spikes", "u", "v", "potential")
 WITHOUT_LIMITS = tuple(stage for stage in STAGES if stage != "wraps_clips")
 
 
 class Float(Frozen, eq=False):
-    """Spikes and potentials of the float network, (samples, steps, n), potentials in units of the registers.
+    """Spikes and potentials of the float network, (samples, steps, n), in units of the registers.
 
-    Of a long run (steps, n), in the network's own units.
+    For a long run they are (steps, n), in the network's own units.
     """
 
     spikes: ByteArray
@@ -46,7 +46,7 @@ class Float(Frozen, eq=False):
 
 
 class Sides:
-    """The float network and the chip's numbers, played the same recordings (samples, steps, channels)."""
+    """The float network and the chip's numbers, both played the same recordings (samples, steps, channels)."""
 
     def __init__(self, levels: Levels, recordings: ByteArray) -> None:
         (phase,) = phases_of(levels)
@@ -56,21 +56,21 @@ class Sides:
         self.float = self._float(levels, recordings)
 
     def forced(self, *stages: Stage) -> FloatArray:
-        """Return the potential with some stages as on the chip, the float network's spikes sent in place of its own."""
+        """Return the potential with some stages as on the chip if the float network's spikes are sent."""
         sent = {POPULATION: self.float.spikes}
         trace = run_twin(twin_with(self.phase, stages), self.lines, forced=sent, potentials=(POPULATION,))
         return trace.potential[POPULATION]
 
     def free(self) -> TwinTrace:
-        """Return what the twin does by itself with all stages on: what the program must do."""
+        """Return what the twin does with all stages and its own spikes, which the program must do as well."""
         return run_twin(twin_with(self.phase, STAGES), self.lines, potentials=(POPULATION,))
 
     def bound(self) -> Bound:
-        """Bound the error of the potential under the float network's spikes, except for that of the neuron model."""
+        """Bound the error of the potential if the float network's spikes are sent, without that of the neuron model."""
         return error_bound(self.phase.program_neurons, POPULATION, self.lines, {POPULATION: self.float.spikes})
 
     def model_error(self) -> FloatArray:
-        """Return how far another neuron model or strategy alone moves the potential, (samples, steps, n)."""
+        """Return how far the strategy's neuron model alone moves the potential, (samples, steps, n)."""
         if self.phase.float_neurons is self.phase.program_neurons:
             return np.zeros_like(self.float.potential)
         return np.abs(self.forced("kernel") - self.float.potential)
@@ -86,13 +86,13 @@ class Sides:
 
 
 def thresholds(q: QuantizedPopulation) -> FloatArray:
-    """Return what a threshold is in the registers, (n,); of a mantissa of 0, one unit of it."""
+    """Return the thresholds in units of the registers, (n,); a mantissa of 0 counts as 1."""
     found: FloatArray = q.population.thresholds * q.scale
     return np.maximum(found, 64.0) if q.population.on_grid else found
 
 
 def _with_real_numbers(phase: Phase) -> Phase:
-    """Return a phase of on-grid neurons whose exact side holds any real number, in place of the chip's integers."""
+    """Return a phase of on-grid neurons whose exact side has registers for any real number."""
     groups = tuple(
         GroupNumbers(replace(pair.chip, truncates=False, limited=False), pair.chip)
         for pair in phase.program_neurons.groups
@@ -102,9 +102,9 @@ def _with_real_numbers(phase: Phase) -> Phase:
 
 
 def lowered(case: Case, chip: hw.Chip, steps: int | None = None) -> Levels:
-    """Lower a case by its strategy; recordings may have other ``steps`` than those that weights are rounded for.
+    """Lower a case by its strategy; ``steps`` if its recordings are longer or shorter than those for rounding.
 
-    Weights are rounded for random recordings that are not the ones of the case.
+    Weights are rounded for random recordings other than those of the case.
     """
     network = case.network
     check_network(network)
@@ -117,7 +117,7 @@ def lowered(case: Case, chip: hw.Chip, steps: int | None = None) -> Levels:
 
 
 def measure(case: Case, chip: hw.Chip) -> Measured:
-    """Return what is measured of a case; an error of the compiler is raised."""
+    """Measure a case; errors of the compiler are raised."""
     levels = lowered(case, chip)
     recordings = case.network.fit(case.recordings, "stress")
     sides = Sides(levels, recordings)
@@ -152,7 +152,7 @@ def measure(case: Case, chip: hw.Chip) -> Measured:
 
 
 def _lost_weights(levels: Levels, sides: Sides) -> Lost:
-    """Count the weights other than 0 that the chip has as 0, whatever they were rounded to in how many synapses."""
+    """Count the weights other than 0 that are 0 on the chip, over all synapses that stand for one."""
     of = sum(int((values_of(p.held) != 0).sum()) for p in levels.network.projections)
     inputs = [pair for pair in sides.phase.program_neurons.synapses if pair.exact.source in sides.lines]
     return Lost(of - sum(int((values_of(pair.chip) != 0).sum()) for pair in inputs), of)
@@ -164,7 +164,7 @@ def _lost_biases(levels: Levels) -> Lost:
 
 
 def _coarse_decays(sides: Sides) -> tuple[str, ...]:
-    """Name the decays that the grid of 1/4096 changes by more than ``COARSE``; two for one, by their mean."""
+    """Name the decays that the grid of 1/4096 changes by more than ``COARSE``; of two that stand for one, the mean."""
     found = []
     for pair in sides.phase.program_neurons.groups:
         (u, v), (held_u, held_v) = (
@@ -181,10 +181,10 @@ def _coarse_decays(sides: Sides) -> tuple[str, ...]:
 
 
 def _odd_one_out(levels: Levels, sides: Sides, recordings: ByteArray, found: hw.SimulationResult) -> str | None:
-    """Name the first of four that differs from ``found``, what the fast engine made of recordings; None if none does.
+    """Name the first of four computations that differs from ``found`` by the fast engine; None if none does.
 
-    The population's own integer arithmetic and the float64 twin play all recordings; the reference engine, and the
-    fast one without skipping, the first.
+    The population's own integer arithmetic and the float64 twin play all recordings; the reference engine and the fast
+    engine without skipping play the first.
     """
     integers = evaluate(
         levels.quantized.on_grid(), recordings, potentials=True, registers=levels.program.chip.registers
@@ -204,7 +204,7 @@ def _odd_one_out(levels: Levels, sides: Sides, recordings: ByteArray, found: hw.
 
 
 def _same(one: hw.SimulationResult, other: hw.SimulationResult) -> bool:
-    """Compare spikes, registers, counts except for skipped steps, and wraps and clips by population."""
+    """Compare spikes, registers, wraps and clips by population, and all counts but skipped steps."""
     counted = [{**dict(result.counts), "skipped_steps": 0} for result in (one, other)]
     kept = ((array, getattr(other, kind)[name]) for kind in PROBES for name, array in getattr(one, kind).items())
     return counted[0] == counted[1] and one.events == other.events and all(np.array_equal(*both) for both in kept)

@@ -1,4 +1,4 @@
-"""What stress came to, between marks on a page that people wrote; all rows are a CSV file next to it."""
+"""The results of stress between two marks on a page written by people, and all rows in a CSV file next to it."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -24,13 +24,13 @@ BEGIN, END = "<!-- stress: begin -->", "<!-- stress: end -->"
 PICTURES = "images"
 """Folder of the pictures, next to the page."""
 TABLE = ".csv"
-"""Ending of the table of all rows, which has the page's name."""
+"""Suffix of the table of all rows, which has the page's name."""
 _BY_CASE: Mapping[str, Any] = yaml.load(filled(__package__, "pictures.yaml"), FAST_LOADER)
 _NEW = f"# Numerical stress\n\n{BEGIN}\n{END}\n"
 
 
 def write_page(path: Path, rows: Sequence[Row], chip: hw.Chip) -> None:
-    """Write the summary between the marks of a page, or to a new page; its pictures and its rows go next to it."""
+    """Write the summary between the marks of a page, or to a new page; pictures and rows go next to it."""
     where = f"page {path.name!r}"
     before, after = _around(path, where)
     drawn = {f"{path.stem}-{name}": picture for name, picture in _pictures(rows).items()}
@@ -52,7 +52,7 @@ def write_page(path: Path, rows: Sequence[Row], chip: hw.Chip) -> None:
 
 
 def check_page(path: Path) -> None:
-    """Refuse a page that could not be written to, before hours of work are."""
+    """Refuse a page that cannot be written, before hours of work."""
     where = f"page {path.name!r}"
     if path.suffix == TABLE:
         raise InputError(where, "the table next to the page has this name", fix="Give the page another, such as .md.")
@@ -60,7 +60,7 @@ def check_page(path: Path) -> None:
 
 
 def _around(path: Path, where: str) -> tuple[str, str]:
-    """Return what stands before and after the marks; of a page that does not exist, of a new one."""
+    """Return the text before and after the marks of a page, or of a new one if it does not exist."""
     try:
         page = path.read_text(encoding="utf-8")
     except FileNotFoundError:
@@ -88,7 +88,7 @@ def _summary(rows: Sequence[Row], chip: hw.Chip) -> str:
 
 
 def _pictures(rows: Sequence[Row]) -> dict[str, bytes]:
-    """Return the pictures by the end of their names; one that has nothing to show is left out."""
+    """Return the pictures by the end of their names; empty ones are left out."""
     made = {name: _by_case(rows, **asked) for name, asked in _BY_CASE.items()}
     made["long-runs.svg"] = _long_runs(rows)
     return {name: picture for name, picture in made.items() if picture is not None}
@@ -120,14 +120,14 @@ def _long_runs(rows: Sequence[Row]) -> bytes | None:
 
 
 def _by_tenth(name: str, drift: Drift, unit: float) -> Curve:
-    """Return the errors of a long run over a unit, at the end of each tenth."""
+    """Return the errors of a long run, in a unit, at the end of each tenth."""
     assert drift.error is not None
     tenth = drift.steps / len(drift.error)
     return Curve(name, tuple(((i + 1) * tenth, error / unit) for i, error in enumerate(drift.error)))
 
 
 def _curve(label: str, rows: Sequence[Row], strategy: str, figure: str) -> Curve:
-    """Return a curve of a figure, by its name within what was measured."""
+    """Return a curve of a figure by its name in :class:`Measured`."""
     found = (
         (row.case.x, float(Formatter().get_field(f"m.{figure}", (), {"m": row.measured})[0]))
         for row in rows

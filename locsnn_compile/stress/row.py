@@ -1,4 +1,4 @@
-"""A row of the table: what was measured of a case, its verdict and causes; as plain numbers for scripts, too."""
+"""A row of the table: the measured figures of a case, its verdict and its causes, also as plain numbers for scripts."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -14,16 +14,16 @@ from locsnn_compile.verification.matching import PopulationMatch
 
 Verdict = Literal["ok", "limited", "refused", "unexplained"]
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
-"""What became of a case:
+"""The outcome of a case:
 
 - ``ok``: no register overflowed, no number was lost, and the potential stayed within ``TENTH`` of the float one
 - ``limited``: more was lost, and every cause is named with its count
-- ``refused``: one line said why the chip cannot hold it, and what to do
+- ``refused``: one line says why the chip cannot hold it, and what to do
 - ``unexplained``: a crash, engines that differ, or an error beyond its bound: a defect of this project
 """
 SCHEMA = 1
 TENTH = 0.1
-"""Thresholds: an error above it has its cause named."""
+"""In thresholds: the cause of an error above it is named."""
 _ROUNDED: dict[Source, str] = {"weights": "weights", "decays": "decays", "states": "truncation of states"}
 _MODELS = {
     "reset": "its reset is another neuron model",
@@ -32,27 +32,26 @@ _MODELS = {
 
 
 class Lost(Frozen):
-    """Numbers other than 0 that became 0, of how many."""
+    """How many numbers other than 0 became 0, out of how many."""
 
     lost: int
     of: int
 
     @property
     def share(self) -> float:
-        """What part of them."""
+        """The share of lost numbers."""
         return self.lost / self.of
 
 
 class Measured(Frozen):
-    """How the chip compares with float64; potentials in thresholds, all samples, steps and neurons.
+    """How the chip compares with float64 over all samples, steps and neurons; potentials are in thresholds.
 
-    ``spikes``: each side by itself. All others are of potentials that the same spikes drive, those of the float
-    network: ``error_thresholds`` is the largest difference, ``bound_thresholds`` the largest that was derived for it,
-    and ``bound_parts_thresholds`` what it is made of; ``model_error_thresholds`` is what another neuron model does by
-    itself. ``decisions_otherwise`` of ``decisions`` to spike or not fall differently, ``of_these_ties`` with the float
-    potential exactly at its threshold. ``overflowed`` potentials differ because a register wrapped or clipped;
-    ``wraps`` and ``clips`` are those of the program by itself. ``outside``: potentials beyond the bound for no reason
-    that is known.
+    ``spikes``, ``wraps`` and ``clips`` are those of each side by itself. For all other figures the float network's
+    spikes drive both sides: ``error_thresholds`` is the largest difference of potentials, ``bound_thresholds`` the
+    largest bound derived for it, and ``bound_parts_thresholds`` the parts of that; ``model_error_thresholds`` is the
+    part of another neuron model. ``decisions_otherwise`` of ``decisions`` to spike differ, ``of_these_ties`` with the
+    float potential exactly at the threshold. ``overflowed`` potentials differ because a register wrapped or clipped;
+    ``outside`` counts potentials beyond the bound for no known reason.
     """
 
     spikes: PopulationMatch
@@ -79,13 +78,13 @@ class Measured(Frozen):
 
 
 _FOR_THE_JUDGE = ("spikes", "overflowed", "outside", "coarse_decays", "odd_engine")
-"""What the document says in the causes, or as figures of the spikes."""
+"""What the document has in the causes, or as figures of the spikes."""
 
 
 class Drift(Frozen):
-    """Of a long run, a figure for each tenth of it: spikes of both sides, and the largest error in thresholds.
+    """Figures of a long run for each tenth of it: spikes of both sides, and the largest error in thresholds.
 
-    The errors are None where the neurons spike: potentials of sides whose spikes differ say nothing.
+    Errors are None if all neurons spike: if spikes differ, the potentials cannot be compared.
     """
 
     steps: int
@@ -95,7 +94,7 @@ class Drift(Frozen):
 
 
 class Row(Frozen):
-    """A case with its verdict and the causes, each a sentence; of a refusal, the message."""
+    """A case with its verdict and the causes, each a sentence; for a refusal, the message."""
 
     case: Case
     verdict: Verdict
@@ -166,7 +165,7 @@ def _defects(m: Measured) -> Iterator[str]:
 
 
 def _causes(case: Case, m: Measured) -> Iterator[str]:
-    """Name what overflows, what is lost, and what else moves a potential by more than a tenth of a threshold."""
+    """Say what overflows, what is lost, and what else moves a potential by more than a tenth of a threshold."""
     if m.wraps:
         yield f"{plural(m.wraps, 'wrap')}: a charge or current leaves its register"
     if m.clips:
@@ -181,7 +180,7 @@ def _causes(case: Case, m: Measured) -> Iterator[str]:
     if m.model_error_thresholds > TENTH:
         yield f"{_MODELS[case.strategy]}: {short(m.model_error_thresholds)} thresholds at most"
     elif m.error_thresholds > TENTH and not m.overflowed:
-        # Of the bound, the sources that make up a tenth or more.
+        # The sources of at least a tenth of the bound.
         large = [source for source in SOURCES if m.bound_parts_thresholds[source] >= TENTH * m.bound_thresholds]
         parts = " and ".join(f"{short(m.bound_parts_thresholds[source])} by {_ROUNDED[source]}" for source in large)
         yield f"rounding: {short(m.error_thresholds)} thresholds found, at most {parts}"

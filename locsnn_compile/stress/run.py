@@ -1,7 +1,7 @@
-"""Run all cases, one row after the other, and the long runs: whether the difference of both sides grows.
+"""Run all cases row by row, and the long runs, which show whether the difference of both sides grows.
 
-Of a long run, spikes and the potentials of one population are held. A session, which holds no more than a block, must
-count the same spikes.
+A long run keeps spikes and the potentials of one population. A session, which holds only a block, must count the same
+spikes.
 """
 
 import warnings
@@ -26,15 +26,15 @@ from locsnn_compile.verification.matching import PopulationMatch
 
 TENTHS = 10
 LESS = 0.05
-"""Spike agreement that the last tenth of a run may be short of the beginning without a word."""
+"""How far the spike agreement in the last tenth of a run may fall below the beginning unnoticed."""
 LONG_STEPS, QUICK_STEPS = 1_000_000, 10 * BLOCK
-"""Steps of a long run, and of one of a quick run."""
+"""Steps of a long run, and of a long run in a quick run."""
 
 Progress = Callable[[int, int], None]
 
 
 def run_stress(chip: hw.Chip, *, quick: bool = False, progress: Progress | None = None) -> tuple[Row, ...]:
-    """Return a row for each case; ``progress`` is called with (rows done, rows in all)."""
+    """Return a row for each case; ``progress`` is called with (rows done, all rows)."""
     table = cases(quick=quick)
     long = [run for run in long_runs() if run.case.quick or not quick]
     rows: list[Row] = []
@@ -60,9 +60,9 @@ def run_case(case: Case, chip: hw.Chip) -> Row:
 
 
 def _row(case: Case, make: Callable[[], Row]) -> Row:
-    """Make a row, or one of the error that this ends in.
+    """Make a row; if that ends in an error, return the row of the error.
 
-    Warnings of numpy count as crashes: an infinity that nobody meant to compute is nonsense in the making.
+    Warnings of numpy count as crashes: an infinity that nobody meant to compute leads to nonsense.
     """
     with warnings.catch_warnings(), np.errstate(over="raise", divide="raise", invalid="raise"):
         warnings.simplefilter("error", RuntimeWarning)
@@ -77,7 +77,7 @@ def _row(case: Case, make: Callable[[], Row]) -> Row:
 
 
 def long_row(run: LongRun, chip: hw.Chip, float_run: Float) -> Row:
-    """Return the row of a long run: that of its beginning, and how it went on."""
+    """Return the row of a long run, from its beginning and from how it went on."""
     row = judge(run.case, measure(run.case, chip))
     drift, odd = measure_drift(run, chip, float_run)
     defects = tuple(defect for defect in (odd, _beyond(drift)) if defect)
@@ -89,7 +89,7 @@ def long_row(run: LongRun, chip: hw.Chip, float_run: Float) -> Row:
 
 
 def measure_drift(run: LongRun, chip: hw.Chip, wanted: Float) -> tuple[Drift, str | None]:
-    """Return figures by tenth of the run, and what differs from the simulation, if anything does."""
+    """Return figures by tenth of the run, and how a session differs from the simulation, if it does."""
     steps = len(wanted.spikes)
     levels = lowered(run.case, chip, steps)
     played = _repeated(run.block, steps)
@@ -113,7 +113,7 @@ def measure_drift(run: LongRun, chip: hw.Chip, wanted: Float) -> tuple[Drift, st
 
 
 def play_float(network: Network, block: ByteArray, steps: int) -> Float:
-    """Play a block (steps, channels) over and over to a float network; return (steps, n), in its own units."""
+    """Play a block (steps, channels) repeatedly to a float network; return (steps, n) in its own units."""
     found = evaluate(replace(network, steps=steps), _repeated(block, steps)[None], potentials=True)
     return Float(found.spikes[POPULATION][0], found.potential[POPULATION][0])
 
@@ -123,7 +123,7 @@ def _repeated(block: ByteArray, steps: int) -> ByteArray:
 
 
 def _bound(run: LongRun, chip: hw.Chip, quiet: BoolArray, steps: int) -> float:
-    """Bound the error of neurons that never spike, in thresholds: as settled, or grown on as in the beginning."""
+    """Bound the error of neurons that never spike, in thresholds; without fading, it grows as in the beginning."""
     if not quiet.any():
         return 0.0
     sides = Sides(lowered(run.case, chip), run.case.recordings)
@@ -133,7 +133,7 @@ def _bound(run: LongRun, chip: hw.Chip, quiet: BoolArray, steps: int) -> float:
 
 
 def _session_differs(program: hw.ChipProgram, played: ByteArray, spikes: ByteArray, rows: int) -> str | None:
-    """Push the run to a session, so many rows at a time; say where it first counts other spikes."""
+    """Push the run to a session, so many rows at a time; say where it first counts different spikes."""
     session, counted = hw.Session(program), spikes.cumsum(axis=0, dtype=np.int64)
     for start in range(0, len(played), rows):
         pushed = session.push(played[start : start + rows]).spikes[POPULATION]
@@ -150,12 +150,12 @@ def _beyond(drift: Drift) -> str | None:
 
 
 def _growth(row: Row, drift: Drift, fades: bool) -> Iterator[str]:
-    """Name what is worse in the last tenth of the run than in its beginning."""
+    """Say what is worse in the last tenth of the run than in its beginning."""
     assert row.measured is not None
     if not fades and drift.error is not None and drift.error[-1] > TENTH:
         yield f"nothing fades, so rounding adds up: {short(drift.error[-1])} thresholds in {drift.steps:,} steps"
     first, last = row.measured.spikes.agreement, drift.spikes[-1].agreement
-    # Where no side spikes in the beginning, nothing differs there.
+    # If neither side spikes in the beginning, nothing differs there.
     if last is not None and last < (1.0 if first is None else first) - LESS:
         equal = f"{share(first)} are equal" if first is not None else "there are none"
         yield f"spikes drift apart: {equal} in the beginning, {share(last)} in the last tenth"

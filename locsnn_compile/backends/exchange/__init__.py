@@ -1,4 +1,4 @@
-"""File formats out: a compiled model for other tools, one exporter a format."""
+"""Compiled models as files of other tools, with one exporter per format."""
 
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.quantized import QuantizedNetwork
@@ -7,7 +7,7 @@ from locsnn_compile.network.quantized import QuantizedNetwork
 def exchange_file(kind: str, quantized: QuantizedNetwork) -> bytes:
     """Return a model as a file of another tool: ``nir``, or ``net`` of lava-dl.
 
-    Raises ``InputError`` for what the format cannot hold.
+    Raises ``InputError`` for a model that the format cannot hold.
     """
     network = quantized.network
     if network.members or any(view.align_events for view in network.views):

@@ -1,4 +1,4 @@
-"""A network as a lava-dl ``.net`` file: what came from one as it was, and chains of layers whose integers fit."""
+"""A network as a lava-dl ``.net`` file: one that came from such a file, or a chain of layers whose integers fit."""
 
 import io
 from typing import Any
@@ -16,13 +16,13 @@ _OTHER = "Emit another kind."
 
 
 def net_bytes(quantized: QuantizedNetwork) -> bytes:
-    """Return the file; ``InputError`` for what is no chain of dense layers in lava-dl's integers."""
+    """Return the file; ``InputError`` for a network that is not a chain of dense layers in lava-dl's integers."""
     origin = quantized.network.origin
     return file_bytes(origin if isinstance(origin, NetFile) else net_file(quantized))
 
 
 def file_bytes(file: NetFile) -> bytes:
-    """Return layers as HDF5, laid out as ``export_hdf5`` of lava-dl does."""
+    """Return layers as HDF5, in the layout of lava-dl's ``export_hdf5``."""
     import h5py
 
     held = io.BytesIO()
@@ -86,7 +86,7 @@ def _layer(number: int, q: QuantizedPopulation, onto: list[ChipProjection]) -> N
 
 
 def _weights(projection: ChipProjection, where: str) -> Any:
-    """Return weights (out, in) that lava-dl keeps: even ones, -256..254."""
+    """Return weights (out, in); ``InputError`` unless they are even and -256..254, as lava-dl stores them."""
     held: Matrix = projection.mantissa
     dense = held.toarray() if values_of(held).ndim == 1 else held
     weights = np.floor(dense * 2.0**projection.exponent).astype(np.int64)

@@ -1,12 +1,12 @@
-"""A network as a NIR file, its quantised integers in the graph's metadata.
+"""A network as a NIR file, with its quantised integers in the metadata of the graph.
 
-A network that came from NIR goes out as the graph that it was, node by node and number by number. Others become Input,
-Linear, Delay, neuron and Output nodes, with the constants whose usual Euler step is the network's own: a share d lost
-in a step is ``tau = dt / d``, ``r = 1 / d``, and a bias b is ``v_leak = b / d``.
+A network from NIR is written as the graph that it was, node by node and number by number. Others become Input, Linear,
+Delay, neuron and Output nodes, with constants whose usual Euler step is that of the network: a share d lost per step
+is ``tau = dt / d``, ``r = 1 / d``, and a bias b is ``v_leak = b / d``.
 
-Metadata, by keys with dots: ``dt`` where it is known; for each population ``quantized.<name>.threshold``,
-``decay_u``, ``decay_v``, ``bias_mantissa``, ``bias_exponent``, ``refractory`` and ``scale``, a slash of the name as a
-dot; of neurons that a spike takes from, self-synapses ``refractory.delay``, ``refractory.mantissa`` and
+Metadata has dotted keys: ``dt``, if known; for each population ``quantized.<name>.threshold``, ``decay_u``,
+``decay_v``, ``bias_mantissa``, ``bias_exponent``, ``refractory`` and ``scale``, with dots for slashes in the name; for
+neurons whose spikes lower their own potential, the self-synapses ``refractory.delay``, ``refractory.mantissa`` and
 ``refractory.exponent``; for the k-th projection ``quantized.projection<k>`` with ``source``, ``target``, ``rows``,
 ``columns``, ``mantissa``, ``delay``, ``exponent`` and ``weight_bits``.
 """
@@ -31,7 +31,7 @@ _VERSION = "1.0"
 
 
 def nir_bytes(quantized: QuantizedNetwork) -> bytes:
-    """Return the file; ``InputError`` for neurons that NIR does not have."""
+    """Return the file; ``InputError`` for neurons that NIR lacks."""
     network = quantized.network
     graph = network.origin if isinstance(network.origin, NirGraph) else nir_graph(network)
     step = {} if network.step_seconds is None else {"dt": np.array(network.step_seconds)}
@@ -40,7 +40,7 @@ def nir_bytes(quantized: QuantizedNetwork) -> bytes:
 
 
 def graph_bytes(graph: NirGraph) -> bytes:
-    """Return a graph as HDF5, laid out as ``nir.write`` does."""
+    """Return a graph as HDF5, in the layout of ``nir.write``."""
     import h5py
 
     held = io.BytesIO()
@@ -100,7 +100,7 @@ def nir_graph(network: Network) -> NirGraph:
 
 
 def _weights(projection: Projection | ChipProjection) -> tuple[Matrix, float]:
-    """Return weights, and what each stands for."""
+    """Return weights and the factor that they stand for."""
     if isinstance(projection, ChipProjection):
         return projection.mantissa, 64.0 * 2.0**projection.exponent
     return projection.weights, 1.0
@@ -114,7 +114,7 @@ def _neuron(population: Population, dt: float) -> NirNode:
         threshold, bias = 64.0 * neuron.threshold, neuron.bias_mantissa * 2.0**neuron.bias_exponent
     elif isinstance(neuron, Cuba):
         u, v, bias = neuron.decay_u, neuron.decay_v, neuron.bias
-        # NIR spikes above the threshold: at it, where that is the next number below.
+        # NIR spikes only above the threshold; to spike at it as well, take the next number below.
         threshold = neuron.threshold if neuron.rule == ">" else np.nextafter(neuron.threshold, -np.inf)
     else:
         raise InputError(where, "NIR has no neuron without reset", fix="Emit another kind.")
@@ -137,7 +137,7 @@ def _integers(quantized: QuantizedNetwork) -> dict[str, Array | str]:
     """Return the integers of the quantised network as metadata."""
     found: dict[str, Array | str] = {}
     for q in quantized.populations:
-        # HDF5 would make groups of a slash.
+        # HDF5 would read a slash as a group.
         name = q.population.name.replace("/", ".")
         found[f"quantized.{name}.scale"] = np.asarray(q.scale)
         numbers = dict(vars(q.neuron))

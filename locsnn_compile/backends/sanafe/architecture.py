@@ -1,7 +1,7 @@
 """The chip as an architecture file of SANA-FE: its mesh, tiles and cores, priced by an energy profile.
 
-Input spikes come from outside the chip, but SANA-FE's can only come from cores. So every tile in use has one core more,
-the host's, whose somas play the input lines of that tile for no energy and no time: their packets travel no hop.
+Input spikes come from outside the chip, but in SANA-FE spikes can only come from cores. So every tile in use has one
+extra core, the host's, whose somas play the input lines of that tile without energy or time, and without hops.
 """
 
 from collections.abc import Mapping
@@ -18,24 +18,24 @@ from locsnn_compile.errors import InputError
 from locsnn_compile.texts.templates import filled
 
 SYNAPSE, DENDRITE, SOMA, REPLAY, LINE = "synapse", "dendrite", "soma", "replay", "line"
-"""Names of units: what a compartment has, a soma that plays spikes back, and the host's for one input line."""
+"""Names of units: those of a compartment, a soma that plays spikes back, and the host's soma for an input line."""
 PROFILE = "sanafe"
 PRICED = ("synaptic_ops", "neuron_updates", "neuron_updates_active", "spikes", "axon_packets", "hops_x", "hops_y")
-"""Counts that SANA-FE has a price for."""
+"""Counts that SANA-FE has a cost for."""
 _EVENTS = {*PRICED, "packets_received", "free"}
-"""What the template of a tile says of an event; what is free has no price in any profile."""
+"""What the template of a tile gives for an event; what is ``free`` costs nothing in any profile."""
 LINK_BUFFER = 16
 
 
 class TileUse(Frozen):
-    """What a tile holds: ``lines`` input lines on its host core, and up to ``replayed`` compartments a core."""
+    """What a tile holds: ``lines`` input lines on its host core, and up to ``replayed`` compartments per core."""
 
     lines: int
     replayed: int
 
 
 def priced_by(chip: hw.Chip) -> hw.Profile:
-    """Return the profile ``sanafe`` of a chip, or say that it has none that SANA-FE can follow."""
+    """Return the profile ``sanafe`` of a chip; ``InputError`` if it has none that SANA-FE can follow."""
     if PROFILE not in chip.profiles or not set(chip.profiles[PROFILE].energy_pj) <= set(PRICED):
         what = f"it has no energy profile {PROFILE!r} that prices what SANA-FE counts"
         fix = f"Copy the profile {PROFILE!r} of loihi-sim into the chip file."
@@ -44,13 +44,13 @@ def priced_by(chip: hw.Chip) -> hw.Profile:
 
 
 def tile_number(chip: hw.Chip, slot: int) -> int:
-    """Return SANA-FE's number of a core's tile: it counts a column from its first row on, then the next column."""
+    """Return SANA-FE's number of a core's tile; it counts column by column."""
     column, row = chip.tile_of(slot)
     return column * chip.mesh.rows + row
 
 
 def architecture(chip: hw.Chip, uses: Mapping[int, TileUse]) -> str:
-    """Return the architecture file; ``uses[tile]`` says what is on each tile in use, by SANA-FE's numbers."""
+    """Return the architecture file; ``uses[tile]`` is the use of each tile, by SANA-FE's numbers."""
     profile, columns = priced_by(chip), chip.mesh.columns * chip.chips
     attributes = {
         "width": columns,
@@ -80,7 +80,7 @@ def _tile(chip: hw.Chip, numbers: list[int], use: TileUse) -> Any:
 
 
 def _priced(value: Any, profile: hw.Profile) -> Any:
-    """Return a part of a tile with the energy and the latency of each event, in joules and seconds."""
+    """Return a part of a tile with events replaced by their energy and latency, in joules and seconds."""
     if isinstance(value, list):
         return [_priced(one, profile) for one in value]
     if not isinstance(value, dict):

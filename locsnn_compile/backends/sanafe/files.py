@@ -1,4 +1,4 @@
-"""``--emit sanafe``: the chip and each phase of a program as files that SANA-FE 2.2 runs, and what it has to find."""
+"""``--emit sanafe``: the chip and each phase of a program as files for SANA-FE 2.2, and the results to expect."""
 
 from collections.abc import Mapping
 
@@ -18,7 +18,7 @@ PARTS = {
     "soma": ("neuron_updates", "neuron_updates_active", "spikes"),
     "network": ("axon_packets", "hops_x", "hops_y"),
 }
-"""Parts of SANA-FE's energy, and the counts of a profile that each adds up."""
+"""Parts of SANA-FE's energy, with the counts that each adds up."""
 
 
 def sanafe_files(played: Played) -> dict[str, bytes]:
@@ -59,7 +59,7 @@ def sanafe_files(played: Played) -> dict[str, bytes]:
 
 
 def _uses(played: Played, networks: Mapping[str, PhaseNetwork], notes: Mapping[str, list[str]]) -> dict[int, TileUse]:
-    """Return what each tile holds, for all phases together: each is loaded alone."""
+    """Return what each tile must hold for any of the phases, which are loaded one at a time."""
     program = played.program
     uses: dict[int, TileUse] = {}
     for phase, network in networks.items():
@@ -75,7 +75,7 @@ def _uses(played: Played, networks: Mapping[str, PhaseNetwork], notes: Mapping[s
 def _expected(
     played: Played, phase: str, network: PhaseNetwork, why_replayed: list[str], profile: Profile
 ) -> dict[str, object]:
-    """Return what SANA-FE has to find in a phase, and next to it our own energy where it differs."""
+    """Return what SANA-FE must find in a phase, and next to it the figures of our report."""
     counts, cores = played.result.counts_by_phase[phase], played.program.cores_of(phase)
     its_updates = counts.spikes if why_replayed else sum(updates(core, played) for core in cores)
     energy = {

@@ -1,6 +1,6 @@
 """One phase of a program as a network file of SANA-FE: neuron groups, edges, and where each neuron is mapped.
 
-A group of compartments is a group of neurons, under a name of its characters; ``<input>_tile<n>`` are the input lines
+A group of compartments is a group of neurons, under a name that SANA-FE allows; ``<input>_tile<n>`` are the input lines
 that reach tile n, in ascending order. Weights and thresholds are mantissas, so a potential is v / 64.
 """
 
@@ -18,11 +18,11 @@ from locsnn_compile.backends.sanafe.architecture import DENDRITE, LINE, REPLAY, 
 from locsnn_compile.backends.sanafe.rules import AFTER_SPIKE
 
 UNIT = 1 << WEIGHT_SHIFT
-"""What a potential of 1 is here."""
+"""A potential of 1 in units of the registers."""
 
 
 class PhaseNetwork:
-    """The network of one phase; ``replayed``: compartments play their spikes back and synapses weigh nothing."""
+    """The network of one phase; if ``replayed``, compartments play their spikes back, and weights are 0."""
 
     def __init__(self, played: Played, phase: str, *, replayed: bool) -> None:
         self._played, self._phase, self._replayed = played, phase, replayed
@@ -39,7 +39,7 @@ class PhaseNetwork:
         return found
 
     def input_spikes(self) -> int:
-        """Count the spikes of all input neurons: a line has one on every tile that it reaches."""
+        """Count the spikes of all input neurons; a line has a neuron on every tile that it reaches."""
         return sum(int(self._spikes_of(item)[:, lines].sum()) for item, _, lines in self._inputs())
 
     def text(self) -> str:
@@ -57,7 +57,7 @@ class PhaseNetwork:
         return "\n".join(lines) + "\n"
 
     def _inputs(self) -> Iterator[tuple[Input, int, IntArray]]:
-        """Yield every input with each tile it reaches, and its lines that do."""
+        """Yield every input with each tile that it reaches, and the lines that reach it."""
         for item in self._program.inputs_of(self._phase):
             route = self._program.route_of(item.name)
             tiles = np.array([self._tile(core) for core in self._program.cores], dtype=np.int64)[route.core]

@@ -1,8 +1,8 @@
-"""What of a program SANA-FE's own models express, and what it counts by its own rules.
+"""What SANA-FE's own models can express of a program, and what it counts by its own rules.
 
-Its soma computes, in units of 64: ``u = input_decay * u + charge``, ``v = trunc(leak_decay * v) + bias + u``, a spike
-where ``v > threshold``. It truncates v to a 64th as the chip does, but never u. So it finds the same spikes where no
-fraction of a current is ever cut off, and where a program uses nothing that its neurons lack.
+Its soma computes, in units of 64: ``u = input_decay * u + charge``, ``v = trunc(leak_decay * v) + bias + u``, and a
+spike if ``v > threshold``. It truncates v to a 64th as the chip does, but never u. So it finds the same spikes if no
+fraction of a current is ever cut off, and if the program uses nothing that its neurons lack.
 """
 
 from collections.abc import Callable
@@ -16,18 +16,18 @@ from hw_model.values import BoolArray
 from locsnn_compile.backends.played import Played
 
 DELAY_MAX = 5
-"""Its dendrites with delays hold six slots (``AccumulatorWithDelayModel``)."""
+"""Most steps of a delay: its dendrites with delays hold six slots (``AccumulatorWithDelayModel``)."""
 UNIT_SIZE = 1024
-"""Compartments that one of its soma or dendrite units holds."""
+"""Compartments in one of its soma or dendrite units."""
 AFTER_SPIKE = 2.0**-7
-"""Voltage after a spike, in units of 64: half of what truncation keeps, so it is 0 before it is used.
+"""Voltage after a spike, in units of 64: half of what truncation keeps, so it becomes 0 before it is used.
 
-A voltage of exactly 0 would make SANA-FE take the compartment for idle in the next step, though it still has current.
+With a voltage of exactly 0, SANA-FE would consider the compartment idle in the next step, although it has a current.
 """
 
 
 def obstacles(played: Played, phase: str) -> list[str]:
-    """Return why SANA-FE's neurons would not find the spikes of a phase; empty where they do."""
+    """Return the reasons why SANA-FE's neurons would not find the spikes of a phase; none if they do."""
     cores = played.program.cores_of(phase)
     events = [played.result.events.get(group, {}) for group in played.program.columns_of(phase)]
 
@@ -52,9 +52,9 @@ def obstacles(played: Played, phase: str) -> list[str]:
 
 
 def updates(core: Core, played: Played) -> int:
-    """Count its updates of a core: compartments with a voltage, a bias, or a spike arriving, be its charge cancelled.
+    """Count SANA-FE's updates of a core: compartments with a voltage, a bias or arriving spikes, even if these cancel.
 
-    A compartment that spiked is one with a voltage in the next step, see :data:`AFTER_SPIKE`.
+    A compartment that spiked has a voltage in the next step, see :data:`AFTER_SPIKE`.
     """
     held = (played.register(core, "v") != 0) | (played.spikes(core) != 0)
     before = np.concatenate((np.zeros_like(held[:1]), held[:-1]))
@@ -62,13 +62,13 @@ def updates(core: Core, played: Played) -> int:
 
 
 def _loses_fraction(core: Core, played: Played) -> BoolArray:
-    """Mark the decays of u that leave a fraction; what u is after the last step decays no more."""
+    """Mark the decays of u that leave a fraction; u after the last step does not decay."""
     u = played.register(core, "u")[:-1]
     return np.asarray(np.abs(u) * (DECAY_ONE - core.setting("decay_u")) % DECAY_ONE != 0)
 
 
 def _arrives(core: Core, played: Played) -> BoolArray:
-    """Return where at least one synapse brings its weight, (steps, compartments)."""
+    """Return where at least one synapse delivers its weight, (steps, compartments)."""
     axons, spikes = core.axons, played.axons(core)
     found = np.zeros((len(spikes), core.compartments), dtype=np.bool_)
     for delay in np.unique(axons.delay).tolist():

@@ -1,8 +1,8 @@
-"""The synapse memory of a core as words: axons point at lists, a list is runs of synapses, a run a header and synapses.
+"""The synapse memory of a core as words: axons point to lists, lists consist of runs, runs of a header and synapses.
 
-The chip description says what a run costs; this is a layout of exactly that cost:
+The chip description says what a run costs; this layout takes exactly that:
 
-    run      header (format, synapses less one), then the synapses, up to a whole word
+    run      header (format, synapses minus one), then the synapses, padded to a whole word
     synapse  weight, delay, index, each as wide as its format says; low bits first
 
 A dense list has no indices: its synapses end on compartments ``base``, ``base + 1``, ...
@@ -21,7 +21,7 @@ from locsnn_compile.errors import InputError, check_same
 
 
 class SynapseImage(Frozen, eq=False):
-    """Tables of a core, one word a row, as bits: ``axons`` point into ``lists``, and these into ``words``."""
+    """Tables of a core as bits, one word per row: ``axons`` point into ``lists``, and these into ``words``."""
 
     axons: BitArray
     lists: BitArray
@@ -32,7 +32,7 @@ class SynapseImage(Frozen, eq=False):
 def synapse_layouts(chip: Chip) -> dict[str, Layout]:
     """Return the layouts of the words that lead to synapses, from the limits of a chip.
 
-    A chip whose run header has no room for format and length is an ``InputError``.
+    Raises ``InputError`` for a chip whose run header has no room for format and length.
     """
     limits, memory = chip.limits, chip.synapse_memory
     words, compartment = bits_for(limits.synapse_words_per_core), bits_for(limits.compartments_per_core - 1)
@@ -64,7 +64,7 @@ def synapse_layouts(chip: Chip) -> dict[str, Layout]:
 
 
 def synapse_image(core: Core, chip: Chip) -> SynapseImage:
-    """Pack the axons and synapses of a core into the words that placement counted; others are an ``InputError``."""
+    """Pack the axons and synapses of a core; ``InputError`` if they take other words than placement counted."""
     layouts, axons = synapse_layouts(chip), core.axons
     ends = np.array([piece.offset + piece.size for piece in core.slices])
     lists = synapse_lists(axons.list_start, axons.target, axons.format_index, axons.formats, ends, chip.synapse_memory)
@@ -87,7 +87,7 @@ def synapse_image(core: Core, chip: Chip) -> SynapseImage:
 
 
 def stored_weights(form: SynapseFormat, mantissa: IntArray, where: str) -> IntArray:
-    """Return mantissas in steps of their grid, as a format stores them; magnitudes where the format has one sign."""
+    """Return mantissas in steps of their grid, as a format stores them; magnitudes if the format is inhibitory."""
     grid = weight_grid(form.weight_bits, form.sign_mode)
     if grid.off_grid(mantissa).any():
         raise InputError(where, "a weight is not on the grid of its format", fix="Compile the program again.")
@@ -101,7 +101,7 @@ def _words(core: Core, chip: Chip, layout: Layout, lists: SynapseLists, first_wo
     bits = np.zeros(int(lists.words.sum()) * memory.word_bits, dtype=np.uint8)
     full_run = memory.words(np.full(len(lists.width), memory.run_length), lists.width)
 
-    # Where each synapse lies: its list, its place in it, and from these its run.
+    # The place of each synapse: its list, its place in the list, and its run.
     of_list = np.repeat(np.arange(len(lists.start)), lists.length)
     place = np.arange(len(rows)) - lists.start[of_list]
     run, in_run = place // memory.run_length, place % memory.run_length

@@ -1,6 +1,6 @@
-"""``--emit vectors``: what a test bench of the chip needs - memory images, stimuli and expected values, core by core.
+"""``--emit vectors``: memory images, stimuli and expected values for a test bench of the chip, core by core.
 
-Everything is text that ``$readmemh`` reads, one word a line; ``manifest.yaml`` defines every file and every bit.
+All files are text for ``$readmemh``, one word per line; ``manifest.yaml`` defines every file and every bit.
 """
 
 from collections.abc import Iterator
@@ -21,11 +21,11 @@ from locsnn_compile.texts.templates import filled
 FORMAT, VERSION = "locsnn-vectors", 1
 FOLDER = "vectors"
 MAX_BYTES = 1 << 30
-"""Of all files together: a recording of a large program on every register can be more than a disk likes."""
+"""Most bytes of all files: every register of a large program in every step may fill a disk."""
 
 
 class _Image(Frozen, eq=False):
-    """A file of a core: its words as bits, what a row is, and the layout of a row or, with none, what each bit is."""
+    """A file of a core: its words as bits, what a row is, and the layout of a row or else what each bit is."""
 
     name: str
     row: str
@@ -34,7 +34,7 @@ class _Image(Frozen, eq=False):
     bit: str = ""
 
     def describe(self, file: str) -> dict[str, object]:
-        """Return what the manifest says of the file."""
+        """Return the entry of the file in the manifest."""
         kind = {"layout": self.layout} if self.layout else {"bit": self.bit, "width": self.bits.shape[1]}
         return {"file": file, "rows": len(self.bits), "row": self.row, **kind}
 
@@ -102,7 +102,7 @@ def _images(core: Core, played: Played) -> Iterator[_Image]:
 
 
 def _layouts(chip: Chip) -> dict[str, Layout]:
-    """Return the layouts of all words that have fields."""
+    """Return the layouts of all words with fields."""
     limits, registers = chip.limits, chip.registers
     compartment, decay = bits_for(limits.compartments_per_core - 1), bits_for(DECAY_ONE)
     return {
@@ -144,7 +144,7 @@ def _core_entry(core: Core, played: Played, files: dict[str, dict[str, object]])
 
 
 def _arithmetic(chip: Chip) -> dict[str, object]:
-    """Return the numbers that the arithmetic of a step needs."""
+    """Return the numbers needed for the arithmetic of a step."""
     registers, memory = chip.registers, chip.synapse_memory
     return {
         **picked(registers, "charge_bits", "current_bits"),
@@ -158,11 +158,11 @@ def _arithmetic(chip: Chip) -> dict[str, object]:
 
 
 def _check_size(played: Played) -> None:
-    """Refuse what would fill a disk: u and v outweigh everything else, unless the words of the memory are very wide."""
+    """Refuse what would fill a disk: u and v are most of it, unless the words of the memory are very wide."""
     chip, cores = played.program.chip, played.program.cores
     values = sum(2 * core.compartments * played.steps(core.phase) for core in cores)
     line = -(-_layouts(chip)["register"].width // 4) + 1
-    # Memory is packed with a byte a bit.
+    # Packing takes a byte per bit of memory.
     bits = sum(core.axons.synapse_words for core in cores) * chip.synapse_memory.word_bits
     for what, size, fix in (
         ("u and v of every compartment and step", values * line, "Emit a shorter recording."),

@@ -1,4 +1,4 @@
-"""The cases, a group of the page for each function, whose docstring is what the page says of the group."""
+"""The cases: a group for each function, whose docstring is the text about the group on the page."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -25,10 +25,10 @@ GROUPS: dict[str, Callable[[], Iterable[Case]]] = {
     "delays": groups.delays,
 }
 LEADS = {name: " ".join((made.__doc__ or "").split()) for name, made in {**GROUPS, GROUP: long_runs}.items()}
-"""What a group of rows shows."""
+"""The text about each group of rows."""
 
 
 def cases(*, quick: bool = False) -> tuple[Case, ...]:
-    """Return all cases in the order of the page, or those that every run has."""
+    """Return all cases in the order of the page; if ``quick``, only those of a quick run."""
     every = (replace(case, group=group) for group, made in GROUPS.items() for case in made())
     return tuple(case for case in every if case.quick or not quick)

@@ -1,4 +1,4 @@
-"""What is put under stress: one population behind some inputs, and what is played to it, also for a million steps."""
+"""What is put under stress: one population behind inputs, and what is played to it, for up to a million steps."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,19 +21,19 @@ from locsnn_compile.texts.templates import filled
 
 POPULATION, TOUCH = "n", "touch"
 NEURONS, CHANNELS, STEPS, SAMPLES, RATE = 4, 6, 200, 2, 0.3
-"""Of a case that asks for nothing else; the rate is that of a random input, spikes a step."""
+"""Defaults of a case; the rate is that of random input, in spikes per step."""
 THETA = 10.0
-"""Published threshold."""
+"""The published threshold."""
 SEED = 0
 QUICK: Mapping[str, Mapping[str, Sequence[str]]] = yaml.load(filled(__package__, "quick.yaml"), FAST_LOADER)
-"""Names of the cases that every run has, by group and strategy."""
+"""Names of the cases of a quick run, by group and strategy."""
 
 
 class Case(Frozen, eq=False):
     """One row of the table: a network, how it is lowered, and recordings (samples, steps, channels) of 0 and 1.
 
-    It is rounded as `locsnn-compile` rounds, unless ``rounding`` says otherwise. ``x`` is the number that the group of
-    cases varies, where it has a place on an axis. The table of groups names the ``group``.
+    It is rounded as `locsnn-compile` rounds, unless ``rounding`` says otherwise. ``x`` is the number that the group
+    varies, if it is drawn on an axis. The table of groups sets ``group``.
     """
 
     name: str
@@ -47,7 +47,7 @@ class Case(Frozen, eq=False):
 
     @property
     def quick(self) -> bool:
-        """Whether it is part of every run."""
+        """Whether it is part of a quick run."""
         return self.name in QUICK.get(self.group, {}).get(self.strategy, ())
 
 
@@ -58,9 +58,9 @@ def srm_cases(
     played: ByteArray | None = None,
     **more: Any,
 ) -> Iterator[Case]:
-    """Yield a network of spike response neurons by every strategy.
+    """Yield a network of spike response neurons for every strategy.
 
-    The published neuron, random weights and random input where nothing else is given; ``more`` as in :func:`case_of`.
+    Defaults are the published neuron, random weights and random input; ``more`` as in :func:`case_of`.
     """
     made = case_of(name, USUAL[0], neuron or srm(), weights() if given is None else given, played, **more)
     for strategy in USUAL:
@@ -74,7 +74,7 @@ def lif_case(
     played: ByteArray | None = None,
     **more: Any,
 ) -> Case:
-    """Return a network of integrate-and-fire neurons, with the usual ones where nothing else is given."""
+    """Return a network of integrate-and-fire neurons, by default with random weights and random input."""
     return case_of(name, NATIVE, neuron or lif(), weights(response="leak") if given is None else given, played, **more)
 
 
@@ -90,7 +90,7 @@ def case_of(
     signs: Signs = "apart",
     **more: Any,
 ) -> Case:
-    """Return neurons with weights, a random input played to them by default; ``more`` fields of the case."""
+    """Return neurons with weights, by default with random input; ``more`` are fields of the case."""
     recordings = random_input() if played is None else played
     steps = recordings.shape[1]
     network = network_of(neuron, given, steps=steps, delay=delay, exponent=exponent, signs=signs)
@@ -108,7 +108,7 @@ def network_of(
 ) -> Network:
     """Return one population behind inputs, one for each column of its weights.
 
-    Weights of neurons on the chip's grid are mantissas, of an ``exponent`` and with ``signs`` as given.
+    For neurons on the chip's grid, weights are mantissas with this ``exponent`` and these ``signs``.
     """
     if isinstance(neuron, ChipNeuron):
         held = matrix(given, np.int64)
@@ -131,21 +131,21 @@ def network_of(
 
 
 def srm(**changes: float) -> SrmAlpha:
-    """Return the published spike response neuron, with changes."""
+    """Return the published spike response neuron with some parameters changed."""
     return replace(SrmAlpha(theta=THETA, tau_sr=10.0, tau_ref=1.0, scale_ref=2.0), **changes)
 
 
 def lif(tau: float = 10.0, size: int = NEURONS, **changes: ArrayLike) -> Cuba:
-    """Return leaky integrate-and-fire neurons without a current, of a time constant in steps, with changes."""
+    """Return leaky integrate-and-fire neurons without a current, with a time constant in steps and other changes."""
     return Cuba.of(size, **{"decay_v": -np.expm1(-1.0 / tau), "threshold": THETA, **changes})
 
 
 def weights(tau: float = 10.0, *, response: str = "alpha", size: int = NEURONS) -> FloatArray:
-    """Return random weights (size, CHANNELS) under which potentials of any time constant stray about the threshold.
+    """Return random weights (size, CHANNELS) with which potentials of any time constant vary around the threshold.
 
-    Let h be the response to a spike. Random input lifts a potential by ``w * channels * rate * sum over k of h(k)`` on
-    average, and moves it by ``w * sqrt(channels * rate * sum over k of h(k)^2)`` about there. The sums are about
-    ``e tau`` and ``e^2 tau / 4`` of an alpha kernel, ``tau`` and ``tau / 2`` of a leaky integrator.
+    Let h be the response to a spike. Random input raises a potential by ``w * channels * rate * sum over k of h(k)`` on
+    average, with a deviation of ``w * sqrt(channels * rate * sum over k of h(k)^2)``. The sums are about ``e tau`` and
+    ``e^2 tau / 4`` for an alpha kernel, and ``tau`` and ``tau / 2`` for a leaky integrator.
     """
     lift, energy = (math.e * tau, math.e**2 * tau / 4) if response == "alpha" else (tau, tau / 2)
     drawn = np.random.default_rng(SEED).normal(0.0, 1.0, (size, CHANNELS))
@@ -157,22 +157,22 @@ def weights(tau: float = 10.0, *, response: str = "alpha", size: int = NEURONS) 
 def random_input(
     steps: int = STEPS, *, channels: int = CHANNELS, samples: int = SAMPLES, seed: int = SEED + 1
 ) -> ByteArray:
-    """Return recordings (samples, steps, channels) in which every channel spikes at random, at ``RATE`` a step."""
+    """Return recordings (samples, steps, channels) in which every channel spikes at random with ``RATE`` per step."""
     drawn = np.random.default_rng(seed).random((samples, steps, channels)) < RATE
     return drawn.astype(np.uint8)
 
 
 GROUP = "a million steps"
 BLOCK = 1000
-"""Steps after which the input repeats: what a fading neuron does then repeats as well."""
+"""Steps after which the input repeats, and with it a neuron whose state fades."""
 SETTLED = 5
-"""Time constants after which a neuron has all but forgotten how it began."""
+"""Time constants after which a neuron has practically forgotten its start."""
 
 
 class LongRun(Frozen, eq=False):
-    """``case`` plays the first blocks, until errors that fade have settled; then ``block`` goes on and on.
+    """``case`` plays the first blocks, until errors that fade have settled; then ``block`` repeats.
 
-    ``block`` is (steps, channels). ``fades`` is False where some error never does.
+    ``block`` is (steps, channels). ``fades`` is False if some error never fades.
     """
 
     case: Case
@@ -185,14 +185,14 @@ def long_runs() -> Iterator[LongRun]:
     bound for all time. Without a leak it does, as fast as derived. Potentials are compared in neurons that do not
     spike; the figures above the long runs are of their beginnings.
     """
-    # Two neurons of each network stay below the threshold, so that potentials can be compared for ever.
+    # Two neurons of each network stay below the threshold, so potentials can be compared to the end.
     block = random_input(BLOCK, samples=1)[0]
     for strategy in USUAL:
         yield _run("tau_sr 10", strategy, srm(), _mostly_quiet(weights()), block, 2)
     given = _mostly_quiet(weights(response="leak"))
     yield _run("leak of 10 steps", NATIVE, lif(10.0), given, block, 2)
     given = _mostly_quiet(weights(4096.0, response="leak"))
-    # A decay that the chip has: nothing but truncation and weights is left.
+    # The chip has this decay exactly, so only truncation and weights differ.
     yield _run("leak of 1 in 4096", NATIVE, lif(decay_v=1 / 4096), given, block, SETTLED * 4096 // BLOCK)
     yield _run("no leak, balanced input", NATIVE, lif(decay_v=0.0), *_balanced(), 2, fades=False)
     ticking = lif(decay_v=0.0, bias=THETA * np.array([0.3, 0.03, 0.003, 0.0003]))
@@ -200,16 +200,16 @@ def long_runs() -> Iterator[LongRun]:
 
 
 def _mostly_quiet(given: FloatArray) -> FloatArray:
-    """Return weights under which two neurons stay below the threshold."""
+    """Return weights with which two neurons stay below the threshold."""
     quiet = given.copy()
     quiet[:2] *= 0.1
     return quiet
 
 
 def _balanced() -> tuple[FloatArray, ByteArray]:
-    """Return weights and input that add up to nothing in float, and to nearly nothing in rounded weights.
+    """Return weights and input that add up to 0 in float, and almost to 0 with rounded weights.
 
-    61 spikes up and 77 down, of 61/77 the weight: in mantissas 255 and 202.013.
+    61 spikes up, and 77 down with 61/77 of the weight; the mantissas are 255 and 202.013.
     """
     up, down = 61, 77
     given = np.tile([THETA / 32, -THETA / 32 * up / down], (NEURONS, 1))

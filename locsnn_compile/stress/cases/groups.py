@@ -1,7 +1,7 @@
-"""What is tried from end to end, a group of cases for each function, whose docstring is what the page says of it.
+"""The groups of cases: one for each function, whose docstring is the text about the group on the page.
 
-What a neuron is: its time constants, decays, threshold, refractory count and bias. What reaches it: weights and what
-rounding makes of them, delays, and inputs from silence to every line.
+They vary the neuron - its time constants, decays, threshold, refractory count and bias - and what reaches it: weights
+and their rounding, delays, and inputs from silence to every line.
 """
 
 from collections.abc import Iterator
@@ -25,16 +25,16 @@ from locsnn_compile.texts.templates import filled
 
 STEPS_OF_TAU = (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 8000, 10_000)
 SHORT, LONG, FROM = 200, 2000, 200
-"""Steps of a recording: of time constants of 200 steps and more, the longer."""
+"""Steps of a recording, short and long; long for time constants from this many steps."""
 ENDS = (0, 1, 4095, 4096)
 THRESHOLD = 400
 PARTS = (1, 2, 3, 4, 7)
-"""A threshold in so many spikes."""
+"""Spikes that add up to a threshold."""
 RULES: tuple[Rule, ...] = (">", ">=")
 LIMIT = 4090.0
-"""Thresholds: about the largest bias next to which a threshold mantissa of 1 is left."""
+"""In thresholds: about the largest bias that leaves a threshold mantissa of 1."""
 EXTREMES: dict[str, dict[str, dict[str, Any]]] = yaml.load(filled(__package__, "extremes.yaml"), FAST_LOADER)
-"""By neuron and name of the case what is changed."""
+"""What is changed, by neuron and by name of the case."""
 DECADES = range(-6, 7)
 DELAYS = (0, 1, 61, 62, 63, 10**9)
 ROUNDINGS: dict[str, Rounding] = {
@@ -49,7 +49,7 @@ ROUNDINGS: dict[str, Rounding] = {
 }
 TIME_CONSTANTS = (10.0, 100.0)
 CROWD = 4096
-"""Input axons that a core has; a neuron with a self-synapse takes one for itself."""
+"""Input axons of a core; a neuron with a self-synapse needs one for itself."""
 
 
 def time_constants() -> Iterator[Case]:
@@ -112,7 +112,7 @@ def exact_thresholds() -> Iterator[Case]:
             yield lif_case(f"integrator, {name}, rule {rule}", neuron, [[usual.THETA / parts]], one)
         neuron = lif(size=1, decay_v=1.0, rule=rule)
         yield lif_case(f"memoryless, 1/4 and 3/4, rule {rule}", neuron, [[0.25 * usual.THETA, 0.75 * usual.THETA]], two)
-    # Single spikes so far apart that the kernel of one is over before the next.
+    # Single spikes, so far apart that the kernel of one ends before the next.
     apart = np.zeros_like(one)
     apart[:, 0 : usual.STEPS : usual.STEPS // 2] = 1
     for strategy, tau in product(USUAL, (1.0, 10.0)):
