@@ -131,11 +131,13 @@ class MemoryWords(Frozen):
     """Words of memories of the open core that may hold fewer than its parameters say.
 
     ``sums``: compartments from the first parent of a phase to its last. ``weights``: groups that are read out.
+    ``states``: compartments.
     """
 
     sums: int = within(1, 1 << 20)
     weights: int = within(1, 64)
     phases: int = within(8, 512)
+    states: int = within(2, 1 << 20, default=1 << 20)
 
 
 class Chip(Shown, eq=True):

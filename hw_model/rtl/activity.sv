@@ -18,8 +18,12 @@ module activity (
     output logic [31:0] voltages_clipped
 );
     // A counter is clocked only where it changes.
-    always_ff @(posedge clk) begin
+    wire adding, updating;
+    clock_gate adding_gate (.clk, .enable(clear || add != 0), .gated(adding));
+    clock_gate updating_gate (.clk, .enable(clear || update), .gated(updating));
+    always_ff @(posedge adding)
         if (clear || add != 0) synapses <= clear ? 0 : synapses + {30'b0, add[1] && add[0], add[1] != add[0]};
+    always_ff @(posedge updating) begin
         if (clear || update) updates <= clear ? 0 : updates + 1;
         if (clear || (update && active)) active_updates <= clear ? 0 : active_updates + 1;
         if (clear || fired) spikes <= clear ? 0 : spikes + 1;

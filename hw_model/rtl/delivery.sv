@@ -74,7 +74,7 @@ module delivery #(
             at <= list_start;
             left <= list_length;
             walk_base <= found_base;
-        end else begin
+        end else if (walking) begin
             if (last) walking <= 0;
             at <= at + 1;
             left <= left - 1;
@@ -104,7 +104,7 @@ module delivery #(
         {walked1, walked2} <= clear ? 2'b0 : {walking, walked1};
         {valid1, valid2} <= clear ? 2'b0 : {walking && left != 0, valid1};
         {base1, base2} <= {walk_base, base1};
-        word2 <= word1;
+        if (valid1) word2 <= word1;
     end
 
     genvar bank;
@@ -122,8 +122,10 @@ module delivery #(
             // A spike of step t acts at step t + 1 + delay, with 64 * mantissa * 2^exponent; charges are in units of 64.
             always_ff @(posedge clk) begin
                 add[bank] <= !clear && valid2 && used;
-                add_address[bank*ADDRESS+:ADDRESS] <= {(base2 + delay) & slot_mask, target};
-                add_charge[bank*CHARGE+:CHARGE] <= {{(CHARGE-15){effective[15]}}, effective[14:0]};
+                if (valid2) begin
+                    add_address[bank*ADDRESS+:ADDRESS] <= {(base2 + delay) & slot_mask, target};
+                    add_charge[bank*CHARGE+:CHARGE] <= {{(CHARGE-15){effective[15]}}, effective[14:0]};
+                end
             end
         end
     endgenerate

@@ -126,7 +126,7 @@ class CoreProgram:
         phase = np.searchsorted(self.ends, parents, side="right")
         spans = [np.ptp(parents[phase == index]) + 1 for index in np.unique(phase)]
         weights = max(1, len(self.tables["weights"]["magnitude"]))
-        return MemoryWords(max([1, *map(int, spans)]), weights, len(self.tables["phases"]["value"]))
+        return MemoryWords(max([1, *map(int, spans)]), weights, len(self.tables["phases"]["value"]), self.ends[-1])
 
     def _number(self) -> None:
         """Number the compartments of all cores: by phase, deepest children first, siblings together."""

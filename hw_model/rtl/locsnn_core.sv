@@ -20,7 +20,10 @@ module locsnn_core #(
     parameter integer JOIN = 26,            // bits of the sum of joined voltages, sign included
     parameter integer BITMAP = 1024,        // words of 32 bits
     parameter integer VISITS = 128,
-    parameter integer ENTRIES = 128         // compartments that are read out
+    parameter integer ENTRIES = 128,        // compartments that are read out
+    // What saves energy on a chip, and costs logic elsewhere.
+    parameter integer EARLY = 0,            // 1: the memory of charges answers early in a cycle
+    parameter integer LAZY = 0              // 1: states that the next step does not depend on are neither read nor written
 ) (
     input  logic               clk,
     input  logic               reset,
@@ -73,7 +76,9 @@ module locsnn_core #(
     logic [23:0] settings[0:15];
     wire         set = load_valid && load_memory == 0;
     wire         run = set && {8'b0, load_address} == RUN;
-    always_ff @(posedge clk) if (set && !run) settings[load_address[3:0]] <= load_data[23:0];
+    wire         setting;
+    clock_gate settings_gate (.clk, .enable(set), .gated(setting));
+    always_ff @(posedge setting) if (set && !run) settings[load_address[3:0]] <= load_data[23:0];
 
     // Fields of a phase: memory 7, eight words a phase. They come one by one, each pushing the others on.
     localparam integer STEPS = 0, NUMBER_END = 1, VISITS_END = 2, ROWS = 3, ROW_SOURCE = 4, POTENTIALS_FROM = 5,
@@ -141,8 +146,6 @@ module locsnn_core #(
             end
             PHASE: begin
                 if (field == 0) number_begin <= buffered ? number_end : {(NUMBER + 1){1'b0}};
-                else if (field != 9) {its[0], its[1], its[2], its[3], its[4], its[5], its[6], its[7]}
-                    <= {its[1], its[2], its[3], its[4], its[5], its[6], its[7], next_field};
                 field <= field + 1;
                 {step, slot} <= 0;
                 over <= its[STEPS] == 0;
@@ -182,6 +185,11 @@ module locsnn_core #(
         end
         if (reset) state <= STOPPED;
     end
+    wire filling;
+    clock_gate fields_gate (.clk, .enable(state == PHASE), .gated(filling));
+    always_ff @(posedge filling) if (state == PHASE && field != 0 && field != 9)
+        {its[0], its[1], its[2], its[3], its[4], its[5], its[6], its[7]}
+            <= {its[1], its[2], its[3], its[4], its[5], its[6], its[7], next_field};
     assign answer_valid = state == ANSWER;
     assign answer_error = error;
 
@@ -239,7 +247,7 @@ module locsnn_core #(
     generate
         for (bank = 0; bank < 2; bank = bank + 1) begin : banks
             wire take = state == UPDATE && number_bank == bank;
-            accumulator #(.WIDTH(CHARGE), .DEPTH(SLOTS * COMPARTMENTS / 2)) charges (
+            accumulator #(.WIDTH(CHARGE), .DEPTH(SLOTS * COMPARTMENTS / 2), .EARLY(EARLY)) charges (
                 .clk, .valid(add[bank] || take), .take,
                 .address(state == UPDATE ? {slot, number[NUMBER-1:1]} : add_address[bank*ADDRESS+:ADDRESS]),
                 .addend(add_charge[bank*CHARGE+:CHARGE]), .taken(taken[bank*CHARGE+:CHARGE]),
@@ -252,7 +260,7 @@ module locsnn_core #(
     wire [1:0]         current_wraps;
     wire signed [23:0] done_u, done_v, potential;
     wire [ENTRY-1:0]   early_entry, entry;
-    update #(.COMPARTMENTS(COMPARTMENTS), .CHARGE(CHARGE), .JOIN(JOIN), .ENTRIES(ENTRIES)) compartments (
+    update #(.COMPARTMENTS(COMPARTMENTS), .CHARGE(CHARGE), .JOIN(JOIN), .ENTRIES(ENTRIES), .LAZY(LAZY)) compartments (
         .clk, .clear, .load_leak(load_valid && load_memory == 3), .load_fire(load_valid && load_memory == 4),
         .load_address, .load_data,
         .issue(state == UPDATE), .first_step(step == 0), .number(number[NUMBER-1:0]), .charge, .busy(updating),

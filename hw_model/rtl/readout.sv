@@ -40,8 +40,15 @@ module readout #(
     logic signed [23:0] stored, tally8, new_tally;
     logic               write;
 
+    logic               early7;
+    wire                ticking;  // while a tally is on its way, and at the end
+    always_ff @(posedge clk) early7 <= early_read;
+    clock_gate gate (
+        .clk, .enable(clear || load_weight || early_read || early7 || read_out || start || done || state != IDLE), .gated(ticking)
+    );
+
     memory #(.WIDTH(24), .DEPTH(ENTRIES)) tallies (
-        .clk,
+        .clk          (ticking),
         .write        (sweep || (read_out && write)),
         .write_address(sweep ? sweep_address : entry),
         .write_data   (sweep ? 24'b0 : new_tally),
@@ -49,7 +56,7 @@ module readout #(
         .read_address (state == IDLE ? early_entry : address),
         .read_data    (stored)
     );
-    always_ff @(posedge clk) tally8 <= stored;
+    always_ff @(posedge ticking) tally8 <= stored;
 
     always_comb begin
         write = fired;
@@ -64,7 +71,7 @@ module readout #(
     logic [32:0]        weight;
     logic [GROUP:0]     population;
     memory #(.WIDTH(33), .DEPTH(GROUPS)) weights (
-        .clk,
+        .clk          (ticking),
         .write        (load_weight),
         .write_address(load_address[GROUP-1:0]),
         .write_data   (load_data[32:0]),
@@ -82,7 +89,7 @@ module readout #(
     wire [64:0]         sum = {score, 1'b1} + {addend, negative};
 
     assign score_valid = state == COMPARE;
-    always_ff @(posedge clk) begin
+    always_ff @(posedge ticking) begin
         done <= 0;
         case (state)
             IDLE: if (start) begin

@@ -14,7 +14,8 @@ module update #(
     parameter integer COMPARTMENTS = 512,
     parameter integer CHARGE = 18,
     parameter integer JOIN = 26,
-    parameter integer ENTRIES = 128
+    parameter integer ENTRIES = 128,
+    parameter integer LAZY = 0  // a state that the next step does not depend on is neither read nor written
 ) (
     input  logic                            clk,
     input  logic                            clear,
@@ -72,7 +73,9 @@ module update #(
     clock_gate gate (.clk, .enable(issue || busy || clear || load_leak || load_fire), .gated(ticking));
 
     // 0 and 1: state and constants of the leak.
-    logic [53:0]        state1;
+    logic [53:0]        stored1;
+    wire                read0, kept1, some1;
+    wire [53:0]         state1 = kept1 ? stored1 : 54'b0;
     logic [LEAK-1:0]    leak1;
     wire signed [23:0]  u1, v1;
     wire [5:0]          blocked1;
@@ -82,18 +85,41 @@ module update #(
     assign {blocked1, v1, u1} = first1 ? 54'b0 : state1;
     assign {has_children1, bias1, keep_v1, keep_u1, valid_word1} = leak1;
     logic [53:0]        new_state8;
-    wire                changed8;
+    wire                changed8, keeps8;
 
     memory #(.WIDTH(54), .DEPTH(COMPARTMENTS)) states (
         .clk(ticking),
-        .write(valid8 && changed8), .write_address(number8), .write_data(new_state8),
-        .read(issue), .read_address(number), .read_data(state1)
+        .write(valid8 && (LAZY != 0 ? keeps8 : changed8)), .write_address(number8), .write_data(new_state8),
+        .read(read0 && !(LAZY != 0 && first_step)), .read_address(number), .read_data(stored1)
     );
     memory #(.WIDTH(LEAK), .DEPTH(COMPARTMENTS)) leaks (
         .clk(ticking),
         .write(load_leak), .write_address(load_address[NUMBER-1:0]), .write_data(load_data[LEAK-1:0]),
         .read(issue), .read_address(number), .read_data(leak1)
     );
+
+    // What is neither 0 nor forgotten goes through the leak; whatever else is there stays as it is, and is taken for 0.
+    wire  leaks1 = LAZY == 0 || (kept1 && !first1);
+    logic leaks2, leaks3, leaks4, some2, lasting2, lasting3, lasting4, lasting5, lasting6, lasting7, lasting8;
+    always_ff @(posedge ticking) begin
+        {leaks2, leaks3, leaks4} <= {leaks1, leaks2, leaks3};
+        some2 <= some1 && !first1;
+        lasting2 <= keep_u1 != 0 || keep_v1 != 0;
+        {lasting3, lasting4, lasting5} <= {lasting2, lasting3, lasting4};
+        {lasting6, lasting7, lasting8} <= {lasting5, lasting6, lasting7};
+    end
+    assign keeps8 = new_state8[53:48] != 0 || (lasting8 && new_state8[47:0] != 0);
+    generate
+        if (LAZY != 0) begin : lazy
+            at_rest #(.COMPARTMENTS(COMPARTMENTS)) resting (
+                .clk(ticking), .issue, .number, .read(read0), .kept(kept1), .some(some1),
+                .done(issued[7]), .last(!issued[6]), .done_number(number8),
+                .keeps(valid8 && keeps8), .holds(valid8 && new_state8[47:0] != 0)
+            );
+        end else begin : eager
+            assign {read0, kept1, some1} = {issue, 2'b11};
+        end
+    endgenerate
 
     // 2: the charge is here. It wraps to 22 bits; in units of 64 these are 16.
     logic signed [23:0] u2, v2;
@@ -102,11 +128,13 @@ module update #(
     logic signed [19:0] bias2, bias3, bias4, bias5;
     logic               has_children2, has_children3, has_children4;
     wire                wrap2 = charge[CHARGE-1:15] != {(CHARGE-15){charge[15]}};
-    wire                active2 = charge != 0 || u2 != 0 || v2 != 0 || bias2 != 0;
+    wire                left2 = LAZY != 0 ? some2 : u2 != 0 || v2 != 0;
+    wire                active2 = charge != 0 || left2 || bias2 != 0;
 
     always_ff @(posedge ticking) begin
         valid2 <= !clear && issued[0] && valid_word1;
-        {u2, v2, blocked2, keep_u2, keep_v2, bias2} <= {u1, v1, blocked1, keep_u1, keep_v1, bias1};
+        {blocked2, bias2} <= {blocked1, bias1};
+        if (leaks1) {u2, v2, keep_u2, keep_v2} <= {u1, v1, keep_u1, keep_v1};
         {blocked3, blocked4, blocked5} <= {blocked2, blocked3, blocked4};
         {blocked6, blocked7, blocked8} <= {blocked5, blocked6, blocked7};
         {bias3, bias4, bias5} <= {bias2, bias3, bias4};
@@ -114,9 +142,12 @@ module update #(
     end
 
     // 2 to 4: the leak.
-    wire signed [23:0] left_u4, left_v4;
-    leak leak_u (.clk(ticking), .x(u2), .keep(keep_u2), .left(left_u4));
-    leak leak_v (.clk(ticking), .x(v2), .keep(keep_v2), .left(left_v4));
+    wire               leaking;
+    wire signed [23:0] leak_u4, leak_v4;
+    wire signed [23:0] left_u4 = leaks4 || LAZY == 0 ? leak_u4 : 24'sd0, left_v4 = leaks4 || LAZY == 0 ? leak_v4 : 24'sd0;
+    clock_gate leak_gate (.clk(ticking), .enable(leaks2 || leaks3), .gated(leaking));
+    leak leak_u (.clk(leaking), .x(u2), .keep(keep_u2), .left(leak_u4));
+    leak leak_v (.clk(leaking), .x(v2), .keep(keep_v2), .left(leak_v4));
 
     logic signed [15:0] charge3, charge4;
     logic               wrap3, wrap4, wrap5, wrap6, wrap7, wrap8;

@@ -1,5 +1,6 @@
 """What an access of an array of latches costs, and its area: mapped to cells by itself and played to, like the core."""
 
+import hashlib
 import json
 from dataclasses import dataclass
 
@@ -9,7 +10,7 @@ import numpy as np
 import picojoules
 import runs
 import timing
-from latches import GATE, Latches, bank, verilog
+from latches import GATE, Latches, modules, verilog
 
 CYCLES, LANES = 160, 32
 
@@ -28,11 +29,13 @@ class Costs:
 
 def measure(files: "runs.Library", made: Latches) -> Costs:
     """Return what an array costs, from words that are read and written at random."""
-    folder = runs.KEPT / "latches" / f"{made.shape.name}-{made.shape.bits}-{len(made.banks)}x{made.rows}"
+    text = "".join([GATE, *modules(made).values(), verilog(made)])
+    named = hashlib.sha256(text.encode()).hexdigest()[:8]
+    folder = runs.KEPT / "latches" / f"{made.shape.name}-{made.shape.bits}-{len(made.banks)}x{made.rows}-{named}"
     kept = folder / "costs.json"
     if not kept.exists():
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / "array.sv").write_text(GATE + bank(made.rows, made.shape.bits) + verilog(made))
+        (folder / "array.sv").write_text(text)
         netlist.synthesise_module(folder, f"memory_{made.shape.name}", [folder / "array.sv"], files.folder / runs.CELLS)
         found = gates.circuit(netlist.load(folder / "netlist.json", f"memory_{made.shape.name}"), files.cells, {})
         kept.write_text(json.dumps(vars(_measure(files, made, found))))

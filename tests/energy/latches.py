@@ -24,9 +24,14 @@ endmodule
 """The gate as the library has it, and how it behaves."""
 
 
+HIGH = 2
+GROUP = 1 << HIGH
+"""Banks of a group, where there are more."""
+
+
 @dataclass(frozen=True)
 class Latches:
-    """A memory of latches: banks of ``depth`` rows, one word in each."""
+    """A memory of latches: banks of ``depth`` rows, one word in each; of more than four banks, in groups of four."""
 
     shape: Shape
     depth: int
@@ -37,9 +42,24 @@ class Latches:
         return sorted({word // self.depth for word in self.shape.held})
 
     @property
+    def groups(self) -> dict[int, list[int]]:
+        """Return the banks of every group, counted within it; none: banks are not in groups."""
+        if len(self.banks) <= GROUP:
+            return {}
+        found: dict[int, list[int]] = {}
+        for number in self.banks:
+            found.setdefault(number // GROUP, []).append(number % GROUP)
+        return found
+
+    @property
     def rows(self) -> int:
         """Rows of a bank; a memory of fewer words has fewer."""
         return min(self.depth, self.shape.fold or self.shape.words)
+
+    @property
+    def low(self) -> int:
+        """Bits of an address within a bank."""
+        return max((self.rows - 1).bit_length(), 1)
 
     @property
     def module(self) -> str:
@@ -52,17 +72,54 @@ class Latches:
         return f"{self.shape.copies * len(self.banks)} x ({self.rows}x{self.shape.bits} latches)"
 
 
+def modules(made: Latches) -> dict[str, str]:
+    """Return the modules that the memory is made of by name: a bank, and groups of banks, which have the same ports."""
+    found = {made.module: bank(made.rows, made.shape.bits)}
+    for banks in made.groups.values():
+        name = _group(made, banks)
+        parts = {number: made.module for number in banks}
+        lines = [_head(name, made.low + HIGH, made.shape.bits), *_parts(parts, made, made.low, HIGH)]
+        found[name] = "\n".join([*lines, "endmodule\n"])
+    return found
+
+
+def _group(made: Latches, banks: list[int]) -> str:
+    return f"{made.module}_of_{''.join(map(str, banks))}"
+
+
+def _head(name: str, address: int, bits: int) -> str:
+    """Return the ports of a bank or a group, and what reaches into it: nothing where it is not used."""
+    return (
+        f"module {name} (input logic clk, write, open, read, input logic [{address - 1}:0] write_row, read_row,\n"
+        f"    input logic [{bits - 1}:0] data, output logic [{bits - 1}:0] found);\n"
+        "    wire writing;\n"
+        "    latch_gate gate (.clk, .enable(write), .gated(writing));\n"
+        f"    wire [{address - 1}:0] to = write_row & {{{address}{{write}}}}, from = read_row & {{{address}{{read}}}};\n"
+        f"    wire [{bits - 1}:0] given = data & {{{bits}{{open}}}};"
+    )
+
+
+def _parts(parts: dict[int, str], made: Latches, low: int, high: int) -> list[str]:
+    """Return instances of modules by the ``high`` bits of an address above its ``low`` ones."""
+    bits = made.shape.bits
+    lines = [f"    logic [{max(high, 1) - 1}:0] opened;"]
+    if high:
+        lines.append(f"    always_ff @(posedge writing) opened <= to[{low + high - 1}:{low}];")
+    for number, module in parts.items():
+        names = ("opened", f"to[{low + high - 1}:{low}]", f"from[{low + high - 1}:{low}]")
+        opened, write, read = (f"{name} == {high}'d{number}" if high else "1'b1" for name in names)
+        lines += [
+            f"    wire [{bits - 1}:0] found{number};",
+            f"    {module} part{number} (.clk(writing), .write(write && {write}), .open({opened}), .read(read && {read}),",
+            f"        .write_row(to[{low - 1}:0]), .read_row(from[{low - 1}:0]), .data(given), .found(found{number}));",
+        ]
+    return [*lines, "    assign found = " + " | ".join(f"found{number}" for number in parts) + ";"]
+
+
 def bank(rows: int, bits: int) -> str:
     """Return the module of a bank."""
     low = max((rows - 1).bit_length(), 1)
-    lines = [
-        f"module latches_{rows}x{bits} (input logic clk, write, open, read, input logic [{low - 1}:0] write_row, read_row,",
-        f"    input logic [{bits - 1}:0] data, output logic [{bits - 1}:0] found);",
-        "    wire writing;",
-        "    latch_gate gate (.clk, .enable(write), .gated(writing));",
-        f"    wire [{low - 1}:0] to = write_row & {{{low}{{write}}}}, from = read_row & {{{low}{{read}}}};",
-        f"    wire [{bits - 1}:0] given = data & {{{bits}{{open}}}};",
-    ]
+    lines = [_head(f"latches_{rows}x{bits}", low, bits)]
     for row in range(rows):
         lines += [
             f"    wire gated{row}; logic [{bits - 1}:0] word{row};",
@@ -74,34 +131,20 @@ def bank(rows: int, bits: int) -> str:
 
 
 def verilog(made: Latches) -> str:
-    """Return module ``memory_<name>``: the ports of ``memory``, banks of latches behind them."""
-    shape = made.shape
-    address, low = shape.address, max((made.rows - 1).bit_length(), 1)
-    high = address - low
+    """Return module ``memory_<name>``: the ports of ``memory``, banks or groups of them behind it."""
+    shape, groups = made.shape, made.groups
+    parts = {number: _group(made, banks) for number, banks in groups.items()}
+    low = made.low + HIGH if groups else made.low
     lines = [
         shape.ports_text,
         "    wire writing;",
         "    latch_gate gate (.clk, .enable(write), .gated(writing));",
-        f"    logic [{shape.bits - 1}:0] data;",
-        f"    logic [{max(high, 1) - 1}:0] opened;",
-        "    always_ff @(posedge writing) begin",
-        "        data <= write_data;",
+        f"    logic [{shape.bits - 1}:0] given;",
+        f"    wire [{shape.bits - 1}:0] found;",
+        f"    wire [{shape.address - 1}:0] to = write_address[{shape.address - 1}:0], from = read_address[{shape.address - 1}:0];",
+        "    always_ff @(posedge writing) given <= write_data;",
+        *_parts(parts or dict.fromkeys(made.banks, made.module), made, low, max(shape.address - low, 0)),
+        "    always_ff @(posedge clk) if (read) read_data <= found;",
+        "endmodule\n",
     ]
-    hits = {}
-    lines += [f"        opened <= write_address[{address - 1}:{low}];"] if high else []
-    lines.append("    end")
-    for k, number in enumerate(made.banks):
-        hits[k] = [
-            f"{name}_address[{address - 1}:{low}] == {high}'d{number}" if high else "1'b1" for name in ("write", "read")
-        ]
-    for k in hits:
-        write, read = hits[k]
-        opened = f"opened == {high}'d{made.banks[k]}" if high else "1'b1"
-        lines += [
-            f"    wire [{shape.bits - 1}:0] found{k};",
-            f"    {made.module} bank{k} (.clk(writing), .write(write && {write}), .open({opened}), .read(read && {read}),",
-            f"        .write_row(write_address[{low - 1}:0]), .read_row(read_address[{low - 1}:0]), .data, .found(found{k}));",
-        ]
-    found = " | ".join(f"found{k}" for k in hits)
-    lines += [f"    always_ff @(posedge clk) if (read) read_data <= {found};", "endmodule\n"]
     return "\n".join(lines)

@@ -16,7 +16,7 @@ from memories import Choice
 CHIP = runs.ROOT / "hw_model/chips/locsnn-130nm.yaml"
 CHECK = runs.ROOT / "docs/energy-130nm-check.csv"
 SETS = {"Objects": "objects-hybrid-loihi", "Containers": "containers-hybrid-loihi"}
-MADE_FROM, CHECKED_ON = 8, 20
+MADE_FROM, QUIET, CHECKED_ON = 24, 8, 20
 SUPPLY = "1.2 V, 25 C, typical"
 
 
@@ -57,7 +57,7 @@ def main() -> None:
 
 def made(built: runs.Built) -> pricing.Made:
     """Return what the profile is made of: training recordings of both sets."""
-    return pricing.make(built, {n: (runs.compiled(m), runs.real(n, "train", MADE_FROM)) for n, m in SETS.items()})
+    return pricing.make(built, {n: (runs.compiled(m), runs.training(n, MADE_FROM, QUIET)) for n, m in SETS.items()})
 
 
 def chip_file(built: runs.Built, least: pricing.Priced, most: pricing.Priced) -> str:
@@ -84,9 +84,9 @@ def chip_file(built: runs.Built, least: pricing.Priced, most: pricing.Priced) ->
 
 
 SOURCES = {
-    "synaptic_ops": "macros synapses (two in a word); gates, latches and clocks in cycles of delivery",
-    "neuron_updates": "macros states (reads) and constants; gates, latches and clocks in cycles of updates",
-    "neuron_updates_active": "macros states (writes)",
+    "synaptic_ops": "macros synapses (two in a word); gates, latches and clocks",
+    "neuron_updates": "macros of constants; gates, latches and clocks of any update",
+    "neuron_updates_active": "macros states; what gates, latches and clocks take more than at rest",
     "spikes": "macros axons, synapses (the rest of a row) and places",
     "input_events": "macros axons, synapses (the rest of a row) and bitmap",
     "transpose_events": "macros axons and synapses (the rest of a row)",
@@ -155,7 +155,7 @@ profiles:
       chip_mw: {leakage:.5f}
       source: "cell_leakage_power of cells and macros in the liberty files"
     not_included:
-      - "cleaning of the memories and the readout, {fixed:.0f} pJ per recording"
+      - "cleaning of the macros, {fixed:.0f} pJ per recording"
       - transitions of gates before they settle (glitches)
       - pads, input and output, supply and clock generation
 """.replace("{supply}", SUPPLY)

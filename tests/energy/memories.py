@@ -134,7 +134,8 @@ def _rows(macros: Sequence[Macro], bits: int, most: int = WIDEST) -> Iterator[tu
 def verilog(choice: Choice) -> str:
     """Return module ``memory_<name>``: the ports of ``memory``, banks of macros behind them.
 
-    With several words a row, the row that was read last is not read again: the macros still show it.
+    With several words a row, the row that was read last is not read again: the macros still show it. Masks, which reach
+    every macro, stand still while nothing is written.
     """
     if choice.alternates:
         return _alternating(choice)
@@ -186,7 +187,7 @@ def verilog(choice: Choice) -> str:
             for bit in range(at, at + macro.bits):
                 word, inside = divmod(bit, bits)
                 data.append(f"write_data[{stored[inside]}]" if word < pack else "1'b0")
-                bm.append("1'b0" if word >= pack else f"{mask} == {packed}'d{word}" if pack > 1 else "1'b1")
+                bm.append("1'b0" if word >= pack else f"write && {mask} == {packed}'d{word}" if pack > 1 else "1'b1")
             din, bms = ", ".join(reversed(data)), ", ".join(reversed(bm))
             shown = f"shown[{bank}][{at + macro.bits - 1}:{at}]"
             name = f"bank{bank}_{index}"
@@ -229,7 +230,7 @@ def verilog(choice: Choice) -> str:
 def _alternating(choice: Choice) -> str:
     """Return a memory of two ports for words that are read and written in order: even banks and odd ones, of one port.
 
-    What is written waits while its half is read, which is a cycle at most.
+    What is written waits while its half is read, which is a cycle at most. It reaches only the bank that keeps it.
     """
     shape, half = choice.shape, choice.banks // 2
     bits, address = shape.bits, shape.address
@@ -266,6 +267,7 @@ def _alternating(choice: Choice) -> str:
         lines += [
             f"    wire reads{bank} = read && {here[0]}, puts{bank} = put && {here[1]};",
             f"    wire [{low - 1}:0] row{bank} = puts{bank} ? target[{low}:1] : from[{low}:1];",
+            f"    wire [{row_bits - 1}:0] given{bank} = data & {{{row_bits}{{puts{bank}}}}};",
         ]
         terms.append(f"({{{bits}{{{here[2]}}}}} & shown[{bank}][{bits - 1}:0])")
         at = 0
@@ -275,7 +277,7 @@ def _alternating(choice: Choice) -> str:
             span = f"[{at + macro.bits - 1}:{at}]"
             lines += [
                 f"    {macro.name} bank{bank}_{index} (.A_CLK(clk), .A_MEN(reads{bank} || puts{bank}), .A_WEN(puts{bank}),",
-                f"        .A_REN(!puts{bank}), .A_ADDR({pad}row{bank}}}), .A_DIN(data{span}),{mask} .A_DOUT(shown[{bank}]{span}));",
+                f"        .A_REN(!puts{bank}), .A_ADDR({pad}row{bank}}}), .A_DIN(given{bank}{span}),{mask} .A_DOUT(shown[{bank}]{span}));",
             ]
             at += macro.bits
     assert half * 2 == choice.banks

@@ -15,6 +15,7 @@ from latches import Latches
 from liberty import Macro
 from memories import Choice, stub, verilog
 from repeats import Split
+from traffic import set_in
 
 ABC = """strash; ifraig; dch -f; map -B 0.9 -D 3000; topo; buffer -c -N 8; upsize -D 3000; dnsize -D 3000; stime -p
 """
@@ -102,8 +103,7 @@ def synthesise(
         text = path.read_text("utf-8")
         text = _MEMORY.sub(r"memory_\1 \1 (", text)
         if path.name == "locsnn_core.sv":
-            for name, value in sizes.items():
-                text = re.sub(rf"(parameter integer {name.upper()} = )\d+", rf"\g<1>{value}", text)
+            text = set_in(text, sizes)
         if gated and path.name == "clock_gate.sv":
             text = CLOCK_GATE
         (folder / path.name).write_text(text)
@@ -118,7 +118,7 @@ def synthesise(
 def memories_sv(chosen: Sequence[Choice | Latches], split: Sequence[Split] = ()) -> str:
     """Return the modules of all memories, and of the banks of latches that they are made of."""
     arrays = [one for one in chosen if isinstance(one, Latches)]
-    banks = {one.module: latches.bank(one.rows, one.shape.bits) for one in arrays}
+    banks = {name: text for one in arrays for name, text in latches.modules(one).items()}
     texts = [latches.GATE, *banks.values(), *map(latches.verilog, arrays)] if arrays else []
     return "".join([*texts, *(verilog(one) for one in chosen if isinstance(one, Choice)), *map(repeats.verilog, split)])
 

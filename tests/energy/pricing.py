@@ -1,7 +1,8 @@
 """The energy profile of the chip file `locsnn-130nm`: what a count costs, from macros and gate-level activity.
 
 Memory accesses are priced by the macros' files, and counts say how many there are. Logic and clocks are measured at
-gate level: cycles of delivery by synaptic operation, cycles of updates by compartment.
+gate level: what a synaptic operation, an update and an active one cost in them is fitted to training recordings, some of
+them of hardly any events.
 """
 
 from collections.abc import Mapping
@@ -12,6 +13,7 @@ import numpy as np
 import picojoules
 import runs
 from memories import Choice
+from scipy.optimize import nnls
 
 import hw_model as hw
 from hw_model.rtl.images import CoreProgram
@@ -22,8 +24,10 @@ COUNTS = (
 LISTS = ("spikes", "input_events", "transpose_events")
 """Counts that stand for a list of synapses each."""
 UPDATES, ACTIVE = ("neuron_updates",), ("neuron_updates_active",)
-OF = {"synapses": LISTS, "axons": LISTS, "places": ("spikes",), "bitmap": ("input_events",)}
-WRITES = {"charges": ACTIVE, "states": ACTIVE}
+FITTED = ("synaptic_ops", *UPDATES, *ACTIVE)
+"""Counts that logic and clocks go with."""
+OF = {"states": ACTIVE, "synapses": LISTS, "axons": LISTS, "places": ("spikes",), "bitmap": ("input_events",)}
+WRITES = {"charges": ACTIVE}
 """Counts that accesses of a memory go with; those of others go with updates."""
 WORD = 2
 """Synapses in a word."""
@@ -44,7 +48,7 @@ class Priced:
 
 @dataclass
 class Made:
-    """What the profile is made of: programs, their recordings, counts and gate-level activity by class of cycles."""
+    """What the profile is made of: counts and gate-level activity of the recordings of some programs."""
 
     built: runs.Built
     played: list[gates.Activity]
@@ -55,7 +59,7 @@ def make(built: runs.Built, sets: Mapping[str, tuple[hw.ChipProgram, np.ndarray]
     """Play recordings of programs."""
     played, counts = [], []
     for program, recordings in sets.values():
-        played.append(built.play(program, runs.stacked(program, recordings), by_class=True))
+        played.append(built.play(program, runs.stacked(program, recordings)))
         counts.append(hw.simulate(program, recordings, probe=()).per_recording)
     return Made(built, played, counts)
 
@@ -77,8 +81,8 @@ def accesses(made: Made) -> dict[str, np.ndarray]:
 
 def price(made: Made, wires: str) -> Priced:
     """Return what each count costs, with wires of a model or without."""
-    total = {name: sum(c[name] for many in made.counts for c in many) for name in (*COUNTS, "neuron_updates_inactive")}
-    updates, ops = total["neuron_updates"], total["synaptic_ops"]
+    total = {name: sum(c[name] for many in made.counts for c in many) for name in COUNTS}
+    ops = total["synaptic_ops"]
     rows = accesses(made)
     chosen = {one.shape.name: one for one in made.built.chosen if isinstance(one, Choice)}
     memory = dict.fromkeys(COUNTS, 0.0)
@@ -102,12 +106,18 @@ def price(made: Made, wires: str) -> Priced:
             for count in names:
                 memory[count] += pj / sum(total[n] for n in names)
     pj = dict(memory)
+    for name, its in zip(FITTED, fitted(made, wires), strict=True):
+        pj[name] += its
+    return Priced({name: float(x) for name, x in pj.items()}, cleaned / recordings, memory)
+
+
+def fitted(made: Made, wires: str) -> np.ndarray:
+    """Return picojoules of logic and clocks for each of :data:`FITTED`: those with the least relative errors, none below 0."""
     energies = [made.built.energy(one, wires) for one in made.played]
-    by_class = sum(e.of("logic") + e.of("clock") for e in energies)
-    pj["synaptic_ops"] += float(by_class[0]) / ops
-    pj["neuron_updates"] += float(by_class[1]) / updates
-    fixed = (float(by_class[2]) + cleaned) / recordings
-    return Priced({name: float(x) for name, x in pj.items()}, float(fixed), memory)
+    spent = np.concatenate([one.of("logic") + one.of("clock") for one in energies])
+    whole = np.concatenate([one.total for one in energies])
+    counts = np.array([[c[name] for name in FITTED] for many in made.counts for c in many])
+    return nnls(counts / whole[:, None], spent / whole)[0]
 
 
 def compare(

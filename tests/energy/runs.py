@@ -38,10 +38,16 @@ SIZES = {
     "visits": 128, "entries": 128,
 }  # fmt: skip
 """The core of the chip file: it holds the hybrid of either example."""
+SAVING = {"early": 1, "lazy": 1}
+"""Parameters of the core that save energy here."""
 HELD = {
     "axons": 736, "synapses": 7168, "bitmap": 1280, "visit_list": 80, "tallies": 72, "weights": 4, "phases": 16,
 }  # fmt: skip
 """Words that are made of memories, where parameters of the core are powers of two above them."""
+COMPARTMENTS = 416
+"""Of 512 compartments those that memories hold."""
+OF_COMPARTMENTS = ("states", "rests", "charges", "leaks", "fires")
+"""Memories with as many words for each compartment, by how their names begin; charges have a part for each slot."""
 
 
 FOLDED = {"sums": 128}
@@ -81,11 +87,11 @@ class Built:
         names = ("netlist.py", "memories.py", "latches.py", "repeats.py", "gates.py", "gates.cpp")
         made_by = b"".join((Path(__file__).parent / name).read_bytes() for name in names)
         plan = repr([(c.shape, c.text) for c in chosen])
-        key = hashlib.sha256(texts + made_by + repr((SIZES, plan, gated)).encode()).hexdigest()[:12]
+        key = hashlib.sha256(texts + made_by + repr((SIZES, SAVING, plan, gated)).encode()).hexdigest()[:12]
         self.folder = KEPT / key
         if not (self.folder / "netlist.json").exists():
             split = repeats.splits(counted(), Sizes(**SIZES))
-            netlist.synthesise(self.folder, SIZES, chosen, split, files.folder / CELLS, gated, sources)
+            netlist.synthesise(self.folder, SIZES | SAVING, chosen, split, files.folder / CELLS, gated, sources)
         self.netlist = netlist.load(self.folder / "netlist.json")
         self.circuit = gates.circuit(self.netlist, files.cells, files.macros)
         self.binary = self.folder / "gates"
@@ -151,7 +157,7 @@ class Built:
 
 
 def real(dataset: str, part: str, count: int) -> np.ndarray:
-    """Return the first recordings of a part of a public set, one of every class in turn, (count, steps, channels)."""
+    """Return the first recordings of a part of a public set, one of every class in turn, (count, steps, channels); -1: all."""
     archive = zipfile.ZipFile(RECORDINGS / f"Ev-{dataset}.zip")
     names = [n for n in archive.namelist() if f"/{part}/sample_" in n and n.endswith(".npy")]
 
@@ -168,8 +174,15 @@ def real(dataset: str, part: str, count: int) -> np.ndarray:
         for _, several in sorted(by_class.items())
         if turn < len(several)
     ]
-    arrays = [np.load(io.BytesIO(archive.read(name))) for name in order[:count]]
+    arrays = [np.load(io.BytesIO(archive.read(name))) for name in (order if count < 0 else order[:count])]
     return np.stack([a.reshape(-1, a.shape[-1]).T for a in arrays]).astype(np.uint8)
+
+
+def training(dataset: str, many: int, quiet: int) -> np.ndarray:
+    """Return the first training recordings of a set, and of all others those with the fewest events."""
+    every = real(dataset, "train", -1)
+    events = every[many:].sum(axis=(1, 2))
+    return np.concatenate((every[:many], every[many:][np.argsort(events, kind="stable")[:quiet]]))
 
 
 def stacked(program: hw.ChipProgram, recordings: np.ndarray) -> np.ndarray:
@@ -206,10 +219,10 @@ def counted() -> dict[str, traffic.Memory]:
 def counted_for(program: hw.ChipProgram, recordings: np.ndarray, sizes: Sizes) -> dict[str, traffic.Memory]:
     """Return the memories of a core of these sizes, and what a recording does to them; what was counted is kept."""
     texts = b"".join(p.read_bytes() for p in netlist.parts(netlist.CORE))
-    made_by = (Path(__file__).parent / "traffic.py").read_bytes() + repr((program.name, sizes)).encode()
+    made_by = (Path(__file__).parent / "traffic.py").read_bytes() + repr((program.name, sizes, SAVING)).encode()
     kept = KEPT / f"traffic-{hashlib.sha256(texts + made_by + recordings.tobytes()).hexdigest()[:12]}.pkl"
     if not kept.exists():
-        found = traffic.count(program, stacked(program, recordings), sizes)
+        found = traffic.count(program, stacked(program, recordings), sizes, SAVING)
         kept.parent.mkdir(parents=True, exist_ok=True)
         kept.write_bytes(pickle.dumps({memory.name: memory for memory in found}))
     return pickle.loads(kept.read_bytes())
@@ -232,7 +245,10 @@ def options(
 ) -> list[memories.Choice | Latches]:
     """Return what a memory may be made of; ``of`` and ``folded`` as :data:`HELD` and :data:`FOLDED`."""
     fold = folded.get(memory.name, 0)
-    held = of.get(memory.name, fold or memory.words)
+    held, period = of.get(memory.name, fold or memory.words), 0
+    if of is HELD and memory.name.startswith(OF_COMPARTMENTS):
+        period = memory.words // (SIZES["slots"] if memory.name == "charges" else 1)
+        held = period * COMPARTMENTS // SIZES["compartments"]
     shape = memories.Shape(
         memory.name,
         memory.words,
@@ -240,12 +256,12 @@ def options(
         memory.ports,
         memory.copies,
         held,
-        0,
+        period,
         fold,
         zero(memory.name, memory.bits),
         memory.single,
     )
-    depths = {min(depth, 1 << (len(shape.held) - 1).bit_length()) for depth in (16, 32)}
+    depths = {min(depth, 1 << (len(shape.held) - 1).bit_length()) for depth in (8, 16)}
     arrays = [Latches(shape, depth) for depth in sorted(depths)] if len(shape.held) * shape.bits <= MOST_LATCHES else []
     return [*memories.choices(shape, list(files.macros.values())), *arrays]
 
@@ -273,7 +289,7 @@ def capacity(chosen: Sequence[memories.Choice | Latches]) -> dict[str, int]:
 def memory_words(chosen: Sequence[memories.Choice | Latches]) -> dict[str, int]:
     """Return the words of memories that a program may need more of, whatever the parameters of the core."""
     shapes = {one.shape.name: one.shape for one in chosen}
-    return {name: len(shapes[name].held) for name in ("sums", "weights", "phases")}
+    return {name: len(shapes[name].held) for name in ("sums", "weights", "phases")} | {"states": COMPARTMENTS}
 
 
 MOST_LATCHES = 12_000

@@ -1,7 +1,9 @@
 """The core's memories and what a recording does to them, counted in a simulation of its SystemVerilog with Verilator."""
 
 import json
+import re
 import tempfile
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -69,10 +71,19 @@ class Memory:
         return 2 if self.writes else 1
 
 
-def count(program: hw.ChipProgram, recordings: np.ndarray, sizes: Sizes) -> list[Memory]:
-    """Return the memories of a core of these sizes, for recordings (batch, steps, channels)."""
-    core = CoreProgram(program, recordings.shape[1])
-    binary = built("verilator", sizes, {**sources(), "single_port.sv": "", "memory.sv": COUNTING})
+def set_in(text: str, parameters: Mapping[str, int]) -> str:
+    """Return the text of a module with other parameters."""
+    for name, value in parameters.items():
+        text, found = re.subn(rf"(parameter integer {name.upper()} = )\d+", rf"\g<1>{value}", text)
+        assert found == 1, name
+    return text
+
+
+def count(program: hw.ChipProgram, recordings: np.ndarray, sizes: Sizes, saving: Mapping[str, int]) -> list[Memory]:
+    """Return the memories of a core of these sizes, for recordings (batch, steps, channels); ``saving``: more parameters."""
+    core, texts = CoreProgram(program, recordings.shape[1]), sources()
+    changed = {"locsnn_core.sv": set_in(texts["locsnn_core.sv"], saving), "single_port.sv": "", "memory.sv": COUNTING}
+    binary = built("verilator", sizes, {**texts, **changed})
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "load").write_bytes(hex_words(core.load_words(sizes)))
